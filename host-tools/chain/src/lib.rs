@@ -51,8 +51,8 @@ pub use region::RegionEnergies;
 pub use run::{Moment, Run, Step};
 pub use samples::{Channel, Samples};
 pub use scenario::{
-    Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Start, Striker, TomlFile, Wall,
-    text_of,
+    Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
+    TomlFile, Wall, text_of,
 };
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;

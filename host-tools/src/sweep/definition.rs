@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use hertz_chain::{InputError, Scenario, TomlFile, text_of};
+use hertz_chain::{InputError, MOST_BEADS, Scenario, TomlFile, text_of};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -210,7 +210,8 @@ impl Definition {
             .iter()
             .any(|table| table.keys().any(|key| key == "chain.beads"));
         let most = if swept { usize::MAX - 1 } else { base.chain.beads };
-        let walled = usize::from(base.wall.is_some());
+        let makes_wall = |table: &AxisTable| table.keys().any(|key| key.starts_with("wall."));
+        let walled = usize::from(base.wall.is_some() || self.axis.iter().any(makes_wall));
         for (name, of, most) in [
             ("intruders", &outputs.intruders, most),
             ("peaks", &outputs.peaks, most + walled),
@@ -402,6 +403,9 @@ impl AxisTable {
                 }
             };
             in_range(&at, &[from, to])?;
+            if key.of_beads() {
+                beads(&at, &key, [from, to])?;
+            }
             if from > to || (log && from <= 0.0) {
                 let what = format!("from {from} to {to} there is nothing to draw from");
                 let advice = "give the least first; above 0 for loguniform";
@@ -413,7 +417,7 @@ impl AxisTable {
                 dimension,
                 dimensions: tables.len(),
                 from,
-                to,
+                to: to + f64::from(u8::from(key.of_beads())),
                 log,
             };
             all.push(Along { key, values });
@@ -461,6 +465,61 @@ fn number_of_values(at: &str, count: f64) -> Result<u64, InputError> {
     ))
 }
 
+/// Numbers of beads are whole, but for the rounding of equal steps and factors.
+fn beads(at: &str, key: &Key, numbers: impl IntoIterator<Item = f64>) -> Result<(), InputError> {
+    let is_bead = |number: f64| {
+        (1.0..=MOST_BEADS as f64).contains(&number.round())
+            && (number - number.round()).abs() < 1e-9 * number.abs()
+    };
+    match numbers.into_iter().find(|number| !is_bead(*number)) {
+        Some(number) => Err(InputError::at(
+            at,
+            format!("{key}: {number} is no number of a bead"),
+            format!("give whole numbers from 1 to {MOST_BEADS}"),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// A list has numbers, or texts, and of beads lists of numbers too. What a scenario takes is found by its
+/// first value.
+fn list_of(at: &str, key: &Key, list: &[Value]) -> Result<(), InputError> {
+    let number = |value: &Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
+    let refused = |what: &str, advice: &str| Err(InputError::at(at, format!("{key}: {what}"), advice));
+    if !key.of_beads() {
+        let same = list
+            .iter()
+            .all(|value| number(value).is_some() == number(&list[0]).is_some());
+        return match same {
+            true => Ok(()),
+            false => refused(
+                "some values are numbers and some are not",
+                "give one kind of them",
+            ),
+        };
+    }
+    for value in list {
+        match (value, number(value)) {
+            (Value::Array(items), _) => {
+                let wholes = items
+                    .iter()
+                    .map_while(Value::as_integer)
+                    .map(|whole| whole as f64);
+                if wholes.clone().count() < items.len() {
+                    return refused(
+                        "a list has more than whole numbers",
+                        "name beads by their numbers",
+                    );
+                }
+                beads(at, key, wholes)?;
+            }
+            (_, Some(number)) => beads(at, key, [number])?,
+            _ => return refused("a value is no number", "give numbers of beads, or lists of them"),
+        }
+    }
+    Ok(())
+}
+
 /// The values of one key.
 fn along(
     at: &str,
@@ -486,7 +545,9 @@ fn along(
             ));
         }
         let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
-        in_range(&format!("{at}.values"), &numbers)?;
+        let at = format!("{at}.values");
+        in_range(&at, &numbers)?;
+        list_of(&at, &key, list)?;
         (Values::list(list.clone()), list.len() as u64)
     } else if let Some([from, to, step]) = range {
         let at = format!("{at}.range");
@@ -525,6 +586,16 @@ fn along(
         };
         (values, count)
     };
+    if key.of_beads() && list.is_none() {
+        let number = |place: u64| values.number(place).expect("it is no list");
+        let (first, last) = (number(0), number(count - 1));
+        beads(at, &key, [first, last])?;
+        if (last - first).abs() + 1.5 < count as f64 {
+            let what = format!("{key}: {count} values from {first} to {last} cannot all be beads");
+            return Err(InputError::at(at, what, "give fewer values"));
+        }
+        beads(at, &key, (0..count).map(number))?;
+    }
     Ok((Along { key, values }, count))
 }
 
@@ -591,6 +662,37 @@ mod tests {
         assert_eq!(index, names);
         let again = Definition::from_toml(&definition.to_toml(), "again").unwrap();
         assert_eq!((&again, again.to_toml()), (&definition, definition.to_toml()));
+    }
+
+    #[test]
+    fn beads_are_drawn_with_both_ends() {
+        for bounds in ["uniform", "loguniform"] {
+            let axes =
+                format!("[[axis]]\nrandom = 1000\nover = [{{ key = \"chain.beads\", {bounds} = [2, 9] }}]");
+            let axes = read(&axes).unwrap().axes().unwrap();
+            let drawn = (0..1000).map(|place| axes[0].along[0].value(place).as_integer().unwrap());
+            let drawn: std::collections::BTreeSet<i64> = drawn.collect();
+            assert!(drawn.into_iter().eq(2..=9), "{bounds}");
+        }
+    }
+
+    #[test]
+    fn spaces_and_lists_of_beads_are_whole() {
+        for sound in [
+            "key = \"chain.beads\"\nlogspace = [1, 1024, 11]",
+            "key = \"chain.beads\"\nlinspace = [16, 10, 3]",
+            "key = \"chain.beads\"\nvalues = [16.0, 12]",
+            "key = \"intruder.0.beads\"\nvalues = [8, [7, 8]]",
+        ] {
+            read(&format!("[[axis]]\n{sound}")).unwrap();
+        }
+    }
+
+    #[test]
+    fn the_contact_of_a_wall_that_an_axis_makes_can_be_asked_for() {
+        let wall = "[[axis]]\nzip = [{ key = \"wall.young\", values = [1e9] }, { key = \"wall.poisson\", values = [0.3] }]";
+        assert!(read(&format!("{wall}\n[outputs]\npeaks = [17]")).is_ok());
+        assert!(read(&format!("{wall}\n[outputs]\npeaks = [18]")).is_err());
     }
 
     #[test]
@@ -703,7 +805,47 @@ mod tests {
             ),
             (
                 "[[axis]]\nkey = \"chain.beads\"\nvalues = [1.5]",
-                ["axis[1].key: chain.beads: invalid type", "that kind"],
+                [
+                    "axis[1].values: chain.beads: 1.5 is no number of a bead",
+                    "1 to 100000",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"chain.beads\"\nlinspace = [1, 16, 5]",
+                ["axis[1]: chain.beads: 4.75 is no number of a bead", "1 to 100000"],
+            ),
+            (
+                "[[axis]]\nkey = \"chain.beads\"\nlogspace = [1, 2, 1e12]",
+                ["1000000000000 values from 1 to 2 cannot all be beads", "fewer"],
+            ),
+            (
+                "[[axis]]\nkey = \"intruder.0.beads\"\nvalues = [8, [7, 0]]",
+                [
+                    "axis[1].values: intruder.0.beads: 0 is no number of a bead",
+                    "1 to 100000",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"intruder.0.beads\"\nvalues = [8, [7, 8.5]]",
+                ["a list has more than whole numbers", "by their numbers"],
+            ),
+            (
+                "[[axis]]\nkey = \"chain.beads\"\nvalues = [8, \"9\"]",
+                ["a value is no number", "numbers of beads"],
+            ),
+            (
+                "[[axis]]\nrandom = 9\nover = [{ key = \"chain.beads\", loguniform = [0.5, 30] }]",
+                [
+                    "axis[1].over[1]: chain.beads: 0.5 is no number of a bead",
+                    "1 to 100000",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [0.1, 0.9, \"1.2\"]",
+                [
+                    "axis[1].values: duration: some values are numbers and some are not",
+                    "one kind",
+                ],
             ),
             ("[[axis]]\nrandom = 10", ["draws points over no key", "over ="]),
             (

@@ -40,7 +40,7 @@ pub enum FolderError {
 pub struct Folder {
     path: PathBuf,
     plan: Plan,
-    chunk: u64,
+    chunks: u64,
 }
 
 /// `plan.toml`.
@@ -51,8 +51,7 @@ struct Page {
     plan: String,
     made_by: String,
     points: u64,
-    /// Points of a chunk; the last has the rest.
-    chunk_points: u64,
+    chunks: u64,
     sweep: String,
 }
 
@@ -64,11 +63,11 @@ const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
     /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as
-    /// they are. A chunk has more points than asked for where these would be more than [`MOST_CHUNKS`].
+    /// they are. A new plan gets `chunks` of them, but no more than it has points, nor than [`MOST_CHUNKS`].
     ///
     /// # Errors
     /// [`FolderError`]: it holds another plan or other files, or cannot be made.
-    pub fn create(path: &Path, plan: Plan, chunk: u64) -> Result<Self, FolderError> {
+    pub fn create(path: &Path, plan: Plan, chunks: u64) -> Result<Self, FolderError> {
         if path.join(PAGE).exists() {
             let there = Self::open(path)?;
             if there.plan.hash() == plan.hash() {
@@ -88,7 +87,13 @@ impl Folder {
             ))
         };
         fs::create_dir_all(path).map_err(cannot)?;
-        if fs::read_dir(path).map_err(cannot)?.next().is_some() {
+        // A program that was killed while it wrote a plan has left the beginning of one.
+        let is_other = |entry: &fs::DirEntry| !is_unfinished(&entry.file_name().to_string_lossy());
+        if fs::read_dir(path)
+            .map_err(cannot)?
+            .flatten()
+            .any(|entry| is_other(&entry))
+        {
             return Err(FolderError::Other(format!(
                 "{} holds files that are not of a sweep; give another place",
                 path.display()
@@ -98,16 +103,16 @@ impl Folder {
             plan: plan.hash().to_owned(),
             made_by: PROGRAM.to_owned(),
             points: plan.points(),
-            chunk_points: chunk.clamp(plan.points().div_ceil(MOST_CHUNKS), plan.points()),
+            chunks: chunks.clamp(1, plan.points().min(MOST_CHUNKS)),
             sweep: plan.definition().to_toml(),
         };
-        let chunk = page.chunk_points;
+        let chunks = page.chunks;
         let text = toml::to_string(&page).expect("numbers and strings are TOML");
         Target::new(path.join(PAGE)).replacing(true).write_bytes(text)?;
         Ok(Self {
             path: path.to_owned(),
             plan,
-            chunk,
+            chunks,
         })
     }
 
@@ -134,23 +139,21 @@ impl Folder {
             )));
         }
         let plan = Plan::new(Definition::from_toml(&page.sweep, &name)?)?;
-        if plan.hash() != page.plan || plan.points() != page.points || page.chunk_points == 0 {
+        if plan.hash() != page.plan || plan.points() != page.points {
             return Err(FolderError::Other(format!(
                 "{name} was changed after it was made; make the plan anew from the sweep's file"
             )));
         }
-        let chunks = plan.points().div_ceil(page.chunk_points);
-        if chunks > MOST_CHUNKS {
+        if !(1..=plan.points().min(MOST_CHUNKS)).contains(&page.chunks) {
             return Err(FolderError::Other(format!(
-                "{name} has chunks of {} points, so {chunks} of them, and at most {MOST_CHUNKS} have a number; make the \
-                 plan anew",
-                page.chunk_points
+                "{name} has {} points in {} chunks, and at most {MOST_CHUNKS} have a number; make the plan anew",
+                page.points, page.chunks
             )));
         }
         Ok(Self {
             path: path.to_owned(),
             plan,
-            chunk: page.chunk_points,
+            chunks: page.chunks,
         })
     }
 
@@ -166,13 +169,30 @@ impl Folder {
 
     /// How many chunks there are. They are counted from 1.
     pub fn chunks(&self) -> u64 {
-        self.plan.points().div_ceil(self.chunk)
+        self.chunks
     }
 
-    /// The points of a chunk.
+    /// The points of a chunk. No chunk has two more than another.
     pub fn points(&self, chunk: u64) -> Range<u64> {
-        let end = (chunk * self.chunk).min(self.plan.points());
-        (chunk - 1) * self.chunk..end
+        // The product has up to 70 bits, the quotient is a point.
+        let end = |chunk: u64| {
+            (u128::from(self.plan.points()) * u128::from(chunk) / u128::from(self.chunks)) as u64
+        };
+        end(chunk - 1)..end(chunk)
+    }
+
+    /// Points of the largest chunk.
+    pub fn most_points(&self) -> u64 {
+        self.plan.points().div_ceil(self.chunks)
+    }
+
+    /// Whether a file would lie among the parts.
+    pub fn has_within(&self, file: &Path) -> bool {
+        // Where a link leads to is replaced.
+        let file = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        let beside = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let beside = fs::canonicalize(beside.unwrap_or(Path::new(".")));
+        beside.is_ok_and(|beside| fs::canonicalize(&self.path).is_ok_and(|own| own == beside))
     }
 
     fn part(&self, chunk: u64) -> PathBuf {
@@ -345,6 +365,71 @@ pub fn ranges(numbers: &[u64]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn plan(points: u64) -> Plan {
+        let scenario = hertz_chain::Scenario::paper().to_toml();
+        let mut sweep: toml::Table = "[scenario]".parse().unwrap();
+        sweep.insert(
+            "scenario".to_owned(),
+            scenario.parse::<toml::Table>().unwrap().into(),
+        );
+        let axis = format!("[[axis]]\nkey = \"duration\"\nlinspace = [1e-3, 2e-3, {points}]");
+        sweep.extend(axis.parse::<toml::Table>().unwrap());
+        Plan::new(Definition::from_toml(&sweep.to_string(), "x").unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_plan_has_as_many_chunks_as_were_asked_for_and_each_point_is_in_one() {
+        for (points, asked, chunks) in [
+            (250, 100, 100),
+            (7, 100, 7),
+            (7, 3, 3),
+            (999_999_999_989, 99_999, 99_999),
+        ] {
+            let place = tempfile::tempdir().unwrap();
+            let folder = Folder::create(place.path(), plan(points), asked).unwrap();
+            assert_eq!(folder.chunks(), chunks);
+            let (mut next, mut most) = (0, 0);
+            for chunk in 1..=chunks {
+                let range = folder.points(chunk);
+                assert!(range.start == next && range.end > next, "{range:?}");
+                most = most.max(range.end - range.start);
+                next = range.end;
+            }
+            assert_eq!((next, most), (points, folder.most_points()));
+            assert_eq!(
+                Folder::open(place.path()).unwrap().points(chunks),
+                folder.points(chunks)
+            );
+        }
+    }
+
+    #[test]
+    fn what_a_killed_program_left_of_a_plan_is_none_of_anothers_files() {
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join(".bead-a1B2c3"), "").unwrap();
+        assert!(is_unfinished(".bead-a1B2c3"));
+        Folder::create(place.path(), plan(2), 1).unwrap();
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join("mine"), "").unwrap();
+        assert!(Folder::create(place.path(), plan(2), 1).is_err());
+    }
+
+    #[test]
+    fn a_file_among_the_parts_is_known_by_any_of_its_names() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::create(&place.path().join("d"), plan(2), 1).unwrap();
+        let at = |name: &str| place.path().join(name);
+        std::os::unix::fs::symlink(at("d"), at("link")).unwrap();
+        fs::write(at("d/part-00001.parquet"), "").unwrap();
+        std::os::unix::fs::symlink(at("d/part-00001.parquet"), at("a.parquet")).unwrap();
+        for inside in ["d/new.parquet", "link/part-00001.parquet", "a.parquet"] {
+            assert!(folder.has_within(&at(inside)), "{inside}");
+        }
+        for outside in ["b.parquet", "nowhere/b.parquet"] {
+            assert!(!folder.has_within(&at(outside)), "{outside}");
+        }
+    }
 
     #[test]
     fn numbers_are_told_as_ranges() {

@@ -8,7 +8,7 @@ use hertz_figures::chart::{Axis as ChartAxis, COLUMN, Chart, FAMILY, Ink, Map, M
 
 use crate::export::read::Reading;
 use crate::export::{Cell, Kind};
-use crate::recording::printable::first_of;
+use crate::recording::printable::{beginning, first_of, one_line};
 use crate::sweep::axis::{Along, Values};
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
@@ -33,7 +33,7 @@ pub struct View {
 struct Decided {
     x: Column,
     drawn: Drawn,
-    at: Vec<(usize, u64)>,
+    at: Vec<Chosen>,
 }
 
 enum Drawn {
@@ -47,10 +47,21 @@ struct Column {
     along: Option<usize>,
 }
 
+/// A place that --at took.
+struct Chosen {
+    axis: usize,
+    place: u64,
+    /// Its value, for people.
+    told: String,
+}
+
 /// More curves than this cannot be told apart.
 const MOST_CURVES: u64 = 4 * FAMILY as u64;
 /// Names of a list that are told.
 const NAMES_TOLD: usize = 20;
+/// Letters of a text of the table in a legend or a note, and of one that stands at an axis.
+const LONGEST_TEXT: usize = 40;
+const LONGEST_NAME: usize = 12;
 /// Cells of a map.
 const MOST_CELLS: u64 = 250_000;
 /// Points of curves, and places of an axis.
@@ -58,6 +69,8 @@ const MOST_DRAWN: usize = 1_000_000;
 const MOST_PLACES: u64 = 10_000_000;
 /// Beyond this a value is none: two may differ by more than an `f64` can be.
 const MOST_VALUE: f64 = 1e300;
+
+const NO_MAP: &str = "a map needs two axes of the sweep with two values each; draw a curve";
 
 /// Whether this can be drawn of a sweep.
 ///
@@ -92,12 +105,9 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
             let point = number_of_point.filter(|point| *point < points);
             let point = point.context("a row is of no point of its sweep")?;
             let mut chosen = decided.at.iter();
-            if chosen.all(|(axis, place)| plan.place(point, *axis) == *place) {
+            if chosen.all(|chosen| plan.place(point, chosen.axis) == chosen.place) {
                 let few = rows.len() < MOST_DRAWN;
-                anyhow::ensure!(
-                    few,
-                    "it has more than {MOST_DRAWN} points to draw; choose some with --at"
-                );
+                anyhow::ensure!(few, "it has points twice, and so others are missing");
                 let value = Some(number(&row[1])).filter(|value| value.abs() <= MOST_VALUE);
                 rows.push((point, value.unwrap_or(f64::NAN)));
             }
@@ -107,10 +117,14 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
     if let Some(twice) = rows.windows(2).find(|pair| pair[0].0 == pair[1].0) {
         anyhow::bail!("it has point {} twice, and so others are missing", twice[0].0);
     }
+    anyhow::ensure!(
+        rows.iter().any(|row| row.1.is_finite()),
+        "no point has a value of {value}; draw another result, or see why in the column `error`"
+    );
     let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
     match &decided.drawn {
-        Drawn::Curves { by, .. } => Ok(curves(&plan, &decided.x, by.as_ref(), &quantity, rows)),
-        Drawn::Map { y, .. } => map(&plan, &decided.x, y, &quantity, &rows),
+        Drawn::Curves { by, .. } => Ok(curves(&plan, &decided, by.as_ref(), &quantity, rows)),
+        Drawn::Map { y, .. } => map(&plan, &decided, y, &quantity, &rows),
     }
 }
 
@@ -137,15 +151,22 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
         )),
     };
     let first = || results[0].clone();
-    let mut at = Vec::new();
+    let mut at: Vec<Chosen> = Vec::new();
     for text in &view.at {
-        at.push(chosen(plan, text)?);
+        let chosen = chosen(plan, text)?;
+        if at.iter().any(|other| other.axis == chosen.axis) {
+            return Err(format!(
+                "--at {text}: another --at has chosen a place of that axis; leave out one of them"
+            ));
+        }
+        at.push(chosen);
     }
     // Axes that no --at has chosen from, and that have anything to choose.
     let mut open: Vec<usize> = (0..plan.axes().len())
         .filter(|axis| plan.axes()[*axis].count > 1)
         .collect();
-    open.retain(|axis| !at.iter().any(|(chosen, _)| chosen == axis));
+    let several = open.len();
+    open.retain(|axis| !at.iter().any(|chosen| chosen.axis == *axis));
     let column = |axis: usize| Column {
         axis,
         along: plan.axes()[axis].name.is_none().then_some(0),
@@ -166,9 +187,18 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
             })?,
             None => {
                 let axis = if last { open.last() } else { open.first() };
-                column(*axis.ok_or_else(|| format!("there is no axis left for {what}; leave out an --at"))?)
+                column(*axis.ok_or_else(|| match several {
+                    0 | 1 if is_map => NO_MAP.to_owned(),
+                    0 => "each axis of this sweep has one value; name the column of one with --x".to_owned(),
+                    _ => format!("there is no axis left for {what}; leave out an --at"),
+                })?)
             }
         };
+        if at.iter().any(|chosen| chosen.axis == found.axis) {
+            return Err(format!(
+                "{what} is of an axis of which --at leaves one place; leave out one of them"
+            ));
+        }
         open.retain(|axis| *axis != found.axis);
         Ok(found)
     };
@@ -216,15 +246,25 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
             "{} curves cannot be told apart; choose {MOST_CURVES} at most, or draw a map",
             count(by)
         )),
-        Drawn::Map { y, .. } if count(&x) < 2 || count(y) < 2 => {
-            Err("a map needs two values of each axis at least; draw a curve".to_owned())
+        Drawn::Curves { by, .. } if count(&x) * by.as_ref().map_or(1, count) > MOST_DRAWN as u64 => {
+            Err(format!(
+                "curves of {} points are more than can be seen, and {MOST_DRAWN} are the most; choose places with \
+                 --at, or sweep fewer values",
+                count(&x) * by.as_ref().map_or(1, count)
+            ))
         }
+        Drawn::Map { y, .. } if count(&x) < 2 || count(y) < 2 => Err(NO_MAP.to_owned()),
         Drawn::Map { y, .. } if count(&x).saturating_mul(count(y)) > MOST_CELLS => Err(format!(
             "a map of {} × {} cells is more than can be seen; {MOST_CELLS} are the most",
             count(&x),
             count(y)
         )),
-        _ => Ok(Decided { x, drawn, at }),
+        Drawn::Map { y, .. } => {
+            // Whether each value has a cell.
+            Cells::new(plan, &x).and(Cells::new(plan, y))?;
+            Ok(Decided { x, drawn, at })
+        }
+        Drawn::Curves { .. } => Ok(Decided { x, drawn, at }),
     }
 }
 
@@ -243,31 +283,49 @@ fn find(plan: &Plan, name: &str) -> Option<Column> {
 }
 
 /// The place that `COLUMN=VALUE` names: the nearest.
-fn chosen(plan: &Plan, text: &str) -> Result<(usize, u64), String> {
+fn chosen(plan: &Plan, text: &str) -> Result<Chosen, String> {
     let wrong = || format!("--at {text}: write COLUMN=VALUE with a column of an axis");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let column = find(plan, name.trim()).ok_or_else(wrong)?;
-    let (axis, value) = (&plan.axes()[column.axis], value.trim());
-    let along = column.along.map(|along| &axis.along[along]);
-    if let Some(along) = along.filter(|along| along.kind() == Kind::Text) {
-        let same = |place: &u64| along.cell(*place) == Cell::Text(value.into());
-        let place = (0..axis.count).find(same);
-        return Ok((
-            column.axis,
-            place.ok_or_else(|| format!("--at {text}: no point has that value"))?,
-        ));
+    let (along, value) = (column.along(plan), value.trim());
+    let mut places = 0..plan.axes()[column.axis].count;
+    let place = match along.filter(is_text) {
+        Some(along) => places
+            .find(|place| along.cell(*place) == Cell::Text(value.into()))
+            .ok_or_else(|| format!("--at {text}: no point has that value"))?,
+        None => {
+            let number: Option<f64> = value.parse().ok();
+            let number = number.filter(|number| number.is_finite());
+            let number = number.ok_or_else(|| format!("--at {text}: the value must be a finite number"))?;
+            let distances = places.map(|place| (place, (coordinate(along, place) - number).abs()));
+            let nearest = distances.min_by(|one, other| one.1.total_cmp(&other.1));
+            nearest.ok_or_else(wrong)?.0
+        }
+    };
+    Ok(Chosen {
+        axis: column.axis,
+        place,
+        told: column.told(plan, place),
+    })
+}
+
+fn is_text(along: &&Along) -> bool {
+    along.kind() == Kind::Text
+}
+
+/// A text of the table, short and without what could steer a reader.
+fn text(along: &Along, place: u64) -> String {
+    match along.cell(place) {
+        Cell::Text(text) => beginning(&one_line(&text), LONGEST_TEXT).into_owned(),
+        _ => String::new(),
     }
-    let value: f64 = value.parse().map_err(|_| wrong())?;
-    let distances = (0..axis.count).map(|place| (place, (coordinate(along, place) - value).abs()));
-    let nearest = distances.min_by(|one, other| one.1.total_cmp(&other.1));
-    Ok((column.axis, nearest.ok_or_else(wrong)?.0))
 }
 
 /// The number at a place of an axis; a text is told by its place.
 fn coordinate(along: Option<&Along>, place: u64) -> f64 {
-    match along.map(|along| along.cell(place)) {
-        Some(cell @ (Cell::Number(_) | Cell::Whole(_))) => number(&cell),
-        _ => place as f64,
+    match along.filter(|along| !is_text(along)) {
+        Some(along) => number(&along.cell(place)),
+        None => place as f64,
     }
 }
 
@@ -279,17 +337,20 @@ fn number(cell: &Cell) -> f64 {
     }
 }
 
-/// How a column is written on an axis: its name, its unit with a prefix that makes numbers short, and what it
-/// is divided by for that.
+/// How a column is written on an axis.
 struct Quantity {
-    label: String,
+    name: String,
+    /// Its unit with a prefix that makes numbers short; empty for none.
+    symbol: String,
+    /// What a value is divided by for that.
     unit: f64,
 }
 
-/// Endings of columns, the longest first, with their units. A kilogram is a thousand of what takes a prefix.
+/// Endings of columns, the longest first, with their units and the sizes of these; 0 for one that takes no
+/// prefix. A kilogram is a thousand of what takes a prefix.
 const UNITS: [(&str, &str, f64); 10] = [
     ("_N_s_per_m", "N·s/m", 1.0),
-    ("_kg_per_m3", "", 0.0),
+    ("_kg_per_m3", "kg/m³", 0.0),
     ("_N_per_m", "N/m", 1.0),
     ("_m_per_s", "m/s", 1.0),
     ("_Pa", "Pa", 1.0),
@@ -317,25 +378,50 @@ impl Quantity {
             .map(f64::abs)
             .fold(0.0, f64::max);
         let known = UNITS.iter().find(|(end, ..)| column.ends_with(end));
-        match known {
-            Some((end, unit, size)) if *size > 0.0 => {
-                let name = column[..column.len() - end.len()].replace('_', " ");
-                let fits = |(_, prefix): &&(&str, f64)| greatest >= prefix * size;
-                let (letter, prefix) = PREFIXES.iter().find(fits).unwrap_or(&("", 1.0));
-                Self {
-                    label: format!("{name} ({letter}{unit})"),
-                    unit: prefix * size,
-                }
-            }
-            Some((end, ..)) => Self {
-                label: format!("{} (kg/m³)", column[..column.len() - end.len()].replace('_', " ")),
-                unit: 1.0,
-            },
-            None => Self {
-                label: column.replace('_', " "),
-                unit: 1.0,
-            },
+        let (end, unit, size) = *known.unwrap_or(&("", "", 0.0));
+        let fits = |(_, prefix): &&(&str, f64)| greatest >= prefix * size;
+        let (letter, unit_of) = match size > 0.0 {
+            true => PREFIXES
+                .iter()
+                .find(fits)
+                .map_or(("", size), |(letter, prefix)| (*letter, prefix * size)),
+            false => ("", 1.0),
+        };
+        Self {
+            name: column[..column.len() - end.len()].replace('_', " "),
+            symbol: format!("{letter}{unit}"),
+            unit: unit_of,
         }
+    }
+
+    fn label(&self) -> String {
+        match self.symbol.as_str() {
+            "" => self.name.clone(),
+            symbol => format!("{} ({symbol})", self.name),
+        }
+    }
+}
+
+/// A column along one side of a picture.
+struct Side {
+    quantity: Quantity,
+    /// By the place on the axis, in the quantity's unit.
+    values: Vec<f64>,
+    scale: Scale,
+    /// Of a column of texts, by the place on the axis.
+    texts: Vec<String>,
+}
+
+impl Side {
+    /// The label, and what stands at the axis in place of numbers. Where the texts are too long for that,
+    /// their places stand there.
+    fn named(&self) -> (String, Vec<String>) {
+        let label = self.quantity.label();
+        if self.texts.iter().all(|text| text.chars().count() <= LONGEST_NAME) {
+            return (label, self.texts.clone());
+        }
+        let places = (1..=self.texts.len()).map(|place| place.to_string());
+        (format!("{label}, by its place in the list"), places.collect())
     }
 }
 
@@ -350,23 +436,38 @@ impl Column {
             .map_or_else(|| axis.index(), |along| along.key.column())
     }
 
-    fn all(&self, plan: &Plan) -> Vec<f64> {
-        let along = self.along(plan);
-        (0..plan.axes()[self.axis].count)
-            .map(|place| coordinate(along, place))
-            .collect()
-    }
-
-    /// The column's values, in its unit, with its scale.
-    fn quantity(&self, plan: &Plan) -> (Quantity, Vec<f64>, Scale) {
-        let values = self.all(plan);
+    fn side(&self, plan: &Plan) -> Side {
+        let (along, places) = (self.along(plan), 0..plan.axes()[self.axis].count);
+        let values: Vec<f64> = places.clone().map(|place| coordinate(along, place)).collect();
+        let texts = along.filter(is_text).into_iter();
+        let texts = texts.flat_map(|along| places.clone().map(|place| text(along, place)));
         let quantity = Quantity::new(&self.name(plan), values.iter().copied());
         let log = matches!(
-            self.along(plan).map(|along| &along.values),
+            along.map(|along| &along.values),
             Some(Values::Log { .. } | Values::Drawn { log: true, .. })
         );
-        let values = values.iter().map(|value| value / quantity.unit).collect();
-        (quantity, values, if log { Scale::Log } else { Scale::Linear })
+        Side {
+            values: values.iter().map(|value| value / quantity.unit).collect(),
+            quantity,
+            scale: if log { Scale::Log } else { Scale::Linear },
+            texts: texts.collect(),
+        }
+    }
+
+    /// The value at a place, for people. Where several keys change along the axis, more of its places may have
+    /// that value, and the place is told too.
+    fn told(&self, plan: &Plan, place: u64) -> String {
+        let along = self.along(plan);
+        let number = coordinate(along, place);
+        let quantity = Quantity::new(&self.name(plan), [number].into_iter());
+        let value = match along.filter(is_text) {
+            Some(along) => text(along, place),
+            None => short(&[number / quantity.unit]).concat(),
+        };
+        let axis = plan.axes()[self.axis].name.as_ref().filter(|_| along.is_some());
+        let place = axis.map_or_else(String::new, |axis| format!(" ({axis} {place})"));
+        let told = format!("{} = {value} {}", quantity.name, quantity.symbol);
+        format!("{}{place}", told.trim_end())
     }
 
     fn drawn(&self, plan: &Plan) -> bool {
@@ -375,16 +476,18 @@ impl Column {
     }
 }
 
-fn axis(label: String, (low, high): (f64, f64), scale: Scale) -> ChartAxis {
+fn axis(side: &Side, (low, high): (f64, f64)) -> ChartAxis {
     // One value has room around it.
-    let room = match place(low, scale) < place(high, scale) {
+    let room = match place(low, side.scale) < place(high, side.scale) {
         true => 0.0,
         false => 0.5 * low.abs().max(1e-9),
     };
+    let (label, names) = side.named();
     ChartAxis {
         label,
         range: (low - room, high + room),
-        scale,
+        scale: side.scale,
+        names,
     }
 }
 
@@ -401,34 +504,44 @@ fn ends(values: &[f64]) -> (f64, f64) {
     (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
 }
 
-fn described(plan: &Plan, what: &str) -> String {
-    match plan.definition().title.as_str() {
-        "" => what.to_owned(),
-        title => format!("{title}: {what}"),
-    }
+/// What the picture shows, and which places --at took: the nearest, and so not always what was asked for.
+fn described(plan: &Plan, at: &[Chosen], what: &str) -> String {
+    let title = match plan.definition().title.as_str() {
+        "" => String::new(),
+        title => format!("{title}: "),
+    };
+    let at: String = at.iter().map(|chosen| format!(", at {}", chosen.told)).collect();
+    format!("{title}{what}{at}")
 }
 
-fn curves(plan: &Plan, x: &Column, by: Option<&Column>, y: &Quantity, rows: Vec<(u64, f64)>) -> Chart {
-    let (across, values, scale) = x.quantity(plan);
+/// What a reader must know beside the axes, in lines.
+fn note(by: Option<&Side>, at: &[Chosen]) -> String {
+    let by = by.map(|by| format!("by {}", by.quantity.label()));
+    let at = at.iter().map(|chosen| format!("at {}", chosen.told));
+    by.into_iter().chain(at).collect::<Vec<_>>().join("\n")
+}
+
+fn curves(plan: &Plan, decided: &Decided, by: Option<&Column>, y: &Quantity, rows: Vec<(u64, f64)>) -> Chart {
+    let x = &decided.x;
+    let across = x.side(plan);
     let families = by.map_or(1, |by| plan.axes()[by.axis].count);
-    let named = by.map(|by| by.quantity(plan));
+    let named = by.map(|by| by.side(plan));
     let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); families as usize];
     for (point, value) in rows {
         let family = by.map_or(0, |by| plan.place(point, by.axis) as usize);
-        points[family].push((values[plan.place(point, x.axis) as usize], value / y.unit));
+        let at = across.values[plan.place(point, x.axis) as usize];
+        points[family].push((at, value / y.unit));
     }
     let names = named
         .as_ref()
-        .map_or_else(Vec::new, |(_, values, _)| short(values));
+        .map_or_else(Vec::new, |by| match by.texts.is_empty() {
+            true => short(&by.values),
+            false => by.texts.clone(),
+        });
     let series = points.into_iter().enumerate().map(|(family, mut points)| {
         points.sort_by(|one, other| one.0.total_cmp(&other.0));
-        let text = by.and_then(|by| match by.along(plan)?.cell(family as u64) {
-            Cell::Text(text) => Some(text.to_string()),
-            _ => None,
-        });
-        let name = text.or_else(|| names.get(family).cloned()).unwrap_or_default();
         Series {
-            name,
+            name: names.get(family).cloned().unwrap_or_default(),
             ink: Ink::Curve(family),
             // Drawn points follow no line.
             mark: if x.drawn(plan) {
@@ -439,12 +552,12 @@ fn curves(plan: &Plan, x: &Column, by: Option<&Column>, y: &Quantity, rows: Vec<
             points,
         }
     });
-    let mut panel = Panel::new(y.label.clone(), series.collect());
-    if let Some((quantity, ..)) = &named {
-        panel = panel.note(format!("by {}", quantity.label));
-    }
-    let axis = axis(across.label, ends(&values), scale);
-    let description = described(plan, &format!("{} over {}", y.label, axis.label));
+    let panel = Panel::new(y.label(), series.collect()).note(note(named.as_ref(), &decided.at));
+    let (low, high) = ends(&across.values);
+    // A name has room on both sides.
+    let room = if across.texts.is_empty() { 0.0 } else { 0.5 };
+    let axis = axis(&across, (low - room, high + room));
+    let description = described(plan, &decided.at, &format!("{} over {}", y.label(), axis.label));
     Chart {
         description,
         ..Chart::new(axis, vec![panel.height(300)])
@@ -462,54 +575,82 @@ fn short(values: &[f64]) -> Vec<String> {
     found.unwrap_or_else(|| with(16))
 }
 
-fn map(plan: &Plan, x: &Column, y: &Column, value: &Quantity, rows: &[(u64, f64)]) -> anyhow::Result<Chart> {
-    let [across, up] = [x, y].map(|column| {
-        let (quantity, values, scale) = column.quantity(plan);
+/// The cells of a map along one of its sides.
+struct Cells {
+    side: Side,
+    edges: Vec<f64>,
+    /// Which cell each place of the axis has.
+    of_places: Vec<usize>,
+}
+
+impl Cells {
+    fn new(plan: &Plan, column: &Column) -> Result<Self, String> {
+        let side = column.side(plan);
+        let (values, scale) = (&side.values, side.scale);
         // Drawn or listed values need not be in order.
         let mut order: Vec<usize> = (0..values.len()).collect();
         order.sort_by(|one, other| values[*one].total_cmp(&values[*other]));
-        let mut rank = vec![0; order.len()];
-        order
-            .iter()
-            .enumerate()
-            .for_each(|(place, from)| rank[*from] = place);
-        let sorted: Vec<f64> = order.iter().map(|from| values[*from]).collect();
-        (quantity, edges(&sorted, scale), scale, rank)
-    });
-    let columns = across.3.len();
-    let mut values = vec![f64::NAN; columns * up.3.len()];
+        let mut of_places = vec![0; values.len()];
+        for (cell, place) in order.iter().enumerate() {
+            of_places[*place] = cell;
+        }
+        let sorted: Vec<f64> = order.iter().map(|place| values[*place]).collect();
+        let edges = edges(&sorted, scale);
+        let mut cells = edges.windows(2);
+        if cells.all(|edges| place(edges[0], scale) < place(edges[1], scale)) {
+            return Ok(Self {
+                side,
+                edges,
+                of_places,
+            });
+        }
+        // An axis of several keys has a place for each point.
+        let axis = plan.axes()[column.axis].name.as_ref();
+        let instead = axis.map_or_else(String::new, |axis| format!("a map over {axis}, or "));
+        Err(format!(
+            "some values of {} cannot be told apart; draw {instead}a curve",
+            column.name(plan)
+        ))
+    }
+}
+
+fn map(
+    plan: &Plan,
+    decided: &Decided,
+    y: &Column,
+    value: &Quantity,
+    rows: &[(u64, f64)],
+) -> anyhow::Result<Chart> {
+    let x = &decided.x;
+    let across = Cells::new(plan, x).map_err(anyhow::Error::msg)?;
+    let up = Cells::new(plan, y).map_err(anyhow::Error::msg)?;
+    let (x_range, y_range) = (ends(&across.edges), ends(&up.edges));
+    let columns = across.edges.len() - 1;
+    let mut values = vec![f64::NAN; columns * (up.edges.len() - 1)];
     for (point, found) in rows {
-        let place = |of: &Column| plan.place(*point, of.axis) as usize;
-        let (column, row) = (across.3[place(x)], up.3[place(y)]);
+        let cell = |cells: &Cells, of: &Column| cells.of_places[plan.place(*point, of.axis) as usize];
+        let (column, row) = (cell(&across, x), cell(&up, y));
         values[row * columns + column] = found / value.unit;
     }
-    let (x_range, y_range) = (ends(&across.1), ends(&up.1));
-    for ((low, high), scale, label) in [(x_range, across.2, &across.0.label), (y_range, up.2, &up.0.label)] {
-        anyhow::ensure!(
-            place(low, scale) < place(high, scale),
-            "a map needs two values of each axis at least, and those of {label} cannot be told apart; draw a curve"
-        );
-    }
+    let (y_label, y_names) = up.side.named();
     let panel = Panel {
-        y_scale: up.2,
-        ..Panel::new(up.0.label, Vec::new())
+        y_scale: up.side.scale,
+        y_names,
+        ..Panel::new(y_label, Vec::new())
     };
     let cells = Map {
-        label: value.label.clone(),
-        x_edges: across.1,
-        y_edges: up.1,
+        label: value.label(),
+        x_edges: across.edges,
+        y_edges: up.edges,
         values,
     };
     let panel = panel.range(y_range.0, y_range.1).height(360).map(cells);
-    let axis = axis(across.0.label, x_range, across.2);
-    let description = described(
-        plan,
-        &format!("{} over {} and {}", value.label, axis.label, panel.y_label),
-    );
+    let axis = axis(&across.side, x_range);
+    let what = format!("{} over {} and {}", value.label(), axis.label, panel.y_label);
     Ok(Chart {
-        description,
+        description: described(plan, &decided.at, &what),
         width: COLUMN,
-        ..Chart::new(axis, vec![panel])
+        ..Chart::new(axis, vec![panel.note(note(None, &decided.at))])
     })
 }
 
@@ -544,43 +685,201 @@ mod tests {
         );
     }
 
-    /// A table of these points, which tells of a sweep over these axes, drawn.
-    fn drawn_over(points: &[i64], axes: &str) -> Result<Chart, String> {
+    const BEADS: &str = "[[axis]]\nkey = \"intruder.0.beads\"\nvalues = [8, 12, [3, 4], 5]\n";
+    const MASSES: &str = "[[axis]]\nzip = [\
+        { key = \"intruder.0.mass\", values = [1e-3, 1e-3, 2e-3] },\
+        { key = \"intruder.0.stiffness\", values = [1e5, 4e5, 4e5] }]\n";
+    fn speeds(count: u64) -> String {
+        format!("[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, {count}]\n")
+    }
+
+    fn plan(axes: &str) -> Plan {
         let mut sweep: toml::Table = toml::from_str(axes).unwrap();
         let paper = hertz_chain::Scenario::paper().to_toml();
         let scenario: toml::Table = toml::from_str(&paper).unwrap();
         sweep.insert("scenario".to_owned(), scenario.into());
-        let plan = Plan::new(Definition::from_toml(&sweep.to_string(), "a.toml").unwrap()).unwrap();
+        Plan::new(Definition::from_toml(&sweep.to_string(), "a.toml").unwrap()).unwrap()
+    }
+
+    /// A view from words such as `x=COLUMN`.
+    fn view(words: &str) -> View {
+        let mut view = View::default();
+        for word in words.split_whitespace() {
+            let (option, value) = word.split_once('=').unwrap();
+            let value = value.to_owned();
+            match option {
+                "x" => view.x = Some(value),
+                "y" => view.y = Some(value),
+                "map" => view.map = Some(value),
+                "by" => view.by = Some(value),
+                _ => view.at.push(value),
+            }
+        }
+        view
+    }
+
+    fn checked(axes: &str, words: &str) -> Result<(), String> {
+        check(&view(words), &plan(axes))
+    }
+
+    /// A table of these points with these results, which tells of a sweep over these axes, drawn.
+    fn drawn_over(
+        points: impl IntoIterator<Item = i64>,
+        result: &Cell,
+        axes: &str,
+        words: &str,
+    ) -> Result<Chart, String> {
+        let plan = plan(axes);
         let path = tempfile::NamedTempFile::new().unwrap();
         let mut file = path.reopen().unwrap();
-        let said = [("sweep", sweep.to_string())];
+        let said = [("sweep", plan.definition().to_toml())];
         let said = said.each_ref().map(|(key, value)| (*key, value.as_str()));
         let mut table = Parquet::signed(&mut file, "sweep", &plan.columns(), &said).unwrap();
+        let first = plan.columns().len() - 1 - plan.definition().outputs.columns().len();
         for point in points {
             let mut row = plan.row(0, &Err("it was not run".to_owned()));
-            row[0] = Cell::Whole(*point);
+            row[0] = Cell::Whole(point);
+            row[first] = result.clone();
             table.push(row).unwrap();
         }
         Box::new(table).finish().unwrap();
-        chart(path.path(), &View::default()).map_err(|error| error.to_string())
+        chart(path.path(), &view(words)).map_err(|error| error.to_string())
     }
 
-    fn drawn(points: &[i64], speeds: u64) -> Result<Chart, String> {
-        let axis = format!("[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, {speeds}.0]");
-        drawn_over(points, &axis)
+    fn drawn(points: &[i64], speeds_of: u64) -> Result<Chart, String> {
+        drawn_over(
+            points.iter().copied(),
+            &Cell::Number(1e-6),
+            &speeds(speeds_of),
+            "",
+        )
+    }
+
+    /// A whole sweep with a result at each point, as a picture.
+    fn svg(axes: &str, words: &str) -> String {
+        let points = 0..plan(axes).points() as i64;
+        let chart = drawn_over(points, &Cell::Number(1e-6), axes, words);
+        chart.unwrap().standalone_svg().unwrap()
     }
 
     #[test]
     fn values_that_cannot_be_told_apart_have_no_map_and_have_a_curve() {
-        let speeds = "[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, 2]\n";
         // Their logarithms are equal.
         let near = "[[axis]]\nkey = \"chain.young\"\nlogspace = [5e9, 5000000000.000001, 2]\n";
-        for axes in [[speeds, near], [near, speeds]] {
-            let why = drawn_over(&[0, 1, 2, 3], &axes.concat()).err().unwrap();
+        for axes in [[&speeds(2), near], [near, &speeds(2)]] {
+            let why = checked(&axes.concat(), "").unwrap_err();
             assert!(why.contains("cannot be told apart; draw a curve"), "{why}");
         }
-        let chart = drawn_over(&[0, 1], near).unwrap();
-        assert!(chart.standalone_svg().is_ok());
+        svg(near, "");
+        let axes = [MASSES, &speeds(2)].concat();
+        let why = checked(&axes, "map=absorbed_J y=intruder_0_mass_kg").unwrap_err();
+        let expected =
+            "some values of intruder_0_mass_kg cannot be told apart; draw a map over zip, or a curve";
+        assert_eq!(why, expected);
+        // Each of 3 × 2 points has a cell, of one colour along a row.
+        let map = svg(&axes, "map=absorbed_J y=zip");
+        assert_eq!(map.matches("crispEdges").count(), 128 + 3);
+    }
+
+    #[test]
+    fn texts_stand_at_their_places_and_have_no_numbers() {
+        let axes = [BEADS, &speeds(2)].concat();
+        for words in [
+            "x=intruder_0_beads by=striker_velocity_m_per_s",
+            "y=intruder_0_beads",
+        ] {
+            let svg = svg(&axes, words);
+            for name in [">8<", ">12<", ">3 4<", ">5<", ">intruder 0 beads<"] {
+                assert!(svg.contains(name), "{name}: {svg}");
+            }
+            assert!(!svg.contains(">3<"), "{svg}");
+        }
+        let long = "[[axis]]\nkey = \"intruder.0.beads\"\nvalues = [8, [1, 2, 3, 4, 5, 6, 7]]\n";
+        let svg = svg(long, "");
+        let label = ">intruder 0 beads, by its place in the list<";
+        assert!(
+            svg.contains(label) && svg.contains(">1<") && svg.contains(">2<"),
+            "{svg}"
+        );
+    }
+
+    #[test]
+    fn the_place_that_at_took_is_told() {
+        let axes = [&speeds(3), MASSES].concat();
+        let curve = svg(&axes, "x=zip at=striker_velocity_m_per_s=5");
+        assert_eq!(
+            curve.matches("at striker velocity = 1.2 m/s").count(),
+            2,
+            "note and description"
+        );
+        let curve = svg(
+            &axes,
+            "by=striker_velocity_m_per_s x=intruder_0_stiffness_N_per_m",
+        );
+        assert!(!curve.contains("at striker"));
+        let curve = svg(&axes, "x=striker_velocity_m_per_s at=intruder_0_mass_kg=0");
+        assert!(curve.contains(">at intruder 0 mass = 1 g (zip 0)<"), "{curve}");
+        let curve = svg(
+            &[BEADS, MASSES, &speeds(2)].concat(),
+            "at=intruder_0_beads=12 at=zip=2",
+        );
+        assert!(
+            curve.contains(">at intruder 0 beads = 12<") && curve.contains(">at zip = 2<"),
+            "{curve}"
+        );
+    }
+
+    #[test]
+    fn what_does_not_fit_the_axes_is_refused_before_the_work() {
+        let two = [&speeds(3), MASSES].concat();
+        let one = "[[axis]]\nkey = \"duration\"\nvalues = [1e-3]\n";
+        let young = |count: u64| format!("[[axis]]\nkey = \"chain.young\"\nlinspace = [1e9, 2e9, {count}]\n");
+        for (axes, words, why) in [
+            (
+                &two[..],
+                "at=zip=1 at=intruder_0_mass_kg=1",
+                "another --at has chosen",
+            ),
+            (
+                &two,
+                "x=zip at=intruder_0_mass_kg=1",
+                "--x is of an axis of which --at leaves one place",
+            ),
+            (
+                &two,
+                "y=zip at=zip=1",
+                "--y is of an axis of which --at leaves one place",
+            ),
+            (
+                &two,
+                "by=zip at=zip=1",
+                "--by is of an axis of which --at leaves one place",
+            ),
+            (&two, "at=zip=nan", "the value must be a finite number"),
+            (&two, "at=zip=-inf", "the value must be a finite number"),
+            (
+                &two,
+                "at=zip=1 at=striker_velocity_m_per_s=1",
+                "there is no axis left for --x; leave out an --at",
+            ),
+            (&speeds(3), "map=absorbed_J", "a map needs two axes of the sweep"),
+            (
+                one,
+                "",
+                "each axis of this sweep has one value; name the column of one with --x",
+            ),
+            (&speeds(1_000_001), "", "curves of 1000001 points are more"),
+            (
+                &[speeds(500_001), young(2)].concat(),
+                "x=striker_velocity_m_per_s by=chain_young_Pa",
+                "curves of 1000002 points are more",
+            ),
+        ] {
+            let found = checked(axes, words).unwrap_err();
+            assert!(found.contains(why), "{words}: {found}");
+        }
+        assert_eq!(checked(&speeds(1_000_000), ""), Ok(()));
+        assert_eq!(checked(one, "x=duration_s"), Ok(()));
     }
 
     #[test]
@@ -599,9 +898,27 @@ mod tests {
         ] {
             assert_eq!(drawn(points, speeds).err().as_deref(), Some(why));
         }
-        let all: Vec<i64> = (0..=MOST_DRAWN as i64).collect();
-        let why = drawn(&all, all.len() as u64).err();
-        assert!(why.is_some_and(|why| why.starts_with("it has more than 1000000 points")));
+        let again = std::iter::repeat_n(0, MOST_DRAWN + 2);
+        let axes = [
+            &speeds(2),
+            &speeds(MOST_DRAWN as u64 / 2 + 1).replace("striker.velocity", "duration")[..],
+        ];
+        let why = drawn_over(
+            again,
+            &Cell::Number(1e-6),
+            &axes.concat(),
+            "at=striker_velocity_m_per_s=0",
+        );
+        assert_eq!(
+            why.err().as_deref(),
+            Some("it has points twice, and so others are missing")
+        );
+    }
+
+    #[test]
+    fn a_picture_of_no_values_is_refused() {
+        let why = drawn_over(0..3, &Cell::Null, &speeds(3), "").err().unwrap();
+        assert!(why.starts_with("no point has a value of absorbed_J; "), "{why}");
     }
 
     #[test]
@@ -615,7 +932,7 @@ mod tests {
     fn units_take_the_prefix_that_makes_numbers_short() {
         let of = |column: &str, value: f64| {
             let quantity = Quantity::new(column, [value].into_iter());
-            (quantity.label, value / quantity.unit)
+            (quantity.label(), value / quantity.unit)
         };
         assert_eq!(of("absorbed_J", 12e-6).0, "absorbed (µJ)");
         assert_eq!(of("intruder_0_mass_kg", 3.7e-3).0, "intruder 0 mass (g)");

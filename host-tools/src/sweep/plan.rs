@@ -151,17 +151,22 @@ impl Plan {
 
     /// The line of Python that makes a cube of a table.
     pub fn xarray(&self, path: &Path) -> String {
-        let index: Vec<String> = self
-            .axes
-            .iter()
-            .map(|axis| format!("{:?}", axis.index()))
-            .collect();
+        let index: Vec<String> = self.axes.iter().map(|axis| quoted(&axis.index())).collect();
         format!(
-            "pandas.read_parquet({:?}).set_index([{}]).to_xarray()",
-            path.display().to_string(),
+            "pandas.read_parquet({}).set_index([{}]).to_xarray()",
+            quoted(&path.display().to_string()),
             index.join(", ")
         )
     }
+}
+
+/// A text in Python. What cannot be seen is written by its number.
+fn quoted(text: &str) -> String {
+    let one = |c: char| match c.escape_debug().to_string() {
+        by_number if by_number.starts_with("\\u") => format!("\\U{:08x}", u32::from(c)),
+        other => other,
+    };
+    format!("\"{}\"", text.chars().map(one).collect::<String>())
 }
 
 #[cfg(test)]
@@ -192,6 +197,12 @@ mod tests {
         assert_eq!(row.len(), plan.columns().len());
         assert_eq!(row[..3], [Cell::Whole(4), Cell::Number(0.2), Cell::Number(2e-3)]);
         assert_eq!(row.last(), Some(&Cell::Text("no".into())));
+    }
+
+    #[test]
+    fn a_file_of_any_name_is_quoted_as_python_reads_it() {
+        let odd = "a\u{301} \u{200b}\\\"\n";
+        assert_eq!(quoted(odd), r#""a\U00000301 \U0000200b\\\"\n""#);
     }
 
     #[test]

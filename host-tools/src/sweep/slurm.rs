@@ -28,14 +28,14 @@ pub struct Jobs<'a> {
 }
 
 impl Jobs<'_> {
-    /// What the jobs cannot be given: Slurm reads `%` in the names of logs, and a script ends its lines.
+    /// What the jobs cannot be given: a shell reads the paths, and Slurm reads `%` in the names of logs.
     pub fn refused(&self) -> Option<String> {
-        let odd = |text: &str| text.contains(|c: char| c.is_control() || "%\\\"' ".contains(c));
+        let odd = |text: &str| text.contains(|c: char| !c.is_alphanumeric() && !"_./+,:=@-".contains(c));
         let paths = [self.program, self.folder, self.out];
         let path = paths.into_iter().find(|path| path.to_str().is_none_or(odd));
         let path = path.map(|path| {
             format!(
-                "{}: a path in a script of Slurm can have no blank, quote, \\ or %; give another",
+                "{}: a path in a script of Slurm has letters, digits and _./+,:=@- alone; give another",
                 path.display()
             )
         });
@@ -84,5 +84,35 @@ impl Jobs<'_> {
             self.folder.display(),
             self.out.display(),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_that_a_shell_would_read_is_refused() {
+        let jobs = |out: &str| {
+            let path = Path::new("/work/é-1,2");
+            let jobs = Jobs {
+                program: path,
+                folder: path,
+                out: Path::new(out),
+                plan: "0123abcd",
+                missing: &[1],
+                chunks: 1,
+                cpus: 1,
+                at_once: None,
+                options: &[],
+            };
+            jobs.refused()
+        };
+        assert_eq!(jobs("/work/big_2.parquet"), None);
+        for odd in [
+            "a;id", "a$HOME", "a&b", "a(b)", "a#b", "a b", "a%j", "a'b", "a|b", "a>b", "a*b", "~a", "a\nb",
+        ] {
+            assert!(jobs(odd).is_some(), "{odd}");
+        }
     }
 }

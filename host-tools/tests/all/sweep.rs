@@ -170,6 +170,10 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
     done(folder.path(), "run d");
     done(folder.path(), "merge d --out chunks.parquet");
     assert_eq!(at("one.parquet"), at("chunks.parquet"));
+    let said = refused(folder.path(), "plan sweep.toml --dir d --chunks 8");
+    assert!(said.contains("in 7 chunks; leave --chunks 8 out"), "{said}");
+    let said = refused(folder.path(), "merge d --out d/part-00003.parquet --force");
+    assert!(said.contains("lies among the parts"), "{said}");
 }
 
 #[test]
@@ -307,11 +311,9 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     assert!(refused(path, "status one").contains("is not chunk 2 of this plan: it has other columns"));
     // A plan that was edited.
     let plan = fs::read_to_string(at("two/plan.toml")).unwrap();
-    fs::write(
-        at("two/plan.toml"),
-        plan.replace("chunk_points = 2", "chunk_points = 0"),
-    )
-    .unwrap();
+    fs::write(at("two/plan.toml"), plan.replace("chunks = 4", "chunks = 0")).unwrap();
+    assert!(refused(path, "status two").contains("has 8 points in 0 chunks"));
+    fs::write(at("two/plan.toml"), plan.replace("points = 8", "points = 9")).unwrap();
     assert!(refused(path, "status two").contains("was changed after it was made"));
     assert!(refused(path, "status .").contains("holds no plan"));
     assert!(refused(path, "sweep.toml --out paper.toml --force").contains("is a TOML file"));
@@ -327,11 +329,11 @@ fn a_plan_has_no_more_chunks_than_numbers() {
     assert_eq!(many.status.code(), Some(2));
     let file = folder.path().join("d/plan.toml");
     let plan = fs::read_to_string(&file).unwrap();
-    let edited = plan.replace("chunk_points = 10000101", "chunk_points = 1");
+    let edited = plan.replace("chunks = 99999", "chunks = 100000");
     assert_ne!(plan, edited);
     fs::write(file, edited).unwrap();
     let said = refused(folder.path(), "status d");
-    assert!(said.contains("so 1000000000000 of them"), "{said}");
+    assert!(said.contains("1000000000000 points in 100000 chunks"), "{said}");
 }
 
 #[test]
@@ -402,8 +404,30 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         let said = refused(path, &format!("plot a.parquet {arguments} --out c.svg"));
         assert!(said.contains(part), "{arguments}: {said}");
     }
+    let options = bead(path, "sweep.toml --out b.parquet --x tuned");
+    let said = String::from_utf8(options.stderr).unwrap();
+    assert!(
+        options.status.code() == Some(2) && said.contains("--plot"),
+        "{said}"
+    );
     fs::write(path.join("x.parquet"), "PAR1").unwrap();
     assert!(refused(path, "plot x.parquet --out c.svg").contains("is no Parquet file"));
+}
+
+#[test]
+fn a_picture_that_cannot_be_drawn_hides_no_summary() {
+    let folder =
+        folder("scenario = \"paper.toml\"\n[[axis]]\nkey = \"intruder.0.mass\"\nvalues = [1.0, 2.0]");
+    let output = bead(
+        folder.path(),
+        "sweep.toml --out a.parquet --plot a.svg --format json",
+    );
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("no point has a value of absorbed_J"), "{said}");
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["failed"], 2);
+    assert_eq!(names(folder.path()), ["a.parquet", "paper.toml", "sweep.toml"]);
 }
 
 /// A Python with xarray, as `cargo xtask test` sets it up where it can.

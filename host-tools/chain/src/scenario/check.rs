@@ -166,8 +166,8 @@ impl Scenario {
     }
 }
 
-/// Longer chains are refused: they would ask for memory and time that nobody meant.
-pub(crate) const MOST_BEADS: usize = 100_000;
+/// Beads of a chain at most. Longer chains are refused: they would ask for memory and time that nobody meant.
+pub const MOST_BEADS: usize = 100_000;
 
 /// Values other than 0 outside of this are refused, in SI units: no body, contact or time has them, and the
 /// products of some would leave the range of an `f64`.

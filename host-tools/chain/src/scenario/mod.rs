@@ -5,7 +5,8 @@ mod paper;
 mod read;
 mod tables;
 
-pub(crate) use check::{MOST_BEADS, Table};
+pub use check::MOST_BEADS;
+pub(crate) use check::Table;
 pub use read::{InputError, TomlFile, text_of};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

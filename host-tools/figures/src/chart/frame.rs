@@ -46,14 +46,23 @@ impl<'a> Frame<'a> {
     pub(super) fn new(panel: &'a Panel, x: &'a Axis, labelled: bool, picture: f64) -> Self {
         let (x_places, y_places) = (x.places(), panel.y_places(x.range));
         let rows = (f64::from(panel.height) / 30.0).clamp(3.0, 9.0) as usize;
-        let columns = (picture / 70.0).clamp(4.0, 10.0) as usize;
+        // Names stand side by side, and the axis takes more than half of the picture.
+        let widest = x.names.iter().map(|name| width(name, NUMBERS));
+        let columns = match x.names.is_empty() {
+            true => (picture / 70.0).clamp(4.0, 10.0) as usize,
+            false => (0.55 * picture / (widest.fold(0.0, f64::max) + GAP)) as usize,
+        };
+        let ticks = |names: &[String], scale, places, most| match names.is_empty() {
+            true => Ticks::new(scale, places, most),
+            false => Ticks::named(names, places, most),
+        };
         Self {
             panel,
             x,
             x_places,
             y_places,
-            x_ticks: Ticks::new(x.scale, x_places, columns),
-            y_ticks: Ticks::new(panel.y_scale, y_places, rows),
+            x_ticks: ticks(&x.names, x.scale, x_places, columns),
+            y_ticks: ticks(&panel.y_names, panel.y_scale, y_places, rows),
             legend: Legend::new(panel, picture),
             labelled,
         }
@@ -98,13 +107,12 @@ impl<'a> Frame<'a> {
 
     /// The height of what stands above the axes.
     fn above(&self) -> f64 {
-        let note = if self.panel.note.is_empty() {
-            0.0
-        } else {
-            NUMBERS + GAP
-        };
         let bar = self.panel.map.as_ref().map_or(0.0, Map::bar_height);
-        self.legend.height() + note + bar
+        self.legend.height() + self.note_height() + bar
+    }
+
+    fn note_height(&self) -> f64 {
+        self.panel.note.lines().count() as f64 * (NUMBERS + GAP)
     }
 
     /// The height of what stands below the axes.
@@ -152,9 +160,10 @@ impl<'a> Frame<'a> {
         if self.panel.named_at_end {
             draw_at_end(canvas, at_end, right, (top, bottom));
         }
-        if !self.panel.note.is_empty() {
-            let corner = (left, top - 0.5 * NUMBERS - 0.5 * GAP);
-            canvas.text(&self.panel.note, corner, NUMBERS, Ink::Text, Anchor::Start);
+        let mut line = top - self.note_height() + 0.5 * (NUMBERS + GAP);
+        for note in self.panel.note.lines() {
+            canvas.text(note, (left, line), NUMBERS, Ink::Text, Anchor::Start);
+            line += NUMBERS + GAP;
         }
     }
 

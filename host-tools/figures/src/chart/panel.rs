@@ -15,6 +15,8 @@ pub struct Axis {
     pub range: (f64, f64),
     /// Its scale.
     pub scale: Scale,
+    /// What stands at 0, 1, 2 and so on in place of numbers; empty for numbers.
+    pub names: Vec<String>,
 }
 
 impl Axis {
@@ -24,6 +26,7 @@ impl Axis {
             label: label.into(),
             range: (range.start, range.end),
             scale: Scale::Linear,
+            names: Vec::new(),
         }
     }
 
@@ -56,6 +59,8 @@ pub struct Panel {
     pub y_label: String,
     /// The scale of the vertical axis.
     pub y_scale: Scale,
+    /// What stands at 0, 1, 2 and so on in place of numbers; empty for numbers.
+    pub y_names: Vec<String>,
     /// The vertical range; without one, the extent of the curves.
     pub y_range: Option<(f64, f64)>,
     /// The curves, drawn in order.
@@ -64,7 +69,7 @@ pub struct Panel {
     pub height: u32,
     /// A horizontal axis of its own, in place of the chart's.
     pub x: Option<Axis>,
-    /// What a reader must know of this panel, written above its axes; empty for nothing.
+    /// What a reader must know of this panel, written above its axes in these lines; empty for nothing.
     pub note: String,
     /// The names stand at the ends of the curves, and not in a legend above them.
     pub named_at_end: bool,
@@ -78,6 +83,7 @@ impl Panel {
         Self {
             y_label: y_label.into(),
             y_scale: Scale::Linear,
+            y_names: Vec::new(),
             y_range: None,
             series,
             height: 240,

@@ -59,6 +59,17 @@ impl Ticks {
         }
     }
 
+    /// Names at 0, 1, 2 and so on, in equal steps so that there are `most` of them at most.
+    pub(super) fn named(names: &[String], (low, high): (f64, f64), most: usize) -> Self {
+        let step = names.len().div_ceil(most.max(1)).max(1);
+        let places = names.iter().enumerate().step_by(step);
+        let ticks = places.map(|(place, name)| (place as f64, name.clone()));
+        Self {
+            major: ticks.filter(|(place, _)| (low..=high).contains(place)).collect(),
+            minor: Vec::new(),
+        }
+    }
+
     /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them. A range has none if
     /// f64 cannot divide it: one of 1e-320, or one that is longer than 1.8e308.
     fn linear((low, high): (f64, f64), most: usize, whole: bool, inside: impl Fn(&f64) -> bool) -> Self {
@@ -247,6 +258,21 @@ mod tests {
             let ticks = Ticks::new(Scale::Count, (-0.5, high), 9);
             assert!(ticks.minor.iter().all(|place| place.fract() == 0.0), "{ticks:?}");
         }
+    }
+
+    #[test]
+    fn names_stand_at_their_places_and_are_thinned_out_where_they_are_many() {
+        let names = ["8", "3 4", "12", "5", "6"].map(str::to_owned);
+        let of = |most: usize| -> Vec<(f64, String)> { Ticks::named(&names, (-0.5, 3.5), most).major };
+        let shown = |ticks: &[(f64, &str)]| -> Vec<(f64, String)> {
+            ticks
+                .iter()
+                .map(|(place, name)| (*place, (*name).to_owned()))
+                .collect()
+        };
+        assert_eq!(of(9), shown(&[(0.0, "8"), (1.0, "3 4"), (2.0, "12"), (3.0, "5")]));
+        assert_eq!(of(3), shown(&[(0.0, "8"), (2.0, "12")]));
+        assert_eq!(of(0), shown(&[(0.0, "8")]));
     }
 
     #[test]

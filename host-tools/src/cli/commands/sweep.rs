@@ -85,6 +85,7 @@ enum Action {
 
 /// A sweep on this machine.
 #[derive(Debug, Args)]
+#[command(mut_group("Choice", |choice| choice.requires("plot")))]
 struct Here {
     /// The sweep, a TOML file.
     #[arg(value_name = "SWEEP.toml", required = true)]
@@ -150,7 +151,8 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let chunk = chunk.max(plan.points() / CHUNKS).next_multiple_of(8);
     let mut name = result.as_os_str().to_owned();
     name.push(".sweep");
-    let folder = Folder::create(Path::new(&name), plan, chunk)?;
+    let chunks = plan.points().div_ceil(chunk);
+    let folder = Folder::create(Path::new(&name), plan, chunks)?;
     interrupt::resumable(format!(
         "finished parts are in {}, and the same command goes on from there",
         folder.path().display()
@@ -159,14 +161,16 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let computed = compute_missing(&folder)?;
     let (plan, merged) = (folder.plan().clone(), merge(&folder, &out)?);
     folder.remove();
-    if let Some(picture) = &picture {
-        sweep_plot::draw(out.path(), &here.choice, picture)?;
-    }
+    // The table is whole, and a picture that cannot be drawn of it hides nothing.
     told(
         &plan,
         &merged,
         out.path(),
         Some((computed, clock.elapsed().as_secs_f64())),
         here.format,
-    )
+    )?;
+    if let Some(picture) = &picture {
+        sweep_plot::draw(out.path(), &here.choice, picture)?;
+    }
+    Ok(())
 }

@@ -16,6 +16,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::recording::whole::Target;
 use crate::sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use crate::sweep::plan::Plan;
 use crate::sweep::slurm::Jobs;
@@ -142,15 +143,23 @@ pub(crate) fn plan(planning: &Planning) -> Result<(), Failure> {
     let chunks = planning
         .chunks
         .unwrap_or(((work / CHUNK_SECONDS).ceil() as u64).clamp(1, CHUNKS));
-    let chunk = plan.points().div_ceil(chunks.min(plan.points()));
-    let folder = Folder::create(&planning.dir, plan, chunk)?;
+    let folder = Folder::create(&planning.dir, plan, chunks)?;
     let (plan, chunks) = (folder.plan(), folder.chunks());
+    if let Some(others) = planning
+        .chunks
+        .filter(|asked| (*asked).min(plan.points()) != chunks)
+    {
+        return Err(Failure::input(format!(
+            "the plan in {} is there already, in {chunks} chunks; leave --chunks {others} out, or give another --dir",
+            planning.dir.display()
+        )));
+    }
     let of_chunk = work / chunks as f64;
     let report = json!({
         "plan": plan.hash(),
         "points": plan.points(),
         "chunks": chunks,
-        "chunk_points": folder.points(1).end,
+        "chunk_points": folder.most_points(),
         "processor_seconds": work,
         "chunk_processor_seconds": of_chunk,
         "folder": folder.path().display().to_string(),
@@ -158,11 +167,11 @@ pub(crate) fn plan(planning: &Planning) -> Result<(), Failure> {
     output::print(planning.format, &report, || {
         let dir = folder.path().display();
         format!(
-            "{} points ({}) in {chunks} chunks of {}: about {} of one processor, {} for each chunk\n\
+            "{} points ({}) in {chunks} chunks of up to {}: about {} of one processor, {} for each chunk\n\
              Compute them: bead sweep run {dir} --chunk K/{chunks}, or bead sweep submit {dir} --engine slurm --out F.parquet",
             grouped(plan.points()),
             axes(plan),
-            grouped(folder.points(1).end),
+            grouped(folder.most_points()),
             time(work),
             time(of_chunk),
         )
@@ -211,7 +220,7 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
     let Engine::Slurm = submitting.engine;
     let folder = Folder::open(&submitting.dir)?;
     // The job that merges finds a file of its own kind at most.
-    place::target(&submitting.out, Kind::Parquet, &[], submitting.force)?;
+    result(&folder, &submitting.out, submitting.force)?;
     let missing = folder.missing()?;
     if missing.is_empty() {
         return output::print_line(&format!(
@@ -359,7 +368,18 @@ pub(crate) fn status(standing: &Standing) -> Result<(), Failure> {
 
 pub(crate) fn merge(merging: &Merging) -> Result<(), Failure> {
     let folder = Folder::open(&merging.dir)?;
-    let out = place::target(&merging.out, Kind::Parquet, &[], merging.force)?;
+    let out = result(&folder, &merging.out, merging.force)?;
     let merged = merge_into(&folder, &out)?;
     told(folder.plan(), &merged, out.path(), None, merging.format)
+}
+
+/// The merged table. It takes the place of no part.
+fn result(folder: &Folder, out: &Path, force: Force) -> Result<Target, Failure> {
+    if folder.has_within(out) {
+        return Err(Failure::input(format!(
+            "{} lies among the parts of the plan; give the table another folder",
+            out.display()
+        )));
+    }
+    place::target(out, Kind::Parquet, &[], force)
 }

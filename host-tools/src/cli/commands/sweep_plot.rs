@@ -53,7 +53,8 @@ pub(crate) struct Choice {
     /// Draw a curve for each value of this column.
     #[arg(long, value_name = "COLUMN", conflicts_with = "map")]
     by: Option<String>,
-    /// Draw only points where this column has this value (the nearest that there is); may be repeated.
+    /// Draw only points where this column has this value (the nearest that there is, which the picture
+    /// tells); may be repeated, once for each axis.
     #[arg(long, value_name = "COLUMN=VALUE")]
     at: Vec<String>,
 }
