@@ -1,20 +1,27 @@
 //! What f64 estimates make of a waveform: the same equations as the bead's, at steps that are much finer,
-//! without noise, codes and filter. A takes the acceleration, B the force.
+//! without codes and filter. A takes the acceleration, B the force.
+//!
+//! # Design
+//! A record has noise and a zero of its own, and both add energy: a force that is off by 1 % of its peak changes
+//! B by a quarter. So a window is treated as the bead treats its own (docs/estimators.md). What it holds at
+//! first is its zero, what noise adds to A before the strike is taken off, and a weak force is none for B.
 
 use std::ops::Range;
 
 use bead_model::Settings;
 use bead_model::design::{Bead, Intruder, Neighbours};
+use bead_model::layout::{BASELINE, HISTORY_MAX};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::sensed::Truth;
 use crate::comparison::f64_estimators;
+use crate::comparison::signal::gated;
 use crate::waveform::{Trace, Waveform};
 
-/// Samples a second for A, whose step is exact for an acceleration that is straight between them.
-const RATE_A: f64 = 1e6;
-/// Samples a second for B, which takes twenty steps in each.
-const RATE_B: f64 = 2e5;
+/// Steps of A in a sample of the bead: a step is exact for an acceleration that is straight in it.
+const FINER_A: usize = 10;
+/// Those of B, which are divided by twenty once more.
+const FINER_B: usize = 2;
 
 /// What a waveform says of one strike, SI units; none where the waveform lacks the quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,36 +37,40 @@ pub struct Given {
 impl Given {
     /// Of the stretch of a waveform that a window sees: `time` in s of the waveform.
     pub fn of(waveform: &Waveform, settings: &Settings, time: Range<f64>) -> Self {
-        let sampled = |trace: &Option<Trace>, rate: f64| -> Option<Vec<f64>> {
-            let mut trace = trace.clone()?;
-            let count = ((time.end - time.start) * rate).round().max(1.0) as usize;
-            let at = |sample: usize| time.start + sample as f64 / rate;
-            Some((0..count).map(|sample| trace.at(at(sample))).collect())
-        };
         let (bead, neighbours) = physics(settings);
-        let measured = sampled(&waveform.acceleration, RATE_A).map(|acceleration| {
-            let energies = f64_estimators::measured(&bead, &acceleration, RATE_A);
-            energies.last().copied().unwrap_or(0.0)
+        let rate = f64::from(settings.sample_rate_hz);
+        let fine = |trace: &Option<Trace>, finer: usize| {
+            let trace = trace.clone()?;
+            Some(Fine::of(trace, settings, &time, finer))
+        };
+        let measured = fine(&waveform.acceleration, FINER_A).map(|fine| {
+            let energies = f64_estimators::measured(&bead, &fine.values, rate * FINER_A as f64);
+            let noise = energies[fine.quiet - 1] / fine.quiet as f64;
+            energies[energies.len() - 1] - noise * energies.len() as f64
         });
-        let predicted = sampled(&waveform.force, RATE_B).map(|force| {
-            let energies = f64_estimators::predicted(&bead, &neighbours, &force, RATE_B);
-            energies.last().copied().unwrap_or(0.0)
+        let predicted = fine(&waveform.force, FINER_B).map(|fine| {
+            let force = gated(&fine.values, settings, fine.noise, FINER_B);
+            let energies = f64_estimators::predicted(&bead, &neighbours, &force, rate * FINER_B as f64);
+            energies[energies.len() - 1]
         });
-        let peak = sampled(&waveform.force, RATE_A);
+        let peak = fine(&waveform.force, FINER_A);
         Self {
-            peak_force: peak.map(|force| force.into_iter().fold(0.0, f64::max)),
+            peak_force: peak.map(|fine| fine.values.into_iter().fold(0.0, f64::max)),
             absorbed_measured: measured,
             absorbed_predicted: predicted,
         }
     }
 
-    /// Of the window that a bead would open around the highest value.
+    /// Of the window that a bead would open at the rise to the highest force, or around the highest
+    /// acceleration.
     pub fn around_its_peak(waveform: &Waveform, settings: &Settings) -> Self {
-        let trace = waveform.force.as_ref().or(waveform.acceleration.as_ref());
-        let peak = trace.map_or(0.0, |trace| trace.highest().0);
+        let trigger = match (&waveform.force, &waveform.acceleration) {
+            (Some(force), _) => trigger(force.clone(), settings),
+            (None, acceleration) => acceleration.as_ref().map_or(0.0, |trace| trace.highest().0),
+        };
         let rate = f64::from(settings.sample_rate_hz);
         let [before, long] = [settings.window.history, settings.window.length].map(|n| f64::from(n) / rate);
-        Self::of(waveform, settings, peak - before..peak - before + long)
+        Self::of(waveform, settings, trigger - before..trigger - before + long)
     }
 
     /// As the truth of a run has it: the energy from the acceleration if there is one, else from the force.
@@ -67,6 +78,48 @@ impl Given {
         Truth {
             peak_force: self.peak_force.unwrap_or(0.0),
             absorbed: self.absorbed_measured.or(self.absorbed_predicted).unwrap_or(0.0),
+        }
+    }
+}
+
+/// When the force begins to rise as settings ask for, on its way to its highest value, s.
+fn trigger(mut force: Trace, settings: &Settings) -> f64 {
+    let sample = 1.0 / f64::from(settings.sample_rate_hz);
+    let rise = f64::from(settings.window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
+    let before = f64::from(settings.window.lookback) * sample;
+    let peak = force.highest().0;
+    let mut at = |time: f64| force.around(time, 0.5 * sample);
+    let rises = |time: &f64| at(*time) >= at(time - before) + rise;
+    let back = (0..HISTORY_MAX).map(|n| peak - n as f64 * sample);
+    back.take_while(rises).last().unwrap_or(peak)
+}
+
+/// A quantity in a window at steps that are finer than the bead's samples.
+struct Fine {
+    /// Relative to the zero of the window. There is one at least.
+    values: Vec<f64>,
+    /// Steps before the strike: one at least.
+    quiet: usize,
+    /// What scatters at the beginning, rms.
+    noise: f64,
+}
+
+impl Fine {
+    fn of(mut trace: Trace, settings: &Settings, time: &Range<f64>, finer: usize) -> Self {
+        let sample = 1.0 / f64::from(settings.sample_rate_hz);
+        let step = sample / finer as f64;
+        let count = ((time.end - time.start) / step).round().max(1.0) as usize;
+        let at = |n: usize| time.start + n as f64 * step;
+        let mut values: Vec<f64> = (0..count).map(|n| trace.around(at(n), 0.5 * sample)).collect();
+        let first = &values[..count.min(usize::from(BASELINE) * finer)];
+        let zero = first.iter().sum::<f64>() / first.len() as f64;
+        let squares = first.iter().map(|value| (value - zero).powi(2));
+        let noise = (squares.sum::<f64>() / first.len() as f64).sqrt();
+        values.iter_mut().for_each(|value| *value -= zero);
+        Self {
+            values,
+            quiet: count.min(usize::from(settings.window.noise_end()) * finer).max(1),
+            noise,
         }
     }
 }
@@ -99,46 +152,83 @@ pub(crate) fn physics(settings: &Settings) -> (Bead, Neighbours) {
 mod tests {
     use bead_model::design::{Capture, FrontEnd, derive};
     use hertz_chain::Scenario;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
     use crate::bench::sensed::{bead_of, simulate_with_ring_down};
 
-    #[test]
-    fn of_the_chains_own_waveform_both_estimates_are_what_its_intruder_dissipates() {
+    /// The paper's strike at bead 8, as an instrument has it: `rate` rows a second, each put through `row`.
+    fn recorded(rate: f64, mut row: impl FnMut(usize, f64) -> f64) -> (Waveform, Settings, Truth) {
         let scenario = Scenario::paper();
         let solution = simulate_with_ring_down(&scenario).unwrap();
         let bead = bead_of(&solution, 8).unwrap();
         let settings = derive(&bead, &FrontEnd::reference(), &Capture::default()).unwrap();
         let truth = Truth::of(&scenario, &solution, 8).unwrap();
-        let rate = 100e3;
-        let count = (scenario.duration * rate) as usize;
-        let along = |of: &dyn Fn(f64) -> f64| (0..count).map(|n| of(n as f64 / rate)).collect();
+        let before = 3e-3;
+        let times = (0..((before + solution.end()) * rate) as usize).map(|n| n as f64 / rate - before);
+        let mut force: Vec<f64> = times.clone().map(|t| solution.at(t.max(0.0)).force(8)).collect();
+        let mut acceleration: Vec<f64> = times
+            .map(|t| solution.at(t.max(0.0)).intruder_acceleration(8).unwrap())
+            .collect();
+        for (sensor, values) in [&mut force, &mut acceleration].into_iter().enumerate() {
+            values.iter_mut().for_each(|value| *value = row(sensor, *value));
+        }
         let waveform = Waveform {
-            force: Some(Trace::even(along(&|t| solution.at(t).force(8)), rate)),
-            acceleration: Some(Trace::even(
-                along(&|t| solution.at(t).intruder_acceleration(8).unwrap()),
-                rate,
-            )),
+            force: Some(Trace::even(force, rate)),
+            acceleration: Some(Trace::even(acceleration, rate)),
             start: 0.0,
             remarks: Vec::new(),
         };
-        let given = Given::of(&waveform, &settings, 0.0..scenario.duration - 1e-4);
-        let off = |joule: Option<f64>| joule.unwrap() / truth.absorbed - 1.0;
-        let (a, b) = (off(given.absorbed_measured), off(given.absorbed_predicted));
-        println!(
-            "A {a:.2e}, B {b:.2e}, peak {:?} of {}",
-            given.peak_force, truth.peak_force
-        );
-        // Settings have the bead's masses as 32-bit floats, and the chain is sampled at 100 kHz.
-        assert!(a.abs() < 1e-4 && b.abs() < 1e-3, "{a:e} {b:e}");
-        assert!((given.peak_force.unwrap() / truth.peak_force - 1.0).abs() < 1e-4);
-        let force_alone = Waveform {
-            acceleration: None,
-            ..waveform
-        };
-        let given = Given::around_its_peak(&force_alone, &settings);
+        (waveform, settings, truth)
+    }
+
+    /// By how much A and B are off.
+    fn off(waveform: &Waveform, settings: &Settings, truth: Truth) -> [f64; 2] {
+        let given = Given::around_its_peak(waveform, settings);
+        [given.absorbed_measured, given.absorbed_predicted].map(|joule| joule.unwrap() / truth.absorbed - 1.0)
+    }
+
+    #[test]
+    fn of_the_chains_own_waveform_both_estimates_are_what_its_intruder_dissipates() {
+        for rate in [100e3, 2e6] {
+            let (waveform, settings, truth) = recorded(rate, |_, value| value);
+            let [a, b] = off(&waveform, &settings, truth);
+            println!("{rate} Hz: A {a:.2e}, B {b:.2e}");
+            // Settings have the bead's masses as 32-bit floats, and the window ends after 6.72 ms.
+            assert!(a.abs() < 5e-4 && b.abs() < 1e-3, "{a:e} {b:e}");
+            let given = Given::around_its_peak(&waveform, &settings);
+            assert!((given.peak_force.unwrap() / truth.peak_force - 1.0).abs() < 3e-4);
+        }
+        let (mut waveform, settings, truth) = recorded(100e3, |_, value| value);
+        waveform.acceleration = None;
+        let given = Given::around_its_peak(&waveform, &settings);
         assert_eq!(given.absorbed_measured, None);
         let absorbed = given.truth().absorbed;
         assert!((absorbed / truth.absorbed - 1.0).abs() < 5e-3, "{absorbed:e}");
+    }
+
+    #[test]
+    fn a_zero_that_is_off_and_noise_change_neither_estimate() {
+        for (rate, zero, noise) in [
+            (1e6, 0.01, 0.0),
+            (1e6, -0.02, 0.0),
+            (1e6, 0.0, 0.01),
+            (100e3, 0.005, 0.002),
+        ] {
+            let mut chance = ChaCha8Rng::seed_from_u64(1);
+            // Parts of the highest force, 6 N, and of the greatest acceleration, 300 m/s².
+            let (waveform, settings, truth) = recorded(rate, |sensor, value| {
+                let scale = [6.0, 300.0][sensor];
+                let scatter: f64 = (0..12).map(|_| chance.random_range(-0.5..0.5)).sum();
+                value + scale * (zero + noise * scatter)
+            });
+            let [a, b] = off(&waveform, &settings, truth);
+            println!("{rate} Hz, zero {zero}, noise {noise}: A {a:.2e}, B {b:.2e}");
+            assert!(
+                a.abs() < 0.01 && b.abs() < 0.01,
+                "{rate} {zero} {noise}: {a:e} {b:e}"
+            );
+        }
     }
 }

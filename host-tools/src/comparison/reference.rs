@@ -159,7 +159,7 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
             f64_samples: last(f64_estimators::predicted(
                 &bead,
                 &neighbours,
-                &gated(&force, settings, noise),
+                &gated(&force, settings, noise, 1),
                 rate,
             )),
             reference: predicted.and_then(|given| given.absorbed_predicted),

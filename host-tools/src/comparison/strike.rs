@@ -387,7 +387,7 @@ impl FullChain {
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let start = self.place(&force, rate);
-        let gated = gated(&force, settings, strike.said.force_noise.newtons());
+        let gated = gated(&force, settings, strike.said.force_noise.newtons(), 1);
         let work = f64_estimators::work(&self.physics, &self.neighbours, &gated, rate);
         let at = |time: f64| {
             let sample = ((time - start) * rate).round().max(0.0) as usize;
@@ -523,7 +523,7 @@ impl FullChain {
         let force = sensed(&strike.scans, 0, &settings.force);
         let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
         let noise = strike.said.force_noise.newtons();
-        let gated = gated(&force, settings, noise);
+        let gated = gated(&force, settings, noise, 1);
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
         let predicted = f64_estimators::predicted(&self.physics, &self.neighbours, &gated, rate);
         let start = self.place(&force, rate);
