@@ -432,12 +432,17 @@ impl Emulation {
         })
     }
 
-    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as the
-    /// bead is on.
+    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as its
+    /// codes go.
     pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
-        let (began, seconds) = (self.truth.began, self.seconds());
+        self.sync_until(edges, self.seconds());
+    }
+
+    /// The same up to a time of the bead's own, s.
+    pub fn sync_until(&mut self, edges: impl IntoIterator<Item = f64>, until: f64) {
+        let began = self.truth.began;
         let own = edges.into_iter().map(|edge| edge - began);
-        let on = own.take_while(|edge| *edge < seconds).filter(|edge| *edge > 0.0);
+        let on = own.take_while(|edge| *edge < until).filter(|edge| *edge > 0.0);
         self.truth.sync_edges = on.collect();
     }
 

@@ -45,7 +45,7 @@ pub(crate) struct FrontEndOptions {
     /// Noise of sensors, conditioner and converter.
     #[arg(long, value_enum, default_value_t)]
     noise: Noise,
-    /// Seed of the noise: the same seed gives the same codes.
+    /// Seed of the noise, and of what else is left to chance: the same seed gives the same codes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Noise of the force at the high gain, N rms [default: 0.005; of strong sensors 0.03].
@@ -135,6 +135,11 @@ impl FrontEndOptions {
             }
         }
         if self.noise == Noise::Off {
+            let given = self.force_noise.is_some() || self.acceleration_noise.is_some();
+            ensure!(
+                !given,
+                "--noise off: leave out --force-noise and --acceleration-noise"
+            );
             for channel in front_end.channels_mut() {
                 channel.noise_rms = 0.0;
             }
@@ -142,8 +147,13 @@ impl FrontEndOptions {
         Ok(front_end)
     }
 
-    /// The seed, if there is noise.
-    pub(crate) fn seed(&self) -> Option<u64> {
+    /// The seed of all that is left to chance.
+    pub(crate) fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The seed of the noise, if there is any.
+    pub(crate) fn noise(&self) -> Option<u64> {
         (self.noise == Noise::On).then_some(self.seed)
     }
 }

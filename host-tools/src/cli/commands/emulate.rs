@@ -122,10 +122,10 @@ pub(crate) struct Arguments {
         value_delimiter = ','
     )]
     clock_ppm: Vec<f64>,
-    /// Let chance choose each crystal, up to this many ppm fast or slow, by the seed of the noise.
+    /// Let chance choose each crystal, up to this many ppm fast or slow, by the seed.
     #[arg(long, value_name = "PPM", conflicts_with = "clock_ppm")]
     clock_spread: Option<f64>,
-    /// Let chance choose when each bead takes its first scan, within this time, s, by the seed of the noise.
+    /// Let chance choose when each bead takes its first scan, within this time, s, by the seed.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     start_spread: f64,
     /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns].
@@ -164,6 +164,8 @@ const SYNC_LEAST: f64 = 0.02;
 const LONGEST: f64 = 1200.0;
 /// The time between edges with several beads, s, if nobody gives another.
 const SYNC_OF_SEVERAL: f64 = 0.1;
+/// A bead that goes on until Ctrl-C has edges for so much of its time, s: they are in memory, too.
+const SYNC_OF_LISTENING: f64 = 3600.0;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
 const LEAD_IN: f64 = 0.02;
 
@@ -213,7 +215,7 @@ impl Arguments {
         );
         if let Some(period) = self.sync_period {
             ensure!(
-                period >= SYNC_LEAST,
+                period.is_finite() && period >= SYNC_LEAST,
                 "--sync-period {period}: give s, at least {SYNC_LEAST}"
             );
         }
@@ -362,6 +364,11 @@ fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Do
     if let Some(port) = arguments.gdb {
         output::note(format_args!("it waits for a debugger: target remote :{port}"));
     }
+    if arguments.sync_period.is_some() {
+        output::note(format_args!(
+            "there are edges at its sync input for an hour of its time"
+        ));
+    }
     let mut bridge = Bridge::new(&emulation, arguments.pace)?;
     output::note(format_args!(
         "a bead is at {address} until Ctrl-C; its time {passes}"
@@ -392,14 +399,13 @@ impl<'a> Bench<'a> {
             Some(path) => faults::load(path)?,
             None => Vec::new(),
         };
-        let noise = arguments.front_end.seed();
-        let seed = noise.unwrap_or(1);
+        let noise = arguments.front_end.noise();
         let several = !matches!(arguments.bead, Beads::One(_));
         let mut placed = several::placed(
             beads,
             &arguments.clocks(),
             arguments.start_spread,
-            seed,
+            arguments.front_end.seed(),
             noise.is_some(),
         )?;
         if !several {
@@ -470,7 +476,11 @@ impl<'a> Bench<'a> {
         emulation.gdb = arguments.gdb;
         let several = !matches!(arguments.bead, Beads::One(_));
         if let Some(period) = arguments.sync_period.or(several.then_some(SYNC_OF_SEVERAL)) {
-            emulation.sync((1..).map(|number| f64::from(number) * period));
+            let until = match arguments.listen.is_some() {
+                true => SYNC_OF_LISTENING,
+                false => emulation.seconds(),
+            };
+            emulation.sync_until((1..).map(|number| f64::from(number) * period), until);
         }
         Ok(emulation)
     }
