@@ -2,9 +2,10 @@
 //! without codes and filter. A takes the acceleration, B the force.
 //!
 //! # Design
-//! A record has noise and a zero of its own, and both add energy: a force that is off by 1 % of its peak changes
-//! B by a quarter. So a window is treated as the bead treats its own (docs/estimators.md). What it holds at
-//! first is its zero, what noise adds to A before the strike is taken off, and a weak force is none for B.
+//! A record has noise and a zero of its own, and both add energy: a force that is off by 1 % of its peak
+//! changes B by a quarter. So a window is treated as the bead treats its own (docs/estimators.md). What it
+//! holds at first is its zero, what noise adds to A before the strike is taken off, and a weak force is none
+//! for B.
 
 use std::ops::Range;
 

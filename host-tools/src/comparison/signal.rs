@@ -60,9 +60,9 @@ pub(crate) fn force_noise(strike: &RecordedStrike) -> f64 {
     codes * per_code.map_or(0.0, |per_code| per_code.to_num())
 }
 
-/// The force as estimate B of the bead takes it, N, in `finer` steps a sample; `noise` is the force's noise, N
-/// rms. The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them for
-/// noise.
+/// The force as estimate B of the bead takes it, N, in `finer` steps a sample; `noise` is the force's noise,
+/// N rms. The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
+/// for noise.
 pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64, finer: usize) -> Vec<f64> {
     let gate = f64::max(settings.chain.gate.to_num(), 3.0 * noise);
     let foot = usize::from(settings.window.noise_end()) * finer;

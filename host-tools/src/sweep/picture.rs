@@ -454,8 +454,8 @@ impl Column {
         }
     }
 
-    /// The value at a place, for people. Where several keys change along the axis, more of its places may have
-    /// that value, and the place is told too.
+    /// The value at a place, for people. Where several keys change along the axis, more of its places may
+    /// have that value, and the place is told too.
     fn told(&self, plan: &Plan, place: u64) -> String {
         let along = self.along(plan);
         let number = coordinate(along, place);
