@@ -109,7 +109,8 @@ pub fn other_length(
     (late > LITTLE).then(|| {
         format!(
             "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, \
-             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
+             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter, or, if \
+             its intruder still rings then, the window of its settings longer",
             100.0 * late
         )
     })
