@@ -2,10 +2,10 @@
 //! without codes and filter. A takes the acceleration, B the force.
 //!
 //! # Design
-//! A record has noise and a zero of its own, and both add energy: a force that is off by 1 % of its peak
-//! changes B by a quarter. So a window is treated as the bead treats its own (docs/estimators.md). What it
-//! holds at first is its zero, what noise adds to A before the strike is taken off, and a weak force is none
-//! for B.
+//! A record has noise and a zero of its own, and both change energies: a force that is off by 1 % of its peak
+//! changes B by more than a quarter. So a window is treated as the bead treats its own (docs/estimators.md).
+//! What it holds at first is its zero, what noise adds to A before the strike is taken off, and a weak force
+//! is none for B.
 
 use std::ops::Range;
 
@@ -196,8 +196,8 @@ mod tests {
             let (waveform, settings, truth) = recorded(rate, |_, value| value);
             let [a, b] = off(&waveform, &settings, truth);
             println!("{rate} Hz: A {a:.2e}, B {b:.2e}");
-            // Settings have the bead's masses as 32-bit floats, and the window ends after 6.72 ms.
-            assert!(a.abs() < 5e-4 && b.abs() < 1e-3, "{a:e} {b:e}");
+            // B has five beads of the chain, and takes weak forces for none.
+            assert!(a.abs() < 1e-5 && b.abs() < 3e-4, "{a:e} {b:e}");
             let given = Given::around_its_peak(&waveform, &settings);
             assert!((given.peak_force.unwrap() / truth.peak_force - 1.0).abs() < 3e-4);
         }
@@ -206,16 +206,17 @@ mod tests {
         let given = Given::around_its_peak(&waveform, &settings);
         assert_eq!(given.absorbed_measured, None);
         let absorbed = given.truth().absorbed;
-        assert!((absorbed / truth.absorbed - 1.0).abs() < 5e-3, "{absorbed:e}");
+        assert!((absorbed / truth.absorbed - 1.0).abs() < 3e-4, "{absorbed:e}");
     }
 
     #[test]
     fn a_zero_that_is_off_and_noise_change_neither_estimate() {
-        for (rate, zero, noise) in [
-            (1e6, 0.01, 0.0),
-            (1e6, -0.02, 0.0),
-            (1e6, 0.0, 0.01),
-            (100e3, 0.005, 0.002),
+        // Zero and noise as parts of the peak, and how far a single strike may be off.
+        for (rate, zero, noise, most) in [
+            (1e6, 0.01, 0.0, 3e-4),
+            (1e6, -0.02, 0.0, 3e-4),
+            (1e6, 0.0, 0.01, 6e-3),
+            (100e3, 0.005, 0.002, 6e-3),
         ] {
             let mut chance = ChaCha8Rng::seed_from_u64(1);
             // Parts of the highest force, 6 N, and of the greatest acceleration, 300 m/s².
@@ -227,7 +228,7 @@ mod tests {
             let [a, b] = off(&waveform, &settings, truth);
             println!("{rate} Hz, zero {zero}, noise {noise}: A {a:.2e}, B {b:.2e}");
             assert!(
-                a.abs() < 0.01 && b.abs() < 0.01,
+                a.abs() < most && b.abs() < most,
                 "{rate} {zero} {noise}: {a:e} {b:e}"
             );
         }
