@@ -48,8 +48,9 @@ const TASKS: &[Task] = &[
     (
         "setup",
         "Install what is missing: Rust's thumbv7em-none-eabihf target and QEMU's qemu-system-arm",
-        "It says what it installs before it does. QEMU comes by apt, as root or with a sudo that asks for no password. \
-         Elsewhere it prints the command for this system and ends with status 3. A second run changes nothing.",
+        "It says what it installs before it does, and removes nothing. QEMU comes by apt, as root or with a sudo that asks \
+         for no password. Elsewhere it prints the command for this system and ends with status 3. A second run changes \
+         nothing.",
         |steps| setup(steps, Need::Check),
     ),
     (

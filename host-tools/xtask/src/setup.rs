@@ -1,8 +1,9 @@
-//! What the workspace needs on this machine. xtask looks for it, says what is missing, and installs it.
+//! Set-up: finds the programs that the workspace needs, and installs those that are missing.
 //!
 //! # Design
 //! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember
-//! what it installed. So a second run finds all in place, changes nothing and says so in one line.
+//! what it installed. A second run finds everything in place, changes nothing and says so in one line. It
+//! never removes a package: the plan of apt is simulated, shown, and carried out with `--no-remove`.
 
 use std::path::PathBuf;
 
@@ -112,21 +113,94 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
             return Err(Stop::missing(what));
         }
     };
-    steps.announce("set-up: QEMU's qemu-system-arm is missing: apt installs it with the libraries it needs, some 100 MB on disk");
-    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install
-    // decides.
+    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the plan decides.
     let update = Line::new(&format!("{become_root}apt-get update -q"));
     if let Err(stop) = steps.run("set-up: package index", &update) {
         eprintln!("{}", stop.message);
     }
+    let (plan, release) = plan(steps)?;
+    steps.announce(&format!(
+        "set-up: QEMU's qemu-system-arm is missing: apt installs {}",
+        plan.installed.join(", ")
+    ));
+    if !plan.upgraded.is_empty() {
+        steps.announce(&format!("set-up: apt upgrades {} for it", plan.upgraded.join(", ")));
+    }
     let install = format!(
-        "{become_root}env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends qemu-system-arm"
+        "{become_root}env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-remove {release}{PACKAGE}"
     );
     steps
         .run("set-up: QEMU", &Line::new(&install))
         .map_err(|stop| Stop::missing(stop.message))?;
     let missing = || Stop::missing("apt installed QEMU, and yet no qemu-system-arm is in PATH");
     find("qemu-system-arm").map(drop).ok_or_else(missing)
+}
+
+/// QEMU as apt-get is asked for it.
+const PACKAGE: &str = "--no-install-recommends qemu-system-arm";
+
+/// Package names of a simulated installation, by what apt would do with them.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Plan {
+    installed: Vec<String>,
+    upgraded: Vec<String>,
+    removed: Vec<String>,
+}
+
+impl Plan {
+    /// Reads the output of `apt-get -s install`: `Inst name (version …)` for a new package, `Inst name [old]
+    /// (version …)` for an upgraded one, `Remv name [old]` for a removed one.
+    fn parse(simulation: &str) -> Self {
+        let mut plan = Plan::default();
+        for line in simulation.lines() {
+            let mut words = line.split_whitespace();
+            let (Some(action), Some(name)) = (words.next(), words.next()) else {
+                continue;
+            };
+            let old = words.next().is_some_and(|word| word.starts_with('['));
+            match action {
+                "Inst" if old => plan.upgraded.push(name.to_owned()),
+                "Inst" => plan.installed.push(name.to_owned()),
+                "Remv" => plan.removed.push(name.to_owned()),
+                _ => {}
+            }
+        }
+        plan
+    }
+}
+
+/// The first plan that removes nothing, and the option that asks apt for it: apt's own choice of a release,
+/// or else one of the releases that offer QEMU. Installed packages may be of backports, where QEMU has to
+/// come from too.
+///
+/// # Errors
+/// Status 3: apt knows no such package, or would remove another one in every release.
+fn plan(steps: &Steps) -> Result<(Plan, String), Stop> {
+    let simulate = |option: &str| Line::new(&format!("apt-get install -s {option}{PACKAGE}"));
+    let first = steps
+        .read("set-up: the packages that apt would install", &simulate(""))
+        .map_err(|stop| Stop::missing(stop.message))?;
+    let first = Plan::parse(&first);
+    if first.removed.is_empty() {
+        return Ok((first, String::new()));
+    }
+    let offers = output("apt-cache madison qemu-system-arm").unwrap_or_default();
+    // " qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages"
+    let releases = offers
+        .lines()
+        .filter_map(|offer| offer.rsplit('|').next()?.split_whitespace().nth(1)?.split('/').next());
+    for release in releases {
+        let option = format!("-t {release} ");
+        let simulation = output(&simulate(&option).to_string()).map(|said| Plan::parse(&said));
+        if let Some(plan) = simulation.filter(|plan| plan.removed.is_empty()) {
+            return Ok((plan, option));
+        }
+    }
+    let removed = first.removed.join(", ");
+    Err(Stop::missing(format!(
+        "apt would remove {removed} to install QEMU's qemu-system-arm, so nothing was installed. \
+         If you do without {removed}: sudo apt-get install {PACKAGE}"
+    )))
 }
 
 /// The one command that installs QEMU here.
@@ -139,7 +213,7 @@ fn advice() -> String {
     let managers = [
         (
             "apt-get",
-            "sudo apt-get update && sudo apt-get install -y --no-install-recommends qemu-system-arm",
+            "sudo apt-get update && sudo apt-get install -y --no-remove --no-install-recommends qemu-system-arm",
         ),
         ("dnf", "sudo dnf install -y qemu-system-arm"),
         ("pacman", "sudo pacman -S --needed qemu-system-arm"),
@@ -201,5 +275,19 @@ mod tests {
         assert_eq!(debian, QEMU_OLDEST);
         assert!(jammy < QEMU_OLDEST && QEMU_OLDEST < trixie);
         assert_eq!(Version::parse("no number here"), None);
+    }
+
+    #[test]
+    fn a_plan_tells_new_packages_from_upgraded_and_removed_ones() {
+        // As apt 2.6 simulates it.
+        let plan = Plan::parse(
+            "The following packages will be REMOVED:\n  qemu-utils\nRemv qemu-utils [1:10.0.2+ds-2~bpo12+1]\n\
+             Inst qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n\
+             Inst libc6 [2.36-9] (2.36-9+deb12u10 Debian:12.15/oldstable [amd64])\n\
+             Conf qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n",
+        );
+        let names = |name: &str| vec![name.to_owned()];
+        let [installed, upgraded, removed] = ["qemu-system-data", "libc6", "qemu-utils"].map(names);
+        assert_eq!(plan, Plan { installed, upgraded, removed });
     }
 }

@@ -69,10 +69,30 @@ impl Machine {
 
     /// An apt whose `install` brings QEMU 7.2.
     fn apt(&self) {
+        self.apt_with("");
+    }
+
+    /// An apt whose simulation also prints `Remv qemu-utils`, unless it is asked for this release.
+    fn apt_that_removes_unless(&self, release: &str) {
+        self.apt_with(&format!(
+            r#"case "$*" in *"-t {release} "*) ;; *) echo "Remv qemu-utils [1:10.0.2]" ;; esac"#
+        ));
+    }
+
+    fn apt_with(&self, simulation: &str) {
         self.qemu("7.2.22");
         fs::rename(self.path("qemu-system-arm"), self.path("package")).unwrap();
-        let install = r#"case "$1" in install) /bin/mv "$HERE/package" "$HERE/qemu-system-arm" ;; esac"#;
-        self.program("apt-get", &format!("{LOG}\n{install}"));
+        self.program(
+            "apt-get",
+            &format!(
+                r#"{LOG}
+case "$*" in
+    "install -s "*) {simulation}
+        echo "Inst qemu-system-arm (1:7.2 Debian:12/oldstable [amd64])" ;;
+    install*) /bin/mv "$HERE/package" "$HERE/qemu-system-arm" ;;
+esac"#
+            ),
+        );
     }
 
     fn setup(&self) -> Outcome {
@@ -92,7 +112,8 @@ impl Machine {
 }
 
 const UPDATE: &str = "apt-get update -q";
-const INSTALL: &str = "apt-get install -q -y --no-install-recommends qemu-system-arm";
+const SIMULATE: &str = "apt-get install -s --no-install-recommends qemu-system-arm";
+const INSTALL: &str = "apt-get install -q -y --no-remove --no-install-recommends qemu-system-arm";
 
 #[test]
 fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
@@ -102,11 +123,11 @@ fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
     let first = machine.setup();
     assert_eq!(
         (first.status, first.ran),
-        (Some(0), vec![UPDATE.into(), INSTALL.into()]),
+        (Some(0), vec![UPDATE.into(), SIMULATE.into(), INSTALL.into()]),
         "{}",
         first.said
     );
-    assert!(first.said.find("apt installs it").unwrap() < first.said.find("$ apt-get update").unwrap());
+    assert!(first.said.find("apt installs qemu-system-arm").unwrap() < first.said.find("apt-get install -q").unwrap());
     let second = machine.setup();
     assert_eq!(
         (second.status, second.ran.len(), second.said.lines().count()),
@@ -125,7 +146,7 @@ fn a_user_with_sudo_that_asks_nothing_gets_qemu() {
     let run = machine.setup();
     assert_eq!(
         (run.status, run.ran),
-        (Some(0), vec![UPDATE.into(), INSTALL.into()]),
+        (Some(0), vec![UPDATE.into(), SIMULATE.into(), INSTALL.into()]),
         "{}",
         run.said
     );
@@ -160,19 +181,58 @@ fn a_user_who_may_not_install_is_told_the_command_of_this_system() {
     }
 }
 
+/// An `apt-cache` that offers QEMU in two releases.
+const OFFERS: &str = r#"echo "qemu-system-arm | 1:7.2 | http://deb.debian.org/debian bookworm/main amd64 Packages"
+echo "qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages""#;
+
 #[test]
-fn an_install_that_fails_names_the_command_to_repeat() {
+fn where_apt_would_remove_a_package_qemu_comes_from_the_release_that_removes_none() {
     let machine = Machine::new();
+    machine.apt_that_removes_unless("bookworm-backports");
+    machine.program("apt-cache", OFFERS);
     machine.user("0");
-    machine.program("apt-get", &format!("{LOG}\nexit 100"));
     let run = machine.setup();
-    assert_eq!(
-        (run.status, run.ran),
-        (Some(3), vec![UPDATE.into(), INSTALL.into()]),
+    let install = "apt-get install -q -y --no-remove -t bookworm-backports --no-install-recommends qemu-system-arm";
+    assert_eq!(run.status, Some(0), "{}", run.said);
+    assert_eq!(run.ran.last().map(String::as_str), Some(install), "{}", run.said);
+}
+
+#[test]
+fn a_package_that_every_release_would_remove_is_named_and_nothing_is_installed() {
+    let machine = Machine::new();
+    machine.apt_that_removes_unless("no such release");
+    machine.program("apt-cache", OFFERS);
+    machine.user("0");
+    let run = machine.setup();
+    assert_eq!(run.status, Some(3), "{}", run.said);
+    let only_simulated = |line: &String| line == UPDATE || line.starts_with("apt-get install -s ");
+    assert!(run.ran.iter().all(only_simulated), "{:?}", run.ran);
+    assert!(
+        run.said.lines().any(|line| line.contains("would remove qemu-utils")
+            && line.ends_with("sudo apt-get install --no-install-recommends qemu-system-arm")),
         "{}",
         run.said
     );
-    assert!(run.said.contains("To repeat this step alone"), "{}", run.said);
+}
+
+#[test]
+fn an_install_that_fails_names_the_command_to_repeat() {
+    for (failing, ran) in [("-s", vec![UPDATE, SIMULATE]), ("-q", vec![UPDATE, SIMULATE, INSTALL])] {
+        let machine = Machine::new();
+        machine.user("0");
+        machine.program(
+            "apt-get",
+            &format!("{LOG}\ncase \"$1 $2\" in \"install {failing}\") exit 100 ;; esac"),
+        );
+        let run = machine.setup();
+        assert_eq!(
+            (run.status, run.ran),
+            (Some(3), ran.into_iter().map(str::to_owned).collect()),
+            "{}",
+            run.said
+        );
+        assert!(run.said.contains("To repeat this step alone"), "{}", run.said);
+    }
 }
 
 #[test]
