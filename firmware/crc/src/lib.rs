@@ -3,6 +3,7 @@
 //! # Design
 //! The `crc` crate computes it, byte by byte from a table of 1 KiB. This crate holds the table, so that it is
 //! in the image once.
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -21,7 +21,7 @@ impl Product {
         match self {
             Product::Image => "-p bead-firmware --target thumbv7em-none-eabihf",
             Product::Tools => {
-                "-p bead -p bead-figures --target x86_64-unknown-linux-gnu --target aarch64-unknown-linux-gnu"
+                "-p absorber-bead -p bead-figures --target x86_64-unknown-linux-gnu --target aarch64-unknown-linux-gnu"
             }
         }
     }
@@ -30,7 +30,7 @@ impl Product {
     pub fn package(self) -> &'static str {
         match self {
             Product::Image => "bead-firmware",
-            Product::Tools => "bead",
+            Product::Tools => "absorber-bead",
         }
     }
 }

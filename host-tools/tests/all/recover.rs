@@ -216,7 +216,7 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
 }
 
 #[test]
-#[ignore = "five minutes and 20 GB of disk: cargo test --release -p bead --test all five_gigabytes -- --ignored --nocapture"]
+#[ignore = "five minutes and 20 GB of disk: cargo test --release -p absorber-bead --test all five_gigabytes -- --ignored --nocapture"]
 fn five_gigabytes_of_strikes_are_recorded_in_the_memory_of_any_other_recording() {
     const SENT: u64 = 5_000_000_000;
     let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/recording-v2.mcap");

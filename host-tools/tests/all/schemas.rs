@@ -1,7 +1,7 @@
 //! The JSON of every command, held by a schema in docs/schemas.
 //!
 //! A schema is made of what the command prints of recordings, runs, and frames with random fields. After a
-//! change that is meant: `SCHEMAS=overwrite cargo test --release -p bead --test all schemas::`, and a new
+//! change that is meant: `SCHEMAS=overwrite cargo test --release -p absorber-bead --test all schemas::`, and a new
 //! `schema_version` if a key went away or means something else. (`bead figures` has its own in
 //! host-tools/figures-command.)
 

@@ -2,7 +2,7 @@
 
 use crate::comments;
 use crate::links;
-use crate::packages::{HOST, IMAGE, IMAGES};
+use crate::packages::{HOST, IMAGE, IMAGES, PUBLISHED};
 use crate::step::{Line, Steps, Stop};
 use crate::supply;
 
@@ -15,6 +15,7 @@ pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
     steps.run("circles of imports, and arrows up", &imports)?;
     supply::inventory(steps)?;
+    packages(steps)?;
     steps.both(
         |steps| host(steps, HOST),
         |steps| {
@@ -33,6 +34,13 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.announce("width of comments");
     comments::check(&steps.root)?;
     steps.run("format", &Line::new("cargo fmt --all --check"))
+}
+
+/// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency that
+/// has no version, or with a readme that is not there.
+pub(crate) fn packages(steps: &Steps) -> Result<(), Stop> {
+    let package = Line::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
+    steps.run("the crates as they are published", &package)
 }
 
 /// Lints and documentation of these packages of the host.

@@ -2,11 +2,15 @@
 
 /// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
 /// none of them.
-pub(crate) const DEMO: &str = "-p bead -p stm32f405-qemu";
+pub(crate) const DEMO: &str = "-p absorber-bead -p stm32f405-qemu";
 
 /// All but what is built for the part, and but the benchmark, which brings other solvers.
 pub(crate) const HOST: &str =
     "--workspace --exclude bead-firmware --exclude stm32f405-qemu-images --exclude hertz-benchmarks";
+
+/// The packages that others can use, for crates.io: each may depend on those before it.
+pub(crate) const PUBLISHED: &str = "-p bead-crc -p hertz-chain -p stm32f405-qemu -p bead-model -p bead-wire \
+    -p bead-store -p bead-telemetry -p hertz-figures -p absorber-bead";
 
 /// The flash image, as cargo builds it.
 pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabihf -p bead-firmware";

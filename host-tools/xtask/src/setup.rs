@@ -124,7 +124,10 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         plan.installed.join(", ")
     ));
     if !plan.upgraded.is_empty() {
-        steps.announce(&format!("set-up: apt upgrades {} for it", plan.upgraded.join(", ")));
+        steps.announce(&format!(
+            "set-up: apt upgrades {} for it",
+            plan.upgraded.join(", ")
+        ));
     }
     let install = format!(
         "{become_root}env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-remove {release}{PACKAGE}"
@@ -186,9 +189,15 @@ fn plan(steps: &Steps) -> Result<(Plan, String), Stop> {
     }
     let offers = output("apt-cache madison qemu-system-arm").unwrap_or_default();
     // " qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages"
-    let releases = offers
-        .lines()
-        .filter_map(|offer| offer.rsplit('|').next()?.split_whitespace().nth(1)?.split('/').next());
+    let releases = offers.lines().filter_map(|offer| {
+        offer
+            .rsplit('|')
+            .next()?
+            .split_whitespace()
+            .nth(1)?
+            .split('/')
+            .next()
+    });
     for release in releases {
         let option = format!("-t {release} ");
         let simulation = output(&simulate(&option).to_string()).map(|said| Plan::parse(&said));
@@ -288,6 +297,13 @@ mod tests {
         );
         let names = |name: &str| vec![name.to_owned()];
         let [installed, upgraded, removed] = ["qemu-system-data", "libc6", "qemu-utils"].map(names);
-        assert_eq!(plan, Plan { installed, upgraded, removed });
+        assert_eq!(
+            plan,
+            Plan {
+                installed,
+                upgraded,
+                removed
+            }
+        );
     }
 }

@@ -23,12 +23,12 @@ pub(crate) struct Job {
 /// What takes longest, first: then no core waits for one of them at the end. The others take some seconds.
 const LONG: [&str; 7] = [
     "-p bead-tests ",
-    "-p bead --test all",
+    "-p absorber-bead --test all",
     "the paper's figures",
     "-p bead-fuzz --test campaign",
     "-p hertz-chain --test all",
     "-p stm32f405-qemu --test all",
-    "-p bead --lib",
+    "-p absorber-bead --lib",
 ];
 
 /// What `cargo test --no-run --message-format json` says it has made.
@@ -137,7 +137,7 @@ mod tests {
         let told = [
             artifact("tests#bead-tests@0.1.0", "test", "key", true),
             artifact("xtask#0.1.0", "bin", "xtask", true),
-            artifact("host-tools#bead@0.1.0", "lib", "bead", true),
+            artifact("host-tools#absorber-bead@0.1.0", "lib", "bead", true),
             artifact("host-tools#bead@0.1.0", "bin", "bead", false),
             r#"{"reason":"build-finished","success":true}"#.to_owned(),
         ];
@@ -148,7 +148,7 @@ mod tests {
             [
                 "cargo test --release -p bead-tests --test key",
                 "cargo test --release -p xtask --bin xtask",
-                "cargo test --release -p bead --lib",
+                "cargo test --release -p absorber-bead --lib",
             ]
         );
         assert_eq!(

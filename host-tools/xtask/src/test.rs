@@ -73,6 +73,7 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     }
     images(steps)?;
     supply::check(steps)?;
+    lint::packages(steps)?;
     let bare = format!(
         "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );

@@ -52,7 +52,7 @@ const WORKSPACE: &[Package] = &[
     package("hertz-figures", &["hertz-chain"]),
     package("hertz-benchmarks", &["hertz-chain", "hertz-figures"]),
     Package {
-        name: "bead",
+        name: "absorber-bead",
         knows: HOST,
         rooms: &[
             "recording",
@@ -80,7 +80,7 @@ const HOST: &[&str] = &[
     "stm32f405-qemu",
     "bead-telemetry",
     "hertz-figures",
-    "bead",
+    "absorber-bead",
 ];
 
 #[test]
@@ -185,10 +185,7 @@ impl Source {
             let package = packages.iter().position(|package| package.name == name);
             let package =
                 package.ok_or_else(|| format!("the crate {name} has no row in the table of imports.rs"))?;
-            for (file, name) in [
-                ("src/lib.rs", name.replace('-', "_")),
-                ("src/main.rs", String::new()),
-            ] {
+            for (file, name) in [("src/lib.rs", library(&name)), ("src/main.rs", String::new())] {
                 let path = folder.join(file);
                 if path.exists() {
                     let parts = path.parent().unwrap_or(&folder).to_owned();
@@ -483,6 +480,14 @@ fn manifests(folder: &Path, found: &mut Vec<(PathBuf, String)>) -> std::io::Resu
         }
     }
     Ok(())
+}
+
+/// The name of a package's library in code.
+fn library(package: &str) -> String {
+    package
+        .strip_prefix("absorber-")
+        .unwrap_or(package)
+        .replace('-', "_")
 }
 
 fn is(token: &TokenTree, mark: char) -> bool {

@@ -127,7 +127,10 @@ fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
         "{}",
         first.said
     );
-    assert!(first.said.find("apt installs qemu-system-arm").unwrap() < first.said.find("apt-get install -q").unwrap());
+    assert!(
+        first.said.find("apt installs qemu-system-arm").unwrap()
+            < first.said.find("apt-get install -q").unwrap()
+    );
     let second = machine.setup();
     assert_eq!(
         (second.status, second.ran.len(), second.said.lines().count()),
@@ -192,7 +195,8 @@ fn where_apt_would_remove_a_package_qemu_comes_from_the_release_that_removes_non
     machine.program("apt-cache", OFFERS);
     machine.user("0");
     let run = machine.setup();
-    let install = "apt-get install -q -y --no-remove -t bookworm-backports --no-install-recommends qemu-system-arm";
+    let install =
+        "apt-get install -q -y --no-remove -t bookworm-backports --no-install-recommends qemu-system-arm";
     assert_eq!(run.status, Some(0), "{}", run.said);
     assert_eq!(run.ran.last().map(String::as_str), Some(install), "{}", run.said);
 }
@@ -208,8 +212,10 @@ fn a_package_that_every_release_would_remove_is_named_and_nothing_is_installed()
     let only_simulated = |line: &String| line == UPDATE || line.starts_with("apt-get install -s ");
     assert!(run.ran.iter().all(only_simulated), "{:?}", run.ran);
     assert!(
-        run.said.lines().any(|line| line.contains("would remove qemu-utils")
-            && line.ends_with("sudo apt-get install --no-install-recommends qemu-system-arm")),
+        run.said
+            .lines()
+            .any(|line| line.contains("would remove qemu-utils")
+                && line.ends_with("sudo apt-get install --no-install-recommends qemu-system-arm")),
         "{}",
         run.said
     );
@@ -217,7 +223,10 @@ fn a_package_that_every_release_would_remove_is_named_and_nothing_is_installed()
 
 #[test]
 fn an_install_that_fails_names_the_command_to_repeat() {
-    for (failing, ran) in [("-s", vec![UPDATE, SIMULATE]), ("-q", vec![UPDATE, SIMULATE, INSTALL])] {
+    for (failing, ran) in [
+        ("-s", vec![UPDATE, SIMULATE]),
+        ("-q", vec![UPDATE, SIMULATE, INSTALL]),
+    ] {
         let machine = Machine::new();
         machine.user("0");
         machine.program(
