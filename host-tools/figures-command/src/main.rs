@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use bead::cli::failure::{Blame, Failure};
 use bead::cli::interrupt;
 use bead::cli::output::{self, Format};
-use bead::cli::place::{self, Force, Kind};
+use bead::cli::place::{self, Kind, Overwrite};
 use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{Outcome, Plan};
@@ -38,7 +38,7 @@ struct Arguments {
     #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// End with status 1 if a check says no.
     #[arg(long)]
     check: bool,
@@ -70,7 +70,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         return list(&plans, arguments.format);
     }
     let place = |name: &str, kind| {
-        place::targets(&arguments.out, [(name, kind)], &[], arguments.force).map(|[target]| target)
+        place::targets(&arguments.out, [(name, kind)], &[], arguments.overwrite).map(|[target]| target)
     };
     let index = place("index.html", Kind::Page)?;
     for plan in &plans {
@@ -79,7 +79,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     place::make_directory(&arguments.out)?;
-    let table_file = place::optional(arguments.table.as_deref(), Kind::Text, &[], arguments.force)?;
+    let table_file = place::optional(arguments.table.as_deref(), Kind::Text, &[], arguments.overwrite)?;
     let progress = output::progress(plans.len() as u64);
     let lab = Lab::default();
     let mut outcomes = Vec::new();

@@ -1,4 +1,4 @@
-//! Which beads of a chain: `8`, `7-16`, `7,9,12-14` or `all`.
+//! Beads named on a command line: `8`, `7-16`, `7,9,12-14` or `all`.
 
 use std::str::FromStr;
 
@@ -8,18 +8,18 @@ use crate::bench::error::BenchError;
 use crate::bench::sensed::BEADS_TOLD;
 use crate::recording::printable::first_of;
 
-/// Beads as given on a command line.
+/// The value of `--bead`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Beads {
     /// A single number.
     One(usize),
-    /// A list or a range, in order.
+    /// A list or a range, in ascending order.
     Several(Vec<usize>),
-    /// All that have an intruder.
+    /// Every bead with an intruder.
     All,
 }
 
-/// More than any chain whose beads are emulated.
+/// Greatest number of a bead, above that of any chain whose beads are emulated.
 const MOST: usize = 100_000;
 
 impl FromStr for Beads {
@@ -38,10 +38,13 @@ impl FromStr for Beads {
             let (first, last) = part.split_once('-').unwrap_or((part, part));
             let number = |text: &str| text.trim().parse::<usize>().map_err(|_| odd());
             let (first, last) = (number(first)?, number(last)?);
-            if last < first || last > MOST {
+            if last < first {
+                return Err(format!("{part} counts down; give {last}-{first}"));
+            }
+            if last > MOST {
                 return Err(odd());
             }
-            // Of so many, one is named twice.
+            // More than MOST numbers of at most MOST: one is named twice.
             if beads.len() > MOST + 1 {
                 break;
             }
@@ -55,25 +58,59 @@ impl FromStr for Beads {
     }
 }
 
+/// Reads the value of `--bead` of a command for one bead.
+///
+/// # Errors
+/// The text names no bead, or several.
+pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
+    match text.parse()? {
+        Beads::One(bead) => Ok(bead),
+        _ => Err(format!(
+            "{text} is not one bead, which this command is for; give one number, such as 8"
+        )),
+    }
+}
+
+/// Beads with an intruder, in ascending order.
+fn with_intruder(scenario: &Scenario) -> Vec<usize> {
+    let mut beads: Vec<usize> = scenario
+        .intruders
+        .iter()
+        .flat_map(|intruder| intruder.beads.iter().copied())
+        .collect();
+    beads.sort_unstable();
+    beads
+}
+
 impl Beads {
-    /// The beads, in order. Those named must have an intruder.
+    /// The beads, in ascending order, with an intruder or without.
     ///
     /// # Errors
-    /// One has none, or none has one; the message names those that have one.
-    pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
-        let of_intruders = scenario.intruders.iter().flat_map(|intruder| &intruder.beads);
-        let mut with: Vec<usize> = of_intruders.copied().collect();
-        with.sort_unstable();
-        let named = match self {
+    /// All beads with an intruder are meant, and there is none.
+    pub(crate) fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+        let beads = match self {
             Self::One(bead) => vec![*bead],
             Self::Several(beads) => beads.clone(),
-            Self::All => with.clone(),
+            Self::All => with_intruder(scenario),
         };
-        if with.is_empty() {
+        if beads.is_empty() {
             return Err(BenchError::Unfit(
                 "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
             ));
         }
+        Ok(beads)
+    }
+
+    /// The beads, in ascending order. Each has an intruder.
+    ///
+    /// # Errors
+    /// A bead has none; the message names those that have one.
+    pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+        let with = with_intruder(scenario);
+        if with.is_empty() {
+            return Self::All.listed(scenario);
+        }
+        let named = self.listed(scenario)?;
         let without: Vec<usize> = named
             .iter()
             .copied()
@@ -82,9 +119,10 @@ impl Beads {
         if without.is_empty() {
             return Ok(named);
         }
-        let (has, these) = match without.len() {
-            1 => ("has", "bead"),
-            _ => ("have", "beads"),
+        let (has, these) = if without.len() == 1 {
+            ("has", "bead")
+        } else {
+            ("have", "beads")
         };
         Err(BenchError::Unfit(format!(
             "--bead: {these} {} {has} no intruder; those with one are {}",
@@ -105,12 +143,15 @@ mod tests {
         assert_eq!(read("7-9"), Ok(Beads::Several(vec![7, 8, 9])));
         assert_eq!(read("12-13,7"), Ok(Beads::Several(vec![7, 12, 13])));
         assert_eq!(read("all"), Ok(Beads::All));
-        for odd in ["", "x", "9-7", "7-", "-7", "1-1000000", "7;8"] {
+        for odd in ["", "x", "7-", "-7", "1-1000000", "7;8"] {
             assert!(
                 read(odd).is_err_and(|why| why.contains("names no beads")),
                 "{odd}"
             );
         }
+        assert_eq!(read("9-7"), Err("9-7 counts down; give 7-9".to_owned()));
+        assert_eq!(one_bead("8"), Ok(8));
+        assert!(one_bead("7-9").is_err_and(|why| why.contains("one number")));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::bench::image::find_image;
+use crate::cli::beads::one_bead;
 use crate::cli::failure::Failure;
 
 /// Scenario, bead and image.
@@ -13,7 +14,7 @@ pub(crate) struct BenchOptions {
     /// The scenario, a TOML file in SI units.
     pub(crate) scenario: PathBuf,
     /// The bead that senses: one with an intruder.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = one_bead)]
     pub(crate) bead: usize,
     /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
     #[arg(long, value_name = "ELF")]

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! An output never takes the place of an input, of another kind of file, or of anything but a file. It takes
-//! the place of a file of its own kind only with `--force`. All this is known before the work begins, and so
+//! the place of a file of its own kind only with `--overwrite`. All this is known before the work begins, and so
 //! is whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or not
 //! there, and two programs that write one name do not lose a result.
 
@@ -15,12 +15,12 @@ use clap::Args;
 use crate::cli::failure::{Blame, Failure};
 use crate::recording::whole::Target;
 
-/// `--force`.
+/// `--overwrite`.
 #[derive(Debug, Clone, Copy, Default, Args)]
-pub struct Force {
+pub struct Overwrite {
     /// Replace outputs of the same kind. Inputs and other files are never replaced.
     #[arg(long)]
-    pub force: bool,
+    pub overwrite: bool,
 }
 
 /// The kinds of files that commands read and write.
@@ -112,10 +112,10 @@ impl Kind {
 /// The file at `path` as a result of `kind`. Call it before the work.
 ///
 /// # Errors
-/// It is one of `inputs`, or no file, or of another kind; it is there and `force` is not given; or its
+/// It is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
 /// directory is missing or cannot be written to.
-pub fn target(path: &Path, kind: Kind, inputs: &[&Path], force: Force) -> Result<Target, Failure> {
-    let target = allowed(path, kind, inputs, force)?;
+pub fn target(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
+    let target = allowed(path, kind, inputs, overwrite)?;
     target.try_out()?;
     Ok(target)
 }
@@ -128,9 +128,9 @@ pub fn optional(
     path: Option<&Path>,
     kind: Kind,
     inputs: &[&Path],
-    force: Force,
+    overwrite: Overwrite,
 ) -> Result<Option<Target>, Failure> {
-    path.map(|path| target(path, kind, inputs, force)).transpose()
+    path.map(|path| target(path, kind, inputs, overwrite)).transpose()
 }
 
 /// Files in a directory that need not be there yet, each with its kind. Make the directory with
@@ -142,9 +142,9 @@ pub fn targets<const N: usize>(
     directory: &Path,
     files: [(&str, Kind); N],
     inputs: &[&Path],
-    force: Force,
+    overwrite: Overwrite,
 ) -> Result<[Target; N], Failure> {
-    let found = targets_of(directory, &files, inputs, force)?;
+    let found = targets_of(directory, &files, inputs, overwrite)?;
     Ok(found.try_into().expect("one target for each file"))
 }
 
@@ -156,7 +156,7 @@ pub fn targets_of<N: AsRef<str>>(
     directory: &Path,
     files: &[(N, Kind)],
     inputs: &[&Path],
-    force: Force,
+    overwrite: Overwrite,
 ) -> Result<Vec<Target>, Failure> {
     let there = directory.ancestors().find(|folder| folder.exists());
     let there = there.filter(|there| !there.as_os_str().is_empty());
@@ -171,7 +171,7 @@ pub fn targets_of<N: AsRef<str>>(
     Target::new(there.join("result")).try_out()?;
     let mut found = Vec::new();
     for (name, kind) in files {
-        found.push(allowed(&directory.join(name.as_ref()), *kind, inputs, force)?);
+        found.push(allowed(&directory.join(name.as_ref()), *kind, inputs, overwrite)?);
     }
     Ok(found)
 }
@@ -185,7 +185,7 @@ pub fn make_directory(directory: &Path) -> Result<(), Failure> {
         .or_input(|| format!("cannot make the directory {}; give another", directory.display()))
 }
 
-fn allowed(path: &Path, kind: Kind, inputs: &[&Path], force: Force) -> Result<Target, Failure> {
+fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
     let shown = path.display();
     let refused = |why: String| Err(Failure::input(why));
     let same = |one: &Path, other: &Path| {
@@ -222,9 +222,9 @@ fn allowed(path: &Path, kind: Kind, inputs: &[&Path], force: Force) -> Result<Ta
             kind.name()
         ));
     }
-    if !force.force {
+    if !overwrite.overwrite {
         return refused(format!(
-            "{shown} is there already; give another name, or --force to replace it"
+            "{shown} is there already; give another name, or --overwrite to replace it"
         ));
     }
     if found.permissions().readonly() {
@@ -243,8 +243,8 @@ mod tests {
 
     use super::*;
 
-    const FORCE: Force = Force { force: true };
-    const NO: Force = Force { force: false };
+    const REPLACE: Overwrite = Overwrite { overwrite: true };
+    const KEEP: Overwrite = Overwrite { overwrite: false };
 
     fn why(result: Result<Target, Failure>) -> String {
         result.unwrap_err().to_string()
@@ -255,14 +255,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let path = at("report.html");
-        assert!(!target(&path, Kind::Page, &[], NO).unwrap().replaces());
+        assert!(!target(&path, Kind::Page, &[], KEEP).unwrap().replaces());
         fs::write(&path, "<!DOCTYPE html>").unwrap();
-        let said = why(target(&path, Kind::Page, &[], NO));
+        let said = why(target(&path, Kind::Page, &[], KEEP));
         assert!(
-            said.contains("is there already") && said.contains("--force"),
+            said.contains("is there already") && said.contains("--overwrite"),
             "{said}"
         );
-        assert!(target(&path, Kind::Page, &[], FORCE).unwrap().replaces());
+        assert!(target(&path, Kind::Page, &[], REPLACE).unwrap().replaces());
         // By what is in it, whatever its name is; by its name if that is all that tells.
         for (content, other) in [
             (&b"\x89MCAP0\r\n"[..], "a recording"),
@@ -270,18 +270,18 @@ mod tests {
             (b"\x7fELF", "a program"),
         ] {
             fs::write(&path, content).unwrap();
-            let said = why(target(&path, Kind::Page, &[], FORCE));
+            let said = why(target(&path, Kind::Page, &[], REPLACE));
             assert!(
                 said.contains(&format!("is {other}, and a web page would")),
                 "{said}"
             );
         }
         fs::write(at("a.toml"), "title = 1").unwrap();
-        let said = why(target(&at("a.toml"), Kind::Text, &[], FORCE));
+        let said = why(target(&at("a.toml"), Kind::Text, &[], REPLACE));
         assert!(said.contains("is a TOML file"), "{said}");
         // Nothing is lost with an empty file.
         fs::write(at("empty"), "").unwrap();
-        target(&at("empty"), Kind::Page, &[], FORCE).unwrap();
+        target(&at("empty"), Kind::Page, &[], REPLACE).unwrap();
     }
 
     #[test]
@@ -293,12 +293,12 @@ mod tests {
         symlink(at("nothing"), at("nowhere.toml")).unwrap();
         let input = at("a.toml");
         for name in ["a.toml", "link.toml", "./a.toml"] {
-            let said = why(target(&at(name), Kind::Scenario, &[&input], FORCE));
+            let said = why(target(&at(name), Kind::Scenario, &[&input], REPLACE));
             assert!(said.contains("is an input of this command"), "{said}");
         }
-        let said = why(target(&at("nowhere.toml"), Kind::Scenario, &[], FORCE));
+        let said = why(target(&at("nowhere.toml"), Kind::Scenario, &[], REPLACE));
         assert!(said.contains("leads nowhere"), "{said}");
-        let linked = target(&at("link.toml"), Kind::Scenario, &[], FORCE).unwrap();
+        let linked = target(&at("link.toml"), Kind::Scenario, &[], REPLACE).unwrap();
         linked.write_bytes("title = 2").unwrap();
         assert!(at("link.toml").is_symlink());
         assert_eq!(fs::read_to_string(at("a.toml")).unwrap(), "title = 2");
@@ -313,15 +313,15 @@ mod tests {
             ("..".into(), "is no name of a file"),
             (folder.path().join("no/such/file"), "is the directory there"),
         ] {
-            let said = why(target(&path, Kind::Text, &[], FORCE));
+            let said = why(target(&path, Kind::Text, &[], REPLACE));
             assert!(said.contains(part), "{said}");
         }
         fs::write(folder.path().join("file"), "").unwrap();
         let below = folder.path().join("file/below");
-        let said = targets(&below, [("a.svg", Kind::Drawing)], &[], NO).unwrap_err();
+        let said = targets(&below, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap_err();
         assert!(said.to_string().contains("file is a file"), "{said}");
         let new = folder.path().join("new/below");
-        let [target] = targets(&new, [("a.svg", Kind::Drawing)], &[], NO).unwrap();
+        let [target] = targets(&new, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap();
         assert!(!new.exists());
         make_directory(&new).unwrap();
         target.write_bytes("<svg/>").unwrap();

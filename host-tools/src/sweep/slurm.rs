@@ -78,7 +78,7 @@ impl Jobs<'_> {
     /// The script of the job that merges, once each task of the array has ended. It checks that all is there.
     pub fn merge(&self, array: &str) -> String {
         format!(
-            "{}#SBATCH --dependency=afterany:{array}\n#SBATCH --requeue\nexec {} sweep merge {} --out {} --force\n",
+            "{}#SBATCH --dependency=afterany:{array}\n#SBATCH --requeue\nexec {} sweep merge {} --out {} --overwrite\n",
             self.head("merge", "log-merge.txt"),
             self.program.display(),
             self.folder.display(),

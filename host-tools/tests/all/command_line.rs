@@ -365,7 +365,7 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
     let scenario = short_scenario(&directory);
     let out = directory.path().join("best.toml");
     let out = out.to_str().unwrap();
-    let search = ["optimise", &scenario, "--hosts", "7,8", "--total-mass", "0.01"];
+    let search = ["optimise", &scenario, "--bead", "7,8", "--total-mass", "0.01"];
     let few = ["--evaluations", "400", "--format", "json", "--out", out];
     let found = json(&[&search[..], &few].concat());
     assert_eq!(
@@ -406,8 +406,8 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
 fn optimise_prints_each_intruder_with_units_and_what_remains() {
     let directory = tempfile::tempdir().unwrap();
     let scenario = short_scenario(&directory);
-    let search = ["optimise", &scenario, "--hosts", "7-8", "--total-mass", "0.01"];
-    let output = bead(&[&search[..], &["--alike", "--speeds", "0.3,1", "--worst"]].concat());
+    let search = ["optimise", &scenario, "--bead", "7-8", "--total-mass", "0.01"];
+    let output = bead(&[&search[..], &["--alike", "--velocity", "0.3,1", "--worst"]].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     for part in [
         "m (g)",
@@ -434,28 +434,28 @@ fn a_search_that_cannot_be_meant_is_refused_by_option() {
         refused(&[&["optimise", SCENARIO], options].concat(), 2, parts);
     };
     optimise(
-        &["--hosts", "7-17", "--total-mass", "0.01"],
-        &["--hosts", "bead 17", "1 to 16"],
+        &["--bead", "7-17", "--total-mass", "0.01"],
+        &["--bead", "bead 17", "1 to 16"],
     );
-    optimise(&["--hosts", "7,7", "--total-mass", "0.01"], &["--hosts", "twice"]);
+    optimise(&["--bead", "7,7", "--total-mass", "0.01"], &["--bead", "twice"]);
     optimise(
-        &["--hosts", "7", "--total-mass", "0.06"],
+        &["--bead", "7", "--total-mass", "0.06"],
         &["--total-mass", "less than 0.051"],
     );
     let with = |options: &[&str], parts: &[&str]| {
         optimise(
-            &[&["--hosts", "7", "--total-mass", "0.01"], options].concat(),
+            &[&["--bead", "7", "--total-mass", "0.01"], options].concat(),
             parts,
         );
     };
     with(&["--mass", "0.01:0.001"], &["--mass", "lesser first"]);
-    with(&["--speeds", "0"], &["--speeds", "m/s"]);
+    with(&["--velocity", "0"], &["--velocity", "m/s"]);
     with(&["--evaluations", "0"], &["--evaluations", "1000 or more"]);
     with(
         &["--evaluations", "126", "--out", "/no/such/best.toml"],
         &["is the directory there"],
     );
-    for options in [["--mass", "3"], ["--hosts", "9-7"], ["--hosts", "seven"]] {
+    for options in [["--mass", "3"], ["--bead", "9-7"], ["--bead", "seven"]] {
         let arguments = [&["optimise", SCENARIO, "--total-mass", "0.01"][..], &options].concat();
         assert_eq!(bead(&arguments).status.code(), Some(2), "{options:?}");
     }
@@ -664,7 +664,7 @@ fn no_result_takes_the_place_of_an_input() {
         &[
             "optimise",
             scenario,
-            "--hosts",
+            "--bead",
             "8",
             "--total-mass",
             "0.01",
@@ -678,7 +678,7 @@ fn no_result_takes_the_place_of_an_input() {
             scenario,
             "--report",
             recording,
-            "--force",
+            "--overwrite",
         ],
         &["compare", recording, "--scenario", scenario, "--report", link],
         &["accuracy", scenario, "--bead", "8", "--table", link],

@@ -297,7 +297,7 @@ fn nothing_is_replaced_and_nothing_counts_twice() {
     refused(&["strike.mcap", "--out", "t"], "t/strikes.parquet");
     refused(&["strike.mcap", "--out", "strike.mcap"], "strike.mcap is a file");
     assert!(
-        export(folder, &["strike.mcap", "--out", "t", "--force"])
+        export(folder, &["strike.mcap", "--out", "t", "--overwrite"])
             .status
             .success()
     );

@@ -17,20 +17,26 @@ const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Every command that writes a file, with what it writes.
 const WRITERS: [(&str, &str); 10] = [
-    ("simulate s.toml --force --out", "a.parquet"),
-    ("emulate s.toml --bead 8 --force --out disk #", "bead-8.mcap"),
-    ("recover x.mcap --force --out", "a.mcap"),
-    ("export x.mcap --force --out disk #", "samples.parquet"),
-    ("export x.mcap --format csv --force --out disk #", "samples.csv"),
-    ("compare x.mcap --scenario s.toml --force --report", "report.html"),
+    ("simulate s.toml --overwrite --out", "a.parquet"),
+    ("emulate s.toml --bead 8 --overwrite --out disk #", "bead-8.mcap"),
+    ("recover x.mcap --overwrite --out", "a.mcap"),
+    ("export x.mcap --overwrite --out disk #", "samples.parquet"),
     (
-        "compare x.mcap --scenario s.toml --force --figures disk #",
+        "export x.mcap --format csv --overwrite --out disk #",
+        "samples.csv",
+    ),
+    (
+        "compare x.mcap --scenario s.toml --overwrite --report",
+        "report.html",
+    ),
+    (
+        "compare x.mcap --scenario s.toml --overwrite --figures disk #",
         "strike.svg",
     ),
-    ("settings make --template --force", "bead.toml"),
-    ("settings make bead.settings.toml --force --out", "a.settings"),
+    ("settings make --template --overwrite", "bead.toml"),
+    ("settings make bead.settings.toml --overwrite --out", "a.settings"),
     (
-        "optimise short.toml --hosts 7 --total-mass 0.01 --evaluations 400 --force --out",
+        "optimise short.toml --bead 7 --total-mass 0.01 --evaluations 400 --overwrite --out",
         "best.toml",
     ),
 ];

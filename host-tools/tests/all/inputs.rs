@@ -5,7 +5,7 @@
 //! A row has the exit status, what the message holds, and the command line, between bars. To add one is to
 //! add a line. Each runs in a folder of its own with the files of [`fixture`]. Beside status and message it
 //! must keep three rules, which no row has to say: the message of `bead` is one line; every file that was
-//! there is as it was, if the row has no `--force`; and a command that fails leaves no new file.
+//! there is as it was, if the row has no `--overwrite`; and a command that fails leaves no new file.
 //!
 //! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte.
 //! `@gone` is a port whose other end hangs up at once, `@noise` one that sends what are no frames.
@@ -278,10 +278,10 @@ fn tried(row: &Row<'_>, ports: &Path) -> Result<(), String> {
         return Err(format!("it steers the terminal: {said:?}"));
     }
     let after = contents(folder.path());
-    let forced = words.contains("--force") && row.status == 0;
+    let overwrites = words.contains("--overwrite") && row.status == 0;
     if let Some((path, _)) = before
         .iter()
-        .find(|(path, bytes)| after.get(*path) != Some(bytes) && !forced)
+        .find(|(path, bytes)| after.get(*path) != Some(bytes) && !overwrites)
     {
         return Err(format!("{} is not as it was", path.display()));
     }

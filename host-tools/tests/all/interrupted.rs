@@ -218,8 +218,8 @@ fn a_search_that_is_interrupted_prints_the_best_so_far() {
     let mut running = Running(
         program::interruptible(Path::new(env!("CARGO_MANIFEST_DIR")))
             // Five speeds and nine hosts: there is time to interrupt it.
-            .args(["optimise", SCENARIO, "--hosts", "2-10", "--total-mass", "0.05"])
-            .args(["--speeds", "0.1,0.2,0.5,1,2", "--format", "json"])
+            .args(["optimise", SCENARIO, "--bead", "2-10", "--total-mass", "0.05"])
+            .args(["--velocity", "0.1,0.2,0.5,1,2", "--format", "json"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()

@@ -491,17 +491,25 @@ fn an_address_where_nobody_listens_is_refused_with_status_3() {
 }
 
 #[test]
-fn a_recording_that_is_there_is_replaced_only_with_force() {
+fn a_recording_that_is_there_is_replaced_only_with_overwrite() {
     let (mut bead, port) = line();
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mcap");
     fs::write(&path, "precious").unwrap();
     bead.write_all(&identity(0)).unwrap();
-    let arguments = ["--port", &port, "--out", "a.mcap", "--duration", "0.3", "--force"];
+    let arguments = [
+        "--port",
+        &port,
+        "--out",
+        "a.mcap",
+        "--duration",
+        "0.3",
+        "--overwrite",
+    ];
     let (status, stderr) = refusal(&directory, &arguments[..6]);
     assert_eq!(status, 2);
     assert!(
-        stderr.contains("a.mcap is there already") && stderr.contains("--force"),
+        stderr.contains("a.mcap is there already") && stderr.contains("--overwrite"),
         "{stderr}"
     );
     assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
@@ -517,7 +525,7 @@ fn a_place_that_cannot_be_written_to_is_refused_with_status_2() {
         ("none/a.mcap", "is the directory there"),
         ("..", "no name of a file"),
     ] {
-        let (status, stderr) = refusal(&directory, &["--port", &port, "--out", out, "--force"]);
+        let (status, stderr) = refusal(&directory, &["--port", &port, "--out", out, "--overwrite"]);
         assert_eq!(status, 2);
         assert!(stderr.contains(why), "{stderr}");
     }
@@ -549,8 +557,8 @@ fn two_recorders_in_one_second_and_with_one_name_lose_nothing() {
     bead.write_all(&stream()).unwrap();
     assert!(first.line().starts_with("strike 1 "));
     let (_other, other) = line();
-    for force in [&[][..], &["--force"]] {
-        let arguments = [&["--port", &other, "--out", "a.mcap"], force].concat();
+    for overwrite in [&[][..], &["--overwrite"]] {
+        let arguments = [&["--port", &other, "--out", "a.mcap"], overwrite].concat();
         let (status, stderr) = refusal(&directory, &arguments);
         assert_eq!(status, 2);
         assert!(

@@ -287,7 +287,7 @@ fn a_recording_that_is_cut_within_a_strike_is_said_to_lack_its_result() {
     let first = runs.iter().position(is_strike).unwrap();
     for (kept, without) in [(runs.len(), 0), (first + 1, 0), (first, 1), (first - 3, 1)] {
         fs::write(folder.path().join("uart.bin"), runs[..kept].concat()).unwrap();
-        let told = recover(folder.path(), &["uart.bin", "--out", "a.mcap", "--force"]);
+        let told = recover(folder.path(), &["uart.bin", "--out", "a.mcap", "--overwrite"]);
         assert_eq!(
             told["strikes_without_result"],
             without,

@@ -213,7 +213,7 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
         .replace("= 0.006", "= 0.003");
     fs::write(&short, text).unwrap();
     let search = format!(
-        "optimise {} --hosts 7,8 --total-mass 0.01 --evaluations 400",
+        "optimise {} --bead 7,8 --total-mass 0.01 --evaluations 400",
         short.display()
     );
     hold("optimise", &[&search]);
@@ -250,7 +250,7 @@ fn results_of_the_image_are_what_their_schemas_say() {
     hold(
         "accuracy",
         &[&format!(
-            "accuracy {SCENARIO} --bead 8 --radii 0.0045 --speeds 0.003,0.45 --strikes 2"
+            "accuracy {SCENARIO} --bead 8 --radii 0.0045 --velocity 0.003,0.45 --strikes 2"
         )],
     );
     // One sphere is measured, and one refused.

@@ -96,16 +96,20 @@ fn nothing_that_is_there_is_replaced_and_a_mistake_names_its_line() {
     let text = fs::read_to_string(folder.join("bead.toml")).unwrap();
     refused("settings make --template bead.toml", "bead.toml is there already");
     refused(
-        "settings make bead.toml --out bead.toml --force",
+        "settings make bead.toml --out bead.toml --overwrite",
         "is an input of this command",
     );
     refused("settings make missing.toml", "missing.toml: cannot be read");
     bead(folder, "settings make bead.toml");
     refused(
         "settings make bead.toml",
-        "bead.settings is there already; give another name, or --force",
+        "bead.settings is there already; give another name, or --overwrite",
     );
-    assert!(bead(folder, "settings make bead.toml --force").status.success());
+    assert!(
+        bead(folder, "settings make bead.toml --overwrite")
+            .status
+            .success()
+    );
     let line = 1 + text.lines().position(|line| line.starts_with("damping")).unwrap();
     fs::write(
         folder.join("bad.toml"),

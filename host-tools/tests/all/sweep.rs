@@ -172,7 +172,7 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
     assert_eq!(at("one.parquet"), at("chunks.parquet"));
     let said = refused(folder.path(), "plan sweep.toml --dir d --chunks 8");
     assert!(said.contains("in 7 chunks; leave --chunks 8 out"), "{said}");
-    let said = refused(folder.path(), "merge d --out d/part-00003.parquet --force");
+    let said = refused(folder.path(), "merge d --out d/part-00003.parquet --overwrite");
     assert!(said.contains("lies among the parts"), "{said}");
 }
 
@@ -316,7 +316,7 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     fs::write(at("two/plan.toml"), plan.replace("points = 8", "points = 9")).unwrap();
     assert!(refused(path, "status two").contains("was changed after it was made"));
     assert!(refused(path, "status .").contains("holds no plan"));
-    assert!(refused(path, "sweep.toml --out paper.toml --force").contains("is a TOML file"));
+    assert!(refused(path, "sweep.toml --out paper.toml --overwrite").contains("is a TOML file"));
     assert_eq!(bead(path, "sweep.toml").status.code(), Some(2), "it needs --out");
 }
 

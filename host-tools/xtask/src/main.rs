@@ -288,7 +288,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     let report = steps.built("demo/report.html");
     let emulate = bead(steps, &format!("emulate {scenario} --bead 8 --firmware"))
         .arg(image::path(steps))
-        .words("--force --out")
+        .words("--overwrite --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
     steps.run(title, &emulate)?;
@@ -296,7 +296,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     steps.run(title, &bead(steps, "replay").arg(&recording))?;
     let compare = bead(steps, "compare")
         .arg(&recording)
-        .words(&format!("--scenario {scenario} --force --report"))
+        .words(&format!("--scenario {scenario} --overwrite --report"))
         .arg(&report);
     steps.run("device, replay and simulation, side by side", &compare)?;
     steps.announce(&format!("done. The report: {}", report.display()));
@@ -313,13 +313,13 @@ fn chain(steps: &Steps) -> Result<(), Stop> {
         "emulate docs/scenarios/row-of-ten.toml --bead all --firmware",
     )
     .arg(image::path(steps))
-    .words("--clock-spread 100 --start-spread 0.05 --force --out")
+    .words("--clock-spread 100 --start-spread 0.05 --overwrite --out")
     .arg(&folder);
     let title = "a striker hits a row of ten absorbers; the flash image senses it inside each, in QEMU";
     steps.run(title, &emulate)?;
     let compare = bead(steps, "compare")
         .arg(&recording)
-        .words("--force --report")
+        .words("--overwrite --report")
         .arg(&report)
         .words("--figures")
         .arg(&folder);

@@ -117,7 +117,7 @@ fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
         title: "strikers and speeds at the corners of their ranges".to_owned(),
         line: Line::program(steps.built("release/bead"))
             .words("accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
-            .words("--radii 0.0045,0.0115 --speeds 0.45,5"),
+            .words("--radii 0.0045,0.0115 --velocity 0.45,5"),
     };
     let slow = |job: Job| Job {
         title: format!("{}, on a core half as fast", job.title),
@@ -141,7 +141,7 @@ fn figures(steps: &Steps) -> Job {
     Job {
         title: "the paper's figures, and every check of them".to_owned(),
         line: Line::program(steps.built("release/bead"))
-            .words("figures --check --force --out")
+            .words("figures --check --overwrite --out")
             .arg(steps.built("figures"))
             .words("--table")
             .arg(steps.built(TABLE))

@@ -31,10 +31,10 @@ rail.
 
 Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --force \\
+  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
       --table docs/ranges.md
   bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 \\
-      --speeds 0.3,0.6 --strikes 20 --format json";
+      --velocity 0.3,0.6 --strikes 20 --format json";
 
 const RADII: [f64; 4] = [0.0045, 0.007, 0.009, 0.0115];
 const SPEEDS: [f64; 6] = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0];
@@ -48,9 +48,9 @@ pub(crate) struct Arguments {
     /// Radii of the striker, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = RADII)]
     radii: Vec<f64>,
-    /// Its speeds, m/s.
+    /// Velocities of the striker, m/s.
     #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = SPEEDS)]
-    speeds: Vec<f64>,
+    velocity: Vec<f64>,
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
@@ -76,8 +76,8 @@ struct Cell {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (radii, speeds) = (&arguments.radii, &arguments.speeds);
-    for (name, values, unit) in [("--radii", radii, "m"), ("--speeds", speeds, "m/s")] {
+    let (radii, speeds) = (&arguments.radii, &arguments.velocity);
+    for (name, values, unit) in [("--radii", radii, "m"), ("--velocity", speeds, "m/s")] {
         if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
             return Err(Failure::input(format!(
                 "{name} {value}: give more than 0, in {unit}"
@@ -217,7 +217,7 @@ pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [e
         arguments.bench.scenario.display(),
         arguments.bench.bead,
         typed("--radii", list(&arguments.radii), list(RADII)),
-        typed("--speeds", list(&arguments.speeds), list(SPEEDS)),
+        typed("--velocity", list(&arguments.velocity), list(SPEEDS)),
         arguments.strikes,
         arguments.table.typed(),
         arguments.strikes
@@ -252,7 +252,7 @@ mod tests {
         let own = markdown(&read(&["--table", "docs/ranges.md"]), &scenario, &[]);
         assert!(kept.starts_with(&own), "{own}");
 
-        let options = "--radii 0.0045,0.02 --speeds 3 --strikes 2 --seed 7 --force --table a.md";
+        let options = "--radii 0.0045,0.02 --velocity 3 --strikes 2 --seed 7 --overwrite --table a.md";
         let options: Vec<&str> = options.split(' ').collect();
         scenario.striker.density = 2500.0;
         let other = markdown(&read(&options), &scenario, &[]);

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::{Answer, Conversation};
 use crate::recording::frames::Frame;
 use crate::recording::printable::one_line;
@@ -70,7 +70,7 @@ enum Action {
         #[arg(long, value_name = "F.csv")]
         out: PathBuf,
         #[command(flatten)]
-        force: Force,
+        overwrite: Overwrite,
     },
     /// Set the counts of losses, faults and rejected input to 0.
     ResetCounters(Common),
@@ -98,10 +98,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             common,
             duration,
             out,
-            force,
+            overwrite,
         } => {
             let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
-            raw(common, *duration, place::optional(out, Kind::Table, &[], *force)?)
+            raw(
+                common,
+                *duration,
+                place::optional(out, Kind::Table, &[], *overwrite)?,
+            )
         }
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {

@@ -8,12 +8,13 @@ use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{only_host, simulate_with_ring_down};
+use crate::cli::beads::Beads;
 use crate::cli::commands::compare_reference;
 use crate::cli::commands::compare_row::{self, Wanted};
 use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::page::Page;
@@ -71,9 +72,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S.toml")]
     scenario: Option<PathBuf>,
     /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a
-    /// recording of several, all of them].
+    /// recording of several, all of them]. Several side by side: 7-9, 7,9 or all.
     #[arg(long, value_name = "N")]
-    bead: Option<usize>,
+    bead: Option<Beads>,
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded
     /// forces.
     #[arg(long, value_name = "V|fit")]
@@ -92,7 +93,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -110,9 +111,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let inputs = [Some(&arguments.recording), scenario_file, reference];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-    let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
-    let received = Received::open(&arguments.recording)?;
-    if arguments.bead.is_none() && reference.is_none() && received.recording.beads.len() > 1 {
+    let report = place::optional(
+        arguments.report.as_deref(),
+        Kind::Page,
+        &inputs,
+        arguments.overwrite,
+    )?;
+    let mut received = Received::open(&arguments.recording)?;
+    let of_several = received.recording.beads.len() > 1;
+    let (only, row) = match &arguments.bead {
+        Some(Beads::One(bead)) => (Some(*bead), false),
+        Some(Beads::Several(beads)) => {
+            keep(&mut received, beads)?;
+            (None, true)
+        }
+        Some(Beads::All) | None => (None, of_several),
+    };
+    if row && reference.is_none() {
         return compare_row::run(
             &received,
             &Wanted {
@@ -121,12 +136,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 report,
                 figures: arguments.figures.as_deref(),
                 inputs: &inputs,
-                force: arguments.force,
+                overwrite: arguments.overwrite,
                 format: arguments.format,
             },
         );
     }
-    if arguments.bead.is_none() && received.recording.beads.len() > 1 {
+    if row {
         return Err(Failure::input(format!(
             "{} has several beads; say with --bead which one is held against the reference",
             received.path.display()
@@ -134,15 +149,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let figures = arguments.figures.as_deref().map(|directory| {
         let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
-        place::targets(directory, names, &inputs, arguments.force)
+        place::targets(directory, names, &inputs, arguments.overwrite)
     });
     let figures = figures.transpose()?;
-    let (received, place) = of_one_bead(received, arguments.bead)?;
+    let (received, place) = of_one_bead(received, only)?;
     if let Some(reference) = reference {
         return compare_reference::run(&compare_reference::Request {
             received: &received,
             reference,
-            bead: arguments.bead.or(place),
+            bead: only.or(place),
             strike: arguments.strike,
             columns: &arguments.columns,
             report,
@@ -153,10 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
-    let told = arguments
-        .bead
-        .or(truth.as_ref().map(|truth| truth.bead))
-        .or(place);
+    let told = only.or(truth.as_ref().map(|truth| truth.bead)).or(place);
     let bead = told.map_or_else(|| only_host(&scenario), Ok)?;
     let mut echoes = Echoes::of(&scenario, truth);
 
@@ -283,6 +295,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// What came from the one bead that is compared, and its place, if the recording knows it. Each bead of a row
 /// has a truth of its own.
+/// Keeps the beads of these numbers alone.
+///
+/// # Errors
+/// One of them is not in the recording.
+fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
+    let places: Vec<usize> = received.recording.beads.iter().map(Bead::place).collect();
+    if let Some(missing) = beads.iter().find(|bead| !places.contains(bead)) {
+        return Err(Failure::input(format!(
+            "{}: bead {missing} is not in it; its beads are {places:?}",
+            received.path.display()
+        )));
+    }
+    received
+        .recording
+        .beads
+        .retain(|bead| beads.contains(&bead.place()));
+    Ok(())
+}
+
 fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
     let beads = &received.recording.beads;
     let places: Vec<usize> = beads.iter().map(Bead::place).collect();

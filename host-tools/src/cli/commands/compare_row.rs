@@ -10,7 +10,7 @@ use crate::bench::sensed::unlike_the_reduced_chain;
 use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance;
 use crate::comparison::row::{
     self, After, Arrival, BeadOfRow, Chain, Member, Page, Pair, Place, Row, RowComparison, Speed, Wave, among,
@@ -34,7 +34,7 @@ pub(super) struct Wanted<'a> {
     pub figures: Option<&'a Path>,
     /// The files that are read.
     pub inputs: &'a [&'a Path],
-    pub force: Force,
+    pub overwrite: Overwrite,
     pub format: Format,
 }
 
@@ -49,7 +49,7 @@ struct Printed<'a> {
 pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failure> {
     let figures = wanted.figures.map(|directory| {
         let names = ["row.svg", "row-details.svg"].map(|name| (name, Kind::Drawing));
-        place::targets(directory, names, wanted.inputs, wanted.force)
+        place::targets(directory, names, wanted.inputs, wanted.overwrite)
     });
     let figures = figures.transpose()?;
     let (scenario, text) = scenario(wanted.scenario, received)?;

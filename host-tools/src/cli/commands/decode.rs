@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Read, Write};
 use std::iter;
 use std::path::{Path, PathBuf};
 
+use bead_wire::Kind;
 use clap::Args;
 use serde_json::Value;
 
@@ -20,25 +21,52 @@ const AFTER_HELP: &str = "\
 Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a \
 recording that has receive times each frame also has `received`, when this host got it, and `host_time`, \
 what this host's clock showed at the frame's sample index, by the fit of `bead clock`. Counts of what was \
-received, lost and refused go to standard error.
+received, lost and refused go to standard error. Of several files each line has its `file`.
 
 Examples:
-  bead decode run/bead-8.mcap | jq 'select(.kind == \"strike\")'
+  bead decode run/bead-8.mcap --kind strike,status
+  bead decode monday.mcap tuesday.mcap --kind strike | jq .peak_force_n
   bead decode - < uart.bin";
 
 /// Arguments of `bead decode`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// A recording (.mcap), raw bytes as received, or - for raw bytes from standard input.
-    file: PathBuf,
+    /// Recordings (.mcap), raw bytes as received, or - for raw bytes from standard input.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Print frames of these kinds only: strike,status [default: all].
+    #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_parser = kind)]
+    kind: Vec<Kind>,
+}
+
+/// A kind of frame by its name.
+fn kind(text: &str) -> Result<Kind, String> {
+    let named = Kind::ALL.iter().find(|kind| kind.name() == text);
+    named.copied().ok_or_else(|| {
+        let names: Vec<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
+        format!("no frame is of this kind; the kinds are {}", names.join(", "))
+    })
+}
+
+impl Arguments {
+    /// True if frames of this kind are printed.
+    fn prints(&self, kind: Kind) -> bool {
+        self.kind.is_empty() || self.kind.contains(&kind)
+    }
 }
 
 /// What every MCAP file begins with (MCAP specification, "Magic").
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let path = &arguments.file;
+    arguments
+        .files
+        .iter()
+        .try_for_each(|file| decode(arguments, file))
+}
+
+fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
     let context = || format!("cannot read {}", path.display());
     let mut input: Box<dyn Read> = if path.as_os_str() == "-" {
         Box::new(io::stdin().lock())
@@ -76,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 }
             }
         });
-        print(path, Frames::new(pieces), &[])?;
+        print(arguments, path, Frames::new(pieces), &[])?;
         return failed.map_or(Ok(()), Err).or_input(context);
     }
     if path.as_os_str() == "-" {
@@ -87,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recording = Received::open(path)?.recording;
     let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
-    print(path, recording.frames()?, &fits)?;
+    print(arguments, path, recording.frames()?, &fits)?;
     if tracker.left_out {
         output::note(format_args!(
             "boots of beads after the first {} have no host_time",
@@ -103,12 +131,14 @@ const REJECTS_MOST: u64 = 1000;
 /// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each
 /// segment.
 fn print(
+    arguments: &Arguments,
     path: &Path,
     mut frames: Frames<impl Iterator<Item = Piece>>,
     fits: &[Option<Fit>],
 ) -> Result<(), Failure> {
     let mut out = BufWriter::new(io::stdout().lock());
     let mut segments = Segments::default();
+    let file = (arguments.files.len() > 1).then(|| path.to_string_lossy());
     let mut from_the_future = None;
     let mut rejects = 0;
     while let Some(item) = frames.next() {
@@ -116,7 +146,15 @@ fn print(
             Item::Frame(frame) => {
                 from_the_future = frame.from_the_future().or(from_the_future);
                 let fit = fits.get(segments.place(&frame)).and_then(Option::as_ref);
-                writeln!(out, "{}", printable(&timed(&frame, fit).to_string()))
+                if arguments.prints(frame.message.kind()) {
+                    let mut line = timed(&frame, fit);
+                    if let Some(file) = &file {
+                        line["file"] = file.as_ref().into();
+                    }
+                    writeln!(out, "{}", printable(&line.to_string()))
+                } else {
+                    Ok(())
+                }
             }
             Item::Rejected(reject) => {
                 rejects += 1;

@@ -29,7 +29,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::given::Given;
@@ -97,7 +97,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F")]
@@ -195,7 +195,7 @@ impl Arguments {
         let files: Vec<_> = std::iter::once((recording, Kind::Recording))
             .chain(settings)
             .collect();
-        let targets = |out: &PathBuf| place::targets_of(out, &files, &inputs, self.force);
+        let targets = |out: &PathBuf| place::targets_of(out, &files, &inputs, self.overwrite);
         self.out.as_ref().map(targets).transpose()
     }
 

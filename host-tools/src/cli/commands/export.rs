@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::export::strikes::Strikes;
 use crate::export::table::{Csv, Parquet, Table};
 use crate::export::{Column, samples, uff};
@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     format: Form,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
     let mut told = Told::new(recordings.len());
     let write = |files: [(&str, Kind); 2]| -> Result<_, Failure> {
-        let targets = place::targets(out, files, &inputs, arguments.force)?;
+        let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
         place::make_directory(out)?;
         Ok(targets)
     };
@@ -84,7 +84,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             })?;
         }
         Form::Uff => {
-            let [target] = place::targets(out, [("strikes.uff", Kind::Universal)], &inputs, arguments.force)?;
+            let [target] = place::targets(
+                out,
+                [("strikes.uff", Kind::Universal)],
+                &inputs,
+                arguments.overwrite,
+            )?;
             place::make_directory(out)?;
             target.write(|file| universal(&recordings, file, &mut told))?;
         }

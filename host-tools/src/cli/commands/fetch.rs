@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::Conversation;
 use crate::recording::again::Again;
 use crate::recording::file::{About, Writer};
@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     #[command(flatten)]
     line: LineOptions,
     /// How to print the list.
@@ -58,7 +58,12 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let target = place::optional(arguments.out.as_deref(), Kind::Recording, &[], arguments.force)?;
+    let target = place::optional(
+        arguments.out.as_deref(),
+        Kind::Recording,
+        &[],
+        arguments.overwrite,
+    )?;
     let mut bead = arguments.line.open()?;
     // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
     // missed.

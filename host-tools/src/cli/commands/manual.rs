@@ -7,7 +7,7 @@ use clap_complete::Shell;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 
 const COMPLETIONS_HELP: &str = "\
 Examples:
@@ -45,7 +45,7 @@ pub(crate) struct Manual {
     #[arg(value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
 }
 
 /// Writes a manual page for `command` and for each of its commands.
@@ -55,7 +55,7 @@ pub(crate) fn manual(arguments: &Manual, command: Command) -> Result<(), Failure
     let mut targets = Vec::new();
     for (name, page) in pages {
         let file = format!("{name}.1");
-        let [target] = place::targets(out, [(file.as_str(), Kind::Text)], &[], arguments.force)?;
+        let [target] = place::targets(out, [(file.as_str(), Kind::Text)], &[], arguments.overwrite)?;
         targets.push((target, page));
     }
     place::make_directory(out)?;

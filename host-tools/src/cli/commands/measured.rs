@@ -12,7 +12,7 @@ use crate::bench::emulation::Emulation;
 use crate::bench::sensed::Timing;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 use crate::recording::whole::Target;
@@ -36,7 +36,7 @@ pub(super) struct TableOptions {
     #[arg(long, value_name = "F.md")]
     table: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -45,16 +45,16 @@ pub(super) struct TableOptions {
 impl TableOptions {
     /// Where the table goes; see [`place::target`].
     pub(super) fn target(&self, inputs: &[&Path]) -> Result<Option<Target>, Failure> {
-        place::optional(self.table.as_deref(), Kind::Text, inputs, self.force)
+        place::optional(self.table.as_deref(), Kind::Text, inputs, self.overwrite)
     }
 
-    /// These options as they are typed; `--force`, since who types them again replaces the table.
+    /// These options as they are typed; `--overwrite`, since who types them again replaces the table.
     pub(super) fn typed(&self) -> String {
         let seed = typed("--seed", self.seed, SEED);
         let table = self
             .table
             .iter()
-            .map(|table| format!(" --force --table {}", table.display()));
+            .map(|table| format!(" --overwrite --table {}", table.display()));
         seed + &table.collect::<String>()
     }
 

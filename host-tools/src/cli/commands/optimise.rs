@@ -13,10 +13,11 @@ use hertz_chain::{
 use serde::Serialize;
 use serde_json::json;
 
+use crate::cli::beads::Beads;
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 
 const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
@@ -26,12 +27,12 @@ in which its wave comes as far if the chain is not under a load. The duration mu
 so long that nothing comes back: the result tells both.
 
 Examples:
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 \\
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
       --total-mass 0.037
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7,9,11 \\
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7,9,11 \\
       --total-mass 0.03 --mass 0.001:0.02 --out best.toml
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 \\
-      --total-mass 0.12 --speeds 0.1,1,10 --worst
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
+      --total-mass 0.12 --velocity 0.1,1,10 --worst
   bead simulate best.toml";
 
 /// Arguments of `bead optimise`.
@@ -40,9 +41,9 @@ Examples:
 pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     scenario: PathBuf,
-    /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14.
+    /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14; all: those of the scenario that do.
     #[arg(long, value_name = "BEADS")]
-    hosts: Beads,
+    bead: Beads,
     /// Greatest mass of all intruders together, kg.
     #[arg(long, value_name = "KG")]
     total_mass: f64,
@@ -55,55 +56,26 @@ pub(crate) struct Arguments {
     /// Least and greatest damping, N·s/m [default: three decades about the damping that fits the strike].
     #[arg(long, value_name = "LOW:HIGH")]
     damping: Option<Bounds>,
-    /// Speeds of the striker, m/s [default: the scenario's].
+    /// Velocities of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
-    speeds: Vec<f64>,
+    velocity: Vec<f64>,
     /// Judge by the worst of these strikes, not by their mean.
-    #[arg(long, requires = "speeds")]
+    #[arg(long, requires = "velocity")]
     worst: bool,
     /// Make all intruders alike.
     #[arg(long)]
     alike: bool,
-    /// Greatest number of designs to try, each at every speed.
+    /// Greatest number of designs to try, each at every velocity.
     #[arg(long, value_name = "N", default_value_t = 200_000)]
     evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
     #[arg(long, value_name = "F.toml")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-}
-
-/// Beads by number and range.
-#[derive(Debug, Clone)]
-struct Beads(Vec<usize>);
-
-impl FromStr for Beads {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        const MOST: usize = Search::HOSTS_MOST;
-        let number = |part: &str| {
-            let number = part.trim().parse::<usize>();
-            number.map_err(|_| format!("`{part}` is no bead; write beads as 7-16 or 7,9,12-14"))
-        };
-        let mut beads = Vec::new();
-        for part in text.split(',') {
-            let (from, to) = part.split_once('-').unwrap_or((part, part));
-            let (from, to) = (number(from)?, number(to)?);
-            if from > to {
-                return Err(format!("{part} counts down; write {to}-{from}"));
-            }
-            if to - from >= MOST - beads.len() {
-                return Err(format!("these are more than {MOST} beads; name fewer, each once"));
-            }
-            beads.extend(from..=to);
-        }
-        Ok(Self(beads))
-    }
 }
 
 /// LOW:HIGH.
@@ -144,7 +116,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.out.as_deref(),
         Kind::Scenario,
         &[&arguments.scenario],
-        arguments.force,
+        arguments.overwrite,
     )?;
     let search = search(arguments, &scenario)?;
     search.check(&scenario).map_err(refusal)?;
@@ -192,7 +164,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
-    let hosts = arguments.hosts.0.clone();
+    let hosts = arguments.bead.listed(scenario)?;
     let mut search = Search::new(scenario, hosts, arguments.total_mass).map_err(refusal)?;
     for (given, bounds) in [
         (&arguments.mass, &mut search.mass),
@@ -204,7 +176,7 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
         }
     }
     search.hosts.sort_unstable();
-    search.speeds.clone_from(&arguments.speeds);
+    search.speeds.clone_from(&arguments.velocity);
     search.aim = if arguments.worst { Aim::Worst } else { Aim::Mean };
     search.alike = arguments.alike;
     search.evaluations = arguments.evaluations;
@@ -235,7 +207,14 @@ fn refusal(error: OptimiseError) -> Failure {
     match error {
         OptimiseError::Search(InputError {
             key, what, advice, ..
-        }) => Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-"))),
+        }) => {
+            let option = match &*key {
+                "hosts" => "bead".to_owned(),
+                "speeds" => "velocity".to_owned(),
+                key => key.replace('_', "-"),
+            };
+            Failure::input(format!("--{option}: {what}; {advice}"))
+        }
         other => Failure::input(other),
     }
 }

@@ -26,7 +26,7 @@ use super::clock::{drift, rfc3339, times_as_fast};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::printer::Printer;
 use crate::line::gaps::{Gaps, Newest};
 use crate::line::listener::{End, Listener, Shared};
@@ -76,7 +76,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
@@ -268,7 +268,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 impl Arguments {
     /// Where the recording goes. A name of the date is one that no file has yet, finished or not.
     fn target(&self, started: DateTime<Utc>) -> Result<Target, Failure> {
-        let given = |out: &Path| place::target(out, Kind::Recording, &[], self.force);
+        let given = |out: &Path| place::target(out, Kind::Recording, &[], self.overwrite);
         if let Some(out) = &self.out {
             return given(out);
         }

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::recording::raw;
@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = &arguments.file;
     let out = arguments.out.clone().unwrap_or_else(|| new_name(file));
-    let target = place::target(&out, Kind::Recording, &[file], arguments.force)?;
+    let target = place::target(&out, Kind::Recording, &[file], arguments.overwrite)?;
     let progress = output::spinner(format!("reading {}", file.display()));
     let recovered = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,

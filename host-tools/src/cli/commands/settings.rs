@@ -16,7 +16,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::{Answer, Conversation, LineError};
 use crate::line::key;
 use crate::recording::physical::Physical;
@@ -73,7 +73,7 @@ enum Action {
         #[arg(long, value_name = "F.settings")]
         out: Option<PathBuf>,
         #[command(flatten)]
-        force: Force,
+        overwrite: Overwrite,
         /// How to print them.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
@@ -143,10 +143,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Action::Read {
             line,
             out,
-            force,
+            overwrite,
             format,
         } => {
-            let out = place::optional(out.as_deref(), Kind::Settings, &[], *force)?;
+            let out = place::optional(out.as_deref(), Kind::Settings, &[], *overwrite)?;
             read(line, out.as_ref(), *format)
         }
         Action::Make(arguments) => settings_file::make(arguments),

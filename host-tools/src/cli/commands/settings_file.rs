@@ -11,9 +11,10 @@ use clap::Args;
 use hertz_chain::text_of;
 
 use crate::bench::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
+use crate::cli::beads::one_bead;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::physical::{Change, Physical};
 
 const AFTER_HELP: &str = "\
@@ -45,13 +46,13 @@ pub(super) struct MakeArguments {
     #[arg(long, value_name = "S.toml", requires = "template", conflicts_with = "from")]
     scenario: Option<PathBuf>,
     /// Which bead of the scenario [default: the only one with an intruder].
-    #[arg(long, value_name = "N", requires = "scenario")]
+    #[arg(long, value_name = "N", requires = "scenario", value_parser = one_bead)]
     bead: Option<usize>,
     /// Take the bead of this settings block.
     #[arg(long, value_name = "F.settings", requires = "template")]
     from: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
 }
 
 /// Makes settings of physical quantities, or a file of these.
@@ -60,7 +61,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
     if arguments.template {
         let inputs = [&arguments.scenario, &arguments.from];
         let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
-        let target = place::target(file, Kind::Scenario, &inputs, arguments.force)?;
+        let target = place::target(file, Kind::Scenario, &inputs, arguments.overwrite)?;
         let text = template(arguments)?.to_toml();
         target.write_bytes(text)?;
         output::note(format_args!(
@@ -73,7 +74,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| file.with_extension("settings"));
-    let target = place::target(&out, Kind::Settings, &[file], arguments.force)?;
+    let target = place::target(&out, Kind::Settings, &[file], arguments.overwrite)?;
     let (_, settings) = physical(file)?;
     let block = block(&settings).or_input(|| file.display().to_string())?;
     target.write_bytes(&block)?;

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::time_series;
 
 const AFTER_HELP: &str = "\
@@ -37,7 +37,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
     rate: f64,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.out.as_deref(),
         Kind::Parquet,
         &[&arguments.scenario],
-        arguments.force,
+        arguments.overwrite,
     )?;
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
     let accuracy = Options::default().accuracy;

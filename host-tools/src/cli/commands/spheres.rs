@@ -25,7 +25,7 @@ use crate::cli::failure::Failure;
 use crate::cli::output;
 
 const AFTER_HELP: &str = "\
-Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --speed. Its \
+Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --velocity. Its \
 intruder is the scenario's in units of the sphere: the same part of the mass, or --part of it, and the same \
 frequency and damping in units of the time that a wave takes. The scenario's wall, sections and starts are \
 left out. The flash image runs in QEMU on --strikes strikes, behind sensors whose ranges at the high gain \
@@ -36,7 +36,7 @@ Examples:
   bead spheres docs/scenarios/paper-strike.toml --bead 8
   bead spheres docs/scenarios/paper-strike.toml --bead 8 \\
       --materials steel,ptfe --diameters 0.015,0.025 --part 0.3
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 --force \\
+  bead spheres docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
       --table docs/spheres.md";
 
 /// How much wider the range at the low gain is.
@@ -100,9 +100,9 @@ pub(crate) struct Arguments {
     /// Mass of the intruder as a part of the bead's, 0.001 to 0.9 [default: as in the scenario].
     #[arg(long, value_name = "PART")]
     part: Option<f64>,
-    /// Speed of the striker, m/s.
+    /// Velocity of the striker, m/s.
     #[arg(long, value_name = "M/S", default_value_t = SPEED)]
-    speed: f64,
+    velocity: f64,
     /// Relaxation time of the contacts, s.
     #[arg(long, value_name = "S", default_value_t = RELAXATION)]
     relaxation: f64,
@@ -160,10 +160,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "--diameters {value}: give more than 0, in m"
         )));
     }
-    if !positive(arguments.speed) {
-        let value = arguments.speed;
+    if !positive(arguments.velocity) {
+        let value = arguments.velocity;
         return Err(Failure::input(format!(
-            "--speed {value}: give more than 0, in m/s"
+            "--velocity {value}: give more than 0, in m/s"
         )));
     }
     if !(arguments.relaxation.is_finite() && arguments.relaxation >= 0.0) {
@@ -248,7 +248,7 @@ fn chain(
     (chain.relaxation, chain.precompression) = (arguments.relaxation, 0.0);
     let striker = &mut scenario.striker;
     (striker.radius, striker.density, striker.young, striker.poisson) = (radius, density, young, poisson);
-    (striker.mass, striker.relaxation, striker.velocity) = (None, None, arguments.speed);
+    (striker.mass, striker.relaxation, striker.velocity) = (None, None, arguments.velocity);
     for intruder in &mut scenario.intruders {
         intruder.mass = bead.intruder_mass;
         (intruder.stiffness, intruder.damping) = (bead.stiffness, bead.damping);
@@ -404,12 +404,12 @@ refused, and the table says which diameter is the least.
         typed("--materials", materials, ""),
         typed("--diameters", list(&arguments.diameters), list(DIAMETERS)),
         typed("--part", part, ""),
-        typed("--speed", arguments.speed, SPEED),
+        typed("--velocity", arguments.velocity, SPEED),
         typed("--relaxation", arguments.relaxation, RELAXATION),
         typed("--strikes", arguments.strikes, STRIKES),
         arguments.table.typed(),
         arguments.strikes,
-        arguments.speed
+        arguments.velocity
     );
     text + &rows(HEADINGS, cells.iter().map(row_of))
 }
@@ -453,8 +453,8 @@ mod tests {
         let own = markdown(&read(&["--table", "docs/spheres.md"]), &[]);
         assert!(kept.starts_with(&own), "{own}");
 
-        let options = "--materials steel,ptfe --diameters 0.015,0.025 --part 0.3 --speed 1 --relaxation 0.000001 \
-                       --strikes 2 --seed 7 --force --table a.md";
+        let options = "--materials steel,ptfe --diameters 0.015,0.025 --part 0.3 --velocity 1 --relaxation 0.000001 \
+                       --strikes 2 --seed 7 --overwrite --table a.md";
         let options: Vec<&str> = options.split_whitespace().collect();
         let other = markdown(&read(&options), &[]);
         let line = format!("    bead spheres {SCENARIO} --bead 8 {}\n", options.join(" "));

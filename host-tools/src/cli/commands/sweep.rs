@@ -10,7 +10,7 @@ use super::{sweep_cluster, sweep_plot};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::Format;
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::sweep::folder::Folder;
 use crate::sweep::plan::Plan;
 
@@ -103,7 +103,7 @@ struct Here {
     #[command(flatten)]
     consent: Consent,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -139,8 +139,8 @@ const CHUNKS: u64 = 10_000;
 fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let plan = Plan::load(file)?;
     let inputs = [file];
-    let out = place::target(result, Kind::Parquet, &inputs, here.force)?;
-    let picture = place::optional(here.plot.as_deref(), Kind::Drawing, &inputs, here.force)?;
+    let out = place::target(result, Kind::Parquet, &inputs, here.overwrite)?;
+    let picture = place::optional(here.plot.as_deref(), Kind::Drawing, &inputs, here.overwrite)?;
     if picture.is_some() {
         sweep_plot::check(&here.choice, &plan)?;
     }

@@ -15,7 +15,7 @@ use super::sweep_work::{
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::whole::Target;
 use crate::sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use crate::sweep::plan::Plan;
@@ -75,7 +75,7 @@ pub(crate) struct Submitting {
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
 }
 
 /// What runs jobs.
@@ -105,7 +105,7 @@ pub(crate) struct Merging {
     #[arg(long, value_name = "F.parquet")]
     out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
     /// How to print the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -220,7 +220,7 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
     let Engine::Slurm = submitting.engine;
     let folder = Folder::open(&submitting.dir)?;
     // The job that merges finds a file of its own kind at most.
-    result(&folder, &submitting.out, submitting.force)?;
+    result(&folder, &submitting.out, submitting.overwrite)?;
     let missing = folder.missing()?;
     if missing.is_empty() {
         return output::print_line(&format!(
@@ -368,18 +368,18 @@ pub(crate) fn status(standing: &Standing) -> Result<(), Failure> {
 
 pub(crate) fn merge(merging: &Merging) -> Result<(), Failure> {
     let folder = Folder::open(&merging.dir)?;
-    let out = result(&folder, &merging.out, merging.force)?;
+    let out = result(&folder, &merging.out, merging.overwrite)?;
     let merged = merge_into(&folder, &out)?;
     told(folder.plan(), &merged, out.path(), None, merging.format)
 }
 
 /// The merged table. It takes the place of no part.
-fn result(folder: &Folder, out: &Path, force: Force) -> Result<Target, Failure> {
+fn result(folder: &Folder, out: &Path, overwrite: Overwrite) -> Result<Target, Failure> {
     if folder.has_within(out) {
         return Err(Failure::input(format!(
             "{} lies among the parts of the plan; give the table another folder",
             out.display()
         )));
     }
-    place::target(out, Kind::Parquet, &[], force)
+    place::target(out, Kind::Parquet, &[], overwrite)
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
-use crate::cli::place::{self, Force, Kind};
+use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::whole::Target;
 use crate::sweep::picture::{self, View};
 use crate::sweep::plan::Plan;
@@ -35,7 +35,7 @@ pub(crate) struct Plotting {
     #[command(flatten)]
     choice: Choice,
     #[command(flatten)]
-    force: Force,
+    overwrite: Overwrite,
 }
 
 /// What is drawn.
@@ -72,7 +72,12 @@ impl Choice {
 }
 
 pub(crate) fn plot(plotting: &Plotting) -> Result<(), Failure> {
-    let out = place::target(&plotting.out, Kind::Drawing, &[&plotting.table], plotting.force)?;
+    let out = place::target(
+        &plotting.out,
+        Kind::Drawing,
+        &[&plotting.table],
+        plotting.overwrite,
+    )?;
     draw(&plotting.table, &plotting.choice, &out)?;
     output::print_line(&out.path().display().to_string())
 }
