@@ -52,7 +52,7 @@ pub use run::{Moment, Run, Step};
 pub use samples::{Channel, Samples};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
-    TomlFile, Wall, text_of,
+    TomlFile, Wall, plain_words, text_of,
 };
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;

@@ -12,6 +12,7 @@ pub mod place;
 mod printer;
 mod provenance;
 mod waveform_options;
+mod words;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -90,10 +91,12 @@ enum Command {
 }
 
 impl Cli {
-    /// What was typed. Ends the program if that is no command, or asks for help.
+    /// Parses the command line. Ends the program if it is no command, or asks for help.
     pub fn typed() -> Self {
-        let matches = with_negative_numbers(Self::command()).get_matches();
-        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+        let matches = with_negative_numbers(Self::command()).try_get_matches();
+        matches
+            .and_then(|matches| Self::from_arg_matches(&matches))
+            .unwrap_or_else(|error| words::exit(&error))
     }
 
     /// Runs the command that was given.
@@ -129,9 +132,9 @@ impl Cli {
 /// A command whose options take `-1` as a number, and say themselves what is wrong with it.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
-        .mut_args(|argument| match argument.get_action().takes_values() {
-            true => argument.allow_negative_numbers(true),
-            false => argument,
+        .mut_args(|argument| {
+            let takes_values = argument.get_action().takes_values();
+            argument.allow_negative_numbers(takes_values)
         })
         .mut_subcommands(with_negative_numbers)
 }

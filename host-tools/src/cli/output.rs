@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets};
@@ -13,6 +14,14 @@ use crate::cli::failure::{Blame, Failure};
 use crate::recording::json::SCHEMA_VERSION;
 pub use crate::recording::printable::note;
 use crate::recording::printable::printable;
+
+/// True once an output has the path `-`. What is printed then goes to standard error.
+static TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// Reserves standard output for one result. False if another has it.
+pub(crate) fn take_standard_output() -> bool {
+    !TAKEN.swap(true, Ordering::Relaxed)
+}
 
 /// The shape of a result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -53,11 +62,15 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)
 }
 
-/// Prints one line, or several, to standard output. What could steer a terminal is shown, not sent.
+/// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
+/// standard output. What could steer a terminal is shown, not sent.
 ///
 /// # Errors
 /// As [`print_json`].
 pub fn print_line(text: &str) -> Result<(), Failure> {
+    if TAKEN.load(Ordering::Relaxed) {
+        return written(writeln!(io::stderr().lock(), "{}", printable(text)));
+    }
     written(writeln!(io::stdout().lock(), "{}", printable(text)))
 }
 

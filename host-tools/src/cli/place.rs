@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::cli::failure::{Blame, Failure};
-use crate::recording::whole::Target;
+use crate::cli::output;
+use crate::recording::whole::{STANDARD_OUTPUT, Target};
 
 /// `--overwrite`.
 #[derive(Debug, Clone, Copy, Default, Args)]
@@ -109,7 +110,7 @@ impl Kind {
     }
 }
 
-/// The file at `path` as a result of `kind`. Call it before the work.
+/// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
 ///
 /// # Errors
 /// It is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
@@ -188,6 +189,15 @@ pub fn make_directory(directory: &Path) -> Result<(), Failure> {
 fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
     let shown = path.display();
     let refused = |why: String| Err(Failure::input(why));
+    if path == Path::new(STANDARD_OUTPUT) {
+        if kind == Kind::Recording {
+            return refused("a recording goes to a file; give the output a name in place of -".to_owned());
+        }
+        if output::take_standard_output() {
+            return Ok(Target::standard_output());
+        }
+        return refused("standard output takes one result; give the others names of files".to_owned());
+    }
     let same = |one: &Path, other: &Path| {
         fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
     };

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Write;
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -17,6 +17,21 @@ const PREFIX: &str = ".bead-";
 /// Whether a name is that of a file that is being written, or was when its program was killed.
 pub fn is_unfinished(name: &str) -> bool {
     name.starts_with(PREFIX)
+}
+
+/// The path of standard output.
+pub const STANDARD_OUTPUT: &str = "-";
+
+/// Copies what `fill` writes to standard output. A reader that has gone away is not an error.
+fn to_standard_output(fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    let mut file = tempfile::tempfile()?;
+    fill(&mut file)?;
+    file.rewind()?;
+    let mut out = io::stdout().lock();
+    match io::copy(&mut file, &mut out).and_then(|_| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => Ok(other?),
+    }
 }
 
 /// Why a file was not written.
@@ -71,6 +86,16 @@ impl Target {
         Self { path, ..*self }
     }
 
+    /// Standard output, which gets the result in one piece when it is whole. Its path is `-`.
+    pub fn standard_output() -> Self {
+        Self::new(STANDARD_OUTPUT)
+    }
+
+    /// True for [`standard_output`](Self::standard_output).
+    fn is_standard_output(&self) -> bool {
+        self.path == Path::new(STANDARD_OUTPUT)
+    }
+
     /// Where it will be.
     pub fn path(&self) -> &Path {
         &self.path
@@ -91,6 +116,9 @@ impl Target {
     /// # Errors
     /// The directory is missing or not writable.
     pub fn try_out(&self) -> Result<(), WriteError> {
+        if self.is_standard_output() {
+            return Ok(());
+        }
         self.begin().map(drop).map_err(|reason| self.error(reason))
     }
 
@@ -121,6 +149,9 @@ impl Target {
     /// The directory is missing or not writable, what `fill` reports, or a file of that name that must not be
     /// replaced.
     pub fn write(&self, fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) -> Result<(), WriteError> {
+        if self.is_standard_output() {
+            return to_standard_output(fill).map_err(|reason| self.error(reason));
+        }
         let write = || -> anyhow::Result<()> {
             let mut file = self.begin()?;
             let _listed = Unfinished::list(file.path());

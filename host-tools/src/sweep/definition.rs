@@ -728,7 +728,7 @@ mod tests {
         assert!(read(&format!("{young}{poisson}")).is_ok());
         let said = read(young).unwrap_err().to_string();
         assert!(
-            said.contains("axis[1].key: wall.young: missing field `poisson`"),
+            said.contains("axis[1].key: wall.young: the key `poisson` is missing"),
             "{said}"
         );
     }
@@ -736,7 +736,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_told_with_line_key_and_advice() {
         for (axes, parts) in [
-            ("", ["sweep.toml:", "missing field `axis`"]),
+            ("", ["sweep.toml:", "the key `axis` is missing"]),
             (
                 "axis = []",
                 ["sweep.toml:1: axis: the sweep has no axis", "[[axis]]"],
@@ -801,7 +801,7 @@ mod tests {
             ("[[axis]]\nvalues = [1]", ["no key", "striker.velocity"]),
             (
                 "[[axis]]\nkey = \"duration\"\nvalues = [\"long\"]",
-                ["axis[1].key: duration: invalid type", "that kind"],
+                ["axis[1].key: duration: the text", "that kind"],
             ),
             (
                 "[[axis]]\nkey = \"chain.beads\"\nvalues = [1.5]",

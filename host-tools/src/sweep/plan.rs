@@ -3,7 +3,7 @@
 use std::hash::Hasher;
 use std::path::Path;
 
-use hertz_chain::{InputError, Outcome, Scenario};
+use hertz_chain::{InputError, Outcome, Scenario, plain_words};
 use siphasher::sip128::{Hasher128, SipHasher24};
 
 use crate::export::{Cell, Column, Kind};
@@ -115,7 +115,7 @@ impl Plan {
         }
         table
             .try_into()
-            .map_err(|error: toml::de::Error| error.message().replace('\n', " "))
+            .map_err(|error: toml::de::Error| plain_words(&error.message().replace('\n', " ")))
     }
 
     /// The columns of the table.

@@ -4,9 +4,11 @@ mod check;
 mod paper;
 mod read;
 mod tables;
+mod words;
 
 pub use check::MOST_BEADS;
 pub(crate) use check::Table;
 pub use read::{InputError, TomlFile, text_of};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
+pub use words::plain_words;

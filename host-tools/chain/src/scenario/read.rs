@@ -7,12 +7,14 @@
 
 use std::fmt::{self, Write as _};
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
+
+use super::words::plain_words;
 
 /// What is wrong with an input: where, what, and what would do. Its text is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -78,8 +80,8 @@ impl std::error::Error for InputError {}
 /// Length of the longest text that is read, bytes. A device such as /dev/zero has no end.
 const LONGEST: u64 = 16 << 20;
 
-/// The text of a file; `wanted` names it in the advice if it cannot be read, such as `a scenario file in
-/// TOML`. No more than 16 MiB is read of anything.
+/// The text of a file, or of standard input for `-`; `wanted` names it in the advice if it cannot be read, such as
+/// `a scenario file in TOML`. No more than 16 MiB is read of anything.
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read, is longer, or is no text.
@@ -89,8 +91,13 @@ pub fn text_of(path: &Path, wanted: &str) -> Result<String, InputError> {
         ..InputError::at("", what, format!("name {wanted}"))
     };
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes))
+    let input: io::Result<Box<dyn Read>> = if path == Path::new("-") {
+        Ok(Box::new(io::stdin().lock()))
+    } else {
+        File::open(path).map(|file| Box::new(file) as _)
+    };
+    input
+        .and_then(|input| input.take(LONGEST + 1).read_to_end(&mut bytes))
         .map_err(|error| wrong(format!("cannot be read ({error})")))?;
     if bytes.len() as u64 > LONGEST {
         return Err(wrong("has more than 16 MiB".to_owned()));
@@ -215,12 +222,14 @@ impl<'a> TomlFile<'a> {
             let message = one_line(error.message());
             let (of, what, advice): (fn(Place) -> Range<usize>, _, _) = match unknown_field(&message) {
                 Some((name, known)) => (|key| key.name, "unknown key".to_owned(), nearest(name, &known)),
-                None if message.starts_with("missing field") => {
-                    (|key| key.value, told(&message), "add it, in SI units".to_owned())
-                }
+                None if message.starts_with("missing field") => (
+                    |key| key.value,
+                    told(&plain_words(&message)),
+                    "add it, in SI units".to_owned(),
+                ),
                 None => (
                     |key| key.value,
-                    told(&message),
+                    told(&plain_words(&message)),
                     "give a value of that kind".to_owned(),
                 ),
             };

@@ -143,38 +143,41 @@ fn a_missing_key_is_named_with_its_table() {
     let line = complaint("young = 4.5e9\n", "");
     assert_eq!(
         line,
-        "s.toml:3: chain: missing field `young`; add it, in SI units"
+        "s.toml:3: chain: the key `young` is missing; add it, in SI units"
     );
     let line = complaint("mass = 3.7e-3\n", "");
     assert_eq!(
         line,
-        "s.toml:17: intruder[1]: missing field `mass`; add it, in SI units"
+        "s.toml:17: intruder[1]: the key `mass` is missing; add it, in SI units"
     );
     let line = complaint("duration = 0.006\n", "");
-    assert_eq!(line, "s.toml:1: missing field `duration`; add it, in SI units");
+    assert_eq!(
+        line,
+        "s.toml:1: the key `duration` is missing; add it, in SI units"
+    );
 }
 
 #[test]
 fn a_value_of_the_wrong_kind_is_named() {
     let line = complaint("radius = 0.019", "radius = \"0.019\"");
     assert!(
-        line.starts_with("s.toml:5: chain.radius: invalid type: string \"0.019\", expected f64;"),
+        line.starts_with("s.toml:5: chain.radius: the text \"0.019\", where a number belongs;"),
         "{line}"
     );
     let line = complaint("beads = 16", "beads = -16");
     assert!(
-        line.starts_with("s.toml:4: chain.beads: invalid value: integer `-16`"),
+        line.starts_with("s.toml:4: chain.beads: the number -16, where a whole number"),
         "{line}"
     );
     let line = complaint("\"printed\"", "\"cliped\"");
     assert!(
-        line.starts_with("s.toml:10: chain.contact_force: unknown variant `cliped`"),
+        line.starts_with("s.toml:10: chain.contact_force: `cliped` is not known; known are"),
         "{line}"
     );
     assert!(line.contains("`printed` or `clipped`"), "{line}");
     let line = complaint("[8]", "8");
     assert!(
-        line.starts_with("s.toml:18: intruder[1].beads: invalid type"),
+        line.starts_with("s.toml:18: intruder[1].beads: the number"),
         "{line}"
     );
 }
@@ -346,7 +349,7 @@ fn a_wall_is_checked_as_a_body_is() {
         (
             "young = 203e9\n",
             "",
-            "s.toml:22: wall: missing field `young`; add it, in SI units",
+            "s.toml:22: wall: the key `young` is missing; add it, in SI units",
         ),
         (
             "[wall]",
@@ -531,10 +534,7 @@ fn more_beads_than_anybody_means_are_refused_at_once() {
         );
     }
     let line = complaint("beads = 16", "beads = 1e12");
-    assert!(
-        line.starts_with("s.toml:4: chain.beads: invalid type: floating point"),
-        "{line}"
-    );
+    assert!(line.starts_with("s.toml:4: chain.beads: the number"), "{line}");
     let line = complaint("[8]", "[8, 1000000000000]");
     assert!(
         line.starts_with("s.toml:18: intruder[1].beads: bead 1000000000000 is not in the chain"),

@@ -11,7 +11,7 @@ use hertz_chain::{Scenario, Striker};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, list, rows, timing, typed};
+use super::measured::{Errors, TableOptions, check_lengths, check_positive, list, rows, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
@@ -77,13 +77,8 @@ struct Cell {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (radii, speeds) = (&arguments.radii, &arguments.velocity);
-    for (name, values, unit) in [("--radii", radii, "m"), ("--velocity", speeds, "m/s")] {
-        if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
-            return Err(Failure::input(format!(
-                "{name} {value}: give more than 0, in {unit}"
-            )));
-        }
-    }
+    check_lengths("--radii", radii)?;
+    check_positive("--velocity", speeds, "m/s")?;
     let image = arguments.bench.image()?;
     let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;

@@ -73,6 +73,37 @@ impl TableOptions {
     }
 }
 
+/// Refuses values of an option that are no positive length, or longer than any sphere of a chain.
+///
+/// # Errors
+/// The message asks whether millimetres are meant.
+pub(super) fn check_lengths(option: &str, metres: &[f64]) -> Result<(), Failure> {
+    check_positive(option, metres, "m")?;
+    let Some(long) = metres.iter().find(|length| **length > LONGEST) else {
+        return Ok(());
+    };
+    Err(Failure::input(format!(
+        "{option} {long}: {long} m is more than any sphere of a chain has; did you mean {long} mm? give {}",
+        long * 1e-3
+    )))
+}
+
+/// Refuses values of an option that are not finite and above 0.
+///
+/// # Errors
+/// The message names the first of them and the unit.
+pub(super) fn check_positive(option: &str, values: &[f64], unit: &str) -> Result<(), Failure> {
+    let refused = values.iter().find(|value| !(value.is_finite() && **value > 0.0));
+    refused.map_or(Ok(()), |value| {
+        Err(Failure::input(format!(
+            "{option} {value}: give more than 0, in {unit}"
+        )))
+    })
+}
+
+/// Greatest radius or diameter of a sphere, m.
+const LONGEST: f64 = 1.0;
+
 /// A table in Markdown.
 pub(super) fn rows<const N: usize>(headings: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
     let heads = [headings.map(str::to_owned), headings.map(|_| "---".to_owned())];

@@ -123,6 +123,11 @@ fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
 fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     let name = file.display();
     let mut bytes = Vec::new();
+    let file = if file == Path::new("-") {
+        Path::new("/dev/stdin")
+    } else {
+        file
+    };
     File::open(file)
         .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
         .or_input(|| format!("cannot read {name}"))?;

@@ -15,7 +15,7 @@ use hertz_chain::{Material, Options, Scenario};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, list, rows, timing, typed};
+use super::measured::{Errors, TableOptions, check_lengths, check_positive, list, rows, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
 use crate::bench::front_end::FrontEnd;
@@ -154,18 +154,8 @@ fn check_part(part: Option<f64>) -> Result<(), Failure> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let positive = |value: f64| value.is_finite() && value > 0.0;
-    if let Some(value) = arguments.diameters.iter().find(|value| !positive(**value)) {
-        return Err(Failure::input(format!(
-            "--diameters {value}: give more than 0, in m"
-        )));
-    }
-    if !positive(arguments.velocity) {
-        let value = arguments.velocity;
-        return Err(Failure::input(format!(
-            "--velocity {value}: give more than 0, in m/s"
-        )));
-    }
+    check_lengths("--diameters", &arguments.diameters)?;
+    check_positive("--velocity", &[arguments.velocity], "m/s")?;
     if !(arguments.relaxation.is_finite() && arguments.relaxation >= 0.0) {
         let value = arguments.relaxation;
         return Err(Failure::input(format!(

@@ -277,7 +277,7 @@ mod tests {
         begins(
             refused("damping = 12.0", "damping = \"x\""),
             "damping =",
-            "intruder.damping: invalid type",
+            "intruder.damping: the text",
         );
         begins(
             refused("\"left\"", "\"a name that is too long\""),
@@ -292,7 +292,7 @@ mod tests {
         begins(
             refused("damping = 12.0", "#"),
             "[intruder]",
-            "intruder: missing field `damping`",
+            "intruder: the key `damping` is missing",
         );
         for (from, to, of, rest) in [
             (
