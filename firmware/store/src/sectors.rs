@@ -183,55 +183,19 @@ impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use embedded_storage::nor_flash::{ErrorType, ReadNorFlash};
-    use std::vec;
-    use std::vec::Vec;
+    use bead_testing::PowerCutFlash;
 
     const SECTOR: usize = 1024;
     /// The store is the middle of four sectors.
     const RANGE: Range<u32> = SECTOR as u32..3 * SECTOR as u32;
 
-    struct Ram(Vec<u8>);
-
-    impl ErrorType for Ram {
-        type Error = NorFlashErrorKind;
-    }
-
-    impl ReadNorFlash for Ram {
-        const READ_SIZE: usize = 1;
-
-        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-            bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
-            Ok(())
-        }
-
-        fn capacity(&self) -> usize {
-            self.0.len()
-        }
-    }
-
-    impl NorFlash for Ram {
-        const WRITE_SIZE: usize = 4;
-        const ERASE_SIZE: usize = SECTOR;
-
-        fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
-            self.0[from as usize..to as usize].fill(BLANK);
-            Ok(())
-        }
-
-        fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-            self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
-            Ok(())
-        }
-    }
-
     /// Flash that holds zeros in the store, from the first to before the second of each of these bytes.
-    fn sectors(zeros: &[[usize; 2]]) -> Sectors<Ram> {
-        let mut bytes = vec![BLANK; 4 * SECTOR];
+    fn sectors(zeros: &[[usize; 2]]) -> Sectors<PowerCutFlash<SECTOR>> {
+        let mut flash = PowerCutFlash::blank(4);
         for &[from, to] in zeros {
-            bytes[SECTOR + from..SECTOR + to].fill(0);
+            flash.bytes[SECTOR + from..SECTOR + to].fill(0);
         }
-        Sectors::new(Ram(bytes), RANGE)
+        Sectors::new(flash, RANGE)
     }
 
     #[test]
@@ -250,7 +214,7 @@ mod tests {
             assert!(matches!(sectors.erase_all(), Err(SectorError::EraseRefused)));
             assert_eq!(sectors.erased, 0);
             assert!(
-                sectors.into_flash().0[SECTOR..3 * SECTOR]
+                sectors.into_flash().bytes[SECTOR..3 * SECTOR]
                     .iter()
                     .all(|&byte| byte == 0)
             );
@@ -280,7 +244,7 @@ mod tests {
     fn half_of_the_bits_of_the_last_byte_close_a_sector() {
         for zeros in 0..=8_u32 {
             let mut sectors = sectors(&[]);
-            sectors.flash.0[2 * SECTOR - 1] = (0xFF_u32 << zeros) as u8;
+            sectors.flash.bytes[2 * SECTOR - 1] = (0xFF_u32 << zeros) as u8;
             let closed = sectors.each().map(|sector| sectors.is_closed(&sector).unwrap());
             assert_eq!(closed, [zeros >= 4, false], "{zeros}");
         }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use bead_store::{MAX_BLOCK, MAX_SETTINGS, Opened, Secret, Store, StoreError, Vault};
-use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use bead_testing::PowerCutFlash;
 use proptest::prelude::*;
 
 /// Small sectors, so that a few writes fill one.
@@ -19,177 +19,27 @@ const CUTS: usize = if cfg!(miri) { 60 } else { 1 };
 /// Writes that go through both sectors many times; under Miri once.
 const WRITES: usize = if cfg!(miri) { 5 } else { 200 };
 
-/// Flash with the rules of flash: a word is programmed once between erases, and the power may be cut.
-#[derive(Clone)]
-struct Ram {
-    bytes: Vec<u8>,
-    /// Number of operations (a word programmed, a sector erased) until the power is cut.
-    left: Option<u32>,
-    /// Random state for the contents of a word or sector after a cut.
-    seed: u32,
-}
+type Flash = PowerCutFlash<SECTOR>;
 
-#[derive(Debug)]
-struct PowerCut;
-
-impl NorFlashError for PowerCut {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
-}
-
-impl ErrorType for Ram {
-    type Error = PowerCut;
-}
-
-impl Ram {
-    fn blank() -> Self {
-        Self {
-            bytes: vec![0xFF; SIZE],
-            left: None,
-            seed: 1,
-        }
-    }
-
-    /// Whether the power is cut in the next operation. After it, no operation is done.
-    fn power(&mut self) -> Result<bool, PowerCut> {
-        match &mut self.left {
-            None => Ok(true),
-            Some(0) => Err(PowerCut),
-            Some(left) => {
-                *left -= 1;
-                Ok(*left > 0)
-            }
-        }
-    }
-
-    fn random(&mut self) -> u32 {
-        // xorshift32, Marsaglia 2003.
-        self.seed ^= self.seed << 13;
-        self.seed ^= self.seed >> 17;
-        self.seed ^= self.seed << 5;
-        self.seed
-    }
-}
-
-impl ReadNorFlash for Ram {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-        let offset = offset as usize;
-        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        SIZE
-    }
-}
-
-impl NorFlash for Ram {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = SECTOR;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-        assert!(
-            RANGE.contains(&from) && to <= RANGE.end,
-            "an erase outside the store"
-        );
-        for start in (from as usize..to as usize).step_by(SECTOR) {
-            if self.power()? {
-                self.bytes[start..start + SECTOR].fill(0xFF);
-                continue;
-            }
-            // Flash is programmed to zeros before it is erased. Then each bit rises in its own time.
-            let risen = self.random() % 5;
-            for at in start..start + SECTOR {
-                let bits = (self.random() | if risen > 1 { self.random() } else { 0 }) as u8;
-                self.bytes[at] = match risen {
-                    0 => self.bytes[at] & bits,
-                    4 => 0xFF,
-                    _ => bits,
-                };
-            }
-            return Err(PowerCut);
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        assert!(RANGE.contains(&offset), "a write outside the store");
-        assert!(offset.is_multiple_of(4) && bytes.len().is_multiple_of(4));
-        for (at, word) in (offset as usize..).step_by(4).zip(bytes.as_chunks::<4>().0) {
-            let whole = self.power()?;
-            for (old, new) in self.bytes[at..at + 4].iter_mut().zip(word) {
-                // Bits only fall. After a cut some of them have fallen.
-                self.seed = self.seed.wrapping_mul(0x9E37_79B1) ^ 0x85EB_CA6B;
-                *old &= match whole {
-                    true => *new,
-                    false => *new | self.seed as u8,
-                };
-            }
-            if !whole {
-                return Err(PowerCut);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Flash of which one read gives wrong bytes, as a supply that flickers may make it do.
-#[derive(Clone)]
-struct Misread {
-    ram: Ram,
-    /// Reads before the wrong one.
-    left: Option<u32>,
-}
-
-impl ErrorType for Misread {
-    type Error = PowerCut;
-}
-
-impl ReadNorFlash for Misread {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-        self.ram.read(offset, bytes)?;
-        if self.left == Some(0) {
-            bytes.iter_mut().for_each(|byte| *byte = !*byte);
-        }
-        self.left = self.left.and_then(|left| left.checked_sub(1));
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        SIZE
-    }
-}
-
-impl NorFlash for Misread {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = SECTOR;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-        self.ram.erase(from, to)
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        self.ram.write(offset, bytes)
+fn blank() -> Flash {
+    Flash {
+        writable: RANGE,
+        ..Flash::blank(4)
     }
 }
 
 #[test]
 fn a_block_survives_a_start_that_reads_it_wrongly_once() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     store.write(&block(1)).unwrap();
     let ram = store.into_flash();
     for wrong in (0..200).step_by(STEP) {
-        let flash = Misread {
-            ram: ram.clone(),
-            left: Some(wrong),
+        let flash = Flash {
+            misread_after: Some(wrong),
+            ..ram.clone()
         };
         let (store, _) = Store::open(flash, RANGE);
-        let (mut store, _) = open(&store.into_flash().ram);
+        let (mut store, _) = open(&undisturbed(store));
         assert_eq!(
             store.read().unwrap(),
             Some(&block(1)[..]),
@@ -198,60 +48,20 @@ fn a_block_survives_a_start_that_reads_it_wrongly_once() {
     }
 }
 
-/// Flash that refuses its first erases, and of which one read gives wrong bytes.
-struct Stubborn {
-    flash: Misread,
-    refuses: u32,
-}
-
-impl ErrorType for Stubborn {
-    type Error = PowerCut;
-}
-
-impl ReadNorFlash for Stubborn {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-        self.flash.read(offset, bytes)
-    }
-
-    fn capacity(&self) -> usize {
-        SIZE
-    }
-}
-
-impl NorFlash for Stubborn {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = SECTOR;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-        match self.refuses.checked_sub(1) {
-            Some(left) => {
-                self.refuses = left;
-                Err(PowerCut)
-            }
-            None => self.flash.erase(from, to),
-        }
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        self.flash.write(offset, bytes)
-    }
-}
-
 #[test]
 #[cfg_attr(miri, ignore = "a start over a sector of rubbish takes long there")]
 fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erased() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     store.write(&block(1)).unwrap();
     let mut ram = store.into_flash();
-    let start = |ram: &Ram, wrong| {
-        let flash = Misread {
-            ram: ram.clone(),
-            left: wrong,
+    let start = |ram: &Flash, wrong| {
+        let flash = Flash {
+            misread_after: wrong,
+            refused_erases: 1,
+            ..ram.clone()
         };
-        let (store, opened) = Store::open(Stubborn { flash, refuses: 1 }, RANGE);
-        let (mut store, _) = open(&store.into_flash().flash.ram);
+        let (store, opened) = Store::open(flash, RANGE);
+        let (mut store, _) = open(&undisturbed(store));
         (opened, read(&mut store))
     };
     // The other sector holds rubbish, and does not let itself be erased at once.
@@ -270,21 +80,30 @@ fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erase
 #[test]
 fn a_store_that_is_opened_as_it_is_changes_nothing() {
     for contents in [vec![0xFF; SIZE], vec![0x5A; SIZE]] {
-        let ram = Ram {
+        let ram = Flash {
             bytes: contents.clone(),
-            ..Ram::blank()
+            ..blank()
         };
         let mut store = Store::open_as_it_is(ram, RANGE);
         assert!(!matches!(store.read(), Ok(Some(_))));
         assert_eq!(store.into_flash().bytes, contents);
     }
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     store.write(&block(1)).unwrap();
     let mut store = Store::open_as_it_is(store.into_flash(), RANGE);
     assert_eq!(store.read().unwrap(), Some(&block(1)[..]));
 }
 
-fn open(ram: &Ram) -> (Store<Ram>, Opened) {
+/// The flash of a store, which from now on does as it should.
+fn undisturbed(store: Store<Flash>) -> Flash {
+    Flash {
+        misread_after: None,
+        refused_erases: 0,
+        ..store.into_flash()
+    }
+}
+
+fn open(ram: &Flash) -> (Store<Flash>, Opened) {
     Store::open(ram.clone(), RANGE)
 }
 
@@ -293,12 +112,12 @@ fn block(n: usize) -> Vec<u8> {
     (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
 }
 
-fn read(store: &mut Store<Ram>) -> Option<Vec<u8>> {
+fn read(store: &mut Store<Flash>) -> Option<Vec<u8>> {
     store.read().unwrap().map(<[u8]>::to_vec)
 }
 
 /// Writes as a bead that restarts when its store is full.
-fn write(mut store: Store<Ram>, block: &[u8]) -> (Store<Ram>, Result<(), StoreError>) {
+fn write(mut store: Store<Flash>, block: &[u8]) -> (Store<Flash>, Result<(), StoreError>) {
     match store.write(block) {
         Err(StoreError::Full) => {
             let (mut store, _) = open(&store.into_flash());
@@ -311,25 +130,22 @@ fn write(mut store: Store<Ram>, block: &[u8]) -> (Store<Ram>, Result<(), StoreEr
 
 #[test]
 fn a_blank_store_has_no_block_and_is_not_erased() {
-    let (mut store, opened) = open(&Ram::blank());
+    let (mut store, opened) = open(&blank());
     assert_eq!(opened, Opened::default());
     assert_eq!(read(&mut store), None);
-    assert!(
-        store.into_flash().bytes == Ram::blank().bytes,
-        "nothing was written"
-    );
+    assert!(store.into_flash().bytes == blank().bytes, "nothing was written");
 }
 
 #[test]
 fn a_start_of_a_store_in_order_writes_nothing() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     for n in 0..3 {
         store.write(&block(n)).unwrap();
         let bytes = store.into_flash().bytes;
         let opened;
-        (store, opened) = open(&Ram {
+        (store, opened) = open(&Flash {
             bytes: bytes.clone(),
-            ..Ram::blank()
+            ..blank()
         });
         assert_eq!(opened, Opened::default());
         let flash = store.into_flash();
@@ -340,7 +156,7 @@ fn a_start_of_a_store_in_order_writes_nothing() {
 
 #[test]
 fn the_last_block_written_is_read_again_after_a_start_and_none_after_it_is_cleared() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     for n in 0..3 {
         store.write(&block(n)).unwrap();
         assert_eq!(read(&mut store), Some(block(n)));
@@ -356,7 +172,7 @@ fn the_last_block_written_is_read_again_after_a_start_and_none_after_it_is_clear
 
 #[test]
 fn a_full_store_refuses_keeps_what_it_has_and_takes_more_after_the_next_start() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     let mut erased = 0;
     let mut starts = 0;
     for n in 0..WRITES {
@@ -386,7 +202,7 @@ fn a_full_store_refuses_keeps_what_it_has_and_takes_more_after_the_next_start() 
 
 #[test]
 fn a_start_leaves_room_for_the_longest_block_after_any_number_of_short_ones() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     for n in 0..WRITES {
         let mut starts = 0;
         while let Err(error) = store.write(&[7; 3][..n % 4]) {
@@ -410,7 +226,7 @@ fn there_is_room_for_the_longest_settings_of_a_frame_beside_a_secret() {
 
 #[test]
 fn a_block_too_long_is_refused_and_the_longest_is_not() {
-    let (mut store, _) = open(&Ram::blank());
+    let (mut store, _) = open(&blank());
     store.write(&[7; MAX_BLOCK]).unwrap();
     assert_eq!(store.write(&[8; MAX_BLOCK + 1]), Err(StoreError::TooLong));
     assert_eq!(read(&mut store), Some(vec![7; MAX_BLOCK]));
@@ -418,49 +234,29 @@ fn a_block_too_long_is_refused_and_the_longest_is_not() {
 
 #[test]
 fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
-    /// A flash that accepts every write and keeps none.
-    struct Worn(Ram);
-    impl ErrorType for Worn {
-        type Error = PowerCut;
-    }
-    impl ReadNorFlash for Worn {
-        const READ_SIZE: usize = 1;
-        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-            self.0.read(offset, bytes)
-        }
-        fn capacity(&self) -> usize {
-            SIZE
-        }
-    }
-    impl NorFlash for Worn {
-        const WRITE_SIZE: usize = 4;
-        const ERASE_SIZE: usize = SECTOR;
-        fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-            self.0.erase(from, to)
-        }
-        fn write(&mut self, _: u32, _: &[u8]) -> Result<(), PowerCut> {
-            Ok(())
-        }
-    }
-    let (mut store, _) = Store::open(Worn(Ram::blank()), RANGE);
+    let flash = Flash {
+        forgets: true,
+        ..blank()
+    };
+    let (mut store, _) = Store::open(flash, RANGE);
     assert_eq!(store.write(&block(0)), Err(StoreError::Flash));
 }
 
 /// Cuts the power in operation `cut` of the write of block `n`, starts again, and again with a cut in that
 /// start.
-fn cut_and_start(before: &Ram, n: usize, cut: u32, seed: u32) -> bool {
+fn cut_and_start(before: &Flash, n: usize, cut: u32, seed: u32) -> bool {
     let mut ram = before.clone();
-    (ram.left, ram.seed) = (Some(cut), seed);
+    (ram.power_left, ram.seed) = (Some(cut), seed);
     let (store, _) = Store::open(ram, RANGE);
     let (store, result) = write(store, &block(n));
     let mut ram = store.into_flash();
-    let finished = ram.left != Some(0);
+    let finished = ram.power_left != Some(0);
     if finished {
         assert_eq!(result, Ok(()));
     }
     // The next start may be cut too.
     for again in [Some(1 + seed % 7), None] {
-        ram.left = again;
+        ram.power_left = again;
         ram = Store::open(ram, RANGE).0.into_flash();
     }
     let (mut store, opened) = open(&ram);
@@ -484,7 +280,7 @@ fn cut_and_start(before: &Ram, n: usize, cut: u32, seed: u32) -> bool {
 fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one() {
     let mut cuts = 0;
     for seed in [1, 2, 3, 4, 5].into_iter().step_by(STEP) {
-        let (mut store, _) = open(&Ram::blank());
+        let (mut store, _) = open(&blank());
         store.write(&block(0)).unwrap();
         // Some rounds through both sectors.
         for n in (1..24).step_by(STEP) {
@@ -506,7 +302,7 @@ fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one
 /// What an owner has on a bead: a key with its counter, and settings.
 type Owned = (Option<([u8; 16], u64)>, Option<Vec<u8>>);
 
-fn owned(ram: &Ram) -> (Vault<Ram>, Owned) {
+fn owned(ram: &Flash) -> (Vault<Flash>, Owned) {
     let (store, opened) = open(ram);
     assert!(!opened.lost);
     let mut vault = Vault::new(store);
@@ -517,7 +313,7 @@ fn owned(ram: &Ram) -> (Vault<Ram>, Owned) {
 
 #[test]
 fn a_vault_forgets_its_settings_keeps_its_secret_and_refuses_what_is_too_long() {
-    let (mut vault, _) = owned(&Ram::blank());
+    let (mut vault, _) = owned(&blank());
     let secret = Secret {
         key: [3; 16],
         counter: 1 << 40,
@@ -535,7 +331,7 @@ fn a_vault_forgets_its_settings_keeps_its_secret_and_refuses_what_is_too_long() 
 }
 
 /// The operations of an owner on key and settings, in turn, so that a full sector is met in each.
-fn change(vault: &mut Vault<Ram>, n: usize) -> Result<(), StoreError> {
+fn change(vault: &mut Vault<Flash>, n: usize) -> Result<(), StoreError> {
     let secret = |key: usize| Secret {
         key: [key as u8 + 1; 16],
         counter: 64 * n as u64,
@@ -554,7 +350,7 @@ fn change(vault: &mut Vault<Ram>, n: usize) -> Result<(), StoreError> {
 }
 
 /// Changes as a bead that restarts when its store is full.
-fn changed(mut vault: Vault<Ram>, n: usize) -> (Vault<Ram>, Result<(), StoreError>) {
+fn changed(mut vault: Vault<Flash>, n: usize) -> (Vault<Flash>, Result<(), StoreError>) {
     match change(&mut vault, n) {
         Err(StoreError::Full) => {
             let mut vault = Vault::new(open(&vault.into_flash()).0);
@@ -569,7 +365,7 @@ fn changed(mut vault: Vault<Ram>, n: usize) -> (Vault<Ram>, Result<(), StoreErro
 fn a_power_cut_in_any_operation_on_the_key_leaves_the_old_key_or_the_new_one_and_the_settings_with_it() {
     let mut cuts = 0;
     for seed in [1, 2, 3].into_iter().step_by(STEP) {
-        let mut vault = Vault::new(open(&Ram::blank()).0);
+        let mut vault = Vault::new(open(&blank()).0);
         vault.write(&block(0)).unwrap();
         // Some rounds through both sectors.
         for n in (0..25).step_by(STEP) {
@@ -585,14 +381,14 @@ fn a_power_cut_in_any_operation_on_the_key_leaves_the_old_key_or_the_new_one_and
             );
             let ends = (1..).step_by(CUTS).find(|&cut| {
                 let mut ram = before.clone();
-                (ram.left, ram.seed) = (Some(cut), seed * 977 + cut);
+                (ram.power_left, ram.seed) = (Some(cut), seed * 977 + cut);
                 let (vault, result) = changed(Vault::new(Store::open(ram, RANGE).0), n);
                 let mut ram = vault.into_flash();
-                let finished = ram.left != Some(0);
+                let finished = ram.power_left != Some(0);
                 assert!(!finished || result.is_ok());
                 // The next start may be cut too.
                 for again in [Some(1 + (seed + cut) % 7), None] {
-                    ram.left = again;
+                    ram.power_left = again;
                     ram = Store::open(ram, RANGE).0.into_flash();
                 }
                 let (vault, found) = owned(&ram);
@@ -615,7 +411,7 @@ fn a_power_cut_in_any_operation_on_the_key_leaves_the_old_key_or_the_new_one_and
 #[test]
 fn a_store_opened_as_it_is_after_a_power_cut_has_its_key_or_is_unreadable_and_then_takes_nothing() {
     let mut unreadable = 0;
-    let mut vault = Vault::new(open(&Ram::blank()).0);
+    let mut vault = Vault::new(open(&blank()).0);
     vault.write(&block(0)).unwrap();
     for n in (0..60).step_by(STEP) {
         let next = Some(Secret {
@@ -623,22 +419,22 @@ fn a_store_opened_as_it_is_after_a_power_cut_has_its_key_or_is_unreadable_and_th
             counter: n as u64,
         });
         let before = vault.into_flash();
-        let change = |ram: Ram| {
+        let change = |ram: Flash| {
             let mut vault = Vault::new(Store::open(ram, RANGE).0);
             let result = vault.keep(next);
             (vault, result)
         };
         for cut in (1..).step_by(CUTS).take_while(|_| n > 0) {
             let mut ram = before.clone();
-            (ram.left, ram.seed) = (Some(cut), 977 + cut);
+            (ram.power_left, ram.seed) = (Some(cut), 977 + cut);
             ram = change(ram).0.into_flash();
-            if ram.left != Some(0) {
+            if ram.power_left != Some(0) {
                 break;
             }
             // The next start is cut in the first that it does: an erase, or a word of a move.
-            ram.left = Some(1);
+            ram.power_left = Some(1);
             ram = Store::open(ram, RANGE).0.into_flash();
-            ram.left = None;
+            ram.power_left = None;
             let held = ram.bytes.clone();
             let mut vault = Vault::new(Store::open_as_it_is(ram, RANGE));
             assert!(
@@ -669,7 +465,7 @@ proptest! {
         garbage in proptest::collection::vec(prop_oneof![3 => Just(0xFFu8), 1 => any::<u8>()], 2 * SECTOR),
         from in 0..2 * SECTOR, to in 0..2 * SECTOR,
     ) {
-        let mut ram = Ram::blank();
+        let mut ram = blank();
         // Garbage in a part of the sectors; none if `to` is before `from`.
         if let Some(garbage) = garbage.get(from..to) {
             ram.bytes[SECTOR + from..SECTOR + to].copy_from_slice(garbage);

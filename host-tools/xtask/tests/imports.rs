@@ -33,12 +33,13 @@ const WORKSPACE: &[Package] = &[
     package("bead-crc", &[]),
     package("bead-model", &["bead-crc"]),
     package("bead-wire", &["bead-crc"]),
-    package("bead-store", &["bead-crc"]),
+    package("bead-store", &["bead-crc", "bead-testing"]),
     package("hertz-chain", &[]),
     package("stm32f405-qemu", &[]),
     package("stm32f405-qemu-images", &[]),
     package("xtask", &[]),
     package("bead-telemetry", &["bead-model", "bead-wire"]),
+    package("bead-testing", &["bead-model", "bead-wire"]),
     package(
         "bead-firmware",
         &[
@@ -79,6 +80,7 @@ const HOST: &[&str] = &[
     "hertz-chain",
     "stm32f405-qemu",
     "bead-telemetry",
+    "bead-testing",
     "hertz-figures",
     "absorber-bead",
 ];

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::ram::{RANGE, Ram};
+use crate::store::{STORE_RANGE, StoreFlash};
 use bead::bench::emulation::Emulation;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::{BURST, Secret, Store, Vault};
@@ -52,8 +52,8 @@ fn keyed(seconds: f64, counter: u64) -> Requests {
     requests
 }
 
-fn store_with(counter: u64) -> Vault<Ram> {
-    let mut vault = Vault::new(Store::open(Ram::blank(), RANGE).0);
+fn store_with(counter: u64) -> Vault<StoreFlash> {
+    let mut vault = Vault::new(Store::open(StoreFlash::blank(2), STORE_RANGE).0);
     let secret = Secret {
         key: [7; 16],
         counter,
@@ -65,7 +65,7 @@ fn store_with(counter: u64) -> Vault<Ram> {
 /// What the store of a run holds at its end.
 fn secret(answered: &Answered) -> Option<([u8; 16], u64)> {
     let (_, bytes) = &answered.outcome.flash;
-    let vault = Vault::new(Store::open(Ram::of(bytes), RANGE).0);
+    let vault = Vault::new(Store::open(StoreFlash::holding(bytes.clone()), STORE_RANGE).0);
     vault.secret().map(|secret| (secret.key, secret.counter))
 }
 
@@ -336,9 +336,15 @@ fn a_store_that_cannot_be_read_makes_no_keyed_bead_an_open_one_and_a_reboot_brin
     // Power went while the other sector was erased: not all bits have risen yet. The supply stays low at the
     // start.
     let mut bytes = store_with(0).into_flash().bytes;
-    bytes.rotate_left(RANGE.end as usize / 2);
+    bytes.rotate_left(STORE_RANGE.end as usize / 2);
     bytes[..4].fill(0);
-    assert!(Vault::new(Store::open_as_it_is(Ram::of(&bytes), RANGE)).is_unreadable());
+    assert!(
+        Vault::new(Store::open_as_it_is(
+            StoreFlash::holding(bytes.clone()),
+            STORE_RANGE
+        ))
+        .is_unreadable()
+    );
     requests.machine.flash.push((STORE_ADDRESS, bytes));
     requests.machine.sampling_deadline_ns = 10_000_000_000;
     requests.machine.timeout = std::time::Duration::from_secs(300);
@@ -450,7 +456,10 @@ fn a_lost_key_is_cured_by_a_probe_that_erases_the_store_and_by_nothing_on_the_li
     assert_eq!(secret(&answered), Some(([7; 16], 0)));
     // A probe has erased sectors 10 and 11.
     let mut requests = run_for(0.3);
-    requests.machine.flash.push((STORE_ADDRESS, Ram::blank().bytes));
+    requests
+        .machine
+        .flash
+        .push((STORE_ADDRESS, StoreFlash::blank(2).bytes));
     let set = requests.request(0.1, &Request::SetKey { key: [9; 16] });
     let answered = requests.run();
     assert_eq!(outcome(&answered, set), Outcome::Done);

@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use crate::ram::{RANGE, Ram};
+use crate::store::{STORE_RANGE, StoreFlash};
 use bead::bench::emulation::{Emulation, SETTINGS_ADDRESS};
 use bead::comparison::replay::replay;
 use bead::recording::frames::Frame;
@@ -70,7 +70,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
 fn stored(answered: &Answered) -> Option<Vec<u8>> {
     let (address, bytes) = &answered.outcome.flash;
     assert_eq!(*address, STORE_ADDRESS);
-    let (mut store, opened) = Store::open(Ram::of(bytes), RANGE);
+    let (mut store, opened) = Store::open(StoreFlash::holding(bytes.clone()), STORE_RANGE);
     assert!(!opened.lost);
     store.read().ok().flatten().map(<[u8]>::to_vec)
 }
@@ -289,7 +289,7 @@ fn start_with(store: Vec<u8>) -> Answered {
 #[test]
 fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_probe_holds() {
     let other = forged(|bytes| bytes[4] += 1);
-    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    let (mut store, _) = Store::open(StoreFlash::blank(2), STORE_RANGE);
     store.write(&other).unwrap_or_else(|error| panic!("{error}"));
     let answered = start_with(store.into_flash().bytes);
     let refused = answered.heard.faults().next().expect("it is told");
@@ -406,11 +406,11 @@ fn a_store_without_a_whole_block_is_erased_and_told_of() {
 /// A store that has room for three more blocks of settings and no fourth, and how many it took before.
 static NEARLY_FULL: LazyLock<(Vec<u8>, usize)> = LazyLock::new(|| {
     let block = windows_of(300);
-    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    let (mut store, _) = Store::open(StoreFlash::blank(2), STORE_RANGE);
     let all = std::iter::repeat_with(|| store.write(&block))
         .take_while(Result::is_ok)
         .count();
-    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    let (mut store, _) = Store::open(StoreFlash::blank(2), STORE_RANGE);
     for _ in 3..all {
         store.write(&block).unwrap_or_else(|error| panic!("{error}"));
     }
@@ -477,7 +477,7 @@ fn in_force(answered: &Answered) -> Vec<u8> {
 #[test]
 fn a_power_cut_in_any_operation_of_a_write_leaves_the_old_settings_or_the_new_ones() {
     let (old, new) = (windows_of(299), windows_of(301));
-    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    let (mut store, _) = Store::open(StoreFlash::blank(2), STORE_RANGE);
     store.write(&old).unwrap_or_else(|error| panic!("{error}"));
     let before = store.into_flash().bytes;
     let requests = |cut: Option<(u32, u8)>| {
