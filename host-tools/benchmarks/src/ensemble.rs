@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use std::time::Instant;
 
 use hertz_chain::{
-    Accuracy, EnsembleOptions, Options, Outcome, Scenario, SimulateError, ensemble, simulate_with,
+    Accuracy, EnsembleOptions, EnsembleOutcome, Options, Scenario, SimulateError, ensemble, simulate_with,
 };
 use pulp::{Arch, Simd, WithSimd};
 
@@ -66,7 +66,7 @@ impl WithSimd for Roots {
 }
 
 /// Runs chains on one thread.
-pub(crate) fn alone(chains: &[Scenario]) -> Vec<Result<Outcome, SimulateError>> {
+pub(crate) fn alone(chains: &[Scenario]) -> Vec<Result<EnsembleOutcome, SimulateError>> {
     static ALONE: LazyLock<rayon::ThreadPool> = LazyLock::new(|| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         pool.expect("a thread can be had")

@@ -22,7 +22,7 @@ use crate::solution::Solution;
 /// What has passed a contact in some time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
-pub struct Passed {
+pub struct Transfer {
     /// Momentum, ∫ F dt, N·s.
     pub impulse: f64,
     /// Energy, ∫ F V[j-1] dt, J, with F less the static load; negative if it goes back to the striker.
@@ -31,7 +31,7 @@ pub struct Passed {
     pub lost: f64,
 }
 
-impl Passed {
+impl Transfer {
     /// The sum with `factor` times another.
     fn plus(self, factor: f64, other: Self) -> Self {
         Self {
@@ -48,7 +48,7 @@ pub struct Flow<'a> {
     solution: &'a Solution,
     contact: usize,
     /// Since t = 0, at the end of every step.
-    passed: Vec<Passed>,
+    passed: Vec<Transfer>,
 }
 
 impl Solution {
@@ -59,7 +59,7 @@ impl Solution {
     pub fn flow(&self, contact: usize) -> Flow<'_> {
         // An open contact passes nothing, unless it should carry a static load.
         let unloaded = self.model().contact(contact).load == 0.0;
-        let mut sum = Passed::default();
+        let mut sum = Transfer::default();
         let mut passed = vec![sum];
         for (step, ends) in self.step_times().windows(2).enumerate() {
             // Steps are far shorter than any contact lasts: a contact open at both ends did not close
@@ -84,11 +84,11 @@ impl Flow<'_> {
     ///
     /// # Panics
     /// If a time is not within 0 to [`Solution::end`].
-    pub fn between(&self, from: f64, to: f64) -> Passed {
+    pub fn between(&self, from: f64, to: f64) -> Transfer {
         self.until(to).plus(-1.0, self.until(from))
     }
 
-    fn until(&self, t: f64) -> Passed {
+    fn until(&self, t: f64) -> Transfer {
         let step = self.solution.step_at(t);
         let (inside, start) = (&mut Inside::new(self.solution, step), self.solution.times[step]);
         self.passed[step].plus(1.0, integrate(inside, self.contact, start, t))
@@ -107,14 +107,14 @@ const SMOOTH: [(f64, f64); 8] = [
     (0.980_144_928_248_768_1, 0.050_614_268_145_188_13),
 ];
 
-fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Passed {
+fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Transfer {
     let mut closed = |t: f64| {
         let (model, y) = inside.at(t);
         model.overlap(y, contact).0 > 0.0
     };
     // Where a contact opens or closes the force is a root: with t = root ± z² it is smooth in z.
     let root = (closed(from) != closed(to)).then(|| crossing(from, to, closed));
-    let mut sum = Passed::default();
+    let mut sum = Transfer::default();
     let mut part = |from: f64, to: f64, squared: bool| {
         for (place, weight) in SMOOTH {
             let (place, weight) = if squared {
@@ -136,10 +136,10 @@ fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Pas
     sum
 }
 
-fn rate(model: &Model, y: &[f64], contact: usize) -> Passed {
+fn rate(model: &Model, y: &[f64], contact: usize) -> Transfer {
     let (overlap, approach) = model.overlap(y, contact);
     let force = model.force(y, contact);
-    Passed {
+    Transfer {
         impulse: force,
         energy: model.force_beyond(y, contact) * y[model.layout().velocity(contact - 1)],
         lost: (force - model.contact(contact).elastic_force(overlap)) * approach,

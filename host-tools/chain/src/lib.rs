@@ -36,25 +36,27 @@ mod validity;
 pub use absorption::Absorption;
 pub use collision::Collision;
 pub use curve::Curve;
-pub use ensemble::{EnsembleOptions, Outcome, ensemble};
+pub use ensemble::{EnsembleOptions, EnsembleOutcome, ensemble};
 pub use fit::FitError;
-pub use flow::{Flow, Passed};
+pub use flow::{Flow, Transfer};
 pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use observe::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
-pub use optimise::{Aim, OptimiseError, Optimum, Remaining, Search, SoFar, Watch, optimise, remaining};
+pub use optimise::{
+    Aim, OptimiseError, Optimum, Remaining, Search, SearchObserver, SearchProgress, optimise, remaining,
+};
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
-pub use run::{Moment, Run, Step};
-pub use samples::{Channel, Samples};
+pub use run::{Run, Step, StepView};
+pub use samples::{Observable, Samples};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
-    TomlFile, Wall, plain_words, text_of,
+    TomlFile, Wall, plain_words, read_text,
 };
-pub use shaker::{Shaken, Sweep};
+pub use shaker::{FrequencySweep, ShakerResponse};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
 pub use snapshots::Snapshots;

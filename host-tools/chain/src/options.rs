@@ -81,14 +81,14 @@ impl<'a> Options<'a> {
 
     /// The same with this time to simulate, s.
     #[must_use]
-    pub const fn lasting(mut self, duration: f64) -> Self {
+    pub const fn with_duration(mut self, duration: f64) -> Self {
         self.duration = Some(duration);
         self
     }
 
     /// The same with a listener.
     #[must_use]
-    pub const fn telling(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+    pub const fn with_progress(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
         self.progress = Some(progress);
         self
     }

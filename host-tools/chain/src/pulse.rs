@@ -59,7 +59,7 @@ pub struct Pulse {
     /// Momentum that it carries through the contact, ∫ F dt over the pulse, N·s.
     pub impulse: f64,
     /// Energy that it carries through the contact, ∫ F V[j-1] dt over the pulse, J (see
-    /// [`Passed`](crate::Passed)). Negative in a pulse that goes back to the striker.
+    /// [`Transfer`](crate::Transfer)). Negative in a pulse that goes back to the striker.
     pub energy: f64,
 }
 

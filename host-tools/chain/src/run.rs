@@ -28,7 +28,7 @@ use crate::solver::{Lanes, Stepper};
 /// let first = run.snapshot().velocity(20);
 ///
 /// // What if it had gone on from there? A snapshot can be run on.
-/// let mut other = run.snapshot().run_on(Accuracy::REFERENCE)?;
+/// let mut other = run.snapshot().resume(Accuracy::REFERENCE)?;
 /// other.to(6e-3)?;
 /// # assert!(first.is_finite());
 /// # Ok::<(), hertz_chain::SimulateError>(())
@@ -257,7 +257,7 @@ impl Step<'_> {
     ///
     /// # Panics
     /// If `t` is not in the step.
-    pub fn at(&mut self, t: f64) -> Moment<'_> {
+    pub fn at(&mut self, t: f64) -> StepView<'_> {
         let (from, to) = (self.from, self.to());
         assert!(
             (from..=to).contains(&t),
@@ -265,7 +265,7 @@ impl Step<'_> {
         );
         self.run.stepper.keep_inside();
         self.run.stepper.look(t);
-        Moment {
+        StepView {
             model: &self.run.model,
             stepper: &self.run.stepper,
             time: t,
@@ -275,13 +275,13 @@ impl Step<'_> {
 
 /// A chain at one time of a [`Step`]. Only what is asked for is computed.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment<'a> {
+pub struct StepView<'a> {
     model: &'a Model,
     stepper: &'a Stepper,
     time: f64,
 }
 
-impl Moment<'_> {
+impl StepView<'_> {
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -363,7 +363,7 @@ impl Snapshot<'_> {
     ///
     /// # Errors
     /// [`SimulateError::Input`]: the accuracy is out of range.
-    pub fn run_on(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
+    pub fn resume(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
         let (model, state) = self.parts();
         Run::start(model.clone(), (self.time(), state), accuracy)
     }

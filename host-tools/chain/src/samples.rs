@@ -1,11 +1,11 @@
 //! Quantities of chosen beads at equal intervals, taken while a run goes on.
 
-use crate::run::{Moment, Step};
+use crate::run::{Step, StepView};
 
 /// A quantity of one body, contact or intruder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Channel {
+pub enum Observable {
     /// Displacement of a body, m; body 0 is the striker.
     Displacement(usize),
     /// Velocity of a body, m/s.
@@ -18,9 +18,9 @@ pub enum Channel {
     IntruderAcceleration(usize),
 }
 
-impl Channel {
+impl Observable {
     /// Not a number for an intruder that is not there.
-    fn value(self, moment: &Moment<'_>) -> f64 {
+    fn value(self, moment: &StepView<'_>) -> f64 {
         match self {
             Self::Displacement(body) => moment.displacement(body),
             Self::Velocity(body) => moment.velocity(body),
@@ -34,11 +34,11 @@ impl Channel {
 /// Samples of a [`Run`](crate::Run), every so often from t = 0 on. It keeps its channels and nothing else.
 ///
 /// ```
-/// use hertz_chain::{Accuracy, Channel, Run, Samples, Scenario};
+/// use hertz_chain::{Accuracy, Observable, Run, Samples, Scenario};
 ///
 /// let mut run = Run::new(&Scenario::paper(), Accuracy::DRAFT)?;
-/// let mut samples = Samples::new(1e-5, vec![Channel::Velocity(8), Channel::Force(8)]);
-/// run.watch(4e-3, |step| samples.look(step))?;
+/// let mut samples = Samples::new(1e-5, vec![Observable::Velocity(8), Observable::Force(8)]);
+/// run.watch(4e-3, |step| samples.observe(step))?;
 /// assert_eq!(samples.len(), 401);
 /// let force = samples.row(250)[1];
 /// # assert!(force.is_finite());
@@ -47,7 +47,7 @@ impl Channel {
 #[derive(Debug, Clone)]
 pub struct Samples {
     interval: f64,
-    channels: Vec<Channel>,
+    channels: Vec<Observable>,
     /// Number of the first.
     first: Option<u64>,
     /// Row by row.
@@ -59,7 +59,7 @@ impl Samples {
     ///
     /// # Panics
     /// If the interval is not above zero, or there is no channel.
-    pub fn new(interval: f64, channels: Vec<Channel>) -> Self {
+    pub fn new(interval: f64, channels: Vec<Observable>) -> Self {
         assert!(
             interval > 0.0,
             "samples need an interval above zero, not {interval} s"
@@ -75,7 +75,7 @@ impl Samples {
 
     /// Makes room for all samples of a run to `end`, s: then the list of them need not grow on the way.
     #[must_use]
-    pub fn until(mut self, end: f64) -> Self {
+    pub fn with_end(mut self, end: f64) -> Self {
         let rows = (end / self.interval).ceil().max(0.0) as usize + 1;
         self.values
             .reserve_exact(rows.saturating_mul(self.channels.len()));
@@ -83,7 +83,7 @@ impl Samples {
     }
 
     /// Takes the samples of a step: all of them, in order.
-    pub fn look(&mut self, step: &mut Step<'_>) {
+    pub fn observe(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
         let first = *self
             .first

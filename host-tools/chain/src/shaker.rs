@@ -12,7 +12,7 @@ use crate::spectrum::{Spectrum, Taper};
 /// A sine of rising frequency that moves the host. It swells and fades over a twentieth of the sweep at
 /// either end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sweep {
+pub struct FrequencySweep {
     /// First frequency, Hz.
     pub from: f64,
     /// Last frequency, Hz. The frequency rises in proportion to time.
@@ -26,14 +26,14 @@ pub struct Sweep {
 /// The outcome of a sweep: both displacements, m, at the same times, until the mass has come to rest.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Shaken {
+pub struct ShakerResponse {
     /// Of the host.
     pub host: Signal,
     /// Of the mass.
     pub mass: Signal,
 }
 
-impl Sweep {
+impl FrequencySweep {
     /// Displacement of the host and its rate at time `t`.
     fn motion(&self, t: f64) -> (f64, f64) {
         if !(0.0..self.duration).contains(&t) {
@@ -65,7 +65,7 @@ impl Sweep {
 /// State: displacement and velocity of the mass, and the time.
 struct Driven {
     oscillator: Oscillator,
-    sweep: Sweep,
+    sweep: FrequencySweep,
 }
 
 impl System for Driven {
@@ -83,7 +83,7 @@ impl Oscillator {
     ///
     /// # Panics
     /// If a value of the oscillator or the sweep is not positive, or if the sweep is not upwards.
-    pub fn shake(&self, sweep: &Sweep) -> Shaken {
+    pub fn shake(&self, sweep: &FrequencySweep) -> ShakerResponse {
         let values = [
             self.mass,
             self.stiffness,
@@ -129,14 +129,14 @@ impl Oscillator {
             interval,
             values,
         };
-        Shaken {
+        ShakerResponse {
             host: signal(host),
             mass: signal(mass),
         }
     }
 }
 
-impl Shaken {
+impl ShakerResponse {
     /// h = û/Û at some frequencies in Hz. The sweep should have gone through them.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
         let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal, Taper::None));

@@ -14,7 +14,7 @@ use crate::solver::Dense;
 /// let mut snapshots = Snapshots::new(&mut run, 1e5, 4e-3);
 /// let mut greatest = 0.0_f64;
 /// run.watch(4e-3, |step| {
-///     snapshots.look(step, |at| greatest = greatest.max(at.energies().chain));
+///     snapshots.observe(step, |at| greatest = greatest.max(at.energies().chain));
 /// })?;
 /// assert_eq!(snapshots.count(), 401);
 /// # Ok::<(), hertz_chain::SimulateError>(())
@@ -56,7 +56,7 @@ impl Snapshots {
     }
 
     /// Takes those of a step: all of them, in order.
-    pub fn look(&mut self, step: &mut Step<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
+    pub fn observe(&mut self, step: &mut Step<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
         let (from, to) = (step.from(), step.to());
         let (lanes, tolerance) = step.method();
         let model = step.model();

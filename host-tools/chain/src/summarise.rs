@@ -40,7 +40,7 @@ pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, 
     run.check(end, options.accuracy.longest_step)?;
     let mut found = Summariser::new(&mut run);
     run.watch(end, |step| {
-        found.look(step);
+        found.observe(step);
         if step.number().is_multiple_of(64) {
             options.progress.iter().for_each(|told| told(step.to() / end));
         }
@@ -111,7 +111,7 @@ struct IntruderWatch {
 ///
 /// let mut run = Run::new(&Scenario::paper(), Accuracy::DRAFT)?;
 /// let mut found = Summariser::new(&mut run);
-/// run.watch(4e-3, |step| found.look(step))?;
+/// run.watch(4e-3, |step| found.observe(step))?;
 /// println!("{:?}", found.summary(&mut run).peak_force);
 /// # Ok::<(), hertz_chain::SimulateError>(())
 /// ```
@@ -301,7 +301,7 @@ impl Summariser {
     }
 
     /// Takes account of a step: all of them, in order.
-    pub fn look(&mut self, step: &mut Step<'_>) {
+    pub fn observe(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
         let (model, stepper) = step.parts();
         stepper.look_at_ends(from);
@@ -576,7 +576,7 @@ mod tests {
         found.room = room.unwrap_or(found.room);
         let mut most = 0;
         run.watch(0.03, |step| {
-            found.look(step);
+            found.observe(step);
             let kept = found.forces.iter().map(|watch| watch.rising.len()).sum();
             most = usize::max(most, kept);
             assert_eq!(found.kept, kept);

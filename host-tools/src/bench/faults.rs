@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use bead_wire::FaultCause;
-use hertz_chain::{InputError, TomlFile, text_of};
+use hertz_chain::{InputError, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Fault, FaultKind, Run};
 
@@ -273,7 +273,7 @@ fn ns(seconds: f64) -> u64 {
 /// # Errors
 /// One line with file, line, key, what is wrong and what would do.
 pub fn load(path: &Path) -> Result<Vec<Planned>, InputError> {
-    let text = text_of(path, "a file of faults in TOML")?;
+    let text = read_text(path, "a file of faults in TOML")?;
     parse(&text, &path.display().to_string())
 }
 
@@ -285,7 +285,7 @@ pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
     let file = TomlFile::parse(text, name)?;
     (1..)
         .zip(entries(&file)?)
-        .map(|(number, entry)| entry.planned(number).map_err(|error| file.place(error)))
+        .map(|(number, entry)| entry.planned(number).map_err(|error| file.locate(error)))
         .collect()
 }
 
@@ -322,12 +322,12 @@ fn entries(file: &TomlFile<'_>) -> Result<Vec<Entry>, InputError> {
     })?;
     if faults.fault.is_empty() {
         let advice = "add a table [[fault]] with at and kind";
-        return Err(file.place(InputError::at("", "no fault", advice)));
+        return Err(file.locate(InputError::at("", "no fault", advice)));
     }
     let many = faults.fault.len();
     if many > MOST {
         let what = format!("{many} faults are more than {MOST}");
-        return Err(file.place(InputError::at("fault", what, "provoke fewer in one run")));
+        return Err(file.locate(InputError::at("fault", what, "provoke fewer in one run")));
     }
     Ok(faults.fault)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Curve, Options, Scenario, Solution, simulate_with, text_of};
+use hertz_chain::{Curve, Options, Scenario, Solution, read_text, simulate_with};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
@@ -160,7 +160,7 @@ pub(crate) const BEADS_TOLD: usize = 10;
 /// The file is missing or is no scenario; the message names file, line and key.
 pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
     // Read once: a pipe has its text only once.
-    let text = text_of(path, "a scenario file in TOML")?;
+    let text = read_text(path, "a scenario file in TOML")?;
     let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
     Ok((scenario, text))
 }
@@ -170,7 +170,7 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
 /// # Errors
 /// The scenario cannot be integrated.
 pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
-    let options = Options::default().lasting(scenario.duration + RING_DOWN);
+    let options = Options::default().with_duration(scenario.duration + RING_DOWN);
     Ok(simulate_with(scenario, &options)?)
 }
 

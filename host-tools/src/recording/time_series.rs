@@ -174,12 +174,12 @@ pub fn write(
         .write(|file| {
             let mut table = Rows::new(file, scenario, run.model(), rate_hz)?;
             ran = run.watch_while(end, |step| {
-                found.look(step);
+                found.observe(step);
                 if step.number().is_multiple_of(64) {
                     options.progress.iter().for_each(|told| told(step.to() / end));
                 }
                 let mut written = Ok(());
-                snapshots.look(step, |snapshot| {
+                snapshots.observe(step, |snapshot| {
                     if written.is_ok() {
                         written = table.push(snapshot);
                     }

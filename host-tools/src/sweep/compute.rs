@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use hertz_chain::{EnsembleOptions, Outcome, Scenario, ensemble};
+use hertz_chain::{EnsembleOptions, EnsembleOutcome, Scenario, ensemble};
 use rayon::prelude::*;
 
 use crate::export::table::Table;
@@ -73,14 +73,16 @@ fn results(
     plan: &Plan,
     scenarios: Vec<Result<Scenario, String>>,
     progress: &(dyn Fn(f64) + Sync),
-) -> Vec<Result<Outcome, String>> {
+) -> Vec<Result<EnsembleOutcome, String>> {
     let mut runnable = Vec::new();
     let refused: Vec<Option<String>> = scenarios
         .into_iter()
         .map(|scenario| scenario.map(|scenario| runnable.push(scenario)).err())
         .collect();
     let contacts = plan.definition().outputs.contacts();
-    let options = EnsembleOptions::default().peaks(&contacts).telling(progress);
+    let options = EnsembleOptions::default()
+        .with_peaks(&contacts)
+        .with_progress(progress);
     let mut outcomes = ensemble(&runnable, &options).into_iter();
     let result = |refused: Option<String>| match refused {
         Some(why) => Err(why),

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use hertz_chain::{InputError, MOST_BEADS, Scenario, TomlFile, text_of};
+use hertz_chain::{InputError, MOST_BEADS, Scenario, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -101,14 +101,14 @@ impl Definition {
     /// # Errors
     /// [`InputError`] with file, line, key, what is wrong and what would do.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let text = text_of(path, "a sweep's file in TOML")?;
+        let text = read_text(path, "a sweep's file in TOML")?;
         let name = path.display().to_string();
         let file = TomlFile::parse(&text, &name)?;
         let mut definition: Self = file.read()?;
         if let Base::File(scenario) = &definition.scenario {
             let scenario = path.parent().unwrap_or(Path::new("")).join(scenario);
-            let text = text_of(&scenario, "a scenario file in TOML").map_err(|error| {
-                file.place(InputError {
+            let text = read_text(&scenario, "a scenario file in TOML").map_err(|error| {
+                file.locate(InputError {
                     key: "scenario".to_owned(),
                     ..error
                 })
@@ -117,7 +117,7 @@ impl Definition {
             let table = text.parse().expect("it has just been read");
             definition.scenario = Base::Table(table);
         }
-        definition.axes().map_err(|error| file.place(error))?;
+        definition.axes().map_err(|error| file.locate(error))?;
         Ok(definition)
     }
 
@@ -130,9 +130,9 @@ impl Definition {
         let definition: Self = file.read()?;
         if let Base::File(_) = definition.scenario {
             let what = "the name of a file, where its tables must be";
-            return Err(file.place(InputError::at("scenario", what, "make the plan anew")));
+            return Err(file.locate(InputError::at("scenario", what, "make the plan anew")));
         }
-        definition.axes().map_err(|error| file.place(error))?;
+        definition.axes().map_err(|error| file.locate(error))?;
         Ok(definition)
     }
 

@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use hertz_chain::{InputError, TomlFile, text_of};
+use hertz_chain::{InputError, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 
 use crate::export::read::Reading;
@@ -130,7 +130,7 @@ impl Folder {
             )));
         }
         let name = file.display().to_string();
-        let text = text_of(&file, "a folder that bead sweep plan has made")?;
+        let text = read_text(&file, "a folder that bead sweep plan has made")?;
         let page: Page = TomlFile::parse(&text, &name)?.read()?;
         if page.made_by != PROGRAM {
             return Err(FolderError::Other(format!(

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use hertz_chain::{ContactPeak, Outcome};
+use hertz_chain::{ContactPeak, EnsembleOutcome};
 use serde::{Deserialize, Serialize};
 
 use crate::export::{Cell, Column, Kind};
@@ -92,7 +92,7 @@ impl Outputs {
 
     /// The cells of a run, one for each of the [`columns`](Self::columns). What the chain does not have is
     /// null.
-    pub fn cells(&self, outcome: &Outcome) -> Vec<Cell> {
+    pub fn cells(&self, outcome: &EnsembleOutcome) -> Vec<Cell> {
         let (end, model) = (outcome.end(), outcome.model());
         let (absorbed, injected) = (outcome.absorbed(), outcome.injected());
         // Of nothing, no part can be told.

@@ -3,7 +3,7 @@
 use std::hash::Hasher;
 use std::path::Path;
 
-use hertz_chain::{InputError, Outcome, Scenario, plain_words};
+use hertz_chain::{EnsembleOutcome, InputError, Scenario, plain_words};
 use siphasher::sip128::{Hasher128, SipHasher24};
 
 use crate::export::{Cell, Column, Kind};
@@ -132,7 +132,7 @@ impl Plan {
     }
 
     /// The row of a point.
-    pub fn row(&self, point: u64, result: &Result<Outcome, String>) -> Vec<Cell> {
+    pub fn row(&self, point: u64, result: &Result<EnsembleOutcome, String>) -> Vec<Cell> {
         let mut row = vec![Cell::whole(point)];
         for (axis, place) in self.axes.iter().zip(self.places(point)) {
             row.extend(axis.name.iter().map(|_| Cell::whole(place)));

@@ -125,7 +125,7 @@ fn each_row_is_the_run_of_its_scenario() {
         intruder.beads = [vec![8], vec![9], vec![3, 12]][tuned[row] as usize].clone();
         scenarios.push(scenario);
     }
-    let options = EnsembleOptions::default().peaks(&[1, 8]);
+    let options = EnsembleOptions::default().with_peaks(&[1, 8]);
     let outcomes = ensemble(&scenarios, &options);
     let (absorbed, of_injected) = (of("absorbed_J"), of("absorbed_of_injected"));
     let (peak, arrival) = (of("contact_8_peak_force_N"), of("contact_8_peak_time_s"));

@@ -31,7 +31,7 @@ impl Sink for Last {
 fn strike(speed: f64) -> (Solution, f64) {
     let mut scenario = Scenario::paper();
     scenario.striker.velocity = speed;
-    let options = Options::default().lasting(0.012);
+    let options = Options::default().with_duration(0.012);
     let solution = simulate_with(&scenario, &options).unwrap();
     let absorbed = solution.at(scenario.duration).intruder_dissipated(HOST).unwrap() * 1e9;
     (solution, absorbed)

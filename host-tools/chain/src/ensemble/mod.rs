@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use self::chain::Shape;
-pub use self::outcome::Outcome;
+pub use self::outcome::EnsembleOutcome;
 pub(crate) use self::prefix::Prefixes;
 use self::together::Member;
 use crate::model::Model;
@@ -38,7 +38,7 @@ use crate::summarise::Summariser;
 #[derive(Clone, Copy, Default)]
 #[non_exhaustive]
 pub struct EnsembleOptions<'a> {
-    /// Contacts whose greatest force is wanted ([`Outcome::peaks`]).
+    /// Contacts whose greatest force is wanted ([`EnsembleOutcome::peaks`]).
     pub peaks: &'a [usize],
     /// Called now and then with the part of the chains that are done, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
@@ -47,14 +47,14 @@ pub struct EnsembleOptions<'a> {
 impl<'a> EnsembleOptions<'a> {
     /// The same with the greatest forces of these contacts.
     #[must_use]
-    pub const fn peaks(mut self, contacts: &'a [usize]) -> Self {
+    pub const fn with_peaks(mut self, contacts: &'a [usize]) -> Self {
         self.peaks = contacts;
         self
     }
 
     /// The same with a listener.
     #[must_use]
-    pub const fn telling(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+    pub const fn with_progress(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
         self.progress = Some(progress);
         self
     }
@@ -84,7 +84,7 @@ impl std::fmt::Debug for EnsembleOptions<'_> {
 pub fn ensemble(
     scenarios: &[Scenario],
     options: &EnsembleOptions<'_>,
-) -> Vec<Result<Outcome, SimulateError>> {
+) -> Vec<Result<EnsembleOutcome, SimulateError>> {
     ensemble_on(scenarios, options, &Prefixes::default())
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn ensemble_on(
     scenarios: &[Scenario],
     options: &EnsembleOptions<'_>,
     prefixes: &Prefixes,
-) -> Vec<Result<Outcome, SimulateError>> {
+) -> Vec<Result<EnsembleOutcome, SimulateError>> {
     let models: Vec<_> = scenarios.par_iter().map(Model::of).collect();
     let mut alone = Vec::new();
     let mut grouped: Vec<(Shape, Member<'_>)> = Vec::new();
@@ -140,14 +140,14 @@ pub(crate) fn ensemble_on(
             (index, outcome.map_or_else(alone, Ok))
         })
     });
-    let mut found: Vec<(usize, Result<Outcome, SimulateError>)> = of_groups.collect();
+    let mut found: Vec<(usize, Result<EnsembleOutcome, SimulateError>)> = of_groups.collect();
     let one_by_one = alone.into_par_iter().map(|index| {
         let outcome = single(&scenarios[index], options.peaks);
         tell(1);
         (index, outcome)
     });
     found.par_extend(one_by_one);
-    let mut results: Vec<Option<Result<Outcome, SimulateError>>> = models
+    let mut results: Vec<Option<Result<EnsembleOutcome, SimulateError>>> = models
         .iter()
         .map(|model| model.as_ref().err().map(|error| Err(error.clone().into())))
         .collect();
@@ -160,7 +160,7 @@ pub(crate) fn ensemble_on(
 }
 
 /// A chain by itself. Nothing of the motion is kept.
-fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError> {
+fn single(scenario: &Scenario, peaks: &[usize]) -> Result<EnsembleOutcome, SimulateError> {
     let accuracy = Accuracy {
         tolerance: 1e-9,
         longest_step: 0.5,
@@ -172,7 +172,7 @@ fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError
         run.to(scenario.duration)?;
     } else {
         let mut summary = Summariser::new(&mut run);
-        run.watch(scenario.duration, |step| summary.look(step))?;
+        run.watch(scenario.duration, |step| summary.observe(step))?;
         found = summary.summary(&mut run).peak_force;
         let wanted: HashSet<usize> = peaks.iter().copied().collect();
         found.retain(|peak| wanted.contains(&peak.contact));
@@ -181,7 +181,7 @@ fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError
     let model = run.shared_model();
     let mut state = vec![0.0; model.layout().dimension()];
     run.write_state(&mut state);
-    Ok(Outcome {
+    Ok(EnsembleOutcome {
         state,
         time: run.time(),
         model,

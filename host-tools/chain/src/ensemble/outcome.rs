@@ -9,7 +9,7 @@ use crate::solution::Snapshot;
 
 /// The end of one chain of an ensemble.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct EnsembleOutcome {
     pub(super) model: Arc<Model>,
     pub(super) time: f64,
     pub(super) state: Vec<f64>,
@@ -17,7 +17,7 @@ pub struct Outcome {
     pub(super) steps: u64,
 }
 
-impl Outcome {
+impl EnsembleOutcome {
     /// The contacts' loss is what the other energies leave of the first, and no wall counts what it was
     /// given.
     pub(super) fn balanced(mut self) -> Self {

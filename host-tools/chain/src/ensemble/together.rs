@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::chain::{Constants, Shape, fewest_steps};
 use super::group::{Group, Lane, Motion};
-use super::outcome::Outcome;
+use super::outcome::EnsembleOutcome;
 use crate::model::Model;
 use crate::observe::ContactPeak;
 
@@ -89,7 +89,7 @@ pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], la
 
 /// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept. None for a
 /// chain that comes to no end in this way.
-pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<Outcome>> {
+pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<EnsembleOutcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     for (lane, member) in members.iter().enumerate() {
@@ -100,7 +100,7 @@ pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Ve
     let stuck = group.run();
     let outcome = |(lane, member): (usize, &&Member<'_>)| {
         (!stuck[lane]).then(|| {
-            let outcome = Outcome {
+            let outcome = EnsembleOutcome {
                 model: Arc::new(member.model.clone()),
                 time: member.time,
                 state: state(shape, member.model, &group, lane),

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use serde::Serialize;
 
-use super::problem::{Problem, Watch};
+use super::problem::{Problem, SearchObserver};
 use super::remaining::Remaining;
 use super::search::{OptimiseError, Search};
 use crate::ensemble::Prefixes;
@@ -69,7 +69,7 @@ const GAINED: f64 = 1e-6;
 pub fn optimise(
     scenario: &Scenario,
     search: &Search,
-    watch: Option<&Watch<'_>>,
+    watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     search.check(scenario)?;
     let mut hosts = search.hosts.clone();

@@ -25,6 +25,6 @@ mod remaining;
 mod search;
 
 pub use find::{Optimum, optimise};
-pub use problem::{SoFar, Watch};
+pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
 pub use search::{Aim, OptimiseError, Search};

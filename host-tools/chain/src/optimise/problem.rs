@@ -14,7 +14,7 @@ use crate::simulate::{Accuracy, SimulateError};
 /// How far a search has come.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
-pub struct SoFar {
+pub struct SearchProgress {
     /// Designs tried.
     pub evaluations: usize,
     /// The share that the best of them leaves.
@@ -25,7 +25,7 @@ pub struct SoFar {
 
 /// Hears how far a search has come, often, and says whether it goes on. A search that is told to stop gives
 /// the best so far.
-pub type Watch<'a> = dyn Fn(SoFar) -> ControlFlow<()> + Sync + 'a;
+pub type SearchObserver<'a> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'a;
 
 /// Mass, stiffness, damping.
 pub(super) type Properties = [f64; 3];
@@ -58,11 +58,11 @@ pub(super) struct Problem<'a> {
     pub(super) hosts: Vec<usize>,
     pub(super) search: &'a Search,
     pub(super) speeds: Vec<f64>,
-    pub(super) watch: Option<&'a Watch<'a>>,
+    pub(super) watch: Option<&'a SearchObserver<'a>>,
     /// What all designs have in common.
     pub(super) prefixes: Prefixes,
     /// How far the search has come.
-    pub(super) sofar: Cell<SoFar>,
+    pub(super) sofar: Cell<SearchProgress>,
     /// It was asked to stop.
     pub(super) stopped: Cell<bool>,
 }
@@ -136,7 +136,7 @@ impl Problem<'_> {
     }
 
     /// Tells how far the search has come, and hears whether it goes on.
-    pub(super) fn tell(&self, sofar: SoFar) {
+    pub(super) fn tell(&self, sofar: SearchProgress) {
         self.sofar.set(sofar);
         if let Some(watch) = self.watch
             && watch(sofar).is_break()

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use super::read::{InputError, TomlFile, text_of};
+use super::read::{InputError, TomlFile, read_text};
 use super::tables::Scenario;
 
 impl Scenario {
@@ -14,7 +14,7 @@ impl Scenario {
     pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
         let file = TomlFile::parse(text, file)?;
         let scenario: Self = file.read()?;
-        scenario.check().map_err(|error| file.place(error))?;
+        scenario.check().map_err(|error| file.locate(error))?;
         Ok(scenario)
     }
 
@@ -24,7 +24,7 @@ impl Scenario {
     /// As [`Scenario::from_toml`], and when the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, InputError> {
         let path = path.as_ref();
-        let text = text_of(path, "a scenario file in TOML")?;
+        let text = read_text(path, "a scenario file in TOML")?;
         Self::from_toml(&text, &path.display().to_string())
     }
 

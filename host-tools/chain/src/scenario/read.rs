@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! Values are checked on plain data, so data built in code get the same answers as data from a file. A check
-//! knows only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
+//! knows only the key (`intruder[1].mass`). [`TomlFile::locate`] adds the file and the line of that key.
 
 use std::fmt::{self, Write as _};
 use std::fs::File;
@@ -85,7 +85,7 @@ const LONGEST: u64 = 16 << 20;
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read, is longer, or is no text.
-pub fn text_of(path: &Path, wanted: &str) -> Result<String, InputError> {
+pub fn read_text(path: &Path, wanted: &str) -> Result<String, InputError> {
     let wrong = |what: String| InputError {
         file: Some(path.display().to_string()),
         ..InputError::at("", what, format!("name {wanted}"))
@@ -247,7 +247,7 @@ impl<'a> TomlFile<'a> {
     }
 
     /// Adds the file, and the line of the key or, where the file does not have it, of the table that should.
-    pub fn place(&self, error: InputError) -> InputError {
+    pub fn locate(&self, error: InputError) -> InputError {
         let (mut most, mut start) = (0, 0);
         self.each_key(|parts, place| {
             if let Some(length) = begins(&error.key, parts).filter(|length| *length > most) {

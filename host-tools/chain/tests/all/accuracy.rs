@@ -294,7 +294,7 @@ fn a_pulse_becomes_the_solitary_wave() {
 
 #[test]
 fn a_longer_run_leaves_the_summary_as_it_is() {
-    let longer = Options::default().lasting(0.006);
+    let longer = Options::default().with_duration(0.006);
     let (longer, plain) = (with(&longer), run(&paper()));
     assert_eq!(longer.end(), 0.006);
     assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
@@ -304,7 +304,7 @@ fn a_longer_run_leaves_the_summary_as_it_is() {
 
 #[test]
 fn a_shorter_run_is_summed_up_to_its_own_end() {
-    let shorter = Options::default().lasting(0.001);
+    let shorter = Options::default().with_duration(0.001);
     let solution = with(&shorter);
     let end = solution.summary().final_state;
     assert_eq!((solution.end(), end.time), (0.001, 0.001));
@@ -355,7 +355,7 @@ fn progress_is_told() {
         assert!(part > *last && part <= 1.0);
         *last = part;
     };
-    let options = Options::default().telling(&progress);
+    let options = Options::default().with_progress(&progress);
     with(&options);
     assert_eq!(*last.lock().expect("no panic"), 1.0);
 }

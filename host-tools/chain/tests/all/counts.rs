@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use hertz_chain::{
-    Accuracy, Channel, EnsembleOptions, Intruder, Oscillator, Run, Samples, Scenario, ensemble, summarise,
+    Accuracy, EnsembleOptions, Intruder, Observable, Oscillator, Run, Samples, Scenario, ensemble, summarise,
 };
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/all/data/instructions.txt");
@@ -62,10 +62,10 @@ fn counted_end_of_b() {
 #[inline(never)]
 fn counted_samples_of_b() {
     let scenario = b();
-    let channels = (0..=scenario.chain.beads).map(Channel::Velocity).collect();
+    let channels = (0..=scenario.chain.beads).map(Observable::Velocity).collect();
     let mut samples = Samples::new(1e-5, channels);
     let mut run = Run::new(&scenario, ACCURACY).expect("the chain is sound");
-    run.watch(scenario.duration, |step| samples.look(step))
+    run.watch(scenario.duration, |step| samples.observe(step))
         .expect("it runs");
     black_box(samples.values().len());
 }

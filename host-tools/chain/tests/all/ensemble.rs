@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use crate::common::{elastic, softer, struck_by_a_bead};
 use hertz_chain::{
-    Accuracy, ContactForce, EnsembleOptions, Intruder, Material, Options, Oscillator, Outcome, Scenario,
-    Section, SimulateError, Solution, Start, Wall, ensemble, simulate_with,
+    Accuracy, ContactForce, EnsembleOptions, EnsembleOutcome, Intruder, Material, Options, Oscillator,
+    Scenario, Section, SimulateError, Solution, Start, Wall, ensemble, simulate_with,
 };
 
 /// Numbers between bounds, the same at every run.
@@ -38,7 +38,7 @@ fn exactly(scenario: &Scenario) -> Solution {
     simulate_with(scenario, &options).expect("the scenario runs")
 }
 
-fn all(scenarios: &[Scenario]) -> Vec<Outcome> {
+fn all(scenarios: &[Scenario]) -> Vec<EnsembleOutcome> {
     ensemble(scenarios, &EnsembleOptions::default())
         .into_iter()
         .map(|outcome| outcome.expect("the scenario runs"))
@@ -46,7 +46,7 @@ fn all(scenarios: &[Scenario]) -> Vec<Outcome> {
 }
 
 /// Displacements, velocities and what the intruders took, bit for bit.
-fn bits(outcome: &Outcome) -> Vec<u64> {
+fn bits(outcome: &EnsembleOutcome) -> Vec<u64> {
     let end = outcome.end();
     let bodies = 0..outcome.model().bodies();
     let mut bits: Vec<u64> = bodies
@@ -145,10 +145,10 @@ fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone
             scenarios.push(scenario);
         }
     }
-    let options = EnsembleOptions::default().peaks(&[1, 8, 12]);
+    let options = EnsembleOptions::default().with_peaks(&[1, 8, 12]);
     let found = |scenarios: &[Scenario]| -> Vec<_> {
         let outcomes = ensemble(scenarios, &options).into_iter();
-        let of = |outcome: Outcome| (bits(&outcome), outcome.peaks().to_vec(), outcome.steps());
+        let of = |outcome: EnsembleOutcome| (bits(&outcome), outcome.peaks().to_vec(), outcome.steps());
         outcomes
             .map(|outcome| of(outcome.expect("the scenario runs")))
             .collect()
@@ -227,7 +227,7 @@ fn the_greatest_forces_of_chosen_contacts_are_those_of_a_single_run() {
     let mut scenarios = of_every_kind();
     let mut draw = Draw(0x5555_4444_3333_2222);
     scenarios.extend((0..30).map(|_| draw.like_the_paper()));
-    let options = EnsembleOptions::default().peaks(&[8, 1, 5, 99, 8]);
+    let options = EnsembleOptions::default().with_peaks(&[8, 1, 5, 99, 8]);
     let (mut worst, mut latest) = (0.0_f64, 0.0_f64);
     for (scenario, outcome) in scenarios.iter().zip(ensemble(&scenarios, &options)) {
         let outcome = outcome.expect("the scenario runs");
@@ -291,7 +291,7 @@ fn progress_goes_up_to_all() {
     let scenarios = vec![Scenario::paper(); 20];
     let seen = Mutex::new(Vec::new());
     let told = |part: f64| seen.lock().expect("no thread has failed").push(part);
-    let options = EnsembleOptions::default().telling(&told);
+    let options = EnsembleOptions::default().with_progress(&told);
     ensemble(&scenarios, &options);
     let mut seen = seen.into_inner().expect("no thread has failed");
     seen.sort_by(f64::total_cmp);

@@ -5,8 +5,8 @@ use std::sync::Mutex;
 
 use crate::common::{elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, SoFar, Start, optimise,
-    remaining,
+    Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, SearchProgress, Start,
+    optimise, remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -186,7 +186,7 @@ fn progress_goes_up_and_the_budget_is_kept() {
     let mut search = search(&[7, 8], 0.01);
     search.evaluations = 250;
     let seen = Mutex::new(Vec::new());
-    let told = |sofar: SoFar| {
+    let told = |sofar: SearchProgress| {
         seen.lock().expect("no thread has failed").push(sofar);
         ControlFlow::Continue(())
     };
@@ -207,7 +207,7 @@ fn progress_goes_up_and_the_budget_is_kept() {
 fn a_search_that_is_stopped_gives_the_best_so_far() {
     let search = search(&[7, 8], 0.01);
     let stopped_after = |evaluations: usize| {
-        let watch = |sofar: SoFar| {
+        let watch = |sofar: SearchProgress| {
             if sofar.evaluations >= evaluations {
                 ControlFlow::Break(())
             } else {

@@ -1,9 +1,11 @@
 //! The intruder by itself: its response, and its stiffness and damping found back.
 
 use crate::common::{normal, run};
-use hertz_chain::{FitError, Oscillator, PulseSearch, Scenario, Signal, Sweep, fit_response, fit_ring_down};
+use hertz_chain::{
+    FitError, FrequencySweep, Oscillator, PulseSearch, Scenario, Signal, fit_response, fit_ring_down,
+};
 
-const SWEEP: Sweep = Sweep {
+const SWEEP: FrequencySweep = FrequencySweep {
     from: 80.0,
     to: 2800.0,
     duration: 0.5,

@@ -598,7 +598,7 @@ fn a_scenario_built_in_code_is_checked_too() {
 #[test]
 fn options_out_of_range_are_refused() {
     let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
-    let options = Options::default().lasting(-1.0);
+    let options = Options::default().with_duration(-1.0);
     let error = simulate_with(&scenario, &options).expect_err("negative");
     let expected = "duration: -1 s cannot be simulated; give a number above zero";
     assert_eq!(error.to_string(), expected);

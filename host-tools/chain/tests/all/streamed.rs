@@ -1,8 +1,8 @@
 //! Runs that keep nothing, against those that keep everything.
 
 use hertz_chain::{
-    Accuracy, Channel, ContactForce, Intruder, Material, Options, Oscillator, Run, Samples, Scenario, Start,
-    Summariser, Wall, simulate_with, summarise,
+    Accuracy, ContactForce, Intruder, Material, Observable, Options, Oscillator, Run, Samples, Scenario,
+    Start, Summariser, Wall, simulate_with, summarise,
 };
 
 fn scenarios() -> Vec<Scenario> {
@@ -137,7 +137,7 @@ fn a_run_that_goes_on_from_a_snapshot_comes_to_where_the_whole_run_does() {
         let accuracy = Accuracy::new(1e-13, 0.125);
         let mut whole = Run::new(&scenario, accuracy).unwrap();
         whole.to(0.4 * end).unwrap();
-        let mut rest = whole.snapshot().run_on(accuracy).unwrap();
+        let mut rest = whole.snapshot().resume(accuracy).unwrap();
         let mut copy = whole.clone();
         whole.to(end).unwrap();
         rest.to(end).unwrap();
@@ -238,7 +238,7 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
     let mut worst = 0.0_f64;
     while run.time() < scenario.duration {
         let mut step = run.step(scenario.duration).unwrap();
-        found.look(&mut step);
+        found.observe(&mut step);
         let energies = run.snapshot().energies();
         worst = worst.max((energies.total() / run.model().striker_energy() - 1.0).abs());
     }
@@ -267,16 +267,17 @@ fn samples_taken_on_the_way_are_those_of_a_run_that_was_kept() {
     let kept = simulate_with(&scenario, &Options::default()).unwrap();
     let mut sampler = kept.sampler();
     let channels = vec![
-        Channel::Displacement(3),
-        Channel::Velocity(0),
-        Channel::Force(9),
-        Channel::IntruderDisplacement(8),
-        Channel::IntruderAcceleration(8),
-        Channel::IntruderAcceleration(9),
+        Observable::Displacement(3),
+        Observable::Velocity(0),
+        Observable::Force(9),
+        Observable::IntruderDisplacement(8),
+        Observable::IntruderAcceleration(8),
+        Observable::IntruderAcceleration(9),
     ];
     let mut samples = Samples::new(1e-5, channels);
     let mut run = Run::new(&scenario, Accuracy::REFERENCE).unwrap();
-    run.watch(scenario.duration, |step| samples.look(step)).unwrap();
+    run.watch(scenario.duration, |step| samples.observe(step))
+        .unwrap();
     assert_eq!(samples.len(), (scenario.duration / 1e-5).round() as usize + 1);
     for index in 0..samples.len() {
         let (row, there) = (
@@ -394,7 +395,7 @@ fn a_long_viscous_chain_can_be_looked_into_and_run_on_at_any_time() {
         let energy = now.energies().total();
         let before = *first.get_or_insert(energy);
         same("energy", energy, before, before, 1e-11);
-        let mut other = now.run_on(FINE).unwrap();
+        let mut other = now.resume(FINE).unwrap();
         other.to(end).unwrap();
         let (other, last) = (other.snapshot(), exact.at(end));
         for body in 0..=scenario.chain.beads {

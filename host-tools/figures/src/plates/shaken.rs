@@ -1,6 +1,6 @@
 //! Figure A1: the intruder on a shaker, and its stiffness and damping fitted to the response.
 
-use hertz_chain::{Oscillator, OscillatorFit, PulseSearch, Sweep, fit_response, fit_ring_down};
+use hertz_chain::{FrequencySweep, Oscillator, OscillatorFit, PulseSearch, fit_response, fit_ring_down};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -21,7 +21,7 @@ plans! {
 }
 
 const INTRUDER: Oscillator = Oscillator::PAPER;
-const SWEEP: Sweep = Sweep {
+const SWEEP: FrequencySweep = FrequencySweep {
     from: 80.0,
     to: 2800.0,
     duration: 0.5,

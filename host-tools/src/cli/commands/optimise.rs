@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use hertz_chain::{
     Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
-    SimulateError, SoFar, optimise, remaining,
+    SearchProgress, SimulateError, optimise, remaining,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -124,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let compared = compare(&scenario, &search)?;
     let bar = output::progress(search.evaluations as u64);
     let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());
-    let watch = |sofar: SoFar| {
+    let watch = |sofar: SearchProgress| {
         bar.set_position(sofar.evaluations as u64);
         if let Some(best) = sofar.best {
             bar.set_message(format!(

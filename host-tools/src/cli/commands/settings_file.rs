@@ -8,7 +8,7 @@ use bead_model::design::{Bead, FrontEnd, Neighbours};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use clap::Args;
-use hertz_chain::text_of;
+use hertz_chain::read_text;
 
 use crate::bench::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use crate::cli::beads::one_bead;
@@ -109,7 +109,7 @@ fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
 
 /// Reads a file of physical quantities.
 fn physical(file: &Path) -> Result<(Physical, Settings), Failure> {
-    let text = text_of(file, "a file that `bead settings make --template` wrote")?;
+    let text = read_text(file, "a file that `bead settings make --template` wrote")?;
     Ok(Physical::parse(&text, &file.display().to_string())?)
 }
 

@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             progress.suspend(|| output::note(format_args!("{long}")));
         }
     };
-    let options = Options::default().telling(&told);
+    let options = Options::default().with_progress(&told);
     let summary = match &out {
         // Nothing is kept in memory: a chain may have any length.
         None => summarise(&scenario, &options)?,

@@ -194,7 +194,7 @@ fn grid(arguments: &Arguments, scenario: &Scenario, own: &Bead) -> Result<Vec<(K
     let grid: Vec<(Kind, f64)> = materials.iter().flat_map(row).collect();
     for &(kind, diameter) in &grid {
         let (scenario, _) = chain(arguments, scenario, own, kind, diameter);
-        let options = Options::default().lasting(scenario.duration + RING_DOWN);
+        let options = Options::default().with_duration(scenario.duration + RING_DOWN);
         let checked = options.check(&scenario);
         checked.map_err(|why| Failure::input(format!("--diameters {diameter}: {why}")))?;
     }

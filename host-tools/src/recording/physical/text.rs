@@ -39,7 +39,7 @@ impl Physical {
     pub fn parse(text: &str, name: &str) -> Result<(Self, Settings), InputError> {
         let file = TomlFile::parse(text, name)?;
         let physical: Self = file.read()?;
-        let settings = physical.settings().map_err(|error| file.place(error))?;
+        let settings = physical.settings().map_err(|error| file.locate(error))?;
         Ok((physical, settings))
     }
 
