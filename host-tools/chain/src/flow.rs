@@ -14,7 +14,7 @@
 //! Each step is integrated by Gauss and Legendre's eight points over the dense output. A step in which the
 //! contact opens or closes is parted there.
 
-use crate::dop853::crossing;
+use crate::bisection::bisect;
 use crate::model::Model;
 use crate::quantity::Inside;
 use crate::solution::Solution;
@@ -113,7 +113,7 @@ fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Tra
         model.overlap(y, contact).0 > 0.0
     };
     // Where a contact opens or closes the force is a root: with t = root ± z² it is smooth in z.
-    let root = (closed(from) != closed(to)).then(|| crossing(from, to, closed));
+    let root = (closed(from) != closed(to)).then(|| bisect(from, to, closed));
     let mut sum = Transfer::default();
     let mut part = |from: f64, to: f64, squared: bool| {
         for (place, weight) in SMOOTH {

@@ -1,15 +1,14 @@
 #![doc = include_str!("../README.md")]
 
 mod absorption;
+mod bisection;
 mod collision;
 mod curve;
-mod dop853;
 mod ensemble;
 mod fit;
 mod flow;
 mod injection;
 mod model;
-mod observe;
 mod optimise;
 mod options;
 mod oscillator;
@@ -29,7 +28,8 @@ mod solution;
 mod solver;
 mod spectrum;
 mod split;
-mod summarise;
+mod summariser;
+mod summary;
 mod transmission;
 mod validity;
 
@@ -41,7 +41,6 @@ pub use fit::FitError;
 pub use flow::{Flow, Transfer};
 pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
-pub use observe::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 pub use optimise::{
     Aim, OptimiseError, Optimum, Remaining, Search, SearchObserver, SearchProgress, optimise, remaining,
 };
@@ -63,6 +62,7 @@ pub use snapshots::Snapshots;
 pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;
-pub use summarise::{Summariser, summarise};
+pub use summariser::{Summariser, summarise};
+pub use summary::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 pub use transmission::{TransmissionFit, energies_left};
 pub use validity::Validity;

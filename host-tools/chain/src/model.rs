@@ -22,7 +22,6 @@
 #[cfg(test)]
 mod symmetry;
 
-use crate::dop853::System;
 use crate::oscillator::Oscillator;
 use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 
@@ -547,8 +546,9 @@ impl Layout {
     }
 }
 
-impl System for Model {
-    fn rate(&self, y: &[f64], rate: &mut [f64]) {
+impl Model {
+    /// Writes the rate of change of the state `y` to `rate`, which has the same length.
+    pub(crate) fn rate(&self, y: &[f64], rate: &mut [f64]) {
         let layout = self.layout();
         let (displacement, rest) = y.split_at(layout.bodies);
         let velocity = &rest[..layout.bodies];
@@ -730,21 +730,5 @@ impl Model {
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
         1.5 * contact.stiffness * (root * approach + viscous)
-    }
-
-    /// Rate of [`Energies::chain`] where the state changes by `dy`.
-    pub(crate) fn chain_energy_rate(&self, y: &[f64], dy: &[f64]) -> f64 {
-        let layout = self.layout();
-        let elastic = |j: usize| {
-            let (change, approach) = self.change(y, j);
-            self.contacts[j - 1].elastic_force_beyond(change) * approach
-        };
-        let beads: f64 = (1..layout.bodies)
-            .map(|j| {
-                let velocity = layout.velocity(j);
-                self.shells[j] * y[velocity] * dy[velocity] + elastic(j)
-            })
-            .sum();
-        beads + (layout.bodies..=self.contacts.len()).map(elastic).sum::<f64>()
     }
 }

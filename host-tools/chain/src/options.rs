@@ -1,6 +1,6 @@
 //! How a scenario is run, and why it cannot be.
 
-use crate::scenario::InputError;
+use crate::scenario::{InputError, Scenario};
 
 /// Values that a solution may keep: 4 GB.
 pub(crate) const MOST_VALUES: usize = 500_000_000;
@@ -91,6 +91,18 @@ impl<'a> Options<'a> {
     pub const fn with_progress(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
         self.progress = Some(progress);
         self
+    }
+}
+
+impl Options<'_> {
+    /// The time to simulate, s.
+    pub(crate) fn end(&self, scenario: &Scenario) -> Result<f64, InputError> {
+        let end = self.duration.unwrap_or(scenario.duration);
+        if end.is_finite() && end > 0.0 {
+            return Ok(end);
+        }
+        let what = format!("{end} s cannot be simulated");
+        Err(InputError::at("duration", what, "give a number above zero"))
     }
 }
 

@@ -9,7 +9,7 @@
 //!
 //! In a chain under a static load, all this is about the force beyond the load.
 
-use crate::dop853::{System, crossing};
+use crate::bisection::bisect;
 use crate::flow::Flow;
 use crate::quantity::{Inside, Quantity};
 use crate::solution::Solution;
@@ -184,7 +184,7 @@ impl<'a> Trace<'a> {
     fn root(&self, before: usize, mut holds: impl FnMut(&mut Inside<'_>, f64) -> bool) -> f64 {
         let mut inside = Inside::new(self.solution, self.points[before].step);
         let (from, to) = (self.points[before].time, self.points[before + 1].time);
-        crossing(from, to, |t| holds(&mut inside, t))
+        bisect(from, to, |t| holds(&mut inside, t))
     }
 
     fn turn(&self, before: usize) -> f64 {

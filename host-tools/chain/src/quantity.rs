@@ -1,6 +1,5 @@
 //! Quantities of the motion and their rates, at the ends of steps and inside them.
 
-use crate::dop853::System;
 use crate::model::Model;
 use crate::solution::Solution;
 use crate::solver::Dense;
@@ -11,9 +10,6 @@ pub(crate) enum Quantity {
     /// Force of a contact beyond its static load.
     ForceBeyond(usize),
     Velocity(usize),
-    Acceleration(usize),
-    RelativeDisplacement(usize),
-    ChainEnergy,
 }
 
 impl Quantity {
@@ -21,9 +17,6 @@ impl Quantity {
         match self {
             Self::ForceBeyond(contact) => model.force_beyond(y, contact),
             Self::Velocity(body) => y[model.layout().velocity(body)],
-            Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
-            Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
-            Self::ChainEnergy => model.energies(y).chain,
         }
     }
 
@@ -32,10 +25,6 @@ impl Quantity {
         match self {
             Self::ForceBeyond(contact) => model.force_rate(y, dy, contact),
             Self::Velocity(body) => dy[model.layout().velocity(body)],
-            // Linear in the state: the rate is the same function of the state's rate.
-            Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),
-            Self::RelativeDisplacement(intruder) => dy[model.layout().relative(intruder)],
-            Self::ChainEnergy => model.chain_energy_rate(y, dy),
         }
     }
 }

@@ -1,16 +1,16 @@
-//! A host on a shaker: the experiment of Appendix A1, integrated.
+//! Simulates a host on a shaker, the experiment of Appendix A1 of the paper.
 
 use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex64;
 
-use crate::dop853::{Stepper, System};
 use crate::oscillator::Oscillator;
 use crate::signal::Signal;
+use crate::solver;
 use crate::spectrum::{Spectrum, Taper};
 
-/// A sine of rising frequency that moves the host. It swells and fades over a twentieth of the sweep at
-/// either end.
+/// A sine of rising frequency that moves the host. Its amplitude rises from zero and returns to zero over a
+/// twentieth of the sweep at either end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrequencySweep {
     /// First frequency, Hz.
@@ -23,18 +23,21 @@ pub struct FrequencySweep {
     pub amplitude: f64,
 }
 
-/// The outcome of a sweep: both displacements, m, at the same times, until the mass has come to rest.
+/// Displacements of host and mass in a sweep, m, at the same times, until the mass is at rest.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ShakerResponse {
-    /// Of the host.
+    /// Displacement of the host, m.
     pub host: Signal,
-    /// Of the mass.
+    /// Displacement of the mass, m.
     pub mass: Signal,
 }
 
+/// Length of an amplitude ramp, as a part of the sweep.
+const RAMP: f64 = 0.05;
+
 impl FrequencySweep {
-    /// Displacement of the host and its rate at time `t`.
+    /// Displacement of the host, m, and its rate, m/s, at time `t`, s.
     fn motion(&self, t: f64) -> (f64, f64) {
         if !(0.0..self.duration).contains(&t) {
             return (0.0, 0.0);
@@ -42,7 +45,7 @@ impl FrequencySweep {
         let chirp = (self.to - self.from) / self.duration;
         let (sin, cos) = (TAU * (self.from + 0.5 * chirp * t) * t).sin_cos();
         let omega = TAU * (self.from + chirp * t);
-        let ramp = 0.05 * self.duration;
+        let ramp = RAMP * self.duration;
         let rising = t < 0.5 * self.duration;
         let (edge, sign) = if rising {
             (t, 1.0)
@@ -62,24 +65,14 @@ impl FrequencySweep {
     }
 }
 
-/// State: displacement and velocity of the mass, and the time.
-struct Driven {
-    oscillator: Oscillator,
-    sweep: FrequencySweep,
-}
-
-impl System for Driven {
-    fn rate(&self, y: &[f64], rate: &mut [f64]) {
-        let (host, host_rate) = self.sweep.motion(y[2]);
-        rate[0] = y[1];
-        rate[1] = self.oscillator.pull(host - y[0], host_rate - y[1]) / self.oscillator.mass;
-        rate[2] = 1.0;
-    }
-}
+/// Longest step times the fastest rate of the sweep and the oscillator: the error of a step of order 9 is
+/// then below rounding.
+const STEP: f64 = 0.15;
 
 impl Oscillator {
-    /// Shakes the host through a sweep and lets the mass ring down to some 1e-12 of its motion, by its
-    /// damper. The motion is sampled at twenty times the sweep's last frequency.
+    /// Shakes the host through a sweep, then lets the damper bring the mass to some 1e-12 of its motion. The
+    /// motion is sampled at twenty times the sweep's last frequency, and integrated by the method of the
+    /// chains in steps of equal length.
     ///
     /// # Panics
     /// If a value of the oscillator or the sweep is not positive, or if the sweep is not upwards.
@@ -98,7 +91,7 @@ impl Oscillator {
             "a sweep takes positive values and goes upwards: {self:?} {sweep:?}"
         );
         let interval = 1.0 / (20.0 * sweep.to);
-        // The slower of the two decays, if there are two.
+        // Rate of the slower decay, if the oscillator is overdamped.
         let beta = 0.5 * self.damping / self.mass;
         let square = self.stiffness / self.mass;
         let slowest = if beta * beta > square {
@@ -108,21 +101,31 @@ impl Oscillator {
         };
         let count = ((sweep.duration + 28.0 / slowest) / interval).ceil() as usize;
 
-        let (oscillator, sweep) = (*self, *sweep);
-        let driven = Driven { oscillator, sweep };
-        let speed = TAU * sweep.to * sweep.amplitude;
-        let floor = vec![1e-14 * sweep.amplitude, 1e-14 * speed, 1.0];
-        let mut stepper = Stepper::new(&driven, vec![0.0; 3], 1e-13, floor, interval);
+        let rate = |t: f64, [place, velocity]: [f64; 2]| {
+            let (host, host_rate) = sweep.motion(t);
+            let pull = self.pull(host - place, host_rate - velocity);
+            [velocity, pull / self.mass]
+        };
+        let fastest = (TAU * sweep.to).max(square.sqrt()).max(self.damping / self.mass);
+        // The amplitude has kinks at these times, so a step ends at each.
+        let kinks = [RAMP, 1.0 - RAMP, 1.0].map(|part| part * sweep.duration);
+        let (mut time, mut state) = (0.0, [0.0; 2]);
         let (mut host, mut mass) = (vec![0.0], vec![0.0]);
         for i in 1..=count {
-            let t = interval * i as f64;
-            while stepper.time < t {
-                stepper
-                    .advance(&driven, t)
-                    .expect("the equation is linear and its values are finite");
+            let sample = interval * i as f64;
+            for stop in kinks.into_iter().filter(|kink| *kink < sample).chain([sample]) {
+                if stop <= time {
+                    continue;
+                }
+                let steps = ((stop - time) * fastest / STEP).ceil();
+                let h = (stop - time) / steps;
+                for step in 0..steps as usize {
+                    state = solver::step(rate, time + h * step as f64, state, h);
+                }
+                time = stop;
             }
-            host.push(sweep.motion(t).0);
-            mass.push(stepper.state[0]);
+            host.push(sweep.motion(sample).0);
+            mass.push(state[0]);
         }
         let signal = |values| Signal {
             start: 0.0,
@@ -137,7 +140,8 @@ impl Oscillator {
 }
 
 impl ShakerResponse {
-    /// h = û/Û at some frequencies in Hz. The sweep should have gone through them.
+    /// Transmissibility h = û/Û at some frequencies, as pairs of frequency in Hz and h. The sweep should
+    /// cover them.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
         let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal, Taper::None));
         let h = |&f: &f64| (f, mass.at(f) / host.at(f));

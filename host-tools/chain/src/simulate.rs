@@ -4,9 +4,11 @@ use std::time::Instant;
 
 use crate::options::MOST_VALUES;
 pub use crate::options::{Accuracy, Options, SimulateError};
-use crate::run::Run;
-use crate::scenario::{InputError, Scenario};
+use crate::run::{Run, Step};
+use crate::scenario::Scenario;
 use crate::solution::Solution;
+use crate::summariser::Summariser;
+use crate::summary::SolverSummary;
 
 /// Integrates a scenario over its duration at [`Accuracy::REFERENCE`].
 ///
@@ -23,52 +25,87 @@ pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
 pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
     let clock = Instant::now();
     let (end, mut run) = ready(scenario, options)?;
-    let mut state = run.model().initial();
-    let mut times = vec![run.time()];
-    let mut states = state.clone();
-    let progress = |part| options.progress.iter().for_each(|told| told(part));
-    // A step ends where the scenario does, so that the summary never looks inside one.
+    let mut summariser = Summariser::new(&mut run);
+    let mut record = Record::new(&run, end, options.progress);
+    // A step ends where the scenario does, so the summary covers whole steps.
     let covered = scenario.duration.min(end);
-    let mut summary_end = 0;
-    for stop in [covered, end] {
-        while run.time() < stop {
-            run.advance(stop)?;
-            let time = run.time();
-            times.push(time);
-            run.write_state(&mut state);
-            states.extend_from_slice(&state);
-            if states.len() > MOST_VALUES {
-                return Err(SimulateError::TooLong { time, end });
-            }
-            if times.len().is_multiple_of(64) {
-                progress(time / end);
-            }
-        }
-        if stop == covered {
-            summary_end = times.len() - 1;
-        }
+    record.extend(&mut run, covered, |step| summariser.observe(step))?;
+    let mut summary = summariser.summary(&mut run);
+    record.extend(&mut run, end, |_| ())?;
+    if let Some(progress) = options.progress {
+        progress(1.0);
     }
-    progress(1.0);
+    summary.solver = SolverSummary {
+        steps: run.steps(),
+        evaluations: run.evaluations(),
+        seconds: clock.elapsed().as_secs_f64(),
+    };
     Ok(Solution {
         model: run.shared_model(),
         lanes: run.lanes(),
         tolerance: options.accuracy.tolerance,
-        times,
-        states,
-        summary_end,
-        evaluations: run.evaluations(),
-        seconds: clock.elapsed().as_secs_f64(),
+        times: record.times,
+        states: record.states,
+        summary,
     })
+}
+
+/// The state at the end of each step of a run.
+struct Record<'a> {
+    /// s.
+    times: Vec<f64>,
+    /// One after another, each as long as `state`.
+    states: Vec<f64>,
+    state: Vec<f64>,
+    /// Last time of the run, s.
+    end: f64,
+    progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl<'a> Record<'a> {
+    fn new(run: &Run, end: f64, progress: Option<&'a (dyn Fn(f64) + Sync)>) -> Self {
+        let state = run.model().initial();
+        Self {
+            times: vec![run.time()],
+            states: state.clone(),
+            state,
+            end,
+            progress,
+        }
+    }
+
+    /// Runs to `stop`, s, and calls `observe` with each step.
+    fn extend(
+        &mut self,
+        run: &mut Run,
+        stop: f64,
+        mut observe: impl FnMut(&mut Step<'_>),
+    ) -> Result<(), SimulateError> {
+        while run.time() < stop {
+            let mut step = run.step(stop)?;
+            observe(&mut step);
+            step.write_state(&mut self.state);
+            let time = step.to();
+            self.times.push(time);
+            self.states.extend_from_slice(&self.state);
+            if self.states.len() > MOST_VALUES {
+                let end = self.end;
+                return Err(SimulateError::TooLong { time, end });
+            }
+            if let Some(progress) = self.progress
+                && self.times.len().is_multiple_of(64)
+            {
+                progress(time / self.end);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// When a run that keeps everything ends, and the run before its first step.
 fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), SimulateError> {
     scenario.check()?;
-    let end = options.duration.unwrap_or(scenario.duration);
-    if !(end.is_finite() && end > 0.0) {
-        let what = format!("{end} s cannot be simulated");
-        return Err(InputError::at("duration", what, "give a number above zero").into());
-    }
+    let end = options.end(scenario)?;
     let Accuracy { longest_step, .. } = options.accuracy;
     options.accuracy.check()?;
     let run = Run::new(scenario, options.accuracy)?;

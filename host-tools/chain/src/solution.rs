@@ -12,6 +12,7 @@ use std::sync::Arc;
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
 use crate::solver::{Dense, Lanes};
+use crate::summary::Summary;
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
 /// contacts from 1.
@@ -27,17 +28,19 @@ pub struct Solution {
     pub(crate) times: Vec<f64>,
     /// The state at each of them, one after another.
     pub(crate) states: Vec<f64>,
-    /// Index of the scenario's end in `times`.
-    pub(crate) summary_end: usize,
-    pub(crate) evaluations: u64,
-    /// Wall-clock time, s.
-    pub(crate) seconds: f64,
+    pub(crate) summary: Summary,
 }
 
 impl Solution {
     /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Peaks, final state and energies of the run, from t = 0 to the scenario's end (or to the run's, if that
+    /// is earlier). They are those that [`summarise`](crate::summarise()) finds, bit for bit.
+    pub fn summary(&self) -> Summary {
+        self.summary.clone()
     }
 
     /// Last time of the run, s.

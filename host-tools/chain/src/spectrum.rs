@@ -124,7 +124,7 @@ impl Spectrum {
         let level = greatest * std::f64::consts::FRAC_1_SQRT_2;
         let below = (top..self.values.len()).find(|&i| self.values[i].norm() < level)?;
         let (from, to) = (self.step * (below - 1) as f64, self.step * below as f64);
-        Some(crate::dop853::crossing(from, to, |f| self.at(f).norm() > level))
+        Some(crate::bisection::bisect(from, to, |f| self.at(f).norm() > level))
     }
 
     /// Energy of the signal between two frequencies in Hz, 2 ∫ |S|² df, in units of the signal squared times

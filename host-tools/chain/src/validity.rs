@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use serde::Serialize;
 
 use crate::model::Model;
-use crate::observe::ContactPeak;
 use crate::scenario::{InputError, Material, Scenario};
+use crate::summary::ContactPeak;
 
 /// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985,
 /// chapters 4 and 6).

@@ -32,7 +32,7 @@ use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::run::Run;
 use crate::scenario::Scenario;
-use crate::summarise::Summariser;
+use crate::summariser::Summariser;
 
 /// How to run an ensemble.
 #[derive(Clone, Copy, Default)]

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::absorption::Absorption;
 use crate::model::Model;
-use crate::observe::ContactPeak;
 use crate::solution::Snapshot;
+use crate::summary::ContactPeak;
 
 /// The end of one chain of an ensemble.
 #[derive(Debug, Clone)]

@@ -6,7 +6,7 @@ use super::chain::{Constants, Shape, fewest_steps};
 use super::group::{Group, Lane, Motion};
 use super::outcome::EnsembleOutcome;
 use crate::model::Model;
-use crate::observe::ContactPeak;
+use crate::summary::ContactPeak;
 
 /// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need
 /// far more.

@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use super::{Contact, Model};
-use crate::dop853::System;
 use crate::oscillator::Oscillator;
 use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
 use crate::solver::{Lanes, Stepper};

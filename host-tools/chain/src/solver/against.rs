@@ -4,8 +4,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::dop853::{Dop853, Interpolant, System};
 use super::{Lanes, Stepper};
-use crate::dop853::{self, Dense, crossing};
+use crate::bisection::bisect;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
@@ -94,11 +95,17 @@ impl Draw {
     }
 }
 
-/// The state at the end, step by step as the simulator once did.
+impl System for Model {
+    fn rate(&self, y: &[f64], rate: &mut [f64]) {
+        Model::rate(self, y, rate);
+    }
+}
+
+/// The state at the end of a run by Dormand and Prince's method.
 pub(super) fn other(model: &Model, end: f64) -> Vec<f64> {
     let floor = model.scales().into_iter().map(|scale| 1e-15 * scale).collect();
     let longest = model.shortest_contact() / 24.0;
-    let mut stepper = dop853::Stepper::new(model, model.initial(), 1e-13, floor, longest);
+    let mut stepper = Dop853::new(model, model.initial(), 1e-13, floor, longest);
     while stepper.time < end {
         let (from, state) = (stepper.time, stepper.state.clone());
         stepper.advance(model, end).expect("it goes on");
@@ -111,11 +118,11 @@ pub(super) fn other(model: &Model, end: f64) -> Vec<f64> {
         if turning.is_empty() {
             continue;
         }
-        let dense = Dense::new(model, (from, &state), (to, &after));
+        let inside_step = Interpolant::new(model, (from, &state), (to, &after));
         let mut inside = state.clone();
         let kinks = turning.iter().map(|&j| {
-            crossing(from, to, |t| {
-                dense.at(t, &mut inside);
+            bisect(from, to, |t| {
+                inside_step.at(t, &mut inside);
                 model.limited(&inside, j)
             })
         });

@@ -14,7 +14,7 @@ use super::aligned::Aligned;
 use crate::model::Model;
 
 /// Lanes that are computed together.
-pub(super) const BLOCK: usize = 8;
+pub(crate) const BLOCK: usize = 8;
 
 /// The longest chain, in blocks, whose intruders may share the last. It moves with them.
 const SHARED: usize = 4;

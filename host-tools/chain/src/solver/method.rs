@@ -87,6 +87,29 @@ pub(super) const NODES: [f64; STAGES] = {
     nodes
 };
 
+/// Makes one step of length `h` from time `t` and state `y` of a system of first order, y' = f(t, y).
+pub(crate) fn step<const N: usize>(
+    rate: impl Fn(f64, [f64; N]) -> [f64; N],
+    t: f64,
+    y: [f64; N],
+    h: f64,
+) -> [f64; N] {
+    let mut rates = [[0.0; N]; MAIN];
+    let argument = |stage: usize, rates: &[[f64; N]; MAIN]| {
+        let mut sum = y;
+        for &(before, weight) in A[stage] {
+            for (component, rate) in sum.iter_mut().zip(rates[before]) {
+                *component += h * weight * rate;
+            }
+        }
+        sum
+    };
+    for stage in 0..MAIN {
+        rates[stage] = rate(t + NODES[stage] * h, argument(stage, &rates));
+    }
+    argument(MAIN, &rates)
+}
+
 /// What a stage weighs in an integral over the step.
 pub(super) const fn quadrature(stage: usize) -> f64 {
     DENSE_ROWS[MAIN][stage]

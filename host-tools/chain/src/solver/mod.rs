@@ -17,6 +17,9 @@ mod aligned;
 mod attempt;
 mod crossing;
 mod dense;
+#[cfg(test)]
+#[path = "../../tests/dop853/mod.rs"]
+mod dop853;
 mod glimpse;
 mod kernel;
 mod lanes;
@@ -35,8 +38,6 @@ mod work;
 
 pub(crate) use dense::Dense;
 pub(crate) use glimpse::Glimpse;
-pub(crate) use lanes::Lanes;
+pub(crate) use lanes::{BLOCK, Lanes};
+pub(crate) use method::step;
 pub(crate) use stepper::Stepper;
-
-/// Bodies that move or rest together, from a multiple of this.
-pub(crate) const TOGETHER: usize = lanes::BLOCK;

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::against::{across, distance, other};
 use super::{Dense, Lanes, Stepper};
-use crate::dop853::System;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

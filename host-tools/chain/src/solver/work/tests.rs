@@ -1,7 +1,6 @@
 //! What the ends of a step are made of, beside the equations of motion.
 
 use super::*;
-use crate::dop853::System;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Striker, Wall};

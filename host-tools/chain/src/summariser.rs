@@ -1,66 +1,72 @@
-//! The summary of a run, found while it runs: nothing of the motion is kept.
+//! Finds the summary of a run while it runs, without keeping the motion.
 //!
 //! # Design
 //!
-//! It follows the definitions of [`Solution::summary`](crate::Solution::summary). A peak inside a step is the
-//! root of the quantity's rate in the step's dense output. A width needs to know when a force rose through
-//! half of a peak that came later, so while a force rises, its steps are kept as [`Glimpse`]s of that contact
-//! alone. There is room for so many of them. A contact that finds none forgets how its force rose, and has no
-//! width unless the force doubles after that. Quantities of beads that do not move do not change, so a step
-//! costs by what moves in it.
+//! A peak is looked for at the ends of steps and inside each step, as the root of the quantity's rate. The
+//! equations of motion give that rate, so the root is as exact as the motion; the place of a flat maximum
+//! would be known only to the square root of rounding.
+//!
+//! The width of a pulse needs the time at which its force rose through half of a peak that came later. While
+//! a force rises, its steps are therefore kept, as [`Glimpse`]s of that contact alone. Their number is
+//! limited. A contact that finds no room forgets the rise of its force, and then has no width unless the
+//! force doubles afterwards.
+//!
+//! Only moving beads are looked at, so a step costs in proportion to them.
 
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::dop853::crossing;
-use crate::model::{Energies, Model};
-use crate::observe::{
-    ContactPeak, EnergySummary, FinalState, IntruderSummary, NO_FORCE, SolverSummary, Summary,
-};
+use crate::bisection::bisect;
+use crate::model::Model;
 use crate::options::{Options, SimulateError};
 use crate::run::{Run, Step};
-use crate::scenario::{InputError, Scenario};
-use crate::solver::{Glimpse, Stepper};
+use crate::scenario::Scenario;
+use crate::solver::{BLOCK, Glimpse, Stepper};
+use crate::summary::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 
-/// Runs a scenario and gives its summary. The motion is not kept, so the chain may have any length.
+/// Runs a scenario and returns its summary. The motion is not kept, so the chain may have any length.
 ///
-/// [`Options::duration`] cuts a run short.
+/// The run lasts [`Options::duration`] if that is set, and otherwise the scenario's duration.
 ///
 /// # Errors
 /// [`SimulateError`]: the scenario or an option is out of range, or the integration cannot go on.
 pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, SimulateError> {
     let clock = Instant::now();
-    let end = options.duration.unwrap_or(scenario.duration);
-    if !(end.is_finite() && end > 0.0) {
-        let what = format!("{end} s cannot be simulated");
-        return Err(InputError::at("duration", what, "give a number above zero").into());
-    }
+    let end = options.end(scenario)?;
     let mut run = Run::new(scenario, options.accuracy)?;
     run.check(end, options.accuracy.longest_step)?;
-    let mut found = Summariser::new(&mut run);
+    let mut summariser = Summariser::new(&mut run);
     run.watch(end, |step| {
-        found.observe(step);
-        if step.number().is_multiple_of(64) {
-            options.progress.iter().for_each(|told| told(step.to() / end));
+        summariser.observe(step);
+        if let Some(progress) = options.progress
+            && step.number().is_multiple_of(64)
+        {
+            progress(step.to() / end);
         }
     })?;
-    options.progress.iter().for_each(|told| told(1.0));
-    let mut summary = found.summary(&mut run);
+    if let Some(progress) = options.progress {
+        progress(1.0);
+    }
+    let mut summary = summariser.summary(&mut run);
     summary.solver.seconds = clock.elapsed().as_secs_f64();
     Ok(summary)
 }
 
-/// A greatest value so far, and when.
+/// The integration does not resolve forces below this part of the greatest: such a contact carried none.
+const NO_FORCE: f64 = 1e-12;
+
+/// The greatest value so far, and its time, s.
 #[derive(Debug, Clone, Copy)]
-struct Best {
+struct Maximum {
     value: f64,
     time: f64,
 }
 
-impl Best {
-    /// Takes the greatest value of a step: at its end, or inside where the rate changes its sign.
-    fn consider(&mut self, from: f64, to: f64, mut of: impl FnMut(f64) -> [f64; 2]) -> bool {
+impl Maximum {
+    /// Takes a greater value from a step: at its end, or inside, where the rate changes from positive to
+    /// negative. `of` gives the value and its rate at a time. Returns true if the maximum has grown.
+    fn update(&mut self, from: f64, to: f64, mut of: impl FnMut(f64) -> [f64; 2]) -> bool {
         let before = self.value;
         let mut take = |time: f64, value: f64| {
             if value > self.value {
@@ -70,88 +76,89 @@ impl Best {
         let end = of(to);
         take(to, end[0]);
         if of(from)[1] > 0.0 && end[1] <= 0.0 {
-            let time = crossing(from, to, |t| of(t)[1] > 0.0);
+            let time = bisect(from, to, |t| of(t)[1] > 0.0);
             take(time, of(time)[0]);
         }
         self.value > before
     }
 }
 
-/// The greatest force of a contact beyond its load, and how wide its pulse is.
+/// The greatest force of a contact beyond its static load, and the width of its pulse.
 #[derive(Debug, Clone)]
-struct ForceWatch {
-    best: Best,
+struct ForceMaximum {
+    maximum: Maximum,
+    /// Full width at half of the maximum, s.
     width: Option<f64>,
-    /// The pulse of the greatest force has not fallen to half yet.
-    falls: bool,
+    /// True until the force has fallen to half of the maximum.
+    falling: bool,
     /// Steps in which the force may have risen through half of a peak for the last time, each with the force
-    /// at its start. These rise: a step that starts from less takes the place of those before it that start
-    /// from more.
+    /// at its start. These starts increase: a step that starts lower replaces earlier ones that start higher.
     rising: VecDeque<(Glimpse, f64)>,
 }
 
-/// Steps of rising forces that are kept in all, beside [`KEPT_EACH`] of each contact: 60 MB. Only a chain of
-/// which one part is very much faster than another comes near it.
+/// Steps of rising forces kept for all contacts together, in addition to [`KEPT_EACH`] for each: 60 MB. Only
+/// a chain with one part very much faster than another comes near this number.
 const KEPT: usize = 1 << 17;
-/// Steps of a rising force that a contact always keeps. A rise takes some ten, in a chain of which all is
-/// equally fast.
+/// Steps of a rising force that each contact may always keep. A rise takes about ten steps in a chain whose
+/// parts are equally fast.
 const KEPT_EACH: usize = 64;
 
-/// Greatest and least values of an intruder's motion.
+/// Greatest values of an intruder's motion and of its negative.
 #[derive(Debug, Clone, Copy)]
-struct IntruderWatch {
-    acceleration: [Best; 2],
-    displacement: [Best; 2],
+struct IntruderMaxima {
+    acceleration: [Maximum; 2],
+    displacement: [Maximum; 2],
 }
 
-/// Finds the summary of a [`Run`] step by step; see [`Summariser::look`].
+/// Finds the summary of a [`Run`] step by step; see [`Summariser::observe`].
 ///
 /// ```
 /// use hertz_chain::{Accuracy, Run, Scenario, Summariser};
 ///
 /// let mut run = Run::new(&Scenario::paper(), Accuracy::DRAFT)?;
-/// let mut found = Summariser::new(&mut run);
-/// run.watch(4e-3, |step| found.observe(step))?;
-/// println!("{:?}", found.summary(&mut run).peak_force);
+/// let mut summariser = Summariser::new(&mut run);
+/// run.watch(4e-3, |step| summariser.observe(step))?;
+/// println!("{:?}", summariser.summary(&mut run).peak_force);
 /// # Ok::<(), hertz_chain::SimulateError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Summariser {
+    /// Energy of all bodies at the start, J.
     initial: f64,
     balance_error: f64,
-    chain: Best,
+    /// Energy of the chain: its maximum, and its value and rate at the end of the last step.
+    chain: Maximum,
     chain_now: f64,
     chain_rate: f64,
-    forces: Vec<ForceWatch>,
-    intruders: Vec<IntruderWatch>,
-    books: Books,
-    /// Steps of rising forces that are kept, of all contacts, and how many may be.
+    forces: Vec<ForceMaximum>,
+    intruders: Vec<IntruderMaxima>,
+    ledger: Ledger,
+    /// Steps of rising forces kept for all contacts, and the most that may be kept.
     kept: usize,
     room: usize,
 }
 
-/// The energies of the beads and intruders of each eight bodies when they moved last, J.
+/// Energies of the beads and intruders of each block of eight bodies when they last moved, J.
 #[derive(Debug, Clone)]
-struct Books {
+struct Ledger {
     chain: Vec<f64>,
     intruders: Vec<f64>,
     /// Bodies that moved in the last step.
     moving: Vec<Range<usize>>,
-    /// Sums over all others.
+    /// Sums over all other blocks.
     at_rest: [f64; 2],
 }
 
-const TOGETHER: usize = crate::solver::TOGETHER;
-
-/// Motion of all bodies and intruders at one time: displacements or changes of overlap, and velocities.
-trait Motion {
+/// Displacement and velocity of each body and, relative to its host, of each intruder, at one time.
+trait Positions {
     fn body(&self, body: usize) -> (f64, f64);
     fn guest(&self, guest: usize) -> (f64, f64);
 }
 
-struct AtEnd<'a>(&'a Stepper, f64);
+/// The end of a step that starts at a time, s.
+struct StepEnd<'a>(&'a Stepper, f64);
 
-impl Motion for AtEnd<'_> {
+impl Positions for StepEnd<'_> {
     fn body(&self, body: usize) -> (f64, f64) {
         self.0.body_at_ends(body, self.1)[1]
     }
@@ -161,9 +168,10 @@ impl Motion for AtEnd<'_> {
     }
 }
 
-struct Looked<'a>(&'a Stepper, f64);
+/// A time inside a step, s, that [`Stepper::look`] was called for.
+struct StepInside<'a>(&'a Stepper, f64);
 
-impl Motion for Looked<'_> {
+impl Positions for StepInside<'_> {
     fn body(&self, body: usize) -> (f64, f64) {
         self.0.body(body, self.1)
     }
@@ -173,8 +181,8 @@ impl Motion for Looked<'_> {
     }
 }
 
-/// Change of the overlap of a contact since rest, and its rate.
-fn change(model: &Model, motion: &impl Motion, contact: usize) -> (f64, f64) {
+/// Change of the overlap of a contact since rest, m, and its rate, m/s.
+fn change(model: &Model, motion: &impl Positions, contact: usize) -> (f64, f64) {
     let near = motion.body(contact - 1);
     let far = if contact < model.bodies() {
         motion.body(contact)
@@ -184,7 +192,7 @@ fn change(model: &Model, motion: &impl Motion, contact: usize) -> (f64, f64) {
     (near.0 - far.0, near.1 - far.1)
 }
 
-/// The contacts of some bodies as the books have them: each belongs to the body behind it, the wall's to the
+/// The contacts of some bodies as the ledger assigns them: each to the body behind it, and the wall's to the
 /// last bead.
 fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     let end = if bodies.end == model.bodies() {
@@ -195,8 +203,8 @@ fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     bodies.start.max(1)..end
 }
 
-/// Energies of some beads with their contacts, and of their intruders, J.
-fn energies(model: &Model, motion: &impl Motion, bodies: &Range<usize>) -> [f64; 2] {
+/// Energy of some beads with their contacts, and energy of their intruders, J.
+fn energies(model: &Model, motion: &impl Positions, bodies: &Range<usize>) -> [f64; 2] {
     let kinetic = |mass: f64, speed: f64| 0.5 * mass * speed * speed;
     let beads = bodies.start.max(1)..bodies.end;
     let mut chain: f64 = beads
@@ -218,14 +226,15 @@ fn energies(model: &Model, motion: &impl Motion, bodies: &Range<usize>) -> [f64;
     [chain, guests(model, bodies).map(of_guest).sum()]
 }
 
-/// The intruders of some bodies.
+/// Numbers of the intruders in some bodies.
 fn guests(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     let until = |bead: usize| model.intruders().partition_point(|intruder| intruder.bead < bead);
     until(bodies.start)..until(bodies.end)
 }
 
-/// Rate of the chain's energy: what the striker gives, less losses, and what intruders give back.
-fn chain_rate(model: &Model, motion: &impl Motion, moving: &[Range<usize>]) -> f64 {
+/// Rate of the chain's energy, W: the power of the striker, less the losses in contacts, and the power of the
+/// intruders.
+fn chain_rate(model: &Model, motion: &impl Positions, moving: &[Range<usize>]) -> f64 {
     let (first, rate) = change(model, motion, 1);
     let mut sum = model.force_beyond_at(1, first, rate) * motion.body(0).1;
     for bodies in moving {
@@ -244,49 +253,49 @@ fn chain_rate(model: &Model, motion: &impl Motion, moving: &[Range<usize>]) -> f
 }
 
 impl Summariser {
-    /// For a run from where it is now.
+    /// Starts a summary at the run's present time.
     pub fn new(run: &mut Run) -> Self {
         let time = run.time();
         let snapshot = run.snapshot();
         let (model, energies) = (snapshot.model().clone(), snapshot.energies());
-        let forces = (1..=model.contacts()).map(|contact| ForceWatch {
-            best: Best {
+        let forces = (1..=model.contacts()).map(|contact| ForceMaximum {
+            maximum: Maximum {
                 value: snapshot.force(contact) - model.contact(contact).load,
                 time,
             },
             width: None,
-            falls: false,
+            falling: false,
             rising: VecDeque::new(),
         });
         let forces = forces.collect();
         let intruders = model.intruders().iter().map(|intruder| {
-            let best = |value: Option<f64>| {
+            let maxima = |value: Option<f64>| {
                 let value = value.expect("this bead has an intruder");
-                [1.0, -1.0].map(|sign| Best {
+                [1.0, -1.0].map(|sign| Maximum {
                     value: sign * value,
                     time,
                 })
             };
-            IntruderWatch {
-                acceleration: best(snapshot.intruder_acceleration(intruder.bead)),
-                displacement: best(snapshot.intruder_displacement(intruder.bead)),
+            IntruderMaxima {
+                acceleration: maxima(snapshot.intruder_acceleration(intruder.bead)),
+                displacement: maxima(snapshot.intruder_displacement(intruder.bead)),
             }
         });
         let intruders = intruders.collect();
-        let blocks = model.bodies().div_ceil(TOGETHER);
-        let mut books = Books {
+        let blocks = model.bodies().div_ceil(BLOCK);
+        let mut ledger = Ledger {
             chain: vec![0.0; blocks],
             intruders: vec![0.0; blocks],
             moving: Vec::new(),
             at_rest: [0.0; 2],
         };
         let all = std::iter::once(0..model.bodies()).collect::<Vec<_>>();
-        books.enter(&model, &AtEnd(run.stepper(), time), &all);
-        books.settle(&[]);
+        ledger.enter(&model, &StepEnd(run.stepper(), time), &all);
+        ledger.settle(&[]);
         Self {
             initial: energies.total(),
             balance_error: 0.0,
-            chain: Best {
+            chain: Maximum {
                 value: energies.chain,
                 time,
             },
@@ -294,13 +303,13 @@ impl Summariser {
             chain_rate: f64::INFINITY,
             forces,
             intruders,
-            books,
+            ledger,
             kept: 0,
             room: KEPT + KEPT_EACH * model.contacts(),
         }
     }
 
-    /// Takes account of a step: all of them, in order.
+    /// Takes account of a step. Must be called with each step of the run, in order.
     pub fn observe(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
         let (model, stepper) = step.parts();
@@ -311,14 +320,14 @@ impl Summariser {
             for contact in bodies.start.max(1)..=bodies.end.min(model.contacts()) {
                 let watch = &mut self.forces[contact - 1];
                 self.kept -= watch.rising.len();
-                watch.look(model, stepper, contact, (from, to));
+                watch.observe(model, stepper, contact, (from, to));
                 if watch.rising.len() > KEPT_EACH && self.kept + watch.rising.len() > self.room {
                     watch.forget();
                 }
                 self.kept += watch.rising.len();
             }
             for guest in guests(model, bodies) {
-                self.intruders[guest].look(model, stepper, guest, (from, to));
+                self.intruders[guest].observe(model, stepper, guest, (from, to));
             }
         }
     }
@@ -330,11 +339,11 @@ impl Summariser {
         moving: &[Range<usize>],
         (from, to): (f64, f64),
     ) {
-        if self.books.moving != moving {
-            self.books.settle(moving);
+        if self.ledger.moving != moving {
+            self.ledger.settle(moving);
         }
-        let end = &AtEnd(stepper, from);
-        let [chain, intruders] = self.books.enter(model, end, moving);
+        let end = &StepEnd(stepper, from);
+        let [chain, intruders] = self.ledger.enter(model, end, moving);
         let rate = chain_rate(model, end, moving);
         let speed = end.body(0).1;
         let striker = 0.5 * model.mass(0) * speed * speed;
@@ -343,11 +352,11 @@ impl Summariser {
         self.balance_error = self
             .balance_error
             .max((total - self.initial).abs() / self.initial);
-        // No more than this can lie between the ends of the step.
+        // An upper bound of the energy between the ends of the step.
         let before = self.chain_rate.abs();
         let most = self.chain_now.max(chain) + (before + rate.abs()) * (to - from);
         if chain > self.chain.value {
-            self.chain = Best {
+            self.chain = Maximum {
                 value: chain,
                 time: to,
             };
@@ -355,25 +364,25 @@ impl Summariser {
         if most > self.chain.value && self.chain_rate > 0.0 && rate <= 0.0 && !moving.is_empty() {
             let mut at = |t: f64| {
                 stepper.look(t);
-                let inside = &Looked(stepper, t);
+                let inside = &StepInside(stepper, t);
                 let parts = moving.iter().map(|bodies| energies(model, inside, bodies)[0]);
-                let value = self.books.at_rest[0] + parts.sum::<f64>();
+                let value = self.ledger.at_rest[0] + parts.sum::<f64>();
                 [value, chain_rate(model, inside, moving)]
             };
-            let time = crossing(from, to, |t| at(t)[1] > 0.0);
+            let time = bisect(from, to, |t| at(t)[1] > 0.0);
             let value = at(time)[0];
             if value > self.chain.value {
-                self.chain = Best { value, time };
+                self.chain = Maximum { value, time };
             }
         }
         (self.chain_now, self.chain_rate) = (chain, rate);
     }
 
-    /// The summary so far, up to where the run is.
+    /// The summary up to the run's present time. [`SolverSummary::seconds`] is 0.
     pub fn summary(&self, run: &mut Run) -> Summary {
         let (time, steps, evaluations) = (run.time(), run.steps(), run.evaluations());
         let snapshot = run.snapshot();
-        let (model, energies): (&Model, Energies) = (snapshot.model(), snapshot.energies());
+        let (model, energies) = (snapshot.model(), snapshot.energies());
         Summary {
             peak_force: self.contact_peaks(model),
             final_state: FinalState {
@@ -414,18 +423,18 @@ impl Summariser {
     }
 
     fn contact_peaks(&self, model: &Model) -> Vec<ContactPeak> {
-        let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].best.value;
+        let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].maximum.value;
         let contacts = 1..=model.contacts();
         let least = NO_FORCE * contacts.clone().map(force).fold(0.0, f64::max);
         contacts
             .filter(|&contact| force(contact) > least)
             .map(|contact| {
                 let watch = &self.forces[contact - 1];
-                let reached = watch.best.value > least;
+                let reached = watch.maximum.value > least;
                 ContactPeak {
                     contact,
                     force: force(contact),
-                    time: if reached { watch.best.time } else { 0.0 },
+                    time: if reached { watch.maximum.time } else { 0.0 },
                     fwhm: watch.width.filter(|_| reached),
                 }
             })
@@ -433,14 +442,14 @@ impl Summariser {
     }
 }
 
-impl Books {
-    /// Enters the energies of what moves now. Gives the sums over all.
-    fn enter(&mut self, model: &Model, motion: &impl Motion, moving: &[Range<usize>]) -> [f64; 2] {
+impl Ledger {
+    /// Enters the energies of moving bodies. Returns the sums over all bodies: beads and intruders.
+    fn enter(&mut self, model: &Model, motion: &impl Positions, moving: &[Range<usize>]) -> [f64; 2] {
         let [mut chain, mut intruders] = self.at_rest;
         for bodies in moving {
-            for from in bodies.clone().step_by(TOGETHER) {
-                let block = from / TOGETHER;
-                let of_block = energies(model, motion, &(from..(from + TOGETHER).min(bodies.end)));
+            for from in bodies.clone().step_by(BLOCK) {
+                let block = from / BLOCK;
+                let of_block = energies(model, motion, &(from..(from + BLOCK).min(bodies.end)));
                 [self.chain[block], self.intruders[block]] = of_block;
                 chain += of_block[0];
                 intruders += of_block[1];
@@ -449,10 +458,10 @@ impl Books {
         [chain, intruders]
     }
 
-    /// Takes what moves from now on out of the sums of what is at rest.
+    /// Sets the bodies that move from now on, and sums the energies of all others.
     fn settle(&mut self, moving: &[Range<usize>]) {
         self.moving = moving.to_vec();
-        let blocks = |bodies: &Range<usize>| bodies.start / TOGETHER..bodies.end.div_ceil(TOGETHER);
+        let blocks = |bodies: &Range<usize>| bodies.start / BLOCK..bodies.end.div_ceil(BLOCK);
         let sum = |of: &[f64]| {
             let (mut sum, mut from) = (0.0, 0);
             for run in moving
@@ -469,8 +478,8 @@ impl Books {
     }
 }
 
-impl ForceWatch {
-    fn look(&mut self, model: &Model, stepper: &mut Stepper, contact: usize, (from, to): (f64, f64)) {
+impl ForceMaximum {
+    fn observe(&mut self, model: &Model, stepper: &mut Stepper, contact: usize, (from, to): (f64, f64)) {
         let force = |place: f64, rate: f64| model.force_beyond_at(contact, place, rate);
         let near = stepper.body_at_ends(contact - 1, from);
         let far = if contact < model.bodies() {
@@ -479,7 +488,7 @@ impl ForceWatch {
             [(0.0, 0.0); 2]
         };
         let [start, end] = [0, 1].map(|at| force(near[at].0 - far[at].0, near[at].1 - far[at].1));
-        let half = 0.5 * self.best.value;
+        let half = 0.5 * self.maximum.value;
         if start.max(end) <= half.max(0.0) {
             self.forget();
             return;
@@ -492,12 +501,11 @@ impl ForceWatch {
             let slope = model.force_rate_at(contact, place, rate, acceleration);
             [force(place, rate), slope]
         };
-        if self.best.consider(from, to, |t| of(&glimpse, t)) {
-            (self.falls, self.width) = (true, None);
+        if self.maximum.update(from, to, |t| of(&glimpse, t)) {
+            (self.falling, self.width) = (true, None);
         }
-        let half = 0.5 * self.best.value;
-        let through =
-            |glimpse: &Glimpse, from: f64, to: f64| crossing(from, to, |t| of(glimpse, t)[0] > half);
+        let half = 0.5 * self.maximum.value;
+        let through = |glimpse: &Glimpse, from: f64, to: f64| bisect(from, to, |t| of(glimpse, t)[0] > half);
         while self.rising.back().is_some_and(|(_, before)| *before >= start) {
             self.rising.pop_back();
         }
@@ -505,13 +513,13 @@ impl ForceWatch {
         while self.rising.get(1).is_some_and(|(_, start)| *start < half) {
             self.rising.pop_front();
         }
-        if self.falls && end < half {
-            self.falls = false;
+        if self.falling && end < half {
+            self.falling = false;
             let last = &self.rising[self.rising.len() - 1].0;
-            let fall = through(last, from.max(self.best.time), to);
+            let fall = through(last, from.max(self.maximum.time), to);
             let first = &self.rising[0].0;
             let low = of(first, first.from)[0] < half;
-            let rise = low.then(|| through(first, first.from, first.to.min(self.best.time)));
+            let rise = low.then(|| through(first, first.from, first.to.min(self.maximum.time)));
             self.width = rise.map(|rise| fall - rise);
         }
         if end < half {
@@ -519,27 +527,27 @@ impl ForceWatch {
         }
     }
 
-    /// Forgets how the force rose, and gives the memory back.
+    /// Forgets the rise of the force and releases its memory.
     fn forget(&mut self) {
         self.rising = VecDeque::new();
     }
 }
 
-impl IntruderWatch {
-    fn look(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
+impl IntruderMaxima {
+    fn observe(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
         let oscillator = &model.intruders()[guest].oscillator;
         let acceleration = |x: f64, w: f64| -oscillator.pull(x, w) / oscillator.mass;
         let ends = stepper.guest_at_ends(guest);
         let [places, accelerations] = [ends.map(|(x, _)| x), ends.map(|(x, w)| acceleration(x, w))];
         let mut glimpse = None;
-        let mut look = |best: &mut [Best; 2], values: [f64; 2], accelerates: bool| {
-            for (best, sign) in best.iter_mut().zip([1.0, -1.0]) {
-                if (sign * values[0]).max(sign * values[1]) <= 0.5 * best.value {
+        let mut update = |maxima: &mut [Maximum; 2], values: [f64; 2], accelerates: bool| {
+            for (maximum, sign) in maxima.iter_mut().zip([1.0, -1.0]) {
+                if (sign * values[0]).max(sign * values[1]) <= 0.5 * maximum.value {
                     continue;
                 }
                 glimpse = glimpse.take().or_else(|| stepper.glimpse_guest(guest, from));
                 let Some(glimpse) = &glimpse else { continue };
-                best.consider(from, to, |t| {
+                maximum.update(from, to, |t| {
                     let [x, w, rate] = glimpse.at(t);
                     if accelerates {
                         [sign * acceleration(x, w), sign * acceleration(w, rate)]
@@ -549,8 +557,8 @@ impl IntruderWatch {
                 });
             }
         };
-        look(&mut self.displacement, places, false);
-        look(&mut self.acceleration, accelerations, true);
+        update(&mut self.displacement, places, false);
+        update(&mut self.acceleration, accelerations, true);
     }
 }
 
@@ -559,8 +567,8 @@ mod tests {
     use super::*;
     use crate::scenario::Section;
 
-    /// Runs six soft beads, of which the last two touch each other in a contact that is very much faster.
-    /// Gives the widths, and how many steps were kept at most.
+    /// Runs six soft beads, the last two of which touch in a very much faster contact. Returns the widths and
+    /// the greatest number of steps kept.
     fn widths(room: Option<usize>) -> (Vec<Option<f64>>, usize) {
         let mut scenario = Scenario::paper();
         scenario.intruders.clear();

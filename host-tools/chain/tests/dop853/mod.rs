@@ -3,19 +3,17 @@
 //! # Design
 //!
 //! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10.
-//! The host on a shaker is integrated with it, and in the tests the chains are: an implementation that shares
-//! nothing with [`crate::solver`] but the model. Where a contact opens or closes, the force is only Hölder
-//! continuous. The error estimate sees that, and the steps shrink until the singular point lies in a step too
-//! short to do harm. (A mere kink can hide between the stages of a step: the caller ends a step there.)
+//! The tests of the solver compare it with this one, which shares nothing with it but the model. Where a
+//! contact opens or closes, the force is only Hölder continuous. The error estimate notices that, and the
+//! steps shrink until the singular point lies in a step too short to do harm. A mere kink can hide between
+//! the stages of a step, so the caller ends a step there.
 //!
-//! The error of a step is the *greatest* over the components, not their root mean square. In a long chain few
-//! beads move at a time, and the mean would let them err the more, the longer the chain.
+//! The error of a step is the greatest over the components, not their root mean square. Few beads of a long
+//! chain move at a time, and a mean would allow them a larger error the longer the chain is.
 
 mod table;
 
-#[cfg(test)]
-use table::D;
-use table::{A, E3, E5};
+use table::{A, D, E3, E5};
 
 /// An autonomous system of ordinary differential equations y' = f(y).
 pub(crate) trait System {
@@ -62,7 +60,7 @@ impl Stages {
 
 /// A trajectory as far as it is known: its state, the length of the next step, and counts.
 #[derive(Debug)]
-pub(crate) struct Stepper {
+pub(crate) struct Dop853 {
     pub(crate) time: f64,
     pub(crate) state: Vec<f64>,
     pub(crate) evaluations: u64,
@@ -77,9 +75,9 @@ pub(crate) struct Stepper {
 
 /// A step became too short to move the clock: the system has a singularity or a value that is not a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stuck;
+pub(crate) struct StepTooShort;
 
-impl Stepper {
+impl Dop853 {
     /// Starts at t = 0 from `state`. `absolute` has the same length; no step exceeds `longest`.
     pub(crate) fn new(
         system: &impl System,
@@ -106,7 +104,7 @@ impl Stepper {
 
     /// Makes one step that meets the tolerance and does not pass `stop`. A step that reaches `stop` ends on
     /// it exactly.
-    pub(crate) fn advance(&mut self, system: &impl System, stop: f64) -> Result<(), Stuck> {
+    pub(crate) fn advance(&mut self, system: &impl System, stop: f64) -> Result<(), StepTooShort> {
         const SAFETY: f64 = 0.9;
         let mut rejected = false;
         loop {
@@ -116,7 +114,7 @@ impl Stepper {
             let last = self.step >= left * (1.0 - 1e-9);
             let h = if last { left } else { self.step };
             if self.time + h <= self.time || h.is_nan() {
-                return Err(Stuck);
+                return Err(StepTooShort);
             }
             for index in 1..12 {
                 self.stages.stage(system, index, &self.state, h);
@@ -144,8 +142,7 @@ impl Stepper {
         }
     }
 
-    /// Goes back to an earlier state, to take another way from there.
-    #[cfg(test)]
+    /// Returns to an earlier state.
     pub(crate) fn return_to(&mut self, system: &impl System, time: f64, state: &[f64]) {
         self.time = time;
         self.state.copy_from_slice(state);
@@ -178,18 +175,16 @@ impl Stepper {
 }
 
 /// The dense output of one step: a polynomial of seventh order in time, exact at both ends.
-#[cfg(test)]
 #[derive(Debug, Clone)]
-pub(crate) struct Dense {
+pub(crate) struct Interpolant {
     start: f64,
     length: f64,
     state: Vec<f64>,
     coefficients: [Vec<f64>; 7],
 }
 
-#[cfg(test)]
-impl Dense {
-    /// Repeats the step from `from` = (t, y) to `to`, both as the [`Stepper`] left them.
+impl Interpolant {
+    /// Repeats the step from `from` = (t, y) to `to`, both as the [`Dop853`] left them.
     pub(crate) fn new(system: &impl System, from: (f64, &[f64]), to: (f64, &[f64])) -> Self {
         let ((start, y0), (end, y1)) = (from, to);
         let length = end - start;
@@ -234,25 +229,8 @@ impl Dense {
     }
 }
 
-/// Where `holds` turns between `a` and `b`, to the last bit. Halving is slow but always ends.
-pub(crate) fn crossing(mut a: f64, mut b: f64, mut holds: impl FnMut(f64) -> bool) -> f64 {
-    let first = holds(a);
-    loop {
-        let middle = 0.5 * (a + b);
-        if middle <= a || middle >= b {
-            return b;
-        }
-        if holds(middle) == first {
-            a = middle
-        } else {
-            b = middle
-        }
-    }
-}
-
-#[cfg(test)]
 mod tests {
-    use super::{A, Dense, Stages, Stepper, Stuck, System};
+    use super::{A, Dop853, Interpolant, Stages, StepTooShort, System};
 
     /// A planet at the end of its orbit's long axis: smooth, not linear, and closed.
     struct Kepler;
@@ -280,7 +258,7 @@ mod tests {
 
     /// The state a time h after [`PLANET`], by many short steps.
     fn exact(h: f64) -> Vec<f64> {
-        let mut stepper = Stepper::new(&Kepler, PLANET.to_vec(), 1e-15, vec![1e-16; 4], 0.05);
+        let mut stepper = Dop853::new(&Kepler, PLANET.to_vec(), 1e-15, vec![1e-16; 4], 0.05);
         while stepper.time < h {
             stepper.advance(&Kepler, h).expect("the orbit is smooth");
         }
@@ -302,7 +280,7 @@ mod tests {
     fn halving_a_step_divides_the_error_inside_it_by_two_to_the_eighth() {
         let error = |h: f64| {
             let mut inside = vec![0.0; 4];
-            Dense::new(&Kepler, (0.0, &PLANET), (h, &exact(h))).at(0.4 * h, &mut inside);
+            Interpolant::new(&Kepler, (0.0, &PLANET), (h, &exact(h))).at(0.4 * h, &mut inside);
             distance(&inside, &exact(0.4 * h))
         };
         let order = (error(0.8) / error(0.4)).log2();
@@ -312,7 +290,7 @@ mod tests {
     #[test]
     fn dense_output_meets_both_ends_of_its_step() {
         let end = step(0.3);
-        let dense = Dense::new(&Kepler, (2.0, &PLANET), (2.3, &end));
+        let dense = Interpolant::new(&Kepler, (2.0, &PLANET), (2.3, &end));
         let mut y = vec![0.0; 4];
         dense.at(2.0, &mut y);
         assert_eq!(y, PLANET);
@@ -325,7 +303,7 @@ mod tests {
         let axis: f64 = 1.0 / (2.0 / 1.5 - PLANET[3] * PLANET[3]);
         let period = std::f64::consts::TAU * axis.powf(1.5);
         for tolerance in [1e-6, 1e-9, 1e-12] {
-            let mut stepper = Stepper::new(&Kepler, PLANET.to_vec(), tolerance, vec![tolerance; 4], 1.0);
+            let mut stepper = Dop853::new(&Kepler, PLANET.to_vec(), tolerance, vec![tolerance; 4], 1.0);
             while stepper.time < period {
                 stepper.advance(&Kepler, period).expect("the orbit is smooth");
             }
@@ -344,9 +322,9 @@ mod tests {
                 rate[0] = y[0] * y[0];
             }
         }
-        let mut stepper = Stepper::new(&Blowup, vec![1.0], 1e-10, vec![1e-10], 0.1);
+        let mut stepper = Dop853::new(&Blowup, vec![1.0], 1e-10, vec![1e-10], 0.1);
         let stuck = (0..100_000).find_map(|_| stepper.advance(&Blowup, 2.0).err());
-        assert_eq!(stuck, Some(Stuck));
+        assert_eq!(stuck, Some(StepTooShort));
         assert!((stepper.time - 1.0).abs() < 1e-6, "{}", stepper.time);
     }
 }
