@@ -1,100 +1,85 @@
-//! What every body is made of: a struct whose fields know their form, their greatest length and their
+//! Bodies of messages: structs whose fields know their form, their greatest length, their unit and their
 //! meaning.
 //!
 //! # Design
 //! [`body!`] declares the struct of a message once. From that one declaration follow its postcard form, the
-//! longest body in bytes, the walk over its fields that JSON and replay use, and its table in
-//! `docs/protocol.md`.
+//! longest body in bytes, the walk over its fields that JSON, Protobuf, tables and replay use, and its table
+//! in `docs/protocol.md`.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::unit::Unit;
+use crate::quantity::Unit;
 
-/// One field's value, as a reader meets it.
+/// Value of one field. [`FieldDoc::kind`] says what it stands for.
 #[derive(Clone, Copy)]
 pub enum Value<'a> {
-    /// Yes or no.
-    Bool(bool),
-    /// A count, a number or the index of a scan.
-    Number(u64),
-    /// A physical quantity, in the fixed-point bits that the bead computed.
-    Quantity {
-        /// The bits, as they travel.
-        bits: i64,
-        /// What one bit is worth.
-        unit: &'static Unit,
-    },
-    /// One of a list of names.
-    Name {
-        /// The number on the wire.
-        number: u8,
-        /// Its name; `None` where this version knows no such number.
-        name: Option<&'static str>,
-    },
-    /// Some of a list of names, a bit each.
-    Set {
-        /// The bits, as they travel; some may have no name.
-        bits: u16,
-        /// The bits that have a name.
-        names: &'static [Named],
-    },
+    /// A number, a bool (0 or 1), the bits of a quantity or of a set, or the number of a name.
+    Integer(i128),
     /// Text.
     Text(&'a str),
-    /// Bytes.
+    /// Bytes, or packed scans.
     Bytes(&'a [u8]),
-    /// Packed scans, as [`unpacked`](crate::codes::unpacked) reads them.
-    Scans(&'a [u8]),
     /// Fields within a field; `None` where they are absent.
     Group(Option<&'a dyn Fields>),
 }
 
 /// A walk over the fields of a body.
 pub trait Fields {
-    /// Calls `see` with the name and the value of each field, in the order of the wire.
-    fn each(&self, see: &mut dyn FnMut(&'static str, Value<'_>));
+    /// Calls `visit` with the description and the value of each field, in the order of the wire.
+    fn each<'a>(&'a self, visit: &mut dyn FnMut(&'static FieldDoc, Value<'a>));
 }
 
 /// Number, name and meaning of one entry of a list.
 pub type Named = (u8, &'static str, &'static str);
 
-/// What a field is made of, beyond its form.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parts {
-    /// Nothing else: a number, text or bytes.
-    None,
-    /// One of these names.
-    Names(&'static [Named]),
-    /// A bit for each of these names.
-    Bits(&'static [Named]),
-    /// These fields.
-    Fields(&'static [FieldDoc]),
+/// Kind of value that a field has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FieldKind {
+    /// Yes or no.
+    Bool,
+    /// A count, a number or the index of a scan.
+    Number,
+    /// A physical quantity, in the fixed-point bits that the bead computed.
+    Quantity(&'static Unit),
+    /// One of a list of names. A number without a name is of a later version.
+    Name(&'static [Named]),
+    /// A set of named bits. A bit without a name is of a later version.
+    Set(&'static [Named]),
+    /// Text.
+    Text,
+    /// Bytes.
+    Bytes,
+    /// Packed scans, as [`unpacked`](crate::codes::unpacked) reads them.
+    Scans,
+    /// Fields within the field, or nothing.
+    Group(&'static [FieldDoc]),
 }
 
-/// One row of a body's table in the documentation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Description of a field: one row of its body's table in the documentation.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldDoc {
     /// Name, as in JSON.
     pub name: &'static str,
-    /// Form on the wire, and unit.
+    /// Form on the wire.
     pub form: &'static str,
     /// Longest form on the wire, in bytes.
     pub longest: usize,
     /// Its meaning.
     pub about: &'static str,
-    /// Its list of names, or its own fields.
-    pub parts: Parts,
+    /// Kind of its value, with the unit of a quantity and the names of a list.
+    pub kind: FieldKind,
 }
 
 impl FieldDoc {
-    /// The row of a field with this name and meaning.
+    /// Describes a field with this name and meaning.
     pub(crate) const fn of<T: Field>(name: &'static str, about: &'static str) -> Self {
         Self {
             name,
             form: T::FORM,
             longest: T::LONGEST,
             about,
-            parts: T::PARTS,
+            kind: T::KIND,
         }
     }
 }
@@ -105,13 +90,13 @@ pub trait Body: Fields + Serialize + DeserializeOwned {
     const LONGEST: usize;
     /// Its fields, in the order of the wire.
     const FIELDS: &'static [FieldDoc];
-    /// What it says, in one paragraph or more.
+    /// Its meaning, in one paragraph or more.
     const ABOUT: &'static str;
     /// A body with every field drawn from random bits, within its bounds. For tests and fuzzing.
     fn draw(random: &mut dyn FnMut() -> u64) -> Self;
 }
 
-/// What can be a field of a body.
+/// A type that can be a field of a body.
 pub trait Field: Serialize + DeserializeOwned {
     /// Longest form on the wire, in bytes.
     ///
@@ -119,14 +104,19 @@ pub trait Field: Serialize + DeserializeOwned {
     /// varint of seven bits a byte, a signed one in zigzag order. It writes text or bytes as their length, a
     /// varint, and then the bytes.
     const LONGEST: usize;
-    /// Form on the wire, and unit.
+    /// Form on the wire.
     const FORM: &'static str;
-    /// Its list of names, or its own fields.
-    const PARTS: Parts = Parts::None;
+    /// Kind of its value.
+    const KIND: FieldKind;
     /// The value.
     fn value(&self) -> Value<'_>;
     /// Any value, drawn from random bits.
     fn draw(random: &mut dyn FnMut() -> u64) -> Self;
+}
+
+/// Longest varint of an integer of this many bits, in bytes.
+pub(crate) const fn varint(bits: u32) -> usize {
+    bits.div_ceil(7) as usize
 }
 
 /// Longest form of text or bytes of at most `most` bytes, in bytes.
@@ -136,12 +126,13 @@ pub(crate) const fn counted(most: usize) -> usize {
 }
 
 macro_rules! numbers_are_fields {
-    ($($type:ty: $longest:literal),*) => {$(
+    ($($type:ty: $longest:expr),*) => {$(
         impl Field for $type {
             const LONGEST: usize = $longest;
             const FORM: &'static str = stringify!($type);
+            const KIND: FieldKind = FieldKind::Number;
             fn value(&self) -> Value<'_> {
-                Value::Number((*self).into())
+                Value::Integer((*self).into())
             }
             fn draw(random: &mut dyn FnMut() -> u64) -> Self {
                 random() as Self
@@ -149,25 +140,27 @@ macro_rules! numbers_are_fields {
         }
     )*};
 }
-numbers_are_fields!(u8: 1, u16: 3, u32: 5, u64: 10);
+numbers_are_fields!(u8: 1, u16: varint(16), u32: varint(32), u64: varint(64));
 
 impl Field for bool {
     const LONGEST: usize = 1;
     const FORM: &'static str = "bool";
+    const KIND: FieldKind = FieldKind::Bool;
     fn value(&self) -> Value<'_> {
-        Value::Bool(*self)
+        Value::Integer((*self).into())
     }
     fn draw(random: &mut dyn FnMut() -> u64) -> Self {
         random() & 1 == 1
     }
 }
 
-/// The device id, a key, a code. They travel without a length, because the length is fixed.
+/// A device id, a key or a code. They travel without a length, because the length is fixed.
 macro_rules! arrays_are_fields {
     ($($length:literal $form:literal),*) => {$(
         impl Field for [u8; $length] {
             const LONGEST: usize = $length;
             const FORM: &'static str = $form;
+            const KIND: FieldKind = FieldKind::Bytes;
             fn value(&self) -> Value<'_> {
                 Value::Bytes(self)
             }
@@ -182,7 +175,7 @@ arrays_are_fields!(12 "12 bytes", 16 "16 bytes");
 impl<T: Body> Field for Option<T> {
     const LONGEST: usize = 1 + T::LONGEST;
     const FORM: &'static str = "bool; if true, the fields below follow";
-    const PARTS: Parts = Parts::Fields(T::FIELDS);
+    const KIND: FieldKind = FieldKind::Group(T::FIELDS);
     fn value(&self) -> Value<'_> {
         Value::Group(self.as_ref().map(|body| body as &dyn Fields))
     }
@@ -207,8 +200,15 @@ macro_rules! body {
         }
 
         impl $crate::body::Fields for $name {
-            fn each(&self, see: &mut dyn FnMut(&'static str, $crate::body::Value<'_>)) {
-                $(see(stringify!($field), $crate::body::Field::value(&self.$field));)*
+            fn each<'a>(
+                &'a self,
+                visit: &mut dyn FnMut(&'static $crate::body::FieldDoc, $crate::body::Value<'a>),
+            ) {
+                let values = [$($crate::body::Field::value(&self.$field)),*];
+                <Self as $crate::body::Body>::FIELDS
+                    .iter()
+                    .zip(values)
+                    .for_each(|(field, value)| visit(field, value));
             }
         }
 

@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::body::{Field, Value, counted};
+use crate::body::{Field, FieldKind, Value, counted};
 
 /// Highest code of the 12-bit converter.
 pub const MAX_CODE: u16 = 0xFFF;
@@ -121,8 +121,9 @@ impl<'de, const BYTES: usize> Deserialize<'de> for Codes<BYTES> {
 impl<const BYTES: usize> Field for Codes<BYTES> {
     const LONGEST: usize = counted(BYTES);
     const FORM: &'static str = "scans";
+    const KIND: FieldKind = FieldKind::Scans;
     fn value(&self) -> Value<'_> {
-        Value::Scans(&self.0)
+        Value::Bytes(&self.0)
     }
     fn draw(random: &mut dyn FnMut() -> u64) -> Self {
         let bytes = random() as usize % (BYTES / 3 + 1) * 3;

@@ -22,10 +22,10 @@ use crate::message::shape::GainMatch;
 use crate::message::strike::StrikeFlags;
 use crate::message::{Kind, Message, examples};
 use crate::payload::VERSION;
+use crate::quantity::{Energy, Force, Fraction, Impulse, Samples};
 use crate::request::{MAX_REQUEST, Request, RequestDecoder, encode_request};
 use crate::signed::{KEY, Key, Ticket};
 use crate::text::{Block, MAX_BLOCK, Text};
-use crate::units::{Energy, Force, Fraction, Impulse, Samples};
 
 const HEADER: Header = Header {
     address: 7,
@@ -214,7 +214,7 @@ fn every_kind_has_a_name_and_fields_and_no_number_of_a_request() {
             .into_iter()
             .find(|(message, _)| message.kind() == kind)
             .unwrap();
-        message.each(&mut |name, _| names.push(name));
+        message.each(&mut |field, _| names.push(field.name));
         assert!(kind.fields().iter().map(|field| field.name).eq(names));
     }
 }

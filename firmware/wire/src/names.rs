@@ -86,9 +86,9 @@ macro_rules! names {
         impl $crate::body::Field for $type {
             const LONGEST: usize = 1;
             const FORM: &'static str = "u8, a number of the list below";
-            const PARTS: $crate::body::Parts = $crate::body::Parts::Names(Self::LIST);
+            const KIND: $crate::body::FieldKind = $crate::body::FieldKind::Name(Self::LIST);
             fn value(&self) -> $crate::body::Value<'_> {
-                $crate::body::Value::Name { number: self.number(), name: self.name() }
+                $crate::body::Value::Integer(self.number().into())
             }
             fn draw(random: &mut dyn FnMut() -> u64) -> Self {
                 Self::from_number(random() as u8)
@@ -98,12 +98,11 @@ macro_rules! names {
 }
 pub(crate) use names;
 
-/// Declares a set of bits over an integer, whose greatest length on the wire follows it, in bytes. A row has
-/// the number of the bit, its name in JSON and its constant.
+/// Declares a set of bits over an integer. A row has the number of the bit, its name in JSON and its constant.
 macro_rules! bits {
     (
         $(#[doc = $about:literal])*
-        pub struct $type:ident($bits:ty, $longest:literal) {
+        pub struct $type:ident($bits:ty) {
             $($(#[doc = $doc:literal])* $number:literal $name:literal $constant:ident,)*
         }
     ) => {
@@ -152,11 +151,11 @@ macro_rules! bits {
         }
 
         impl $crate::body::Field for $type {
-            const LONGEST: usize = $longest;
+            const LONGEST: usize = <$bits as $crate::body::Field>::LONGEST;
             const FORM: &'static str = concat!(stringify!($bits), ", a bit for each of the list below");
-            const PARTS: $crate::body::Parts = $crate::body::Parts::Bits(Self::LIST);
+            const KIND: $crate::body::FieldKind = $crate::body::FieldKind::Set(Self::LIST);
             fn value(&self) -> $crate::body::Value<'_> {
-                $crate::body::Value::Set { bits: self.0.into(), names: Self::LIST }
+                $crate::body::Value::Integer(self.0.into())
             }
             fn draw(random: &mut dyn FnMut() -> u64) -> Self {
                 Self(random() as $bits)

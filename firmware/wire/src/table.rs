@@ -110,9 +110,9 @@ macro_rules! messages {
         }
 
         impl Fields for Message {
-            fn each(&self, see: &mut dyn FnMut(&'static str, Value<'_>)) {
+            fn each<'a>(&'a self, visit: &mut dyn FnMut(&'static FieldDoc, Value<'a>)) {
                 match self {
-                    $(Self::$body(body) => body.each(see),)*
+                    $(Self::$body(body) => body.each(visit),)*
                 }
             }
         }

@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::{String, Vec};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::body::{Field, Value, counted};
+use crate::body::{Field, FieldKind, Value, counted};
 
 /// Text of at most `N` bytes. Longer text is cut between two characters; it is never refused.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,6 +50,7 @@ impl<const N: usize> fmt::Display for Text<N> {
 impl<const N: usize> Field for Text<N> {
     const LONGEST: usize = counted(N);
     const FORM: &'static str = "text";
+    const KIND: FieldKind = FieldKind::Text;
     fn value(&self) -> Value<'_> {
         Value::Text(&self.0)
     }
@@ -151,6 +152,7 @@ impl<'de> Deserialize<'de> for Inner {
 impl Field for Inner {
     const LONGEST: usize = counted(MAX_INNER);
     const FORM: &'static str = "bytes";
+    const KIND: FieldKind = FieldKind::Bytes;
     fn value(&self) -> Value<'_> {
         Value::Bytes(&self.0)
     }
@@ -163,6 +165,7 @@ impl Field for Inner {
 impl Field for Block {
     const LONGEST: usize = counted(MAX_BLOCK);
     const FORM: &'static str = "bytes";
+    const KIND: FieldKind = FieldKind::Bytes;
     fn value(&self) -> Value<'_> {
         Value::Bytes(&self.0)
     }

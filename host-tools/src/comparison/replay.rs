@@ -2,7 +2,7 @@
 
 use bead_model::layout::BASELINE;
 use bead_model::{Meter, Origin, Settings, Sink, StrikeReport, Window, WindowRecord};
-use bead_wire::{Energy, Fields, Shape, Strike, StrikeFlags, Value};
+use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
 
 use crate::recording::strikes::{Chunk, RecordedStrike, ScanCodes};
 
@@ -170,27 +170,26 @@ fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields, rate: Option<u3
 /// Every field of a body, by name, at `rate` scans a second. A missing group differs from every present one.
 fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, Number)> {
     let mut all = Vec::new();
-    body.each(&mut |name, value| {
+    body.each(&mut |field, value| {
         let bits = match value {
-            Value::Bool(yes) => yes.into(),
-            Value::Number(number) => number.into(),
-            Value::Quantity { bits, .. } => bits.into(),
-            Value::Name { number, .. } => number.into(),
-            Value::Set { bits, .. } => bits.into(),
+            Value::Integer(bits) => bits,
             Value::Group(None) => ABSENT,
             Value::Group(Some(group)) => {
-                let named = |(field, number)| (format!("{name}.{field}"), number);
+                let named = |(inner, number)| (format!("{}.{inner}", field.name), number);
                 all.extend(numbers(group, rate).into_iter().map(named));
                 return;
             }
             // The results of a strike have none of these.
-            Value::Text(_) | Value::Bytes(_) | Value::Scans(_) => return,
+            Value::Text(_) | Value::Bytes(_) => return,
         };
-        let si = match value {
-            Value::Quantity { bits, unit } => unit.si(bits, rate).map(|value| (value, unit.symbol)),
+        let si = match field.kind {
+            FieldKind::Quantity(unit) => i64::try_from(bits)
+                .ok()
+                .and_then(|bits| unit.si(bits, rate))
+                .map(|value| (value, unit.symbol)),
             _ => None,
         };
-        all.push((name.into(), Number { bits, si }));
+        all.push((field.name.into(), Number { bits, si }));
     });
     all
 }

@@ -1,12 +1,11 @@
 //! The table `strikes`: what a bead said of each strike, of its shape, and the settings that it measured
 //! with.
 
-use std::collections::HashMap;
-
 use bead_model::Settings;
-use bead_wire::{Body, Fields, Shape, Strike, Value as Field, named};
+use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
 
 use crate::export::columns::{Cell, Column, Kind};
+use crate::recording::fields::{Content, described, entries};
 use crate::recording::json::hex;
 use crate::recording::physical::{KEYS, Key, Physical};
 use crate::recording::strikes::RecordedStrike;
@@ -60,85 +59,71 @@ impl Strikes {
             self.last = Some((settings, Told::of(&settings)));
         }
         let last = self.last.as_ref().filter(|_| strike.settings.is_some());
-        row(&self.columns, id, recording, strike, last.map(|(_, told)| told))
+        row(id, recording, strike, last.map(|(_, told)| told))
     }
 }
+
+/// The columns that say which strike of which bead it is.
+const ORIGIN: [(&str, Kind); 10] = [
+    ("id", Kind::Whole),
+    ("recording", Kind::Text),
+    ("bead_name", Kind::Text),
+    ("uid", Kind::Text),
+    ("address", Kind::Whole),
+    ("boot_low_byte", Kind::Whole),
+    ("nth_boot", Kind::Whole),
+    ("received_unix_ns", Kind::Whole),
+    ("sample_rate_hz", Kind::Whole),
+    ("samples_received", Kind::Whole),
+];
 
 fn columns() -> Vec<Column> {
-    let mut columns: Vec<Column> = [
-        ("id", Kind::Whole),
-        ("recording", Kind::Text),
-        ("bead_name", Kind::Text),
-        ("uid", Kind::Text),
-        ("address", Kind::Whole),
-        ("boot_low_byte", Kind::Whole),
-        ("nth_boot", Kind::Whole),
-        ("received_unix_ns", Kind::Whole),
-        ("sample_rate_hz", Kind::Whole),
-        ("samples_received", Kind::Whole),
-    ]
-    .map(|(name, kind)| Column::new(name, kind))
-    .into();
-    // Bodies with every optional part.
-    let mut whole = || u64::MAX;
-    let bodies: [&dyn Fields; 2] = [&Strike::draw(&mut whole), &Shape::draw(&mut whole)];
-    for body in bodies {
-        walk(body, "", Some(1), &mut |name, kind, _| {
-            if columns.iter().all(|column| column.name != name) {
-                columns.push(Column::new(name, kind));
-            }
-        });
-    }
-    columns.push(Column::new("arrival_time_s", Kind::Number));
-    columns.extend(settings().map(|key| Column::new(settings_column(key), Kind::Number)));
-    columns
+    let origin = ORIGIN.map(|(name, kind)| Column::new(name, kind));
+    let results = results(None).into_iter().map(|(column, _)| column);
+    let settings = settings().map(|key| Column::new(settings_column(key), Kind::Number));
+    origin.into_iter().chain(results).chain(settings).collect()
 }
 
-fn row(
-    columns: &[Column],
-    id: u64,
-    recording: &str,
-    strike: &RecordedStrike,
-    told: Option<&Told>,
-) -> Vec<Cell> {
-    let rate = strike.rate();
-    let mut cells = HashMap::<String, Cell>::new();
-    let mut put = |name: String, cell: Cell| cells.insert(name, cell);
-    walk(&strike.said, "", rate, &mut |name, _, cell| drop(put(name, cell)));
-    if let Some(shape) = &strike.shape {
-        walk(shape, "", rate, &mut |name, _, cell| drop(put(name, cell)));
-        let arrival = shape.first_index as f64 + shape.arrival.samples();
-        let time = rate.map(|rate| arrival / f64::from(rate));
-        put("arrival_time_s".to_owned(), Cell::number(time));
-    }
+fn row(id: u64, recording: &str, strike: &RecordedStrike, told: Option<&Told>) -> Vec<Cell> {
     let uid = strike.uid.map(|uid| hex(&uid));
-    for (name, cell) in [
-        ("id", Cell::whole(id)),
-        ("recording", Cell::text(Some(recording))),
-        ("bead_name", told.map_or(Cell::Null, |told| told.name.clone())),
-        ("uid", Cell::text(uid.as_deref())),
-        ("address", Cell::whole(strike.address)),
-        ("boot_low_byte", Cell::whole(strike.boot)),
-        ("nth_boot", strike.nth_boot.map_or(Cell::Null, Cell::whole)),
-        (
-            "received_unix_ns",
-            strike.received_ns.map_or(Cell::Null, Cell::whole),
-        ),
-        ("sample_rate_hz", rate.map_or(Cell::Null, Cell::whole)),
-        ("samples_received", Cell::whole(strike.scans.len())),
-    ] {
-        put(name.to_owned(), cell);
+    let origin: [Cell; ORIGIN.len()] = [
+        Cell::whole(id),
+        Cell::text(Some(recording)),
+        told.map_or(Cell::Null, |told| told.name.clone()),
+        Cell::text(uid.as_deref()),
+        Cell::whole(strike.address),
+        Cell::whole(strike.boot),
+        strike.nth_boot.map_or(Cell::Null, Cell::whole),
+        strike.received_ns.map_or(Cell::Null, Cell::whole),
+        strike.rate().map_or(Cell::Null, Cell::whole),
+        Cell::whole(strike.scans.len()),
+    ];
+    let results = results(Some(strike)).into_iter().map(|(_, cell)| cell);
+    let mut row: Vec<Cell> = origin.into_iter().chain(results).collect();
+    match told {
+        Some(told) => row.extend(told.quantities.iter().cloned()),
+        None => row.extend(settings().map(|_| Cell::Null)),
     }
-    // The columns of the settings are the last.
-    let nothing = || settings().map(|_| Cell::Null).collect();
-    let quantities = told.map_or_else(nothing, |told| told.quantities.clone());
-    let (own, _) = columns.split_at(columns.len() - quantities.len());
-    let mut row: Vec<Cell> = own
-        .iter()
-        .map(|column| cells.remove(&column.name).unwrap_or(Cell::Null))
-        .collect();
-    row.extend(quantities);
     row
+}
+
+/// The columns of strike frame and shape frame, with their values in a strike.
+fn results(strike: Option<&RecordedStrike>) -> Vec<(Column, Cell)> {
+    let rate = strike.and_then(RecordedStrike::rate);
+    let shape = strike.and_then(|strike| strike.shape.as_ref());
+    let mut cells = Vec::new();
+    let said = strike.map(|strike| &strike.said as &dyn Fields);
+    walk(Strike::FIELDS, said, "", rate, &mut cells);
+    let mut of_shape = Vec::new();
+    let body = shape.map(|shape| shape as &dyn Fields);
+    walk(Shape::FIELDS, body, "", rate, &mut of_shape);
+    // Both frames begin with the number and the first index of the strike.
+    of_shape.retain(|(column, _)| cells.iter().all(|(other, _)| column.name != other.name));
+    cells.extend(of_shape);
+    let arrival = shape.and_then(Shape::arrival_index).zip(rate);
+    let arrival = arrival.map(|(index, rate)| index / f64::from(rate));
+    cells.push((Column::new("arrival_time_s", Kind::Number), Cell::number(arrival)));
+    cells
 }
 
 /// The keys of settings that are numbers and describe a bead and its front end.
@@ -162,35 +147,36 @@ fn settings_column(key: &Key) -> String {
     format!("settings_{}{unit}", key.path.replace('.', "_"))
 }
 
-/// The columns that a body gives, with their values: as in its JSON.
-fn walk(body: &dyn Fields, prefix: &str, rate: Option<u32>, see: &mut dyn FnMut(String, Kind, Cell)) {
-    body.each(&mut |name, value| {
-        let name = format!("{prefix}{name}");
-        match value {
-            Field::Number(number) => {
-                see(name.clone(), Kind::Whole, Cell::whole(number));
-                if let Some(stem) = name.strip_suffix("_index") {
-                    let time = rate.map(|rate| number as f64 / f64::from(rate));
-                    see(format!("{stem}_time_s"), Kind::Number, Cell::number(time));
-                }
+/// Adds the columns of a body with these fields, and their values in it, under the keys of its JSON.
+fn walk(
+    fields: &'static [FieldDoc],
+    body: Option<&dyn Fields>,
+    prefix: &str,
+    rate: Option<u32>,
+    cells: &mut Vec<(Column, Cell)>,
+) {
+    let entries = body.map_or_else(|| described(fields), |body| entries(body, rate));
+    for entry in entries {
+        let key = format!("{prefix}{}", entry.key);
+        let integer = |value: Option<i64>| (Kind::Whole, value.map_or(Cell::Null, Cell::Whole));
+        let (kind, cell) = match entry.content {
+            Content::Bool(value) => integer(value.map(i64::from)),
+            Content::Number(value) => (Kind::Whole, value.map_or(Cell::Null, Cell::whole)),
+            Content::Bits(value) => integer(value),
+            Content::Real(value) => (Kind::Number, Cell::number(value)),
+            Content::Name(value) => (Kind::Text, Cell::text(value.and_then(|(_, name)| name))),
+            Content::Names(names) => {
+                let names = names.map(|names| names.join(" "));
+                (Kind::Text, Cell::text(names.as_deref()))
             }
-            Field::Bool(yes) => see(name, Kind::Whole, Cell::whole(u8::from(yes))),
-            Field::Quantity { bits, unit } => {
-                see(
-                    format!("{name}{}", unit.suffix),
-                    Kind::Number,
-                    Cell::number(unit.si(bits, rate)),
-                );
-                see(format!("{name}_raw"), Kind::Whole, Cell::Whole(bits));
+            Content::Text(text) => (Kind::Text, Cell::text(text)),
+            Content::Group(fields, body) => {
+                walk(fields, body, &format!("{key}_"), rate, cells);
+                continue;
             }
-            Field::Set { bits, names } => {
-                let names: Vec<&str> = named(bits, names).collect();
-                see(name.clone(), Kind::Text, Cell::text(Some(&names.join(" "))));
-                see(format!("{name}_raw"), Kind::Whole, Cell::whole(bits));
-            }
-            Field::Group(Some(group)) => walk(group, &format!("{name}_"), rate, see),
-            // Strikes and shapes have none of these.
-            Field::Group(None) | Field::Name { .. } | Field::Text(_) | Field::Bytes(_) | Field::Scans(_) => {}
-        }
-    });
+            // Strikes and shapes have neither.
+            Content::Bytes(_) | Content::Scans(_) => continue,
+        };
+        cells.push((Column::new(key, kind), cell));
+    }
 }

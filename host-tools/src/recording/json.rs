@@ -1,21 +1,21 @@
 //! Frames as JSON, for people and programs.
 //!
 //! # Design
-//! A body is shown field by field, in the order of the wire. A quantity is shown in its SI unit, which ends
-//! the key, with its bits beside it (`…_raw`). A number with a name is shown as its name, with the number
-//! beside it. A scan index has the bead's time beside it. Settings are shown as the physical quantities that
-//! they stand for, with their bits beside them (`settings_raw`). Nothing is left out.
+//! A body is shown field by field, in the order of the wire, under the keys of
+//! [`fields`](crate::recording::fields). Settings are shown as the physical quantities that they stand for,
+//! with their bits beside them (`settings_raw`). Nothing is left out.
 
 use std::fmt::Write;
 
 use bead_model::Settings;
-use bead_wire::{Arrival, Fields, Message, Value as Field, named, unpacked};
+use bead_wire::{Arrival, Fields, Message, unpacked};
 use serde_json::{Map, Value, json};
 
+use crate::recording::fields::{Content, entries};
 use crate::recording::frames::Frame;
 use crate::recording::physical::Physical;
 
-/// The version of all JSON that this program prints: higher if a key went away or means something else.
+/// Version of all JSON that this program prints. It grows when a key goes away or means something else.
 pub const SCHEMA_VERSION: u32 = 1;
 
 impl Frame {
@@ -40,25 +40,25 @@ impl Frame {
         show("boot_low_byte", self.header.boot.into());
         show("sequence", self.header.sequence.into());
         show("sample_index", self.header.sample_index.into());
-        show("time_s", self.time(self.header.sample_index));
+        show("time_s", self.seconds(self.header.sample_index as f64).into());
         show("arrival", arrival.into());
         show("lost_before", lost_before.into());
         object.extend(self.body_map());
         object.into()
     }
 
-    /// What the message says, as [`Self::json`] has it after the header.
+    /// The message, as [`Self::json`] shows it after the header.
     pub fn body(&self) -> Value {
         self.body_map().into()
     }
 
     fn body_map(&self) -> Map<String, Value> {
-        let mut object = self.fields(&self.message);
+        let mut object = object(&self.message, self.sample_rate_hz);
         // Values that follow from several fields.
         match &self.message {
             Message::Shape(shape) => {
-                let arrival = shape.first_index as f64 + shape.arrival.samples();
-                object.insert("arrival_time_s".to_owned(), self.seconds(arrival).into());
+                let arrival = shape.arrival_index().and_then(|index| self.seconds(index));
+                object.insert("arrival_time_s".to_owned(), arrival.into());
             }
             Message::Sync(sync) => {
                 object.insert("edge_time_s".to_owned(), self.seconds(sync.position()).into());
@@ -78,49 +78,26 @@ impl Frame {
         }
         object
     }
+}
 
-    fn time(&self, index: u64) -> Value {
-        self.seconds(index as f64).into()
-    }
-
-    fn fields(&self, body: &dyn Fields) -> Map<String, Value> {
-        let mut object = Map::new();
-        body.each(&mut |name, value| {
-            let raw = || format!("{name}_raw");
-            let mut show = |key: String, value: Value| {
-                object.insert(key, value);
-            };
-            match value {
-                Field::Bool(value) => show(name.into(), value.into()),
-                Field::Number(number) => {
-                    show(name.into(), number.into());
-                    if let Some(stem) = name.strip_suffix("_index") {
-                        show(format!("{stem}_time_s"), self.time(number));
-                    }
-                }
-                Field::Quantity { bits, unit } => {
-                    let value = unit.si(bits, self.sample_rate_hz);
-                    show(format!("{name}{}", unit.suffix), value.into());
-                    show(raw(), bits.into());
-                }
-                Field::Name { number, name: known } => {
-                    show(name.into(), known.into());
-                    show(raw(), number.into());
-                }
-                Field::Set { bits, names } => {
-                    show(name.into(), named(bits, names).collect());
-                    show(raw(), bits.into());
-                }
-                Field::Text(text) => show(name.into(), text.into()),
-                Field::Bytes(bytes) => show(name.into(), hex(bytes).into()),
-                Field::Scans(packed) => show(name.into(), unpacked(packed).map(|scan| json!(scan)).collect()),
-                Field::Group(body) => {
-                    show(name.into(), body.map(|body| self.fields(body)).into());
-                }
-            }
-        });
-        object
-    }
+/// A body as an object, at `rate` scans a second.
+fn object(body: &dyn Fields, rate: Option<u32>) -> Map<String, Value> {
+    let value = |content| match content {
+        Content::Bool(value) => value.into(),
+        Content::Number(value) => value.into(),
+        Content::Bits(value) => value.into(),
+        Content::Real(value) => value.into(),
+        Content::Name(value) => value.and_then(|(_, name)| name).into(),
+        Content::Names(names) => names.into(),
+        Content::Text(text) => text.into(),
+        Content::Bytes(bytes) => bytes.map(hex).into(),
+        Content::Scans(packed) => packed
+            .map(|packed| unpacked(packed).map(|scan| json!(scan)).collect::<Vec<_>>())
+            .into(),
+        Content::Group(_, body) => body.map(|body| object(body, rate)).into(),
+    };
+    let entries = entries(body, rate).into_iter();
+    entries.map(|entry| (entry.key, value(entry.content))).collect()
 }
 
 /// Two digits a byte.
@@ -139,9 +116,8 @@ mod tests {
     use crate::recording::frames::decode;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
     use bead_wire::{
-        Acceleration, Block, Check, Codes, Energy, Fault, FaultCause, Force, Fraction, Header, Identity,
-        Link, MAX_BLOCK, MAX_FRAME, Outcome, Raw, Reply, ResetCauses, SelfTest, SettingsSource, Status,
-        Strike, StrikeFlags, Sync, Waveform, encode,
+        Acceleration, Block, Body, Check, Codes, Energy, Force, Fraction, Header, Identity, Impulse, Kind,
+        MAX_BLOCK, MAX_FRAME, Raw, ResetCauses, Samples, SelfTest, Shape, Strike, StrikeFlags, Sync, encode,
     };
 
     fn sent(sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
@@ -216,103 +192,105 @@ mod tests {
         );
     }
 
+    /// The lines of these messages.
+    fn lines(messages: &[Message]) -> Vec<Value> {
+        let stream: Vec<u8> = (0..)
+            .zip(messages)
+            .flat_map(|(sequence, message)| sent(sequence, 9, message))
+            .collect();
+        decode(&stream).0.iter().map(Frame::json).collect()
+    }
+
     #[test]
     fn every_kind_becomes_an_object_that_begins_with_its_kind() {
-        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        let mut block = [0; MAX_BLOCK];
-        let length = settings.encode(&mut block).unwrap();
-        let status = Status {
-            uptime_ms: 1,
-            epoch: 1,
-            samples: 2,
-            strikes: 0,
-            overruns: 0,
-            blocks_dropped: 0,
-            frames_dropped_queue_full: 4,
-            frames_dropped_too_long: 0,
-            stack_free_min: 0,
-            settings_source: SettingsSource::BuiltIn,
-            armed: false,
+        let mut bits = 0;
+        let mut next = || {
+            bits += 1;
+            bits
         };
-        let messages = [
+        let messages: Vec<_> = Kind::ALL
+            .iter()
+            .map(|kind| Message::draw(*kind, &mut next))
+            .collect();
+        for (line, message) in lines(&messages).iter().zip(&messages) {
+            let kind = message.kind().name();
+            assert!(
+                line.to_string().starts_with(&format!("{{\"kind\":\"{kind}\"")),
+                "{line}"
+            );
+        }
+    }
+
+    #[test]
+    fn sets_names_bytes_scans_and_times_are_shown_for_people() {
+        let lines = lines(&[
             identity(),
-            Message::Status(status),
-            Message::Strike(strike()),
-            Message::Waveform(Waveform {
-                strike: 1,
-                first_index: 0,
-                codes: Codes::pack([[7, 4095]]).unwrap(),
-                wide: Codes::pack([[7, 4095]]).unwrap(),
-                absorbed_measured: Energy::from_bits(0),
-                absorbed_predicted: Energy::from_bits(0),
-            }),
-            Message::Fault(Fault {
-                cause: FaultCause::Panic,
-                boot: 0,
-                pc: 0,
-                detail: "src/main.rs:1".into(),
-            }),
-            Message::Settings(bead_wire::Settings {
-                block: Block::try_from(&block[..length]).unwrap(),
-            }),
-            Message::Settings(bead_wire::Settings {
-                block: Block::try_from(&b"no block"[..]).unwrap(),
-            }),
-            Message::Reply(Reply {
-                request: 7,
-                outcome: Outcome::StoreFull,
-                detail: "reboot".into(),
-            }),
             Message::Raw(Raw {
                 first_index: 200_000,
                 codes: Codes::pack([[7, 4095]]).unwrap(),
             }),
-            Message::Link(Link {
-                rejected_kind: 3,
-                ..Link::default()
-            }),
             Message::SelfTest(SelfTest {
-                check: Check::Supply,
+                check: Check::Unknown(99),
                 passed: true,
                 value: 3300,
             }),
             Message::Sync(Sync::at(4, 100_210, 840, 1)),
-        ];
-        let stream: Vec<u8> = (0..)
-            .zip(&messages)
-            .flat_map(|(sequence, message)| sent(sequence, 9, message))
-            .collect();
-        let (frames, _) = decode(&stream);
-        let lines: Vec<Value> = frames.iter().map(Frame::json).collect();
-        assert_eq!(lines.len(), messages.len());
-        for (line, message) in lines.iter().zip(&messages) {
-            assert_eq!(line["kind"], message.kind().name());
-            assert!(line.to_string().starts_with("{\"kind\":"), "{line}");
-        }
+        ]);
         assert_eq!(lines[0]["reset_cause"], json!(["pin", "power_on"]));
         assert_eq!(lines[0]["uid"], json!("a5".repeat(12)));
-        assert_eq!(lines[1]["frames_dropped_queue_full"], json!(4));
-        assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
-        assert_eq!(lines[3]["wide"], json!([[7, 4095]]));
-        assert_eq!(lines[5]["settings_raw"], serde_json::to_value(settings).unwrap());
-        assert_eq!(lines[5]["settings"]["intruder"]["stiffness"], json!(3.95e5));
-        assert_eq!(lines[6]["settings"], Value::Null);
-        assert_eq!(lines[7]["outcome"], json!("store_full"));
+        assert_eq!(lines[1]["codes"], json!([[7, 4095]]));
+        assert_eq!(lines[1]["first_time_s"], json!(2.0));
+        assert_eq!(lines[2]["passed"], json!(true));
         assert_eq!(
-            (&lines[8]["codes"], &lines[8]["first_time_s"]),
-            (&json!([[7, 4095]]), &json!(2.0))
+            (&lines[2]["check"], &lines[2]["check_raw"]),
+            (&Value::Null, &json!(99))
         );
-        assert_eq!(lines[9]["rejected_kind"], json!(3));
-        assert_eq!(
-            (&lines[10]["check"], &lines[10]["value"]),
-            (&json!("supply"), &json!(3300))
-        );
-        assert_eq!(
-            (&lines[11]["index"], &lines[11]["clocks"]),
-            (&json!(119), &json!(250))
-        );
-        let time = lines[11]["edge_time_s"].as_f64().unwrap();
+        let time = lines[3]["edge_time_s"].as_f64().unwrap();
         assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
+    }
+
+    #[test]
+    fn settings_are_shown_as_quantities_and_a_block_that_is_none_says_why() {
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let mut room = [0; MAX_BLOCK];
+        let length = settings.encode(&mut room).unwrap();
+        let block = |bytes: &[u8]| {
+            Message::Settings(bead_wire::Settings {
+                block: Block::try_from(bytes).unwrap(),
+            })
+        };
+        let lines = lines(&[block(&room[..length]), block(b"no block")]);
+        assert_eq!(lines[0]["settings_raw"], serde_json::to_value(settings).unwrap());
+        assert_eq!(lines[0]["settings"]["intruder"]["stiffness"], json!(3.95e5));
+        assert_eq!(lines[1]["settings"], Value::Null);
+        assert!(lines[1]["refused"].is_string());
+    }
+
+    #[test]
+    fn what_a_window_does_not_tell_is_null_beside_its_bits() {
+        let shape = |arrival| Shape {
+            first_index: 1000,
+            arrival: Samples::from_bits(arrival),
+            impulse: Impulse::from_bits(0),
+            ..Shape::draw(&mut || 0)
+        };
+        let lines = lines(&[identity(), shape(0).into(), shape(1 << 17).into()]);
+        for key in [
+            "arrival_s",
+            "width_s",
+            "ring_frequency_hz",
+            "ring_decay_per_s",
+            "arrival_time_s",
+        ] {
+            assert_eq!(lines[1][key], Value::Null, "{key}");
+        }
+        assert_eq!(lines[1]["ring_frequency_raw"], json!(0));
+        assert_eq!(lines[1]["impulse_n_s"], json!(0.0));
+        assert_eq!(lines[1]["force_gains"], Value::Null);
+        assert_eq!(
+            (&lines[2]["arrival_s"], &lines[2]["arrival_time_s"]),
+            (&json!(2e-5), &json!(0.01002))
+        );
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod again;
 pub mod arrival;
 pub mod clock;
+pub mod fields;
 pub mod file;
 pub mod frames;
 pub mod json;

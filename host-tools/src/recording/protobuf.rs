@@ -1,17 +1,18 @@
 //! Messages as Protobuf with their schemas, for programs that know nothing of beads.
 //!
 //! # Design
-//! A message of the wire knows its fields ([`Fields`]), so its schema follows from it. Quantities are doubles
-//! in SI units with the unit in the name; every double is exact. An index of a sample has the bead's time
-//! beside it. A body of the wire never changes, so neither do the numbers of its fields: the header has 1 to
-//! 5, the body 16 and so on in the order of the wire, times 128 and so on.
+//! The schema of a message follows from its fields, under the names of [`fields`](crate::recording::fields);
+//! bits stay out. Quantities are doubles; every double is exact. A body of the wire never changes, so neither
+//! do the numbers of its fields: the header has 1 to 5, the body 16 and so on in the order of the wire, times
+//! 128 and so on.
 
-use bead_wire::{Body, Fields, Value, named};
+use bead_wire::{Body, FieldDoc, Fields};
 use prost::Message as _;
 use prost::encoding as wire;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 
+use crate::recording::fields::{Content, Entry, Role, described, entries};
 use crate::recording::frames::Frame;
 use crate::recording::signal::Signal;
 
@@ -79,64 +80,60 @@ fn header() -> Vec<FieldDescriptorProto> {
 
 /// The schema of a body, called `name`.
 pub fn schema_of<T: Body>(name: &str) -> Schema {
-    // Every optional part is there.
-    let whole = T::draw(&mut || u64::MAX);
     let mut fields = header();
-    let mut nested = Vec::new();
-    describe(&whole, BODY, &mut fields, &mut nested);
+    let nested = describe(T::FIELDS, BODY, &mut fields);
     schema(name, fields, nested)
 }
 
+/// Number of an entry in a message whose fields begin at `first`; `None` for bits.
+fn number(entry: &Entry<'_>, first: u32) -> Option<u32> {
+    match entry.role {
+        Role::Value => Some(first + entry.field),
+        Role::Time => Some(TIMES + entry.field),
+        Role::Raw => None,
+    }
+}
+
+/// Adds the fields of a body, and gives the messages nested in it.
 fn describe(
-    body: &dyn Fields,
+    body: &'static [FieldDoc],
     first: u32,
     fields: &mut Vec<FieldDescriptorProto>,
-    nested: &mut Vec<DescriptorProto>,
-) {
-    let mut number = first;
-    body.each(&mut |name, value| {
-        match value {
-            Value::Bool(_) => fields.push(field(number, name, Type::Bool)),
-            Value::Number(_) => {
-                fields.push(field(number, name, Type::Uint64));
-                if let Some(stem) = name.strip_suffix("_index") {
-                    fields.push(field(
-                        TIMES + number - first,
-                        &format!("{stem}_time_s"),
-                        Type::Double,
-                    ));
-                }
-            }
-            Value::Quantity { unit, .. } => {
-                fields.push(field(number, &format!("{name}{}", unit.suffix), Type::Double));
-            }
-            Value::Name { .. } | Value::Text(_) => fields.push(field(number, name, Type::String)),
-            Value::Set { .. } => fields.push(repeated(number, name, Type::String)),
-            Value::Bytes(_) | Value::Scans(_) => fields.push(field(number, name, Type::Bytes)),
-            Value::Group(body) => {
-                let (mut inner, mut deeper) = (Vec::new(), Vec::new());
-                if let Some(body) = body {
-                    describe(body, 1, &mut inner, &mut deeper);
-                }
-                let kind = format!("Of_{name}");
-                fields.push(FieldDescriptorProto {
-                    type_name: Some(kind.clone()),
-                    ..field(number, name, Type::Message)
-                });
+) -> Vec<DescriptorProto> {
+    let mut nested = Vec::new();
+    for entry in described(body) {
+        let Some(number) = number(&entry, first) else {
+            continue;
+        };
+        let name = &entry.key;
+        fields.push(match entry.content {
+            Content::Bool(_) => field(number, name, Type::Bool),
+            Content::Number(_) | Content::Bits(_) => field(number, name, Type::Uint64),
+            Content::Real(_) => field(number, name, Type::Double),
+            Content::Name(_) | Content::Text(_) => field(number, name, Type::String),
+            Content::Names(_) => repeated(number, name, Type::String),
+            Content::Bytes(_) | Content::Scans(_) => field(number, name, Type::Bytes),
+            Content::Group(group, _) => {
+                let (kind, mut inner) = (format!("Of_{name}"), Vec::new());
+                let deeper = describe(group, 1, &mut inner);
                 nested.push(DescriptorProto {
-                    name: Some(kind),
+                    name: Some(kind.clone()),
                     field: inner,
                     nested_type: deeper,
                     ..DescriptorProto::default()
                 });
+                FieldDescriptorProto {
+                    type_name: Some(kind),
+                    ..field(number, name, Type::Message)
+                }
             }
-        }
-        number += 1;
-    });
+        });
+    }
+    nested
 }
 
-/// A frame whose body is `body`, as a message of [`schema_of`] that body.
-pub fn message(frame: &Frame, body: &dyn Fields) -> Vec<u8> {
+/// The header of a frame, as a message without a body.
+fn head(frame: &Frame) -> Vec<u8> {
     let mut bytes = Vec::new();
     let header = &frame.header;
     wire::uint32::encode(1, &header.address.into(), &mut bytes);
@@ -146,49 +143,47 @@ pub fn message(frame: &Frame, body: &dyn Fields) -> Vec<u8> {
     if let Some(seconds) = frame.seconds(header.sample_index as f64) {
         wire::double::encode(5, &seconds, &mut bytes);
     }
-    fill(frame, body, BODY, &mut bytes);
     bytes
 }
 
-fn fill(frame: &Frame, body: &dyn Fields, first: u32, bytes: &mut Vec<u8>) {
-    let mut number = first;
-    body.each(&mut |name, value| {
-        match value {
-            Value::Bool(yes) => wire::bool::encode(number, &yes, bytes),
-            Value::Number(count) => {
-                wire::uint64::encode(number, &count, bytes);
-                let time = name
-                    .strip_suffix("_index")
-                    .and_then(|_| frame.seconds(count as f64));
-                if let Some(time) = time {
-                    wire::double::encode(TIMES + number - first, &time, bytes);
-                }
-            }
-            Value::Quantity { bits, unit } => {
-                if let Some(value) = unit.si(bits, frame.sample_rate_hz) {
-                    wire::double::encode(number, &value, bytes);
-                }
-            }
-            Value::Name { number: code, name } => {
+/// A frame whose body is `body`, as a message of [`schema_of`] that body.
+pub fn message(frame: &Frame, body: &dyn Fields) -> Vec<u8> {
+    let mut bytes = head(frame);
+    fill(body, frame.sample_rate_hz, BODY, &mut bytes);
+    bytes
+}
+
+fn fill(body: &dyn Fields, rate: Option<u32>, first: u32, bytes: &mut Vec<u8>) {
+    for entry in entries(body, rate) {
+        let Some(number) = number(&entry, first) else {
+            continue;
+        };
+        match entry.content {
+            Content::Bool(Some(yes)) => wire::bool::encode(number, &yes, bytes),
+            Content::Number(Some(count)) => wire::uint64::encode(number, &count, bytes),
+            Content::Real(Some(value)) => wire::double::encode(number, &value, bytes),
+            Content::Name(Some((code, name))) => {
                 let name = name.map_or_else(|| code.to_string(), str::to_owned);
                 wire::string::encode(number, &name, bytes);
             }
-            Value::Text(text) => wire::string::encode(number, &text.to_owned(), bytes),
-            Value::Set { bits, names } => {
-                for name in named(bits, names) {
+            Content::Names(Some(names)) => {
+                for name in names {
                     wire::string::encode(number, &name.to_owned(), bytes);
                 }
             }
-            Value::Bytes(data) | Value::Scans(data) => wire::bytes::encode(number, &data.to_vec(), bytes),
-            Value::Group(Some(group)) => {
+            Content::Text(Some(text)) => wire::string::encode(number, &text.to_owned(), bytes),
+            Content::Bytes(Some(data)) | Content::Scans(Some(data)) => {
+                wire::bytes::encode(number, &data.to_vec(), bytes);
+            }
+            Content::Group(_, Some(group)) => {
                 let mut inner = Vec::new();
-                fill(frame, group, 1, &mut inner);
+                fill(group, rate, 1, &mut inner);
                 wire::bytes::encode(number, &inner, bytes);
             }
-            Value::Group(None) => {}
+            // Not known.
+            _ => {}
         }
-        number += 1;
-    });
+    }
 }
 
 /// The window of a strike.
@@ -226,11 +221,7 @@ impl Waveform<'_> {
     /// The message. Signals are floats here, which keep a force below 256 N and an acceleration below
     /// 4096 m/s² exactly.
     pub fn message(&self) -> Vec<u8> {
-        struct Nothing;
-        impl Fields for Nothing {
-            fn each(&self, _: &mut dyn FnMut(&'static str, Value<'_>)) {}
-        }
-        let mut bytes = message(self.frame, &Nothing);
+        let mut bytes = head(self.frame);
         let period = 1.0 / f64::from(self.sample_rate_hz);
         wire::uint64::encode(16, &self.strike.into(), &mut bytes);
         wire::uint64::encode(17, &self.first_index, &mut bytes);
@@ -250,5 +241,21 @@ impl Waveform<'_> {
             &mut bytes,
         );
         bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_wire::{Arrival, Shape};
+
+    #[test]
+    fn a_quantity_that_was_not_found_is_absent() {
+        let shape = |bits| Shape::draw(&mut || bits);
+        let frame = Frame::of(0, 0, Arrival::First, shape(0));
+        let length = |bits| message(&frame, &shape(bits)).len();
+        // Without a sample rate arrival and width are absent as well. Ringing and decay are a key of two bytes
+        // and a double each.
+        assert_eq!(length(2) - length(0), 2 * (2 + 8));
     }
 }

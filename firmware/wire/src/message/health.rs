@@ -29,7 +29,7 @@ body! {
 
 bits! {
     /// What is wrong now.
-    pub struct Standing(u8, 1) {
+    pub struct Standing(u8) {
         /// The force sensor is stuck.
         0 "force_stuck" FORCE_STUCK,
         /// The force stays at a rail.

@@ -32,7 +32,7 @@ body! {
 
 bits! {
     /// Causes of the last reset.
-    pub struct ResetCauses(u8, 1) {
+    pub struct ResetCauses(u8) {
         /// The supply fell below the brown-out threshold.
         1 "brown_out" BROWN_OUT,
         /// The reset pin was low.

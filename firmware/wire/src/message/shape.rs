@@ -1,5 +1,5 @@
 use crate::body::body;
-use crate::units::{Decay, Fraction, Frequency, Impulse, Samples};
+use crate::quantity::{Decay, Fraction, Frequency, Impulse, Samples};
 
 body! {
     /// The shape of one strike. It follows the strike frame. A value that could not be found is 0.
@@ -33,6 +33,13 @@ body! {
         pub deviation: Fraction,
         /// Standard deviation of `deviation`.
         pub uncertainty: Fraction,
+    }
+}
+
+impl Shape {
+    /// Sample index of the highest force, with its fraction; `None` if it was not found.
+    pub fn arrival_index(&self) -> Option<f64> {
+        (self.arrival.bits() != 0).then(|| self.first_index as f64 + self.arrival.samples())
     }
 }
 

@@ -1,6 +1,6 @@
 use crate::body::body;
 use crate::names::bits;
-use crate::units::{Acceleration, Energy, Force, Fraction};
+use crate::quantity::{Acceleration, Energy, Force, Fraction};
 
 body! {
     /// The result of one strike. It comes after the waveform frames of its window.
@@ -40,7 +40,7 @@ body! {
 
 bits! {
     /// What is to be known of the result of a strike: doubts, and what opened its window.
-    pub struct StrikeFlags(u16, 3) {
+    pub struct StrikeFlags(u16) {
         /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
         0 "force_railed" FORCE_RAILED,
         /// The acceleration at the low gain reached a rail of the converter: the measured energy is too low.

@@ -1,6 +1,6 @@
 use crate::body::body;
 use crate::codes::{Codes, MAX_SCANS};
-use crate::units::Energy;
+use crate::quantity::Energy;
 
 /// Bytes of the scans in one frame.
 pub(crate) const PIECE: usize = 3 * MAX_SCANS;

@@ -8,7 +8,8 @@ use std::{env, fs};
 
 use crate::common::block;
 use bead_wire::{
-    FieldDoc, Header, Kind, MAX_FRAME, MAX_REQUEST, Message, Named, Parts, Request, Settings, VERSION, encode,
+    FieldDoc, FieldKind, Header, Kind, MAX_FRAME, MAX_REQUEST, Message, Named, Request, Settings, Unit,
+    VERSION, encode,
 };
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/protocol.md");
@@ -75,29 +76,47 @@ fn list(head: &str, list: &[Named]) -> String {
     table(&[head, "name", "meaning"], list.iter().map(row))
 }
 
-/// The table of fields, and the tables of what they are made of, each once.
+/// Size of one bit of a quantity.
+fn bit(unit: &Unit) -> String {
+    let prefix = if unit.scale == 1.0 { "" } else { "n" };
+    assert_eq!(unit.scale, if prefix == "n" { 1e-9 } else { 1.0 });
+    let symbol = if unit.symbol == "1" { "" } else { unit.symbol };
+    let mut text = format!("2^-{} {prefix}{symbol}", unit.fraction_bits);
+    if unit.per_sample {
+        text += ", over the sample rate in Hz";
+    }
+    text.trim_end().to_owned()
+}
+
+fn form(field: &FieldDoc) -> String {
+    match field.kind {
+        FieldKind::Quantity(unit) => format!("{}, {}", field.form, bit(unit)),
+        _ => field.form.to_owned(),
+    }
+}
+
+/// The table of fields, and the tables of their lists and groups, each once.
 fn fields(fields: &'static [FieldDoc]) -> String {
     let row = |field: &FieldDoc| {
         let name = format!("`{}`", field.name);
-        let about = plain(field.about);
-        vec![name, field.form.into(), field.longest.to_string(), about]
+        vec![name, form(field), field.longest.to_string(), plain(field.about)]
     };
     let mut text = table(&["field", "form", "longest", "meaning"], fields.iter().map(row));
-    let mut told: Vec<Parts> = Vec::new();
+    let mut shown: Vec<FieldKind> = Vec::new();
     for field in fields {
-        if field.parts == Parts::None || told.contains(&field.parts) {
+        let details = match field.kind {
+            FieldKind::Name(names) => list("number", names),
+            FieldKind::Set(names) => list("bit", names),
+            FieldKind::Group(inner) => self::fields(inner),
+            _ => continue,
+        };
+        if shown.contains(&field.kind) {
             continue;
         }
-        told.push(field.parts);
-        let same = fields.iter().filter(|other| other.parts == field.parts);
+        shown.push(field.kind);
+        let same = fields.iter().filter(|other| other.kind == field.kind);
         let names: Vec<_> = same.map(|field| format!("`{}`", field.name)).collect();
-        text += &format!("{}:\n\n", names.join(" and "));
-        text += &match field.parts {
-            Parts::Names(names) => list("number", names),
-            Parts::Bits(names) => list("bit", names),
-            Parts::Fields(inner) => self::fields(inner),
-            Parts::None => String::new(),
-        };
+        text += &format!("{}:\n\n{details}", names.join(" and "));
     }
     text
 }
@@ -152,7 +171,7 @@ fn requests() -> String {
         format!(
             "`{}`: {}. {}",
             field.name,
-            field.form,
+            form(field),
             about.trim_end_matches('.')
         )
     };

@@ -1,0 +1,191 @@
+//! Physical quantities: the fixed-point bits that the bead computed, and their units.
+//!
+//! # Design
+//! A quantity is not rounded to SI on its way, because the host that replays the samples compares bits. The
+//! type of a field is its unit, stated here once for code, JSON, tables and documentation.
+
+use crate::body::{Field, FieldKind, Value, varint};
+use serde::{Deserialize, Serialize};
+
+/// Unit of a quantity, and the size of one of its bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// SI unit.
+    pub symbol: &'static str,
+    /// End of a key in JSON and tables, such as `_n` for newtons.
+    pub suffix: &'static str,
+    /// Bits behind the binary point.
+    pub fraction_bits: u32,
+    /// Worth of the number 1 in the SI unit: 1, or 10⁻⁹ for a quantity in nanojoules.
+    pub scale: f64,
+    /// True if time in the unit counts in sample periods. The SI value then needs the sample rate.
+    pub per_sample: bool,
+    /// True if 0 stands for a value that was not found.
+    pub zero_is_unknown: bool,
+}
+
+impl Unit {
+    const fn new(symbol: &'static str, suffix: &'static str, fraction_bits: u32) -> Self {
+        Self {
+            symbol,
+            suffix,
+            fraction_bits,
+            scale: 1.0,
+            per_sample: false,
+            zero_is_unknown: false,
+        }
+    }
+
+    const fn nano(self) -> Self {
+        Self { scale: 1e-9, ..self }
+    }
+
+    const fn per_sample(self) -> Self {
+        Self {
+            per_sample: true,
+            ..self
+        }
+    }
+
+    const fn zero_is_unknown(self) -> Self {
+        Self {
+            zero_is_unknown: true,
+            ..self
+        }
+    }
+
+    /// Size of one bit in the SI unit or, if [`per_sample`](Self::per_sample), in the SI unit at a sample
+    /// rate of 1 Hz.
+    pub const fn resolution(&self) -> f64 {
+        self.scale / (1_u64 << self.fraction_bits) as f64
+    }
+
+    /// Value of `bits` in the SI unit. `None` if it was not found, or if it needs the sample rate, in Hz, and
+    /// none is given.
+    pub fn si(&self, bits: i64, sample_rate_hz: Option<u32>) -> Option<f64> {
+        let value = bits as f64 * self.resolution();
+        if self.zero_is_unknown && bits == 0 {
+            None
+        } else if self.per_sample {
+            sample_rate_hz.map(|rate| value / f64::from(rate))
+        } else {
+            Some(value)
+        }
+    }
+}
+
+macro_rules! quantities {
+    ($(
+        $(#[doc = $doc:literal])*
+        $name:ident($bits:ty): $method:ident, $unit:expr;
+    )*) => {$(
+        $(#[doc = $doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(transparent)]
+        pub struct $name($bits);
+
+        impl $name {
+            /// Unit, and size of one bit.
+            pub const UNIT: Unit = $unit;
+
+            /// The quantity with these bits.
+            pub const fn from_bits(bits: $bits) -> Self {
+                Self(bits)
+            }
+
+            /// Its bits, as they travel.
+            pub const fn bits(self) -> $bits {
+                self.0
+            }
+
+            #[doc = concat!("Its value in ", stringify!($method), ".")]
+            pub fn $method(self) -> f64 {
+                self.0 as f64 * Self::UNIT.resolution()
+            }
+        }
+
+        impl Field for $name {
+            const LONGEST: usize = varint(<$bits>::BITS);
+            const FORM: &'static str = stringify!($bits);
+            const KIND: FieldKind = FieldKind::Quantity(&Self::UNIT);
+            fn value(&self) -> Value<'_> {
+                Value::Integer(self.0.into())
+            }
+            fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+                Self(random() as $bits)
+            }
+        }
+    )*};
+}
+
+quantities! {
+    /// Force (I16F16 of a newton).
+    Force(i32): newtons, Unit::new("N", "_n", 16);
+    /// Acceleration (I16F16 of a metre per second squared).
+    Acceleration(i32): metres_per_second_squared, Unit::new("m/s²", "_mps2", 16);
+    /// Energy (I40F24 of a nanojoule).
+    Energy(i64): joules, Unit::new("J", "_j", 24).nano();
+    /// Part of a whole (I16F16).
+    Fraction(i32): ratio, Unit::new("1", "", 16);
+    /// Momentum (I48F16 of a newton times a sample period). Divided by the sample rate it is in newton
+    /// seconds.
+    Impulse(i64): newton_samples, Unit::new("N·s", "_n_s", 16).per_sample();
+    /// Time finer than a sample (U16F16 of a sample period), 0 if it was not found. Divided by the sample
+    /// rate it is in seconds.
+    Samples(u32): samples, Unit::new("s", "_s", 16).per_sample().zero_is_unknown();
+    /// Frequency (U16F16 of a hertz), 0 if it was not found.
+    Frequency(u32): hertz, Unit::new("Hz", "_hz", 16).zero_is_unknown();
+    /// Rate of decay (U16F16 of 1/s), 0 if it was not found.
+    Decay(u32): per_second, Unit::new("1/s", "_per_s", 16).zero_is_unknown();
+}
+
+impl Impulse {
+    /// Its value in newton seconds, for a sample rate in Hz.
+    pub fn newton_seconds(self, sample_rate_hz: u32) -> f64 {
+        self.newton_samples() / f64::from(sample_rate_hz)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_quantity_has_the_fraction_bits_of_its_format() {
+        assert_eq!(Force::from_bits(3 << 15).newtons(), 1.5);
+        assert_eq!(
+            Acceleration::from_bits(-1 << 16).metres_per_second_squared(),
+            -1.0
+        );
+        assert_eq!(Energy::from_bits(5 << 24).joules(), 5e-9);
+        assert_eq!(Fraction::from_bits(1 << 14).ratio(), 0.25);
+        assert_eq!(Samples::from_bits(1 << 17).samples(), 2.0);
+        assert_eq!(Frequency::from_bits(1700 << 16).hertz(), 1700.0);
+        assert_eq!(Decay::from_bits(1 << 15).per_second(), 0.5);
+        let impulse = Impulse::from_bits(3 << 16);
+        assert_eq!(
+            (impulse.newton_samples(), impulse.newton_seconds(50_000)),
+            (3.0, 60e-6)
+        );
+    }
+
+    #[test]
+    fn the_si_value_takes_the_sample_rate_where_time_counts_in_samples() {
+        assert_eq!(Force::UNIT.si(-3 << 15, None), Some(-1.5));
+        assert_eq!(Force::UNIT.si(-3 << 15, Some(10)), Some(-1.5));
+        assert_eq!(Impulse::UNIT.si(2 << 16, Some(10)), Some(0.2));
+        assert_eq!(Impulse::UNIT.si(2 << 16, None), None);
+        assert_eq!(Samples::UNIT.si(1 << 16, Some(50_000)), Some(20e-6));
+        assert_eq!(Samples::UNIT.si(1 << 16, None), None);
+    }
+
+    #[test]
+    fn zero_is_a_force_and_no_frequency() {
+        assert_eq!(Force::UNIT.si(0, None), Some(0.0));
+        assert_eq!(Impulse::UNIT.si(0, Some(10)), Some(0.0));
+        assert_eq!(Frequency::UNIT.si(0, None), None);
+        assert_eq!(Frequency::UNIT.si(1 << 16, None), Some(1.0));
+        assert_eq!(Decay::UNIT.si(0, None), None);
+        assert_eq!(Samples::UNIT.si(0, Some(10)), None);
+    }
+}
