@@ -143,9 +143,10 @@ fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Res
                 let (from, to) = (number(&format!("0x{from}"))?, number(&format!("0x{to}"))?);
                 let mut groups = vec![(from, name.to_uppercase() + "_")];
                 if array {
-                    let count = match source.contains(&format!("self.{name}(0)")) {
-                        true => 0,
-                        false => number(between(&source, &format!(": [{kind}; "), "]")?)?,
+                    let count = if source.contains(&format!("self.{name}(0)")) {
+                        0
+                    } else {
+                        number(between(&source, &format!(": [{kind}; "), "]")?)?
                     };
                     // ST is a stream of the DMA: the manual has DMA_S0CR.
                     let prefix = |n| {
@@ -208,7 +209,7 @@ fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<Regi
     })
 }
 
-/// What two names begin with, without what is left of a `_`.
+/// The common start of two names, without what is left of a `_`.
 fn common(a: &str, b: &str) -> String {
     let same = a.chars().zip(b.chars()).take_while(|(a, b)| a == b);
     let name: String = same.map(|(a, _)| a).collect();

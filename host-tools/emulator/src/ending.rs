@@ -1,10 +1,10 @@
-//! How a run ended, and the exceptions and panics on the way.
+//! The end of a run, with the exceptions and panics on the way.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum End {
@@ -74,7 +74,7 @@ pub struct Exception {
     pub hfsr: u32,
     /// The data address of the fault, where CFSR says that there is one.
     pub address: Option<u32>,
-    /// What is at that address, if it is in the peripherals' part.
+    /// Name of the register at that address, if it lies in the peripheral region.
     pub register: Option<String>,
     /// The number of the BKPT that the processor executed, without a debugger.
     pub breakpoint: Option<u8>,

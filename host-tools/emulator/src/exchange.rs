@@ -1,4 +1,4 @@
-//! What the host process and the plugin inside QEMU tell each other: files in one directory for each run.
+//! The exchange between the host process and the plugin inside QEMU: files in one directory for each run.
 //!
 //! # Design
 //!
@@ -32,8 +32,8 @@ pub(crate) const FORMAT: u32 = 12;
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
 pub(crate) const STIMULUS: &str = "stimulus.bin";
-/// What left the USARTs, a file for each: USART1 is `sent0.bin`. A record for each frame, little-endian: u64,
-/// the virtual time in ns at which it had left, and u16, its data bits.
+/// Name of the file with the frames that a USART sent: USART1 is `sent0.bin`. A record for each frame,
+/// little-endian: u64, the virtual time in ns at which it had left, and u16, its data bits.
 pub(crate) fn sent(usart: usize) -> String {
     format!("sent{usart}.bin")
 }
@@ -41,9 +41,9 @@ pub(crate) fn sent(usart: usize) -> String {
 pub(crate) const RTT: &str = "rtt.bin";
 /// The run's outcome, without what the other files hold.
 pub(crate) const OUTCOME: &str = "outcome.json";
-/// What the image said by semihosting.
+/// Text that the image wrote by semihosting.
 pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
-/// What flash sectors 10 and 11 hold at the end.
+/// Contents of flash sectors 10 and 11 at the end of the run.
 pub(crate) const FLASH: &str = "flash.bin";
 
 /// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes
@@ -63,7 +63,8 @@ pub(crate) const SELF_TEST_STATUS: i32 = 86;
 /// Every line that the overlay prints on standard error starts with this.
 pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
 
-/// What to run, host to plugin. The fields of `run` that only the host needs are left out.
+/// Description of a run, from the host to the plugin. The fields of `run` that only the host needs are left
+/// out.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Description<'a> {
     pub(crate) format: u32,
@@ -78,7 +79,7 @@ pub(crate) struct Description<'a> {
     pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.
     pub(crate) work: Vec<usize>,
-    /// Whether the host says how far time goes.
+    /// True if the host advances virtual time step by step.
     pub(crate) live: bool,
 }
 
@@ -87,8 +88,8 @@ pub(crate) const REPORT: u8 = b'r';
 /// On standard input of QEMU: a [`Step`] follows.
 pub(crate) const STEP: u8 = b's';
 
-/// How far time goes next, and what comes on the way. The bytes beside it are rows of the stimulus, as in
-/// [`STIMULUS`].
+/// The next step of virtual time, and the inputs that arrive in it. The bytes beside it are rows of the
+/// stimulus, as in [`STIMULUS`].
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Step {
     /// Virtual time of the next stop. `None` ends the run here.
@@ -101,7 +102,7 @@ pub(crate) struct Step {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Reached {
     pub(crate) now_ns: u64,
-    /// Whether the run is over.
+    /// True once the run has ended.
     pub(crate) ended: bool,
     pub(crate) sampling: Option<Sampling>,
     /// When the last row of the stimulus ends, if the first has begun.

@@ -1,4 +1,4 @@
-//! What a run is given.
+//! Inputs and options of a run.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -44,9 +44,9 @@ pub struct Run {
     /// The labels whose functions make a block a working one
     /// ([`Instructions::working`](crate::Instructions::working)).
     pub work: Vec<String>,
-    /// Whether to count instructions. This costs QEMU about half of its speed. Turn it off for long runs.
+    /// Counts instructions. This costs QEMU about half of its speed. Turn it off for long runs.
     pub count_instructions: bool,
-    /// How long the run goes on after the last row, in ns of virtual time.
+    /// Virtual time that the run continues after the last row, ns.
     pub tail_ns: u64,
     /// When to give up, in ns of virtual time, if the first externally triggered scan has not come.
     pub sampling_deadline_ns: u64,
@@ -60,22 +60,22 @@ pub struct Run {
     pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
-    /// How far the crystal is off, in ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
+    /// Frequency error of the crystal, ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
     /// QEMU's `-icount shift`: an instruction takes 2^`shift` ns of virtual time, 1 to 1024. `None` for what
     /// `STM32F405_QEMU_SHIFT` says, else 3, which is 8 ns. At 4 (16 ns, 2.7 cycles at 168 MHz) the core is as
     /// slow as one that waits for flash at every turn.
     pub shift: Option<u8>,
-    /// Whether SWSTART starts a scan while CR2.EXTEN selects a trigger. RM0090 section 13.3 leaves both open.
+    /// True if SWSTART starts a scan while CR2.EXTEN selects a trigger. RM0090 section 13.3 leaves both open.
     pub software_scan_under_trigger: bool,
-    /// How long the DMA takes to fetch a byte that USART1 has received, in ns. If the processor reads the
-    /// data register meanwhile, the DMA never gets that byte.
+    /// Time that the DMA takes to fetch a byte received by USART1, ns. If the processor reads the data
+    /// register meanwhile, the DMA never gets that byte.
     pub receive_dma_latency_ns: u64,
-    /// Whether the run ends early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does
-    /// nothing but read a register that no model knows: half a million times.
+    /// Ends the run early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does nothing but
+    /// read a register that no model knows: half a million times.
     pub stop_when_stuck: bool,
-    /// Whether the image may call the host by semihosting (BKPT 0xAB). Its output is
+    /// Lets the image call the host by semihosting (BKPT 0xAB). Its output is
     /// [`Outcome::semihosting`](crate::Outcome::semihosting), and its exit ends the run. **It can then also
     /// read and write the host's files and run commands**: only for images that you trust.
     pub semihosting: bool,
@@ -85,8 +85,8 @@ pub struct Run {
     pub uart_input: Vec<UartInput>,
     /// Levels on pins.
     pub pin_inputs: Vec<PinInput>,
-    /// Whether to record when output pins change, for [`Outcome::vcd`](crate::Outcome::vcd). They are always
-    /// counted.
+    /// Records the times at which output pins change, for [`Outcome::vcd`](crate::Outcome::vcd). They are
+    /// always counted.
     pub record_pins: bool,
     /// Codes at pins other than those of the stimulus, for all three converters.
     pub analog_inputs: Vec<AnalogInput>,
@@ -142,7 +142,7 @@ impl Run {
     }
 }
 
-/// What times are counted from.
+/// Origin of a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub enum Since {
     /// The first externally triggered scan.
@@ -191,11 +191,11 @@ pub struct Level {
     pub pin: String,
     /// Virtual time of the edge, in ns since power-up.
     pub at_ns: u64,
-    /// Whether it is high from then on.
+    /// True if the level is high from then on.
     pub high: bool,
 }
 
-/// What comes to the image of a [`Live`](crate::Live) run while it runs.
+/// Inputs to the image of a [`Live`](crate::Live) run while it runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
     /// Bytes for the receivers of the USARTs. Those for one port come in the order in which they are given.
@@ -236,7 +236,7 @@ impl AnalogInput {
 pub struct PinInput {
     /// For example `PA15`.
     pub pin: String,
-    /// What `changes_ns` are counted from.
+    /// Origin of `changes_ns`.
     pub since: Since,
     /// When the level changes: up, down, up and so on. Virtual times in ns, in order.
     pub changes_ns: Vec<u64>,
@@ -253,18 +253,18 @@ pub struct Poke {
     pub at_ns: u64,
     /// First address.
     pub address: u32,
-    /// What to write there.
+    /// Bytes to write there.
     pub bytes: Vec<u8>,
 }
 
 /// A fault on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// What `at_ns` is counted from.
+    /// Origin of `at_ns`.
     pub since: Since,
     /// Virtual time, in ns.
     pub at_ns: u64,
-    /// What fails.
+    /// The kind of failure.
     pub kind: FaultKind,
 }
 
@@ -288,16 +288,17 @@ impl Fault {
         (0..=steps).map(move |step| {
             let part = |whole: u64| whole * u64::from(step) / u64::from(steps);
             let change = part(from_mv.abs_diff(to_mv).into()) as u32;
-            let millivolts = match from_mv < to_mv {
-                true => from_mv + change,
-                false => from_mv - change,
+            let millivolts = if from_mv < to_mv {
+                from_mv + change
+            } else {
+                from_mv - change
             };
             Self::after_power_up(part(for_ns), FaultKind::Supply { millivolts })
         })
     }
 }
 
-/// What fails.
+/// The kind of failure.
 ///
 /// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor crash. The vector
 /// of the DMA stream that serves ADC1 is overwritten in flash, and the next interrupt of that stream does the
@@ -319,7 +320,7 @@ pub enum FaultKind {
     /// without flow control never does this by itself. A transmitter that CTS holds, or a DMA stream that is
     /// stuck, looks like this.
     TransmitterStalled {
-        /// How long, in ns.
+        /// Duration, ns.
         for_ns: u64,
     },
     /// The crystal stops, or never starts if this comes at power-up. With the clock security system on, the
@@ -350,9 +351,9 @@ pub enum FaultKind {
     /// A [`PowerCut`](Self::PowerCut) in the middle of a flash operation, which programs a word or erases a
     /// sector. Each fault of this kind counts operations for itself. Resets do not end the count.
     PowerCutInFlash {
-        /// How many operations begin before that one, counted from the time of the fault.
+        /// Number of operations that begin before that one, counted from the time of the fault.
         after: u32,
-        /// How much of the operation is over when the power goes: 0 to 100.
+        /// Part of the operation that is complete when the power fails: 0 to 100 %.
         percent: u8,
     },
 }

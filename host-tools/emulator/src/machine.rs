@@ -169,9 +169,10 @@ impl Machine {
     pub fn advance(&mut self, now: u64, board: &mut impl Board) {
         let slept = self.chip.sleeps();
         self.play(now, board);
-        match slept {
-            true => self.settle(board),
-            false => self.deliver(board),
+        if slept {
+            self.settle(board)
+        } else {
+            self.deliver(board)
         }
     }
 
@@ -252,7 +253,7 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Whether a sleep now is STOP or STANDBY.
+    /// Returns `true` if a sleep now is STOP or STANDBY.
     pub fn sleeps_deep(&self) -> bool {
         self.chip.units.scr.sleeps_deep()
     }
@@ -275,12 +276,12 @@ impl Machine {
         self.stuck.map(registers::name)
     }
 
-    /// Whether the watchdog runs. It resets an image that does nothing more.
+    /// Returns `true` if the watchdog runs. It resets an image that does nothing more.
     pub fn watchdog_runs(&self) -> bool {
         self.chip.units.iwdg.next_interrupt().is_some()
     }
 
-    /// What stands in [`WRITABLE`].
+    /// Contents of [`WRITABLE`].
     pub fn flash(&self) -> &[u8] {
         self.chip.units.flash.contents()
     }
@@ -293,8 +294,8 @@ impl Machine {
         self.chip.units.flash.set_contents(contents);
     }
 
-    /// What the machine has seen up to `now`. Bytes and instructions are recorded by the board, and are not
-    /// in it.
+    /// Returns the machine's part of the outcome, up to `now`. Bytes and instructions are recorded by the
+    /// board, and are not in it.
     pub fn outcome(&self, now: u64) -> Outcome {
         let units = &self.chip.units;
         Outcome {

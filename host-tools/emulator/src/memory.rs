@@ -11,21 +11,21 @@ pub const WRITABLE: Range<u32> = 0x080c_0000..0x0810_0000;
 /// Core-coupled memory. It is on the processor's bus only: the DMA does not reach it.
 pub(crate) const CCM: Range<u32> = 0x1000_0000..0x1001_0000;
 
-/// What QEMU 7.2 gives this machine as RAM, and the part has not: it raises a bus fault there.
+/// RAM that QEMU 7.2 gives this machine and that the part lacks: the part raises a bus fault there.
 pub(crate) const NO_RAM: Range<u32> = 0x2002_0000..0x2003_0000;
 /// APB1 and APB2.
 pub(crate) const APB: Range<u32> = 0x4000_0000..0x4002_0000;
 /// The peripherals' part of the address space.
 pub(crate) const PERIPHERALS: Range<u32> = 0x4000_0000..0x6000_0000;
 
-/// Whether an access to the peripherals' part leads to no bus at all, so that silicon raises a bus fault:
-/// above AHB1's and AHB2's last peripheral (table 1). Between peripherals of one bus it reads as zero here,
-/// and is reported.
+/// Returns `true` if an access to the peripherals' part leads to no bus at all, so that silicon raises a bus
+/// fault: above AHB1's and AHB2's last peripheral (table 1). Between peripherals of one bus it reads as zero
+/// here, and is reported.
 pub(crate) fn is_beyond_every_bus(address: u32) -> bool {
     matches!(address, 0x4008_0000..0x5000_0000 | 0x5006_0c00..0x6000_0000)
 }
 
-/// Whether these bytes lie in SRAM or CCM.
+/// Returns `true` if these bytes lie in SRAM or CCM.
 pub(crate) fn is_ram(address: u32, bytes: usize) -> bool {
     let within = |ram: Range<u32>| {
         address

@@ -1,4 +1,4 @@
-//! What a run gives.
+//! Outcome of a run.
 
 use std::fmt;
 
@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::ending::{End, Exception, Place};
 
-/// What a run gave.
+/// Outcome of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
-    /// How it ended.
+    /// The end of the run.
     pub end: End,
     /// Bytes that left the USART1 transmitter by a pin.
     pub uart: Vec<u8>,
@@ -18,13 +18,13 @@ pub struct Outcome {
     pub uart_ns: Vec<u64>,
     /// The numbers of the bytes from USART1 whose ninth data bit was set.
     pub uart_ninth: Vec<usize>,
-    /// What left the other USARTs: those that sent anything.
+    /// Frames of the other USARTs that sent anything.
     pub uarts: Vec<Uart>,
-    /// What the image said by semihosting.
+    /// Text that the image wrote by semihosting.
     pub semihosting: String,
     /// The defmt log, decoded.
     pub log: Vec<LogLine>,
-    /// The same log as it came over RTT.
+    /// Raw bytes of the log, as received over RTT.
     pub rtt: Vec<u8>,
     /// Virtual time of an instruction, in ns.
     pub instruction_ns: u32,
@@ -35,7 +35,7 @@ pub struct Outcome {
     pub instructions: Option<Instructions>,
     /// The externally triggered scans. `None` if the image never sampled.
     pub sampling: Option<Sampling>,
-    /// How often the ADC lost a conversion (ADC_SR.OVR was set).
+    /// Number of conversions that an ADC lost (times that ADC_SR.OVR was set).
     pub overruns: u64,
     /// Triggers that started nothing, since a scan was running or OVR was set.
     pub triggers_ignored: u64,
@@ -58,21 +58,21 @@ pub struct Outcome {
     pub never_came: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
-    /// What flash sectors 10 and 11 hold at the end, which firmware can write: address and bytes, as for
+    /// Contents at the end of flash sectors 10 and 11, which firmware can write: address and bytes, as for
     /// [`Run::flash`](crate::Run::flash).
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
     pub flash_operations: Vec<FlashOperation>,
-    /// How long the processor had each clock: HCLK in Hz and ns of virtual time. 0 Hz is a clock that stands
-    /// still, in STOP or STANDBY or without a crystal.
+    /// Time that the processor spent at each clock: HCLK in Hz, and virtual time in ns. 0 Hz is a clock that
+    /// stands still, in STOP or STANDBY or without a crystal.
     pub hclk_ns: Vec<(u32, u64)>,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
 }
 
 impl Outcome {
-    /// Whether the image came through: it was stopped by the end of its time, by itself with status 0, or at
-    /// a breakpoint.
+    /// Checks that the image passed: it ran to the end of its time, exited with status 0, or stopped at a
+    /// breakpoint.
     ///
     /// # Errors
     /// One line: how it failed.
@@ -207,25 +207,25 @@ pub struct FunctionCount {
     pub label: String,
     /// Instructions executed.
     pub instructions: u64,
-    /// How often one of the functions was entered.
+    /// Number of calls of these functions.
     pub calls: u64,
-    /// How many functions of the image have the label. 0 means that the compiler inlined them all, or that
-    /// the pattern has a mistake.
+    /// Number of functions of the image that have the label. 0 means that the compiler inlined them all, or
+    /// that the pattern has a mistake.
     pub symbols: usize,
 }
 
-/// How often the processor took an interrupt.
+/// Count of an interrupt.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interrupt {
     /// Its number as an exception: interrupt line 0 is 16, SysTick 15.
     pub exception: usize,
     /// For example `USART1`, `TIM1_UP_TIM10` or `SysTick`.
     pub name: String,
-    /// How often.
+    /// Number of times it was taken.
     pub taken: u64,
 }
 
-/// What left the transmitter of a USART by a pin.
+/// Bytes that a USART sent by a pin.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Uart {
@@ -262,11 +262,11 @@ impl fmt::Display for LogLine {
     }
 }
 
-/// What a stretch of a live run has cost. It is counted and not timed, so it is the same in every run.
+/// Cost of a stretch of a live run. It is counted rather than timed, and so is equal in every run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Work {
-    /// How often QEMU called the overlay: for an access to a peripheral, or since a time had come.
+    /// Number of QEMU's calls of the overlay, for an access to a peripheral or at a requested time.
     pub calls: u64,
     /// Executed instructions; 0 if they are not counted.
     pub instructions: u64,
@@ -279,7 +279,7 @@ pub struct Work {
 pub struct Sampling {
     /// Virtual time of the first one, which reads row 0 of the stimulus, in ns.
     pub first_ns: u64,
-    /// How many were started.
+    /// Number started.
     pub scans: u64,
 }
 
@@ -288,11 +288,11 @@ pub struct Sampling {
 pub struct Reset {
     /// Virtual time, in ns.
     pub at_ns: u64,
-    /// What asked for it.
+    /// Cause of the reset.
     pub cause: ResetCause,
 }
 
-/// What asked for a reset.
+/// Cause of a reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ResetCause {
     /// SYSRESETREQ, by the firmware itself.
@@ -313,9 +313,9 @@ pub struct FlashOperation {
     pub at_ns: u64,
     /// First address.
     pub address: u32,
-    /// How much it programs or erases.
+    /// Number of bytes that it programs or erases.
     pub bytes: u32,
-    /// Whether it erases.
+    /// True for an erase.
     pub erase: bool,
 }
 
@@ -328,11 +328,11 @@ pub struct UnknownRegister {
     pub name: String,
     /// Address of the word.
     pub address: u32,
-    /// How often it was read.
+    /// Number of reads.
     pub reads: u64,
-    /// How often it was written.
+    /// Number of writes.
     pub writes: u64,
-    /// What was written last.
+    /// The last value written.
     pub last_write: Option<u32>,
 }
 
@@ -341,7 +341,7 @@ pub struct UnknownRegister {
 pub struct Pin {
     /// For example `PC13`.
     pub name: String,
-    /// How often its level changed while it was an output.
+    /// Number of changes of its level while it was an output.
     pub edges: u64,
     /// When it changed, in ns since power-up, and its level from then on. Empty unless the run was told to
     /// record them ([`Run::record_pins`](crate::Run::record_pins)).

@@ -15,12 +15,12 @@
 mod blocks;
 mod callbacks;
 mod count;
-mod fate;
+mod failures;
 mod handlers;
+mod idle;
 mod overlay;
 mod qemu;
 mod recorder;
-mod rest;
 mod rtt;
 mod self_test;
 mod stops;

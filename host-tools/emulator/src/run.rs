@@ -60,7 +60,7 @@ impl Run {
         Live::start(self.clone(), image, job)
     }
 
-    /// How long it may take. A debugger may take any time.
+    /// Limit of the run's real time. Under a debugger there is none.
     fn limit(&self) -> Option<Duration> {
         self.gdb.is_none().then_some(self.timeout)
     }
@@ -138,7 +138,7 @@ impl Run {
         })
     }
 
-    /// What the plugin is told.
+    /// Builds the description for the plugin.
     fn describe(&self, image: &Image, live: bool) -> Result<Description<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {

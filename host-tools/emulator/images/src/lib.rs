@@ -1,4 +1,4 @@
-//! What the images share: registers by address, a log, and an end.
+//! Code that the images share: registers by address, a log, and an end.
 //!
 //! # Design
 //!

@@ -23,7 +23,7 @@ exit status: 0 if the image used up its time, stopped at a breakpoint or ended i
 panicked, stands in a fault's handler, waits for what the emulator has not, or did not log TEXT; 2 for wrong
 arguments; 3 if there was no run";
 
-/// What is asked for.
+/// Command-line arguments.
 struct Arguments {
     run: Run,
     until: Option<String>,

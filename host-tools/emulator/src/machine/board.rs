@@ -1,4 +1,4 @@
-//! What a machine needs of the outside.
+//! Services that a machine needs from outside.
 
 /// Interrupt lines of the STM32F405 (RM0090 table 61).
 pub const INTERRUPTS: usize = 82;
@@ -10,7 +10,7 @@ pub const NMI: usize = INTERRUPTS;
 /// exception.
 pub const SYSTICK: usize = INTERRUPTS + 1;
 
-/// What a machine needs of the outside.
+/// Services that a machine needs from outside.
 pub trait Board {
     /// Reads SRAM or flash.
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]);

@@ -13,7 +13,7 @@ use crate::peripherals::NoRegister;
 use crate::peripherals::clock::Clocks;
 use crate::peripherals::dma::STREAMS;
 
-/// How deep the part sleeps.
+/// Deep sleep mode of the part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum DeepSleep {
     Stop,
@@ -36,7 +36,7 @@ pub(super) struct Chip {
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
     pub(super) clocks: Clocks,
-    /// How long HCLK had each frequency, up to its last change, and when that was.
+    /// Time that HCLK spent at each frequency up to its last change, and the time of that change, ns.
     hclk_ns: BTreeMap<u32, u64>,
     hclk_since_ns: u64,
     pub(super) deep_sleep: Option<DeepSleep>,
@@ -125,7 +125,7 @@ impl Chip {
         self.stimulus.sampling().map(|sampling| sampling.first_ns)
     }
 
-    /// Whether the processor gets no instruction: flash is being written, or its clock has stopped.
+    /// Returns `true` if the processor gets no instruction: flash is being written, or its clock has stopped.
     /// Interrupts wait.
     pub(super) fn stands_still(&self) -> bool {
         self.units.flash.busy() || self.clocks.hclk == 0
@@ -177,7 +177,7 @@ impl Chip {
         }
     }
 
-    /// How long HCLK had each frequency.
+    /// Time that HCLK spent at each frequency, ns.
     pub(super) fn hclk_ns(&self, now: u64) -> Vec<(u32, u64)> {
         let mut times = self.hclk_ns.clone();
         *times.entry(self.clocks.hclk).or_default() += now.saturating_sub(self.hclk_since_ns);
@@ -225,7 +225,7 @@ impl Chip {
         }
     }
 
-    /// What was asked of modelled peripherals that the models do not do.
+    /// Requests to modelled peripherals that their models do not carry out.
     pub(super) fn unmodelled(&self) -> Vec<String> {
         let notes = TABLE.iter().flat_map(|row| {
             let notes = (row.model)(&self.units).notes();

@@ -1,4 +1,4 @@
-//! How the processor is made to crash.
+//! Deliberate crashes of the processor.
 
 use super::board::Board;
 use crate::given::FaultKind;

@@ -1,4 +1,4 @@
-//! What happens next, by itself.
+//! The next event of the machine that needs no instruction.
 
 use super::chip::Chip;
 use super::levels::Levels;
@@ -6,7 +6,7 @@ use super::sampling::Scans;
 use super::wiring;
 use crate::peripherals::{Peripheral, flash};
 
-/// What can happen by itself.
+/// An event that needs no instruction.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Event {
     /// A conversion of a converter ends.
@@ -31,13 +31,13 @@ pub(super) enum Event {
     Flash(flash::Event),
 }
 
-/// What happens next, and when. If several things happen at one time, a timer is started first, then a level
-/// changes, a conversion ends, and a trigger comes.
+/// Returns the next event and its time, ns. Of several events at one time, a timer is started first, then a
+/// level changes, a conversion ends, and a trigger comes.
 pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
     next_but(chip, levels, None)
 }
 
-/// The same without what a converter and its trigger do, if they are given.
+/// Returns the next event other than those of the given converter and its trigger.
 pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Option<(u64, Event)> {
     let units = &chip.units;
     let tim = &units.tim;

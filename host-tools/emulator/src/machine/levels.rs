@@ -51,7 +51,7 @@ impl Levels {
         }
     }
 
-    /// How many have not come.
+    /// Number of changes still to come.
     pub(super) fn count(&self) -> usize {
         self.0.iter().map(|(_, levels)| levels.len()).sum()
     }

@@ -72,7 +72,7 @@ impl Chip {
         }
     }
 
-    /// Whether a change of the level on a pin would come through EXTI, or wake the part.
+    /// Returns `true` if a change of the level on a pin would come through EXTI, or wake the part.
     pub(super) fn listens_to(&self, pin: Pin, high: bool) -> bool {
         let units = &self.units;
         (units.syscfg.port(pin.1) == pin.0 && units.exti.listens(pin.1, high)) || self.waits_for(pin, high)

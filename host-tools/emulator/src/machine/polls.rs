@@ -1,4 +1,4 @@
-//! What register the processor is busy with.
+//! Detection of the register that the processor polls.
 //!
 //! # Design
 //!
@@ -48,9 +48,10 @@ impl Polls {
 
     /// The register that most accesses went to.
     pub(super) fn busy_with(&self) -> Option<u32> {
-        match self.accesses < FEW {
-            true => self.before,
-            false => (self.lead > self.accesses / 4).then_some(self.candidate),
+        if self.accesses < FEW {
+            self.before
+        } else {
+            (self.lead > self.accesses / 4).then_some(self.candidate)
         }
     }
 }

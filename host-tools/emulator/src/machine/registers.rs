@@ -38,7 +38,7 @@ const TABLE: &str = include_str!("registers.txt");
 /// A peripheral of [`TABLE`] has this many bytes of addresses at most (section 2.3, table 1).
 const SLOT: u32 = 0x400;
 
-/// What the table lacks: the factory's constants, the backup RAM, and units of the processor.
+/// Regions that the table lacks: the factory's constants, the backup RAM, and units of the processor.
 const OTHERS: [(Range<u32>, &str); 13] = [
     (0x1fff_0000..0x1fff_7800, "BOOTLOADER"),
     (0x1fff_7800..0x1fff_7a10, "OTP"),
@@ -95,7 +95,7 @@ pub fn all() -> impl Iterator<Item = Register> {
     places().flat_map(registers)
 }
 
-/// What is at an address: `SPI1_SR`, `SPI1+0x24` between the registers of a peripheral, or
+/// Name of the register at an address: `SPI1_SR`, `SPI1+0x24` between the registers of a peripheral, or
 /// `0x40007c00 (reserved)` where there is none.
 pub fn name(address: u32) -> String {
     let other = OTHERS.iter().find(|(range, _)| range.contains(&address));
@@ -112,7 +112,7 @@ pub fn name(address: u32) -> String {
     )
 }
 
-/// The same for an address where a peripheral may be.
+/// Name of the register at an address in the peripheral region, `None` outside of it.
 pub(crate) fn name_of(address: u32) -> Option<String> {
     let of_core = OTHERS.iter().any(|(range, _)| range.contains(&address));
     (of_core || PERIPHERALS.contains(&address)).then(|| name(address))

@@ -20,15 +20,16 @@ impl Chip {
         if self.units.exti.pending() || self.deep_sleep.is_some() {
             return;
         }
-        self.deep_sleep = Some(match self.units.pwr.chooses_standby() {
-            true => DeepSleep::Standby,
-            false => DeepSleep::Stop,
+        self.deep_sleep = Some(if self.units.pwr.chooses_standby() {
+            DeepSleep::Standby
+        } else {
+            DeepSleep::Stop
         });
         self.units.rcc.sleep();
         self.pass_on(now);
     }
 
-    /// Whether the part is in STOP or STANDBY.
+    /// Returns `true` if the part is in STOP or STANDBY.
     pub(super) fn sleeps(&self) -> bool {
         self.deep_sleep.is_some()
     }
@@ -51,7 +52,7 @@ impl Chip {
         self.pass_on(now);
     }
 
-    /// Whether a change of the level on a pin would end STANDBY.
+    /// Returns `true` if a change of the level on a pin would end STANDBY.
     pub(super) fn waits_for(&self, pin: Pin, high: bool) -> bool {
         let standby = self.deep_sleep == Some(DeepSleep::Standby);
         standby && pin == WAKE_UP && high && self.units.pwr.wakes_by_pin()
@@ -65,14 +66,14 @@ impl Chip {
         }
     }
 
-    /// Whether STOP has ended since the last call.
+    /// Returns `true` if STOP has ended since the last call.
     pub(super) fn woken_from_stop(&mut self) -> bool {
         self.deep_sleep
             .take_if(|sleep| *sleep == DeepSleep::StopEnds)
             .is_some()
     }
 
-    /// Whether STANDBY has ended: the part is to be reset.
+    /// Returns `true` if STANDBY has ended: the part is to be reset.
     pub(super) fn woken_from_standby(&self) -> bool {
         self.deep_sleep == Some(DeepSleep::StandbyEnds)
     }

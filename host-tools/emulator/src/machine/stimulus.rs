@@ -44,7 +44,7 @@ impl Stimulus {
         }
     }
 
-    /// The same, with inputs at other pins. One at PA0 to PA3 takes the place of that pin's codes.
+    /// Adds analog inputs at other pins. An input at PA0 to PA3 takes the place of that pin's codes.
     ///
     /// # Panics
     /// There is no such pin.
@@ -60,8 +60,8 @@ impl Stimulus {
         }
     }
 
-    /// The same, timed by a crystal of `hz` that should have `nominal_hz`: a row lasts as long as a period of
-    /// that clock.
+    /// Times the rows by a crystal of `hz` whose nominal frequency is `nominal_hz`: a row lasts as long as a
+    /// period of that clock.
     #[must_use]
     pub fn on_clock(self, hz: u32, nominal_hz: u32) -> Self {
         Self {
@@ -112,12 +112,12 @@ impl Stimulus {
         }
     }
 
-    /// How many rows are kept.
+    /// Number of rows in memory.
     pub fn held(&self) -> usize {
         self.rows.len()
     }
 
-    /// What a converter reads at a channel, if the conversion ends now.
+    /// Returns the code that a converter reads at a channel if the conversion ends now.
     pub(super) fn code(&mut self, adc: usize, channel: u32, now: u64) -> u16 {
         let first_scan = self.sampling.map(|sampling| sampling.first_ns);
         match self.input(adc, channel) {
@@ -150,7 +150,7 @@ impl Stimulus {
             .plus(0, self.sampling.map(|sampling| sampling.first_ns))
     }
 
-    /// Whether there is more than one row, and none has been played.
+    /// Returns `true` if there is more than one row, and none has been played.
     pub(super) fn never_began(&self) -> bool {
         self.passed + self.rows.len() > 1 && self.began().is_none()
     }

@@ -1,4 +1,4 @@
-//! What the DMA moves: for requests of peripherals, and between memories.
+//! DMA transfers: on request of a peripheral, and between memories.
 
 use super::board::Board;
 use super::chip::Chip;
@@ -106,9 +106,10 @@ impl Transfers {
         if progress.block && chip.sampler.is_none_or(|sampler| sampler == adc) {
             self.flush(board);
             // A processor that hangs is not woken for a block. What it executed belongs to no block.
-            board.acquired(match unserved {
-                true => 0,
-                false => chip.scans - self.scans_at_last_block,
+            board.acquired(if unserved {
+                0
+            } else {
+                chip.scans - self.scans_at_last_block
             });
             self.scans_at_last_block = chip.scans;
         }

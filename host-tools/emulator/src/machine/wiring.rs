@@ -1,4 +1,4 @@
-//! How the peripherals are wired to each other and to the pins.
+//! Wiring of the peripherals to each other and to the pins.
 //!
 //! Pins and DMA requests are read from `connections.txt`, which `examples/connections.rs` makes of ST's own
 //! database (by way of the crates `stm32-metapac` and `stm32f4`). Triggers are in no such database, and stand
@@ -59,7 +59,7 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
     }
 }
 
-/// What ST's database says of the pins and the DMA.
+/// Pins and DMA requests from ST's database.
 struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
     timer_inputs: BTreeMap<(Pin, u32), (TimNumber, usize)>,
@@ -69,15 +69,15 @@ struct Connections {
     lines: BTreeMap<(usize, &'static str), Vec<(Pin, u32)>>,
     /// The pin of a converter's channel.
     analog: BTreeMap<(usize, u32), Pin>,
-    /// What requests a transfer: its name, by controller, stream and channel.
+    /// Name of the request by controller, stream and channel.
     requests: BTreeMap<(usize, usize, u32), &'static str>,
     /// The names of the interrupt lines.
     lines_by_number: BTreeMap<usize, &'static str>,
-    /// What can serve a request, by its name.
+    /// Server of a request, by the request's name.
     servers: BTreeMap<&'static str, Server>,
 }
 
-/// What can serve a request.
+/// A DMA stream and channel that can serve a request.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Server {
     /// The controller (DMA1 is 0). Every request goes to one of them.
@@ -86,7 +86,7 @@ pub(super) struct Server {
     pub(super) streams: Vec<(usize, u32)>,
 }
 
-/// What can serve the requests of the models, in their order.
+/// Servers of the models' requests, in the models' order.
 pub(super) struct Servers {
     pub(super) adc: [Server; 3],
     pub(super) transmitters: [Server; 6],
@@ -198,7 +198,7 @@ pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
     CONNECTIONS.lines_by_number.get(&line).copied()
 }
 
-/// Whether a model makes this request.
+/// Returns `true` if a model makes this request.
 pub(super) fn is_modelled(request: &str) -> bool {
     let of_usart = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
     ADCS.contains(&request) || of_usart.is_some_and(|usart| USARTS.contains(&usart))

@@ -67,10 +67,10 @@ pub struct Adc {
     sqr: [u32; 3],
     jsqr: u32,
     dr: u32,
-    /// What divides PCLK2 (CCR.ADCPRE, section 13.13.16).
+    /// Divider of PCLK2 (CCR.ADCPRE, section 13.13.16).
     pub divider: u32,
     scan: Option<Scan>,
-    /// Whether SWSTART starts a scan while EXTEN selects a trigger.
+    /// True if SWSTART starts a scan while EXTEN selects a trigger.
     pub software_scan_under_trigger: bool,
     /// The converter starts a scan without a trigger as soon as it waits for one.
     extra: bool,
@@ -84,7 +84,7 @@ pub struct Adc {
     pub request: bool,
     /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
-    /// How often OVR was set.
+    /// Number of times that OVR was set.
     pub overruns: u64,
     /// Triggers that started nothing.
     pub triggers_ignored: u64,
@@ -103,13 +103,13 @@ impl Adc {
         }
     }
 
-    /// What starts regular scans from outside: CR2.EXTSEL (section 13.13.3). `None` if nothing does.
+    /// External trigger of regular scans: CR2.EXTSEL (section 13.13.3). `None` if nothing does.
     pub fn external_trigger(&self) -> Option<u32> {
         let listens = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
         listens.then(|| field(self.cr2, 24, 4))
     }
 
-    /// Whether a scan is under way or could be started from outside.
+    /// Returns `true` if a scan is under way or could be started from outside.
     pub fn is_in_use(&self) -> bool {
         self.scan.is_some() || self.external_trigger().is_some()
     }
@@ -293,7 +293,7 @@ impl Adc {
         }
     }
 
-    /// Whether each conversion makes a DMA request.
+    /// Returns `true` if each conversion makes a DMA request.
     pub fn requests_dma(&self) -> bool {
         self.cr2 & DMA != 0 && !self.requests_ended
     }
@@ -311,8 +311,8 @@ impl Adc {
         self.requests_ended = self.cr2 & DDS == 0;
     }
 
-    /// Whether a conversion that no DMA fetches would raise the line: at its end by EOC, or at the end of the
-    /// next one by OVR.
+    /// Returns `true` if a conversion that no DMA fetches would raise the line: at its end by EOC, or at the
+    /// end of the next one by OVR.
     pub fn interrupts_on_conversion(&self) -> bool {
         self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt(0)
     }

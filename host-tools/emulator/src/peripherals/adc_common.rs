@@ -26,14 +26,14 @@ impl Adcs {
         }
     }
 
-    /// Whether the temperature sensor and the internal reference voltage are on (CCR.TSVREFE). Otherwise
-    /// their channels float.
+    /// Returns `true` if the temperature sensor and the internal reference voltage are on (CCR.TSVREFE).
+    /// Otherwise their channels float.
     pub fn sensors_on(&self) -> bool {
         bit(self.ccr, 23)
     }
 
-    /// Whether the divider of the battery voltage is on (CCR.VBATE). It hides the temperature sensor in parts
-    /// where both share a channel; in this one they do not.
+    /// Returns `true` if the divider of the battery voltage is on (CCR.VBATE). It hides the temperature
+    /// sensor in parts where both share a channel; in this one they do not.
     pub fn battery_on(&self) -> bool {
         bit(self.ccr, 22)
     }

@@ -47,7 +47,7 @@ impl Clocks {
         timers2: HSI_HZ,
     };
 
-    /// What peripherals on a bus get.
+    /// Clock of the peripherals on a bus, Hz.
     pub fn of_bus(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.pclk1,
@@ -55,7 +55,7 @@ impl Clocks {
         }
     }
 
-    /// What timers on a bus get.
+    /// Clock of the timers on a bus, Hz.
     pub fn of_timers(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.timers1,
@@ -64,7 +64,7 @@ impl Clocks {
     }
 }
 
-/// How many edges a clock of `hz` has in `ns`.
+/// Number of edges of a clock of `hz` within `ns`.
 pub fn ticks(ns: u64, hz: u32) -> u64 {
     match ns.checked_mul(u64::from(hz)) {
         Some(product) => product / NS_PER_S,
@@ -72,7 +72,7 @@ pub fn ticks(ns: u64, hz: u32) -> u64 {
     }
 }
 
-/// How many ns it takes until edge `n` of a clock of `hz` has come. `u64::MAX` for a clock that stands still.
+/// Time until edge `n` of a clock of `hz`, ns. `u64::MAX` for a clock that stands still.
 pub fn edge(n: u64, hz: u32) -> u64 {
     if hz == 0 {
         return u64::MAX;

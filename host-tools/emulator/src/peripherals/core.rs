@@ -17,7 +17,7 @@ pub struct Scr {
 }
 
 impl Scr {
-    /// Whether a sleep is a deep one: STOP or STANDBY, as PWR says.
+    /// Returns `true` if a sleep is a deep one: STOP or STANDBY, as PWR says.
     pub fn sleeps_deep(&self) -> bool {
         self.scr & SLEEPDEEP != 0
     }
@@ -58,7 +58,7 @@ pub struct Debug {
 }
 
 impl Debug {
-    /// Whether DWT and ITM run.
+    /// Returns `true` if DWT and ITM run.
     pub fn traces(&self) -> bool {
         self.demcr & TRCENA != 0
     }

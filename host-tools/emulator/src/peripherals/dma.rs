@@ -56,7 +56,7 @@ pub struct Beat {
     pub direction: Direction,
 }
 
-/// What a beat completed.
+/// Part of a transfer that a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
@@ -126,7 +126,7 @@ impl Dma {
         mapping.iter().find(listens).map(|(stream, _)| *stream)
     }
 
-    /// What the stream moves at its next request. `None` if it is stopped.
+    /// Returns the next beat of the stream, `None` if the stream is stopped.
     pub fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];
         if !s.running() {
@@ -301,7 +301,7 @@ impl Stream {
         usize::from(self.cr & DBM != 0 && self.cr & CT != 0)
     }
 
-    /// Whether the stream was started.
+    /// Writes CR, and returns `true` if this started the stream.
     fn write_cr(&mut self, value: u32) -> bool {
         let was_enabled = self.cr & EN != 0;
         if !was_enabled {

@@ -48,11 +48,11 @@ impl Dwt {
     }
 
     fn cycles(&self, now: u64) -> u32 {
-        match bit(self.ctrl, 0) && self.traces {
-            true => self
-                .count
-                .wrapping_add(clock::ticks(now.saturating_sub(self.since_ns), self.hclk) as u32),
-            false => self.count,
+        if bit(self.ctrl, 0) && self.traces {
+            self.count
+                .wrapping_add(clock::ticks(now.saturating_sub(self.since_ns), self.hclk) as u32)
+        } else {
+            self.count
         }
     }
 }

@@ -52,7 +52,7 @@ impl Exti {
         self.rtsr | self.ftsr
     }
 
-    /// Whether an edge on a line would raise an interrupt, or wake from STOP.
+    /// Returns `true` if an edge on a line would raise an interrupt, or wake from STOP.
     pub fn listens(&self, line: usize, rising: bool) -> bool {
         let edges = if rising { self.rtsr } else { self.ftsr };
         edges & (self.imr & !self.pr | self.emr) & 1 << line != 0
@@ -68,7 +68,7 @@ impl Exti {
         self.inputs = levels;
     }
 
-    /// Whether an interrupt of a line is pending.
+    /// Returns `true` if an interrupt of a line is pending.
     pub fn pending(&self) -> bool {
         self.pr & self.imr != 0
     }

@@ -87,7 +87,7 @@ fn erase_ns(bytes: u32, psize: u32) -> u64 {
 #[derive(Debug, Clone, Copy)]
 struct Running {
     operation: FlashOperation,
-    /// What is programmed: bits that are 0 here become 0. Not used by an erase.
+    /// Value to program: bits that are 0 here become 0. Unused by an erase.
     value: u32,
     ends_ns: u64,
     power_goes_ns: Option<u64>,
@@ -96,12 +96,12 @@ struct Running {
 /// A power cut that waits for its operation.
 #[derive(Debug, Clone, Copy)]
 struct Cut {
-    /// How many operations still begin before that one.
+    /// Number of operations that still begin before that one.
     after: u32,
     percent: u8,
 }
 
-/// What happens by itself.
+/// An event that needs no access to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
     /// The operation ends: see [`Flash::finish`].
@@ -166,12 +166,12 @@ impl Flash {
         self.cuts.push(Cut { after, percent });
     }
 
-    /// Whether an operation is under way: flash cannot be read meanwhile.
+    /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
     pub fn busy(&self) -> bool {
         self.running.is_some()
     }
 
-    /// What comes next, and when.
+    /// Returns the next event and its time, ns.
     pub fn next_event(&self) -> Option<(u64, Event)> {
         let running = self.running?;
         Some(match running.power_goes_ns {
@@ -199,9 +199,10 @@ impl Flash {
         let (address, bytes) = (operation.address, operation.bytes);
         let first = (address - WRITABLE.start) as usize;
         for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
-            let wanted = match operation.erase {
-                true => 0xff,
-                false => *byte & running.value.to_le_bytes()[n],
+            let wanted = if operation.erase {
+                0xff
+            } else {
+                *byte & running.value.to_le_bytes()[n]
             };
             for bit in 0..8 {
                 if (wanted ^ *byte) >> bit & 1 == 1 && done((address + n as u32) * 8 + bit) {

@@ -17,7 +17,7 @@ const MOST_CHANGES: usize = 1 << 21;
 enum Key {
     #[default]
     Open,
-    /// How many of the three writes were made, with these pins.
+    /// Number of the lock sequence's three writes that were made, and their pins.
     Turning(u32, u32),
     Closed,
 }
@@ -32,7 +32,7 @@ pub struct Gpio {
     pupdr: u32,
     odr: u32,
     lckr: u32,
-    /// How far the lock key was written, and whether it is closed.
+    /// State of the lock sequence.
     key: Key,
     afr: [u32; 2],
     /// Levels from outside. `None` where nothing is wired.
@@ -41,13 +41,13 @@ pub struct Gpio {
     by_wire: [Option<bool>; 16],
     /// Levels that the timers behind the pins' alternate functions give. `None` where none does.
     by_timer: [Option<bool>; 16],
-    /// How often each pin changed its level as an output.
+    /// Number of changes of each pin's level as an output.
     pub edges: [u64; 16],
-    /// Whether the times of these changes are recorded.
+    /// True if the times of these changes are recorded.
     pub records: bool,
     /// When each pin changed its level as an output, in ns, and the level from then on.
     pub changes: [Vec<(u64, bool)>; 16],
-    /// How many there are of the whole port.
+    /// Number of recorded changes of the whole port.
     recorded: usize,
     notes: Notes,
 }
@@ -148,7 +148,7 @@ impl Gpio {
         if self.key == Key::Closed { self.lckr } else { 0 }
     }
 
-    /// What a setting of `width` bits for each pin becomes: locked pins keep theirs.
+    /// Returns a setting of `width` bits for each pin after a write: locked pins keep theirs.
     fn unlocked(&self, width: u32, first: u32, old: u32, new: u32) -> u32 {
         let ones = (1 << width) - 1;
         let pins = (0..32 / width).filter(|pin| bit(self.locked(), first + pin));

@@ -1,4 +1,4 @@
-//! What all models have in common.
+//! The interface that all models share.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -40,7 +40,7 @@ pub trait Peripheral {
         None
     }
 
-    /// What the firmware asked for that the model does not do.
+    /// Requests of the firmware that the model does not carry out.
     fn notes(&self) -> &Notes {
         static NONE: Notes = Notes(BTreeSet::new());
         &NONE
@@ -51,7 +51,7 @@ pub trait Peripheral {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoRegister;
 
-/// What the firmware asked of a peripheral that its model does not do.
+/// Requests to a peripheral that its model does not carry out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Notes(BTreeSet<Cow<'static, str>>);
 
@@ -69,9 +69,10 @@ impl Notes {
 
     /// Keeps a note for as long as it holds.
     pub(crate) fn keep_while(&mut self, holds: bool, what: &'static str) {
-        match holds {
-            true => self.0.insert(what.into()),
-            false => self.0.remove(what),
+        if holds {
+            self.0.insert(what.into())
+        } else {
+            self.0.remove(what)
         };
     }
 

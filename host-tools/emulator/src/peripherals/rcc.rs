@@ -167,9 +167,10 @@ impl Rcc {
     /// The enable bits of CR whose clock runs.
     fn ready(&self) -> u32 {
         let hse = self.cr & HSEON != 0 && !self.crystal_stopped;
-        let input = match bit(self.pllcfgr, 22) {
-            true => hse,
-            false => self.cr & HSION != 0,
+        let input = if bit(self.pllcfgr, 22) {
+            hse
+        } else {
+            self.cr & HSION != 0
         };
         let of_hse = if hse { 0 } else { HSEON };
         let of_plls = if input { 0 } else { PLLON | PLLI2SON };
@@ -216,9 +217,10 @@ impl Rcc {
     }
 
     fn pll_input_hz(&self) -> u32 {
-        match bit(self.pllcfgr, 22) {
-            true => self.hse_hz,
-            false => HSI_HZ,
+        if bit(self.pllcfgr, 22) {
+            self.hse_hz
+        } else {
+            HSI_HZ
         }
     }
 
@@ -230,13 +232,13 @@ impl Rcc {
         (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
     }
 
-    /// Whether one of these bits in the bus's enable register is set.
+    /// Returns `true` if one of these bits in the bus's enable register is set.
     pub fn enabled(&self, bus: Bus, bits: u32) -> bool {
         self.enable[bus as usize] & bits != 0
     }
 
-    /// Whether the firmware holds a peripheral in reset: one of these bits in the bus's reset register is
-    /// set.
+    /// Returns `true` if the firmware holds a peripheral in reset: one of these bits in the bus's reset
+    /// register is set.
     pub fn held_in_reset(&self, bus: Bus, bits: u32) -> bool {
         self.reset[bus as usize] & bits != 0
     }

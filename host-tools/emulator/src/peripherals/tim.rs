@@ -3,9 +3,9 @@
 //!
 //! # Design
 //!
-//! What a timer has is its [`Kind`]. Its `counter` knows the count at any time by arithmetic. Flags of the
-//! past are filled in at the next access. The counter's origin moves where its settings change: a write to
-//! the counter, UG, a clock change, or an update that loads a new prescaler or period.
+//! A [`Kind`] states the features of a timer. Its `counter` knows the count at any time by arithmetic. Flags
+//! of the past are filled in at the next access. The counter's origin moves where its settings change: a
+//! write to the counter, UG, a clock change, or an update that loads a new prescaler or period.
 //!
 //! An edge at an input latches the counter at the time of the edge. Silicon takes a clock or two to
 //! synchronise an edge, and also the trigger of another timer (sections 18.3.5, 18.3.15). This delay is the
@@ -150,19 +150,19 @@ impl Tim {
         }
     }
 
-    /// Whether an edge at this input would raise an interrupt line.
+    /// Returns `true` if an edge at this input would raise an interrupt line.
     pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
         let raises = |channel: usize| self.captures(channel, input, rising) && self.would_raise(2 << channel);
         (0..self.kind.channels).any(raises)
     }
 
-    /// Whether an edge at any input could raise an interrupt line.
+    /// Returns `true` if an edge at any input could raise an interrupt line.
     pub fn captures_interrupt(&self) -> bool {
         let waits = |channel: usize| self.is_input(channel) && self.would_raise(2 << channel);
         (0..self.kind.channels).any(waits)
     }
 
-    /// Whether this flag, when it is set, raises a line that is down now.
+    /// Returns `true` if this flag, when it is set, raises a line that is down now.
     fn would_raise(&self, flag: u32) -> bool {
         let is_up = |line: &&u32| *line & flag != 0 && self.sr & self.dier & *line != 0;
         self.dier & flag != 0 && self.kind.lines.iter().find(is_up).is_none()
@@ -194,7 +194,7 @@ impl Tim {
         (is_on && !self.is_input(channel)).then_some(self.references[channel] != inverts)
     }
 
-    /// Whether a channel is on: most timers have none.
+    /// Returns `true` if a channel is on: most timers have none.
     pub fn drives(&self) -> bool {
         self.ccer & 0x1111 != 0
     }

@@ -46,7 +46,7 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
     ),
 ];
 
-/// What there is of a USART: registers are masks of the bits that exist.
+/// Features of a USART: registers are masks of the bits that exist.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
     apb: Apb,
@@ -82,7 +82,7 @@ impl Kind {
 pub struct Sent {
     /// Its 7, 8 or 9 data bits.
     pub data: u16,
-    /// How long it took, without a stall.
+    /// Time that it took without a stall, ns.
     pub frame_ns: u64,
 }
 
@@ -122,7 +122,7 @@ pub struct Usart {
     idle_at: Option<u64>,
     /// The flags that stood when SR was read: an access to DR then clears them.
     armed: u32,
-    /// How long the DMA takes to fetch a byte that was received, in ns.
+    /// Time that the DMA takes to fetch a received byte, ns.
     pub dma_latency_ns: u64,
     /// When the DMA will fetch the byte that was received. Nothing once that time has come.
     fetch_at: Option<u64>,
@@ -171,7 +171,7 @@ impl Usart {
         self.fetch_at.filter(|_| self.cr[2] & DMAR != 0)
     }
 
-    /// That time has come.
+    /// Marks the time of a fetch as reached.
     pub fn fetch_is_due(&mut self) {
         self.fetch_at = None;
     }
@@ -181,7 +181,7 @@ impl Usart {
         self.input.retain(|incoming| incoming.not_before_ns >= now);
     }
 
-    /// How many bytes the other side has still to send.
+    /// Number of bytes that the other side has still to send.
     pub fn bytes_to_come(&self) -> usize {
         self.input.len()
     }
@@ -241,7 +241,7 @@ impl Usart {
         self.shifting.map(|f| f.ends_ns)
     }
 
-    /// Whether a frame is on the line.
+    /// Returns `true` if a frame is on the line.
     pub fn is_sending(&self) -> bool {
         self.shifting.is_some()
     }
@@ -261,7 +261,7 @@ impl Usart {
         })
     }
 
-    /// Whether the transmitter asks the DMA for data.
+    /// Returns `true` if the transmitter asks the DMA for data.
     pub fn dma_transmit_request(&self) -> bool {
         self.cr[2] & DMAT != 0 && self.sr & TXE != 0 && self.on(TE)
     }
@@ -286,8 +286,8 @@ impl Usart {
         Some(starts.saturating_add(self.frame_ns()))
     }
 
-    /// What [`Self::next_received`] announced has come. `connected`: a pin is the receiver's. `busy`: another
-    /// frame is on the line.
+    /// Receives the frame that [`Self::next_received`] announced. `connected`: a pin is the receiver's.
+    /// `busy`: another frame is on the line.
     pub fn receive(&mut self, now: u64, connected: bool, busy: bool) {
         if self.idle_at.is_some_and(|at| at <= now) {
             self.idle_at = None;
@@ -334,7 +334,7 @@ impl Usart {
         }
     }
 
-    /// Whether the receiver asks the DMA to fetch data.
+    /// Returns `true` if the receiver asks the DMA to fetch data.
     pub fn dma_receive_request(&self) -> bool {
         self.cr[2] & DMAR != 0 && self.sr & RXNE != 0 && self.fetch_at.is_none()
     }
@@ -411,9 +411,10 @@ impl Peripheral for Usart {
 
     fn interrupt(&self, _output: usize) -> bool {
         let [cr1, _, cr3] = self.cr;
-        let errors = match cr3 & EIE != 0 && cr3 & DMAR != 0 {
-            true => ORE | FE,
-            false => 0,
+        let errors = if cr3 & EIE != 0 && cr3 & DMAR != 0 {
+            ORE | FE
+        } else {
+            0
         };
         let overrun = if cr1 & RXNEIE != 0 { ORE } else { 0 };
         // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.

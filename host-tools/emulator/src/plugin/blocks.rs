@@ -3,7 +3,7 @@
 use super::count::Counters;
 use crate::outcome::{Block, Instructions};
 
-/// What the blocks of a run have cost so far.
+/// Cost of the blocks of a run so far.
 pub(super) struct Blocks {
     pub(super) counters: &'static Counters,
     /// The labels whose functions make a block a working one.
@@ -45,9 +45,10 @@ impl Blocks {
         if block.instructions_per_scan() > worst.instructions_per_scan() {
             *worst = block;
         }
-        let alike = match now[1] > began[1] {
-            true => &mut self.ended.working,
-            false => &mut self.ended.idle,
+        let alike = if now[1] > began[1] {
+            &mut self.ended.working
+        } else {
+            &mut self.ended.idle
         };
         let alike = alike.get_or_insert_default();
         alike.instructions += block.instructions;

@@ -1,4 +1,4 @@
-//! What QEMU calls: the plugin's entry, and the callbacks for memory, time, resets and instructions.
+//! Entry points for QEMU: the plugin's entry, and the callbacks for memory, time, resets and instructions.
 //!
 //! # Safety
 //!
@@ -18,8 +18,9 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::count::{Counters, Site, Sites};
-use super::fate::{self, Sight};
+use super::failures::{self, Sighting};
 use super::handlers;
+use super::idle::IdleSchedule;
 use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
@@ -27,9 +28,8 @@ use super::qemu::{
     exit, leave, log_moved, log_seen, on_signal_of_abort, repeats, room, say, symbol, take_no_signals,
     wait_for_event,
 };
-use super::rest::Rest;
 use super::self_test::self_test;
-use super::stops::{self, Wish};
+use super::stops::{self, HostRequest};
 use crate::ending::End;
 use crate::exchange::{self, SELF_TEST_STATUS, Step};
 use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
@@ -68,7 +68,7 @@ static FLASH_OPS: Ops = ops(on_read, on_store, true);
 /// Priorities of interrupts and exceptions.
 static PRIORITY_OPS: Ops = ops(on_priority_read, on_priority_write, true);
 
-/// What QEMU calls for accesses of 1 to 4 bytes.
+/// QEMU's operations for accesses of 1 to 4 bytes.
 const fn ops(
     read: extern "C" fn(Pointer, u64, u32) -> u64,
     write: extern "C" fn(Pointer, u64, u64, u32),
@@ -166,7 +166,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
 /// report.
 fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
     take_no_signals();
-    if let Wish::Report = stops::listen(steps) {
+    if let HostRequest::Report = stops::listen(steps) {
         // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {
@@ -304,13 +304,13 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             waits: Waits::find().ok(),
             on_wait,
             rest_timer,
-            rest: Rest::default(),
+            rest: IdleSchedule::default(),
             reset_requested: AtomicBool::new(false),
         })
     }
 }
 
-/// What this leaves out is a bus fault.
+/// Accepts an access. A refused one is a bus fault.
 extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
     let address = start as usize as u32 + offset as u32;
     !NO_RAM.contains(&address) && !is_beyond_every_bus(address)
@@ -472,16 +472,16 @@ extern "C" fn on_fault(_processor: u32, at: Pointer) {
     let Some(qemu) = QEMU.get() else { return };
     // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as
     // long as a turn. A fault in the handler that leads to itself is another exception.
-    let active = fate::active_exception(qemu);
+    let active = failures::active_exception(qemu);
     if SEEN.swap(active, Relaxed) == active && repeats(at as usize as u32) {
         return;
     }
-    if let Some(exception) = fate::exception(&qemu.registers(), qemu) {
-        saw(Sight::Exception(exception));
+    if let Some(exception) = failures::exception(&qemu.registers(), qemu) {
+        note_sighting(Sighting::Exception(exception));
     }
 }
 
-/// The same for a handler that is `b .`, which cannot fault: only its first turn counts.
+/// Notes a fault whose handler is `b .`, which cannot fault itself: only its first turn counts.
 extern "C" fn on_fault_in_loop(processor: u32, at: Pointer) {
     if !repeats(at as usize as u32) {
         on_fault(processor, at);
@@ -492,8 +492,8 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
     let Some((overlay, qemu)) = running() else { return };
     let deep = overlay.sleeps_deep();
     drop(overlay);
-    if deep && !fate::interrupt_pending(qemu) {
-        saw(Sight::DeepSleep);
+    if deep && !failures::interrupt_pending(qemu) {
+        note_sighting(Sighting::DeepSleep);
     }
     qemu.pass_wait();
 }
@@ -523,13 +523,13 @@ extern "C" fn on_unmask(_processor: u32, _: Pointer) {
 extern "C" fn on_panic(_processor: u32, at: Pointer) {
     // The panic's function may be `b .` too.
     if !repeats(at as usize as u32) {
-        saw(Sight::Panic);
+        note_sighting(Sighting::Panic);
     }
 }
 
-fn saw(sight: Sight) {
+fn note_sighting(sighting: Sighting) {
     if let Some((mut overlay, qemu)) = running() {
-        overlay.saw(sight, qemu);
+        overlay.note_sighting(sighting, qemu);
     }
 }
 

@@ -38,10 +38,10 @@ pub(super) struct Counters {
 /// Stretches without interrupts.
 #[derive(Debug, Default)]
 struct Masks {
-    /// Whether they count now.
+    /// True if they count now.
     watched: AtomicBool,
-    /// How many times interrupts are masked now, one in the other; since which instruction, and where that
-    /// was.
+    /// Depth of nested masks of interrupts now, with the instruction count and address at which masking
+    /// began.
     depth: AtomicU32,
     since: AtomicU64,
     from: AtomicU32,
@@ -111,7 +111,7 @@ impl Counters {
         })
     }
 
-    /// What the instruction at an address counts for. `None` if only for the total.
+    /// Returns the counter of the instruction at an address, `None` if it counts for the total alone.
     pub(super) fn site(&self, address: u32) -> Option<Site> {
         let mut site = Site::default();
         let around = |f: &&FunctionRange| (f.start..f.end).contains(&address);

@@ -1,4 +1,4 @@
-//! How often each interrupt was taken.
+//! Counts of the interrupts taken.
 //!
 //! # Design
 //!

@@ -6,7 +6,7 @@ use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
 use super::count::Counters;
-use super::fate::{Fate, Sight};
+use super::failures::{Failures, Sighting};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
 use super::stops::Stops;
@@ -36,7 +36,7 @@ pub(super) struct Overlay {
     pokes: VecDeque<Poke>,
     /// Those since power-up, and those since the first scan.
     faults: [VecDeque<Fault>; 2],
-    fate: Fate,
+    failures: Failures,
     /// The last time at which the overlay was called.
     now: u64,
     powered_up: bool,
@@ -79,7 +79,7 @@ impl Overlay {
             steps,
             pokes: pokes.into(),
             faults,
-            fate: Fate::default(),
+            failures: Failures::default(),
             now: 0,
             powered_up: false,
             interrupts_tested: false,
@@ -211,36 +211,36 @@ impl Overlay {
         self.recorder.tell(reached);
     }
 
-    /// Whether WFI is STOP or STANDBY now.
+    /// Returns `true` if WFI is STOP or STANDBY now.
     pub(super) fn sleeps_deep(&self) -> bool {
         self.machine.sleeps_deep()
     }
 
     /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
-    pub(super) fn saw(&mut self, sight: Sight, qemu: &Qemu) {
-        self.fate.sights.push(sight);
+    pub(super) fn note_sighting(&mut self, sighting: Sighting, qemu: &Qemu) {
+        self.failures.sightings.push(sighting);
         qemu.wake_at(self.now + 1);
     }
 
     /// Ends the run if the image has failed.
     fn judge(&mut self, now: u64, qemu: &Qemu) {
-        for sight in std::mem::take(&mut self.fate.sights) {
-            match sight {
-                Sight::Exception(exception) => {
+        for sighting in std::mem::take(&mut self.failures.sightings) {
+            match sighting {
+                Sighting::Exception(exception) => {
                     let exception = Exception {
                         at_ns: now,
                         ..exception
                     };
-                    if let Some(end) = self.fate.fault(exception) {
+                    if let Some(end) = self.failures.fault(exception) {
                         self.end(end, now, qemu);
                     }
                 }
-                Sight::Panic => self.fate.panic(now),
-                Sight::DeepSleep => self.machine.sleep(now, &mut Outside(qemu, &mut self.recorder)),
+                Sighting::Panic => self.failures.panic(now),
+                Sighting::DeepSleep => self.machine.sleep(now, &mut Outside(qemu, &mut self.recorder)),
             }
         }
-        if self.fate.doom_at().is_some_and(|at| at <= now)
-            && let Some(end) = self.fate.doomed(self.machine.watchdog_runs(), qemu)
+        if self.failures.end_at().is_some_and(|at| at <= now)
+            && let Some(end) = self.failures.due_end(self.machine.watchdog_runs(), qemu)
         {
             self.end(end, now, qemu);
         }
@@ -284,7 +284,7 @@ impl Overlay {
         self.recorder.restore_flash(qemu);
         // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;
-        self.fate.reset();
+        self.failures.reset();
         self.drain_log(qemu);
         self.after(now, qemu);
         qemu.wake_at(now);
@@ -314,7 +314,7 @@ impl Overlay {
             self.machine.next_interrupt(),
             poke,
             fault,
-            self.fate.doom_at(),
+            self.failures.end_at(),
             stop,
         ];
         let next = next.into_iter().flatten().fold(self.ends_at(), u64::min);
@@ -342,7 +342,7 @@ impl Overlay {
         }
     }
 
-    /// Whether the image may call the host.
+    /// Returns `true` if the image may call the host.
     pub(super) fn semihosting(&self) -> bool {
         self.description.run.semihosting
     }
@@ -356,9 +356,9 @@ impl Overlay {
 
     /// QEMU gives up, since the processor has locked up. It cannot say the time any more.
     pub(super) fn lock_up(&mut self, qemu: &Qemu) {
-        for sight in std::mem::take(&mut self.fate.sights) {
-            if let Sight::Exception(exception) = sight {
-                self.fate.exceptions.push(Exception {
+        for sighting in std::mem::take(&mut self.failures.sightings) {
+            if let Sighting::Exception(exception) = sighting {
+                self.failures.exceptions.push(Exception {
                     at_ns: self.now,
                     ..exception
                 });
@@ -409,8 +409,8 @@ impl Overlay {
         let mut outcome = Outcome {
             end,
             instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
-            exceptions: std::mem::take(&mut self.fate.exceptions),
-            panics: std::mem::take(&mut self.fate.panics),
+            exceptions: std::mem::take(&mut self.failures.exceptions),
+            panics: std::mem::take(&mut self.failures.panics),
             interrupts: handlers::taken(),
             stopped_at: qemu::last_block().map(Into::into),
             ..self.machine.outcome(now)

@@ -1,4 +1,4 @@
-//! What the plugin calls in QEMU.
+//! QEMU's functions that the plugin calls.
 //!
 //! # Design
 //!
@@ -19,7 +19,7 @@ use std::ffi::{c_char, c_int, c_void};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
-use super::rest::Rest;
+use super::idle::IdleSchedule;
 use crate::exchange::LINE_PREFIX;
 use crate::machine::{INTERRUPTS, NMI, SYSTICK};
 
@@ -49,7 +49,7 @@ macro_rules! functions {
 }
 
 functions! {
-    /// What the overlay cannot do without.
+    /// Functions that the overlay requires.
     Functions:
     qemu_add_machine_init_done_notifier: fn(*mut Notifier);
     get_system_memory: fn() -> Pointer;
@@ -93,7 +93,7 @@ functions! {
 }
 
 functions! {
-    /// What passes the time in which the processor waits: see [`Qemu::pass_wait`].
+    /// Functions that pass the time in which the processor waits: see [`Qemu::pass_wait`].
     Waits:
     async_run_on_cpu: fn(Pointer, extern "C" fn(Pointer, Pointer), Pointer);
     all_cpu_threads_idle: fn() -> bool;
@@ -140,8 +140,8 @@ pub(super) struct Notifier {
 pub(super) const DEVICE_LITTLE_ENDIAN: c_int = 2;
 pub(super) const QEMU_CLOCK_REALTIME: c_int = 0;
 pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
-/// How long the main thread looks around between two rests, and how long it waits while the machine is
-/// paused.
+/// Time that the main thread stays awake between two rests, and that it waits while the machine is paused,
+/// ns.
 const LOOKS_AROUND_NS: i64 = 100_000;
 const RESTS_AGAIN_NS: i64 = 20_000_000;
 pub(super) const SCALE_NS: c_int = 1;
@@ -176,7 +176,7 @@ pub(super) struct Qemu {
     /// Called in the processor's thread for [`Self::pass_wait`]. It is to call [`Self::pass_time`].
     pub(super) on_wait: extern "C" fn(Pointer, Pointer),
     pub(super) rest_timer: Pointer,
-    pub(super) rest: Rest,
+    pub(super) rest: IdleSchedule,
     pub(super) reset_requested: AtomicBool,
 }
 
@@ -428,7 +428,7 @@ pub(super) fn log_seen(offset: u32) {
     LOG_SEEN.store(offset, Relaxed);
 }
 
-/// Whether WFE was executed.
+/// True if WFE was executed.
 static WAITED: AtomicBool = AtomicBool::new(false);
 
 /// WFE is executed.
@@ -436,7 +436,7 @@ pub(super) fn wait_for_event() {
     WAITED.store(true, Relaxed);
 }
 
-/// Whether WFE was executed.
+/// Returns `true` if WFE was executed.
 pub(super) fn waited_for_event() -> bool {
     WAITED.load(Relaxed)
 }
@@ -446,7 +446,7 @@ pub(super) fn last_block() -> Option<u32> {
     Some(LAST_BLOCK.load(Relaxed)).filter(|address| *address != 0)
 }
 
-/// Whether the block at this address was begun twice, one time right after the other.
+/// Returns `true` if the block at this address was begun twice, one time right after the other.
 pub(super) fn repeats(block: u32) -> bool {
     [&LAST_BLOCK, &BLOCK_BEFORE].map(|of| of.load(Relaxed)) == [block; 2]
 }
@@ -474,7 +474,7 @@ pub(super) fn exit(status: c_int, line: &str) -> ! {
     leave(status)
 }
 
-/// The same without a word.
+/// Ends QEMU without a message.
 pub(super) fn leave(status: c_int) -> ! {
     // SAFETY: ends the process.
     unsafe { libc::_exit(status) }

@@ -1,4 +1,4 @@
-//! What comes out of the machine while it runs.
+//! Recorder of the machine's output while it runs.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -32,9 +32,9 @@ impl LogRoom {
     }
 }
 
-/// What comes out of the machine while it runs.
+/// Recorder of the machine's output while it runs.
 pub(super) struct Recorder {
-    /// What left each USART.
+    /// Frames that each USART sent.
     sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
     log_room: LogRoom,
@@ -42,7 +42,7 @@ pub(super) struct Recorder {
     pub(super) stops: Option<Stops>,
     /// Only where instructions are counted.
     pub(super) blocks: Option<Blocks>,
-    /// What stood in flash before it was overwritten.
+    /// Original contents of overwritten flash.
     flash_before: Vec<(u32, Vec<u8>)>,
 }
 
@@ -176,7 +176,7 @@ impl Board for Outside<'_> {
     }
 }
 
-/// What RAM holds after power-up. On silicon this is unknown. Here it is the same in every run.
+/// Contents of RAM after power-up. On silicon they are unknown; here they are equal in every run.
 fn noise(bytes: usize) -> Vec<u8> {
     // Xorshift (Marsaglia 2003), its first triple.
     let mut state = 0x2545_f491_u32;

@@ -21,7 +21,7 @@ pub(super) struct Stops {
     steps: Receiver<Step>,
     /// The next one.
     at_ns: u64,
-    /// What left each USART since the last one, as records.
+    /// Frames that each USART sent since the last stop, as records.
     pub(super) sent: [Vec<u8>; USARTS.len()],
     /// The log since the last one.
     pub(super) log: Vec<u8>,
@@ -82,32 +82,32 @@ fn without_host() -> ! {
     }
 }
 
-/// What the host wants of QEMU apart from the next step.
-pub(super) enum Wish {
+/// A request of the host other than the next step.
+pub(super) enum HostRequest {
     /// The report, at once.
     Report,
-    /// Nothing any more: it is gone.
-    Nothing,
+    /// The host has closed its end.
+    Disconnect,
 }
 
-/// Reads what the host says, and hands on its steps, until it wants something else.
-pub(super) fn listen(steps: Option<&Sender<Step>>) -> Wish {
+/// Reads requests of the host and passes its steps on, until another request comes.
+pub(super) fn listen(steps: Option<&Sender<Step>>) -> HostRequest {
     let mut from = io::stdin().lock();
     loop {
         let mut what = [0];
         match (from.read(&mut what), what, steps) {
             (Ok(1), [STEP], Some(steps)) => {
                 let Ok((mut step, rows)) = exchange::read_message::<Step>(&mut from) else {
-                    return Wish::Nothing;
+                    return HostRequest::Disconnect;
                 };
                 step.inputs.codes = exchange::rows(&rows);
                 if steps.send(step).is_err() {
-                    return Wish::Nothing;
+                    return HostRequest::Disconnect;
                 }
             }
-            (Ok(1), [REPORT], _) => return Wish::Report,
+            (Ok(1), [REPORT], _) => return HostRequest::Report,
             (Err(error), ..) if error.kind() == io::ErrorKind::Interrupted => {}
-            _ => return Wish::Nothing,
+            _ => return HostRequest::Disconnect,
         }
     }
 }

@@ -86,7 +86,7 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// What the run had given until it was stopped.
+    /// Outcome of the run up to the point where it was stopped.
     pub fn outcome(&self) -> Option<&Outcome> {
         match self {
             Self::Timeout(_, outcome) | Self::Stuck(outcome) | Self::QemuEnded(_, outcome) => Some(outcome),
@@ -101,9 +101,10 @@ fn unknown(outcome: &Outcome) -> String {
     registers.sort_by_key(|register| std::cmp::Reverse(register.reads + register.writes));
     let told = |register: &&UnknownRegister| format!("{} ({} reads)", register.name, register.reads);
     let told: Vec<_> = registers.iter().take(3).map(told).collect();
-    match told.is_empty() {
-        true => String::new(),
-        false => format!("; without a model: {}", told.join(", ")),
+    if told.is_empty() {
+        String::new()
+    } else {
+        format!("; without a model: {}", told.join(", "))
     }
 }
 

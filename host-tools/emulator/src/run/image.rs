@@ -1,5 +1,4 @@
-//! What the host reads from the image's ELF: whether it is for this processor, its functions, and where its
-//! log is.
+//! Facts from the image's ELF: its processor, its functions, and the place of its log.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -99,9 +98,10 @@ impl Image {
         };
         let handler = named("rust_begin_unwind");
         // The compiler may put the handler into what calls it.
-        match handler.is_empty() {
-            true => named("core::panicking::panic_fmt"),
-            false => handler,
+        if handler.is_empty() {
+            named("core::panicking::panic_fmt")
+        } else {
+            handler
         }
     }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::error::RunError;
 use super::image::Image;
 use super::log::Log;
-use super::process::{Heard, Job, Running};
+use super::process::{Job, Running, StopReport};
 use super::sent;
 use crate::exchange::{Reached, Step};
 use crate::given::{Inputs, Run};
@@ -15,8 +15,8 @@ use crate::outcome::{LogLine, Outcome, Sampling, Uart, Work};
 /// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however
 /// long.
 ///
-/// The same inputs at the same virtual times give the same bytes, wherever the stops are and however long the
-/// host takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
+/// Equal inputs at equal virtual times give equal bytes, wherever the stops are and however long the host
+/// takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
 ///
 /// ```no_run
 /// use stm32f405_qemu::{Inputs, Run, UartInput};
@@ -41,23 +41,23 @@ pub struct Live {
     reached: Reached,
 }
 
-/// What happened from one stop of a [`Live`] run to the next.
+/// Output of a [`Live`] run from one stop to the next.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Passed {
     /// Virtual time of the stop, in ns: the one asked for, or up to an instruction later.
     pub now_ns: u64,
-    /// What left the USARTs: those that sent anything.
+    /// Frames of the USARTs that sent anything.
     pub uarts: Vec<Uart>,
-    /// What the image logged.
+    /// The image's log.
     pub log: Vec<LogLine>,
     /// The externally triggered scans since power-up. `None` before the first.
     pub sampling: Option<Sampling>,
     /// When the last row of the stimulus ends, if the first has begun.
     pub codes_until_ns: Option<u64>,
-    /// What it has cost.
+    /// Cost of this stretch.
     pub work: Work,
-    /// Whether the image has ended the run. [`Live::finish`] says how.
+    /// True if the image has ended the run. [`Live::finish`] says how.
     pub ended: bool,
 }
 
@@ -109,8 +109,8 @@ impl Live {
         let to_ns = Some(to_ns);
         let rows = inputs.codes.clone();
         self.running.say(&Step { to_ns, inputs }, &rows);
-        let heard = self.hear()?;
-        Ok(self.passed(heard))
+        let report = self.next_stop()?;
+        Ok(self.passed(report))
     }
 
     /// Ends the run here. What was handed over before is not in the outcome.
@@ -120,17 +120,17 @@ impl Live {
     pub fn finish(mut self) -> Result<Outcome, RunError> {
         if !self.reached.ended {
             self.running.say(&Step::default(), &[]);
-            self.hear()?;
+            self.next_stop()?;
         }
         let ended = self.job.end(self.running.take()?, Some(self.run.timeout))?;
         let outcome = ended.outcome(&self.job.folder)?;
         self.run.complete(&self.image, &self.job, outcome)
     }
 
-    /// What QEMU says at the next stop.
-    fn hear(&mut self) -> Result<Heard, RunError> {
-        if let Some(heard) = self.running.hear(self.run.limit()) {
-            return Ok(heard);
+    /// Waits for QEMU's report at the next stop.
+    fn next_stop(&mut self) -> Result<StopReport, RunError> {
+        if let Some(report) = self.running.next_stop(self.run.limit()) {
+            return Ok(report);
         }
         // It has ended, or takes too long, and is asked for its report now.
         self.reached.ended = true;
@@ -143,7 +143,7 @@ impl Live {
         }))
     }
 
-    fn passed(&mut self, (reached, bytes): Heard) -> Passed {
+    fn passed(&mut self, (reached, bytes): StopReport) -> Passed {
         let mut rest = bytes.as_slice();
         let mut uarts = Vec::new();
         for (port, length) in USARTS.iter().zip(&reached.sent) {

@@ -59,7 +59,7 @@ impl Log {
     }
 }
 
-/// Whether these bytes are text. A frame of defmt ends with a zero.
+/// Returns `true` if these bytes are text. A frame of defmt ends with a zero.
 fn is_text(bytes: &[u8]) -> bool {
     let printed = |c: char| !c.is_control() || matches!(c, '\n' | '\r' | '\t' | '\u{1b}');
     str::from_utf8(bytes).is_ok_and(|text| text.chars().all(printed))

@@ -70,9 +70,10 @@ fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
         std::env::consts::DLL_SUFFIX
     );
     if let Some(named) = named {
-        return match named.is_file() {
-            true => Ok(named),
-            false => Err(RunError::OverlayMissing(file, vec![named])),
+        return if named.is_file() {
+            Ok(named)
+        } else {
+            Err(RunError::OverlayMissing(file, vec![named]))
         };
     }
     let exe = std::env::current_exe().unwrap_or_default();

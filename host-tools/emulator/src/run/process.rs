@@ -16,7 +16,7 @@ use crate::ending::{End, Place};
 use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, Step};
 use crate::outcome::Outcome;
 
-/// What QEMU is started with.
+/// Inputs of a QEMU process.
 pub(super) struct Job {
     pub(super) qemu: FoundQemu,
     pub(super) overlay: Overlay,
@@ -46,11 +46,11 @@ impl Job {
     ///
     /// # Errors
     /// QEMU or the overlay fails, or it takes longer than `limit`.
-    pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(Running, Heard), RunError> {
+    pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(Running, StopReport), RunError> {
         let version = self.qemu.plugin_version();
         let started = |version| {
             let mut running = Running::of(self.start(version, Stdio::piped())?);
-            let first = running.hear(limit);
+            let first = running.next_stop(limit);
             Ok::<_, RunError>((running, first))
         };
         let (mut running, mut first) = started(version)?;
@@ -113,15 +113,15 @@ impl Job {
 /// A QEMU that runs live. It ends when this is dropped.
 pub(super) struct Running {
     child: Option<Child>,
-    heard: Receiver<Heard>,
+    reports: Receiver<StopReport>,
 }
 
-/// What it says at a stop.
-pub(super) type Heard = (Reached, Vec<u8>);
+/// Report at a stop.
+pub(super) type StopReport = (Reached, Vec<u8>);
 
 impl Running {
     fn of(mut child: Child) -> Self {
-        let (sender, heard) = channel();
+        let (sender, reports) = channel();
         let stdout = child.stdout.take();
         std::thread::spawn(move || {
             let mut stdout = BufReader::new(stdout.expect("its output was piped"));
@@ -131,15 +131,15 @@ impl Running {
         });
         Self {
             child: Some(child),
-            heard,
+            reports,
         }
     }
 
     /// Waits for the next stop. `None` if QEMU ends, or takes longer than the limit.
-    pub(super) fn hear(&mut self, limit: Option<Duration>) -> Option<Heard> {
+    pub(super) fn next_stop(&mut self, limit: Option<Duration>) -> Option<StopReport> {
         match limit {
-            Some(limit) => self.heard.recv_timeout(limit).ok(),
-            None => self.heard.recv().ok(),
+            Some(limit) => self.reports.recv_timeout(limit).ok(),
+            None => self.reports.recv().ok(),
         }
     }
 
@@ -199,7 +199,7 @@ impl Ended {
         }
     }
 
-    /// What the overlay reports, or why there is no report.
+    /// Returns the overlay's report, or the reason why there is none.
     pub(super) fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let any = || first("").unwrap_or_else(|| "it said nothing".into());
@@ -244,7 +244,7 @@ fn panic(stderr: &str) -> Option<String> {
     Some(format!("{place}: {}", lines.next().unwrap_or("no reason given")))
 }
 
-/// How long QEMU may take to report once it is asked to.
+/// Time-out of QEMU's report, once requested.
 const TO_REPORT: Duration = Duration::from_secs(10);
 
 /// Its exit status. At the limit it is asked for its report.

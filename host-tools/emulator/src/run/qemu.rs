@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::error::RunError;
 
-/// How long QEMU may take to say its version: much longer than it does on a busy computer.
+/// Time-out of QEMU's version query: much longer than it takes on a busy computer.
 const TO_ANSWER: Duration = Duration::from_secs(10);
 
 /// A QEMU that answered.
@@ -23,7 +23,7 @@ pub(super) struct FoundQemu {
     said: String,
 }
 
-/// What the QEMU that runs would use says of its version: its first line. The QEMU named, or the one that
+/// Returns the first line of QEMU's own version text, for the named QEMU or the one that
 /// [`Run::qemu`](crate::Run::qemu) has for `None`.
 ///
 /// # Errors
@@ -103,7 +103,7 @@ fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunErr
         .spawn()
         .map_err(|error| cannot_run(program, &error))?;
     let stdout = child.stdout.take();
-    let (sender, heard) = channel();
+    let (sender, answer) = channel();
     // A child of the program may keep its output open for ever. Then this thread stays, too.
     std::thread::spawn(move || {
         let mut said = Vec::new();
@@ -112,7 +112,7 @@ fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunErr
         let _ = BufReader::new(stdout.take(4096)).read_until(b'\n', &mut said);
         sender.send(said)
     });
-    let said = heard.recv_timeout(limit).ok();
+    let said = answer.recv_timeout(limit).ok();
     // One that has ended cannot be killed.
     let _ = child.kill();
     let _ = child.wait();

@@ -1,8 +1,8 @@
-//! What left a USART.
+//! Frames that a USART sent.
 
 use crate::outcome::Uart;
 
-/// What its records say: see [`sent`](crate::exchange::sent).
+/// Reads its records: see [`sent`](crate::exchange::sent).
 pub(super) fn read(port: &str, records: &[u8]) -> Uart {
     let mut uart = Uart {
         port: port.into(),

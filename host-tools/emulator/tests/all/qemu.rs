@@ -42,7 +42,7 @@ const TRANSMITTER: [(u32, u32); 2] = [(0x4002_0400, 0x0280 | 0b10 << 12), (0x400
 
 type Writes<'a> = &'a [(u32, u32)];
 
-/// What the loop does when its table is done.
+/// Instruction at the end of the loop's table.
 const SLEEP: u16 = 0xbf30;
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_SELF: u16 = 0xe7fe;
@@ -140,7 +140,7 @@ fn acquiring() -> Vec<u8> {
     acquiring_after(&[])
 }
 
-/// The same after other writes.
+/// An acquiring image that makes other writes first.
 fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
     let dma_halfwords = 1 << 13 | 1 << 11 | 1 << 10;
     let main = [
@@ -176,7 +176,7 @@ fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
     image(&[first, &main].concat(), SLEEP, &handler)
 }
 
-/// What the run noted, but for its core: at 16 MHz that is slower than 8 ns an instruction.
+/// Notes of the run, without the one of its core: at 16 MHz an instruction takes longer than 8 ns.
 fn noted(outcome: &Outcome) -> Vec<&str> {
     let noted = outcome.unmodelled.iter().map(String::as_str);
     noted
@@ -972,7 +972,7 @@ fn systick_follows_hclk_and_runs_from_a_reload_value_that_comes_late() {
     assert_eq!(ticks(&on_crystal(0), usual), 7);
 }
 
-/// What a live run with stops every so often sent, and how it ended.
+/// Runs live with a stop every `step_ns`; returns the sent bytes, the last time and the outcome.
 fn live(run: &Run, step_ns: u64, until_ns: u64, mut rows: &[[u16; 4]]) -> (Uart, u64, Outcome) {
     let mut live = run.start().unwrap();
     let (mut sent, mut instructions) = (Uart::default(), 0);

@@ -49,7 +49,7 @@ impl Chip {
         self.0.read(address, 4, 0, &mut Nowhere)
     }
 
-    /// Whether a model has a register there.
+    /// Returns `true` if a model has a register there.
     fn answers(&self, address: u32) -> bool {
         let mut machine = self.0.clone();
         let unknown = |machine: &Machine| machine.outcome(0).unknown_registers.len();
@@ -222,7 +222,7 @@ const BITS: &[Exception] = &[
 /// Registers that a modelled peripheral lacks. An access is reported.
 const ABSENT: &[&str] = &["TIM*_DCR", "TIM*_DMAR", "TIM*_OR", "ADC*_JDR*", "ADC_CDR"];
 
-/// Whether a name fits a pattern in which `*` stands for anything but a `_`.
+/// Returns `true` if a name fits a pattern in which `*` stands for anything but a `_`.
 fn fits(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
@@ -233,7 +233,7 @@ fn fits(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// What is left of the differences of a register, and marks the exceptions that were needed.
+/// Returns the differences of a register that no exception explains, and marks the exceptions used.
 fn unexplained(differences: u32, name: &str, exceptions: &[Exception], needed: &mut [bool]) -> u32 {
     let mut left = differences;
     for (exception, needed) in exceptions.iter().zip(needed) {

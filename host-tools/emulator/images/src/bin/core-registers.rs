@@ -1,4 +1,5 @@
-//! What belongs to the processor: priorities, the cycle counter, SysTick, and who listens to the trace port.
+//! Registers of the processor itself: priorities, the cycle counter, SysTick, and who listens to the trace
+//! port.
 #![no_std]
 #![no_main]
 

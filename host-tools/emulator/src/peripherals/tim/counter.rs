@@ -80,12 +80,11 @@ impl Counter {
     // Ticks from the origin.
 
     pub(super) fn ticks(&self, now: u64) -> u64 {
-        match self.counts() {
-            true => {
-                let edges = self.edges(now).saturating_sub(self.origin);
-                (edges + u64::from(self.phase)) / self.divider()
-            }
-            false => 0,
+        if self.counts() {
+            let edges = self.edges(now).saturating_sub(self.origin);
+            (edges + u64::from(self.phase)) / self.divider()
+        } else {
+            0
         }
     }
 
@@ -114,9 +113,10 @@ impl Counter {
     /// Ticks to the first overflow. A counter beyond the period runs on to its end.
     fn first_overflow(&self) -> u64 {
         let beyond = self.count > self.reload.active;
-        let end = match beyond {
-            true => u64::from(self.max) + 1,
-            false => self.period(),
+        let end = if beyond {
+            u64::from(self.max) + 1
+        } else {
+            self.period()
         };
         end - u64::from(self.count)
     }
@@ -130,7 +130,7 @@ impl Counter {
         count as u32
     }
 
-    /// How many of the coming overflows pass without an update event.
+    /// Number of overflows to come without an update event.
     fn repeats(&self, now: u64) -> u32 {
         let overflows = match self.ticks(now).checked_sub(self.first_overflow()) {
             None => 0,

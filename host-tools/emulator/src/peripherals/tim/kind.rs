@@ -1,4 +1,4 @@
-//! What each kind of timer has: sections 17 (advanced), 18 (general), 19 (one or two channels) and 20
+//! Features of each kind of timer: sections 17 (advanced), 18 (general), 19 (one or two channels) and 20
 //! (basic).
 
 use super::super::clock::Apb;
@@ -88,7 +88,7 @@ impl Kind {
         ..Self::ONE_CHANNEL
     };
 
-    /// The same on APB2.
+    /// This kind, on APB2.
     #[must_use]
     pub const fn on_apb2(self) -> Self {
         Self {

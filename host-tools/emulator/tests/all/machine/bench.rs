@@ -30,7 +30,7 @@ pub(crate) struct TestBoard {
     pub(crate) rises: BTreeMap<usize, Vec<u64>>,
     pub(crate) now: u64,
     pub(crate) uart: Vec<u8>,
-    /// What left any USART.
+    /// Frames that any USART sent.
     pub(crate) frames: Vec<(usize, u16)>,
     pub(crate) blocks: Vec<u64>,
     pub(crate) flash_writes: Vec<(u32, Vec<u8>)>,

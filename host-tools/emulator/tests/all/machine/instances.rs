@@ -1,4 +1,4 @@
-//! What was modelled once and is there many times: timers, USARTs, converters; and wires between them.
+//! Peripherals with several instances: timers, USARTs, converters; and the wires between them.
 
 use stm32f405_qemu::{AnalogInput, Run, Since, UartInput};
 

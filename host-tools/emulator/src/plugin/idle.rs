@@ -15,14 +15,14 @@ use std::time::Duration;
 /// Until the main thread looks around.
 const LONGEST: Duration = Duration::from_millis(20);
 
-/// Whether the main thread has something to do.
+/// Schedule of the main thread's rests.
 #[derive(Default)]
-pub(super) struct Rest {
+pub(super) struct IdleSchedule {
     needed: Mutex<bool>,
     changed: Condvar,
 }
 
-impl Rest {
+impl IdleSchedule {
     /// Rests until it is needed, or for a while.
     pub(super) fn take(&self) {
         let needed = self.needed.lock().unwrap_or_else(PoisonError::into_inner);
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn a_rest_ends_when_the_thread_is_needed_and_otherwise_after_a_while() {
-        let rest = Rest::default();
+        let rest = IdleSchedule::default();
         let began = Instant::now();
         rest.take();
         assert!(began.elapsed() >= LONGEST);

@@ -1,9 +1,9 @@
-//! What becomes of the image: faults and panics, and whether anything can happen after them.
+//! Failure of the image: faults and panics, and whether the image can still go on after them.
 //!
 //! # Design
 //!
 //! The callbacks for instructions see that a handler or the panic's function is entered. There QEMU cannot
-//! give the time. So they leave a [`Sight`], and wake the overlay, which comes at the end of that block.
+//! give the time. So they leave a [`Sighting`], and wake the overlay, which comes at the end of that block.
 //!
 //! After a fault or a panic most images stand in a loop for ever. A run that goes on then shows nothing. But
 //! firmware may also say what happened and reset itself, or leave that to the watchdog. So it gets
@@ -14,7 +14,7 @@ use crate::ending::{End, Exception};
 use crate::machine::name_of;
 use crate::memory::is_ram;
 
-/// How long an image that has failed may still take to reset itself.
+/// Time in which a failed image may still reset itself, ns.
 const GRACE_NS: u64 = 50_000_000;
 /// Exceptions that are kept.
 const MOST: usize = 16;
@@ -24,9 +24,9 @@ const SEMIHOSTING: u8 = 0xab;
 /// The exceptions of faults: HardFault to UsageFault.
 const FAULTS: std::ops::RangeInclusive<u32> = 3..=6;
 
-/// What a callback saw.
+/// A fault or panic that a callback noticed.
 #[derive(Debug)]
-pub(super) enum Sight {
+pub(super) enum Sighting {
     /// The handler of a fault was entered.
     Exception(Exception),
     /// The panic's function was entered.
@@ -35,21 +35,21 @@ pub(super) enum Sight {
     DeepSleep,
 }
 
-/// What became of the image so far.
+/// Failures of the image so far.
 #[derive(Debug, Default)]
-pub(super) struct Fate {
-    /// What was seen and has no time yet.
-    pub(super) sights: Vec<Sight>,
+pub(super) struct Failures {
+    /// Failures that have no time yet.
+    pub(super) sightings: Vec<Sighting>,
     pub(super) exceptions: Vec<Exception>,
     pub(super) panics: Vec<u64>,
-    /// How the run ends at a time, if nothing resets the image before.
-    doom: Option<(u64, End)>,
+    /// Time and kind of the run's end, unless a reset comes first.
+    pending_end: Option<(u64, End)>,
 }
 
-impl Fate {
+impl Failures {
     /// An exception of a fault was taken at this time. If the image is at its end by that: how.
     pub(super) fn fault(&mut self, exception: Exception) -> Option<End> {
-        let panicked = matches!(self.doom, Some((_, End::Panicked)));
+        let panicked = matches!(self.pending_end, Some((_, End::Panicked)));
         let pc = exception.pc.clone().unwrap_or_default();
         let end = match exception.breakpoint {
             Some(SEMIHOSTING) => Some(End::Faulted),
@@ -57,7 +57,7 @@ impl Fate {
             Some(_) => Some(End::Breakpoint(pc)),
             None => None,
         };
-        self.doom
+        self.pending_end
             .get_or_insert((exception.at_ns.saturating_add(GRACE_NS), End::Faulted));
         if self.exceptions.len() < MOST {
             self.exceptions.push(exception);
@@ -68,25 +68,25 @@ impl Fate {
     /// The image panicked at this time.
     pub(super) fn panic(&mut self, now: u64) {
         self.panics.push(now);
-        if !matches!(self.doom, Some((_, End::Panicked))) {
-            self.doom = Some((now.saturating_add(GRACE_NS), End::Panicked));
+        if !matches!(self.pending_end, Some((_, End::Panicked))) {
+            self.pending_end = Some((now.saturating_add(GRACE_NS), End::Panicked));
         }
     }
 
     /// The processor was reset.
     pub(super) fn reset(&mut self) {
-        self.doom = None;
+        self.pending_end = None;
     }
 
     /// When to look whether the image is at its end.
-    pub(super) fn doom_at(&self) -> Option<u64> {
-        Some(self.doom.as_ref()?.0)
+    pub(super) fn end_at(&self) -> Option<u64> {
+        Some(self.pending_end.as_ref()?.0)
     }
 
-    /// That time has come: how the run ends. `None` if the image goes on: a watchdog will reset it, or it has
-    /// left the fault's handler.
-    pub(super) fn doomed(&mut self, watchdog: bool, qemu: &Qemu) -> Option<End> {
-        let (_, end) = self.doom.take()?;
+    /// Returns the end of the run once its time has come. `None` if the image goes on: a watchdog will reset
+    /// it, or it has left the fault's handler.
+    pub(super) fn due_end(&mut self, watchdog: bool, qemu: &Qemu) -> Option<End> {
+        let (_, end) = self.pending_end.take()?;
         let gone_on = end == End::Faulted && !FAULTS.contains(&active_exception(qemu));
         (!watchdog && !gone_on).then_some(end)
     }
@@ -98,7 +98,8 @@ pub(super) fn active_exception(qemu: &Qemu) -> u32 {
     qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
 }
 
-/// Whether an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET, PENDSVSET).
+/// Returns `true` if an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET,
+/// PENDSVSET).
 pub(super) fn interrupt_pending(qemu: &Qemu) -> bool {
     const ICSR: u32 = 0xe000_ed04;
     qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
