@@ -1,7 +1,5 @@
 //! Colours, on light and on dark pages.
 
-use std::fmt::Write;
-
 /// What a curve stands for. The hue says which estimate it is, the mark says what computed it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ink {
@@ -28,9 +26,9 @@ pub enum Ink {
 /// How many curves of a family differ in colour.
 pub const FAMILY: usize = 7;
 
-/// Name of the CSS variable, the light value and the dark one. The light values are what a picture without a
-/// style sheet shows. Those of a family differ in lightness too, and keep apart for colour-blind readers
-/// (after M. Okabe and K. Ito, "Color universal design", 2008).
+/// Name of the CSS variable, light value, dark value. A program without style sheets shows the light values.
+/// Those of a family differ in lightness too, and keep apart for colour-blind readers (after M. Okabe and
+/// K. Ito, "Color universal design", 2008).
 const COLOURS: [(&str, &str, &str); 8 + FAMILY] = [
     ("chain", "#8c97a1", "#8d99a4"),
     ("measured", "#006db0", "#5cb8f2"),
@@ -64,32 +62,35 @@ impl Ink {
         }
     }
 
-    /// The light value, which [`style`] maps to a variable.
+    /// The light value, which [`drawing_style`] replaces on a dark page.
     pub(super) fn literal(self) -> &'static str {
         COLOURS[self.row()].1
     }
 }
 
-/// The style sheet of every chart. Each colour is a literal attribute in the drawing, so that programs
-/// without style sheets show it; the sheet maps it to a variable that has a light and a dark value.
+/// The style sheet of a drawing by itself. Its attributes carry the light colours; on a dark page these rules
+/// replace them. They name colours and no variables: programs that know neither media queries nor `var()`,
+/// such as resvg and CairoSVG, keep the light colours.
+pub(super) fn drawing_style() -> String {
+    let rule = |(_, light, dark): &(&str, &str, &str)| {
+        format!("svg.chart [fill='{light}']{{fill:{dark}}}svg.chart [stroke='{light}']{{stroke:{dark}}}")
+    };
+    let dark: String = COLOURS.iter().map(rule).collect();
+    format!(
+        ":root{{color-scheme:light dark}}\
+         svg.chart text{{font-family:system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}}\
+         @media (prefers-color-scheme:dark){{{dark}}}"
+    )
+}
+
+/// The style sheet of a page with charts: that of its charts, and the colours as CSS variables for the rest
+/// of the page.
 pub fn style() -> String {
-    let mut sheet = String::from(":root{color-scheme:light dark");
-    // Writing to a String cannot fail.
-    let mut push = |text: std::fmt::Arguments<'_>| sheet.write_fmt(text).unwrap_or_default();
-    for (name, light, _) in COLOURS {
-        push(format_args!(";--{name}:{light}"));
-    }
-    push(format_args!("}}@media (prefers-color-scheme:dark){{:root{{"));
-    for (name, _, dark) in COLOURS {
-        push(format_args!("--{name}:{dark};"));
-    }
-    push(format_args!(
-        "}}}}svg.chart text{{font-family:system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}}"
-    ));
-    for (name, light, _) in COLOURS {
-        push(format_args!(
-            "svg.chart [fill='{light}']{{fill:var(--{name})}}svg.chart [stroke='{light}']{{stroke:var(--{name})}}"
-        ));
-    }
-    sheet
+    let variables = |value: fn(&(&str, &'static str, &'static str)) -> &'static str| -> String {
+        let variable = |colour| format!("--{}:{};", colour.0, value(colour));
+        COLOURS.iter().map(variable).collect()
+    };
+    let (light, dark) = (variables(|colour| colour.1), variables(|colour| colour.2));
+    let drawings = drawing_style();
+    format!(":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}{drawings}")
 }

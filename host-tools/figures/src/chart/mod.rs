@@ -23,6 +23,7 @@ pub use scale::Scale;
 pub use series::{Mark, Series};
 
 use canvas::Canvas;
+use ink::drawing_style;
 use frame::{Columns, Frame, MARGIN};
 
 use crate::error::Error;
@@ -72,7 +73,7 @@ impl Chart {
     pub fn standalone_svg(&self) -> Result<String, Error> {
         let (width, height) = self.size();
         let size = format!(" width=\"{width}\" height=\"{height}\"");
-        self.svg(&size, &format!("<style>{}</style>\n", style()))
+        self.svg(&size, &format!("<style>{}</style>\n", drawing_style()))
     }
 
     fn svg(&self, size: &str, head: &str) -> Result<String, Error> {
