@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::report::{Comparison, Point, Report};
 

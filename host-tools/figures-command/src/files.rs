@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use bead::cli::place::Kind;
-use hertz_figures::chart::Chart;
-use hertz_figures::error::Error;
+use hertz_charts::Chart;
+use hertz_charts::Error;
 use hertz_figures::plan::{Figure, Plan};
 use parquet::basic::Compression;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int32Type};
@@ -71,7 +71,7 @@ pub(crate) struct File {
 pub(crate) fn files(plan: &Plan, figure: &Figure) -> Result<Vec<File>, Error> {
     let chart = &figure.chart;
     let table =
-        parquet(plan, chart).map_err(|error| Error::drawing(&chart.description, " as Parquet", error))?;
+        parquet(plan, chart).map_err(|error| Error::new(&chart.description, " as Parquet", error))?;
     let [svg, png_kind, csv_kind, parquet_kind, gif_kind] = KINDS;
     let mut files = vec![
         (svg, chart.standalone_svg()?.into_bytes()),

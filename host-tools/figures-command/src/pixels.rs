@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
-use hertz_figures::chart::Chart;
-use hertz_figures::error::Error;
+use hertz_charts::Chart;
+use hertz_charts::Error;
 use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
@@ -34,13 +34,13 @@ pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
     let written = encoder
         .write_header()
         .and_then(|mut writer| writer.write_image_data(pixels.data()));
-    written.map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))?;
+    written.map_err(|reason| Error::new(&chart.description, " as PNG", reason))?;
     Ok(bytes)
 }
 
 /// The pixels of [`png()`] at any scale.
 fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
-    let refused = |reason: &dyn Display| Error::drawing(&chart.description, " as pixels", reason);
+    let refused = |reason: &dyn Display| Error::new(&chart.description, " as pixels", reason);
     let mut options = usvg::Options::default();
     let fonts = options.fontdb_mut();
     fonts.load_font_data(dejavu::sans::regular().to_vec());
@@ -62,7 +62,7 @@ const FRAME: u16 = 12;
 /// As [`Chart::inline_svg`], or there is no chart.
 pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let what = charts.first().map_or("", |chart| chart.description.as_str());
-    let refused = |reason: &dyn Display| Error::drawing(what, " as an animation", reason);
+    let refused = |reason: &dyn Display| Error::new(what, " as an animation", reason);
     let images = charts
         .par_iter()
         .map(|chart| {

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use hertz_figures::chart::{Axis, Chart, Ink, Map, Mark, Panel, Series};
+use hertz_charts::{Axis, Chart, Ink, Map, Mark, Panel, Series};
 use resvg::tiny_skia::{Pixmap, PremultipliedColorU8, Transform};
 use resvg::usvg::{Options, Tree};
 

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use crate::chart::{escape, raised, style};
+use hertz_charts::{escape, raised, style};
 use crate::check::{Check, Relation};
 use crate::plan::Outcome;
 

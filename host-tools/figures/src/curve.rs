@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use hertz_chain::{Snapshot, Solution};
 
-use crate::chart::{Axis, Ink, Mark, Series};
+use hertz_charts::{Axis, Ink, Mark, Series};
 
 /// Points of a curve over time.
 const POINTS: usize = 900;

@@ -1,7 +1,5 @@
 //! Why a figure is not drawn.
 
-use std::fmt::Display;
-
 use hertz_chain::{FitError, SimulateError};
 
 /// Why a figure is not drawn.
@@ -25,24 +23,6 @@ pub enum Error {
     #[error("{0}")]
     Missing(String),
     /// The chart cannot be drawn or written, such as an axis without extent.
-    #[error("cannot draw \"{what}\"{form}: {reason}")]
-    Drawing {
-        /// The chart's description.
-        what: String,
-        /// The form of the picture, such as ` as pixels`; empty for SVG.
-        form: &'static str,
-        /// What the drawing crate says.
-        reason: String,
-    },
-}
-
-impl Error {
-    /// A chart of this description cannot be drawn in this form.
-    pub fn drawing(what: &str, form: &'static str, reason: impl Display) -> Self {
-        Self::Drawing {
-            what: what.to_owned(),
-            form,
-            reason: reason.to_string(),
-        }
-    }
+    #[error(transparent)]
+    Drawing(#[from] hertz_charts::Error),
 }

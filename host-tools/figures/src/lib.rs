@@ -8,7 +8,6 @@
 
 pub mod catalogue;
 pub mod chapter;
-pub mod chart;
 pub mod check;
 mod curve;
 pub mod error;

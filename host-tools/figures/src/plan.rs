@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::chart::Chart;
+use hertz_charts::Chart;
 use crate::check::Check;
 use crate::error::Error;
 use crate::lab::Lab;

@@ -69,7 +69,7 @@ macro_rules! input_errors {
 input_errors!(
     hertz_chain::InputError,
     hertz_chain::SimulateError,
-    hertz_figures::error::Error,
+    hertz_charts::Error,
     FolderError,
     KeyError,
     RecordingError,

@@ -1,7 +1,7 @@
 //! The pictures of a strike: what was sensed and estimated, and what is left when the simulation is
 //! subtracted.
 
-use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::comparison::strike::{AbsorbedPoint, SensedPoint, Traces};
 

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::Context;
-use hertz_figures::chart::{Axis as ChartAxis, COLUMN, Chart, FAMILY, Ink, Map, Mark, Panel, Scale, Series};
+use hertz_charts::{Axis as ChartAxis, COLUMN, Chart, FAMILY, Ink, Map, Mark, Panel, Scale, Series};
 
 use crate::export::read::Reading;
 use crate::export::{Cell, Kind};

@@ -35,6 +35,7 @@ const WORKSPACE: &[Package] = &[
     package("bead-wire", &["bead-crc"]),
     package("bead-store", &["bead-crc", "bead-testing"]),
     package("hertz-chain", &[]),
+    package("hertz-charts", &[]),
     package("stm32f405-qemu", &[]),
     package("stm32f405-qemu-images", &[]),
     package("xtask", &[]),
@@ -50,8 +51,11 @@ const WORKSPACE: &[Package] = &[
             "bead-telemetry",
         ],
     ),
-    package("hertz-figures", &["hertz-chain"]),
-    package("hertz-benchmarks", &["hertz-chain", "hertz-figures"]),
+    package("hertz-figures", &["hertz-chain", "hertz-charts"]),
+    package(
+        "hertz-benchmarks",
+        &["hertz-chain", "hertz-charts", "hertz-figures"],
+    ),
     Package {
         name: "absorber-bead",
         knows: HOST,
@@ -81,6 +85,7 @@ const HOST: &[&str] = &[
     "stm32f405-qemu",
     "bead-telemetry",
     "bead-testing",
+    "hertz-charts",
     "hertz-figures",
     "absorber-bead",
 ];

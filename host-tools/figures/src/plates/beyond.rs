@@ -9,7 +9,7 @@ use hertz_chain::{
 };
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{dashed, discs, dotted, force_over_time, geometric, guide, line};
 use crate::error::Error;

@@ -3,7 +3,7 @@
 use hertz_chain::Collision;
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{dashed, discs, geometric, guide, line};
 use crate::error::Error;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hertz_chain::ContactForce;
 
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
 use crate::curve::{dashed, dotted, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::chart::{Axis, Chart, Mark, Panel, Series};
+use hertz_charts::{Axis, Chart, Mark, Panel, Series};
 use crate::check::checks;
 use crate::curve::{guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;

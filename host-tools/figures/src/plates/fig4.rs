@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel, Series};
+use hertz_charts::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;

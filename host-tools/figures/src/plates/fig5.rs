@@ -3,7 +3,7 @@
 use hertz_chain::TransmissionFit;
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::chart::{Chart, Panel};
+use hertz_charts::{Chart, Panel};
 use crate::check::checks;
 use crate::curve::{force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 
 use super::fig4::{HOST, force_panels, run, share, splits};
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Pulse, Snapshot};
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{line, over_time, time_axis};
 use crate::error::Error;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hertz_chain::Scenario;
 
-use crate::chart::{Axis, Chart, Panel, Series};
+use hertz_charts::{Axis, Chart, Panel, Series};
 use crate::check::checks;
 use crate::curve::{dashed, force_over_time, line, time_axis, told_apart};
 use crate::error::Error;

@@ -1,7 +1,7 @@
 //! The pictures of a row: what its sensors felt, each at its place in the chain, and the energy along it.
 
 use hertz_chain::Curve;
-use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::comparison::row::chain::Chain;
 use crate::comparison::row::compare::RowComparison;

@@ -22,11 +22,34 @@ pub use panel::{Axis, Panel};
 pub use scale::Scale;
 pub use series::{Mark, Series};
 
+use std::fmt::Display;
+
 use canvas::Canvas;
 use ink::drawing_style;
 use frame::{Columns, Frame, MARGIN};
 
-use crate::error::Error;
+/// Why a chart is not drawn, such as for an axis without extent.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw \"{chart}\"{form}: {reason}")]
+pub struct Error {
+    /// The chart's description.
+    chart: String,
+    /// The form of the picture, such as ` as pixels`; empty for SVG.
+    form: &'static str,
+    /// What the drawing crate says.
+    reason: String,
+}
+
+impl Error {
+    /// A chart of this description cannot be drawn in this form: ` as PNG`, or empty for SVG.
+    pub fn new(chart: &str, form: &'static str, reason: impl Display) -> Self {
+        Self {
+            chart: chart.to_owned(),
+            form,
+            reason: reason.to_string(),
+        }
+    }
+}
 
 /// Panels over one horizontal axis.
 #[derive(Debug, Clone)]
@@ -116,7 +139,7 @@ impl Chart {
         let size = self.size();
         let frames = self.frames();
         if !frames.iter().all(Frame::has_extent) {
-            return Err(Error::drawing(&self.description, "", "an axis has no extent"));
+            return Err(Error::new(&self.description, "", "an axis has no extent"));
         }
         let needed = frames.iter().map(|frame| frame.columns(size.0));
         let columns = needed.reduce(|one, other| Columns {
