@@ -86,11 +86,15 @@ pub(super) fn drawing_style() -> String {
 /// The style sheet of a page with charts: that of its charts, and the colours as CSS variables for the rest
 /// of the page.
 pub fn style() -> String {
-    let variables = |value: fn(&(&str, &'static str, &'static str)) -> &'static str| -> String {
-        let variable = |colour| format!("--{}:{};", colour.0, value(colour));
-        COLOURS.iter().map(variable).collect()
-    };
-    let (light, dark) = (variables(|colour| colour.1), variables(|colour| colour.2));
+    let variable = |name: &str, value: &str| format!("--{name}:{value};");
+    let light: String = COLOURS
+        .iter()
+        .map(|(name, light, _)| variable(name, light))
+        .collect();
+    let dark: String = COLOURS
+        .iter()
+        .map(|(name, _, dark)| variable(name, dark))
+        .collect();
     let drawings = drawing_style();
     format!(":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}{drawings}")
 }

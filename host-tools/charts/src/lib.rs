@@ -25,8 +25,8 @@ pub use series::{Mark, Series};
 use std::fmt::Display;
 
 use canvas::Canvas;
-use ink::drawing_style;
 use frame::{Columns, Frame, MARGIN};
+use ink::drawing_style;
 
 /// Why a chart is not drawn, such as for an axis without extent.
 #[derive(Debug, thiserror::Error)]

@@ -70,8 +70,7 @@ pub(crate) struct File {
 /// The chart cannot be drawn, such as one with an axis without extent.
 pub(crate) fn files(plan: &Plan, figure: &Figure) -> Result<Vec<File>, Error> {
     let chart = &figure.chart;
-    let table =
-        parquet(plan, chart).map_err(|error| Error::new(&chart.description, " as Parquet", error))?;
+    let table = parquet(plan, chart).map_err(|error| Error::new(&chart.description, " as Parquet", error))?;
     let [svg, png_kind, csv_kind, parquet_kind, gif_kind] = KINDS;
     let mut files = vec![
         (svg, chart.standalone_svg()?.into_bytes()),

@@ -65,7 +65,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {
     interrupt::watch().or_input(|| "cannot listen for signals")?;
-    let plans = catalogue::chosen(&arguments.names)?;
+    let plans = catalogue::chosen(&arguments.names).map_err(Failure::input)?;
     if arguments.list {
         return list(&plans, arguments.format);
     }
@@ -90,7 +90,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             lab.clear();
             plate = plan.plate();
         }
-        let figure = plan.draw(&lab)?;
+        let figure = plan.draw(&lab).map_err(Failure::input)?;
         let mut files = Vec::new();
         for file in files::files(plan, &figure)? {
             let target = place(&file.name, file.kind)?;

@@ -20,12 +20,13 @@ fn assert_light(name: &str, svg: &str, colours: usize) {
     let least = corner.red().min(corner.green()).min(corner.blue());
     assert!(least > 240, "{name}: the background is {corner:?}");
     // In steps of 32, so that the edges of one line are not many colours.
-    let coarse = |pixel: &PremultipliedColorU8| {
-        [pixel.red(), pixel.green(), pixel.blue()].map(|value| value / 32)
-    };
+    let coarse =
+        |pixel: &PremultipliedColorU8| [pixel.red(), pixel.green(), pixel.blue()].map(|value| value / 32);
     let seen: BTreeSet<[u8; 3]> = pixels.pixels().iter().map(coarse).collect();
     // Of a line in black on white only greys are seen.
-    let hues = seen.iter().filter(|[red, green, blue]| red.abs_diff(*green) + green.abs_diff(*blue) > 1);
+    let hues = seen
+        .iter()
+        .filter(|[red, green, blue]| red.abs_diff(*green) + green.abs_diff(*blue) > 1);
     let hues = hues.count();
     assert!(hues >= colours, "{name}: {hues} hues, not {colours}");
 }
@@ -42,7 +43,14 @@ fn curve(number: usize, mark: Mark) -> Series {
 
 #[test]
 fn a_chart_and_a_map_keep_their_colours() {
-    let marks = [Mark::Line, Mark::Broad, Mark::Dashed, Mark::Dots, Mark::Rings, Mark::Discs];
+    let marks = [
+        Mark::Line,
+        Mark::Broad,
+        Mark::Dashed,
+        Mark::Dots,
+        Mark::Rings,
+        Mark::Discs,
+    ];
     for mark in marks {
         let panel = Panel::new("y", vec![curve(0, mark), curve(1, mark)]);
         let chart = Chart::new(Axis::new("x", 0.0..50.0), vec![panel]);
@@ -63,10 +71,18 @@ fn a_chart_and_a_map_keep_their_colours() {
 #[test]
 fn every_picture_of_the_docs_keeps_its_colours() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/images"));
-    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let pictures: Vec<_> = files.filter(|path| path.extension().is_some_and(|end| end == "svg")).collect();
+    let files = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let pictures: Vec<_> = files
+        .filter(|path| path.extension().is_some_and(|end| end == "svg"))
+        .collect();
     assert!(pictures.len() > 9);
     for path in pictures {
-        assert_light(&path.display().to_string(), &std::fs::read_to_string(&path).unwrap(), 2);
+        assert_light(
+            &path.display().to_string(),
+            &std::fs::read_to_string(&path).unwrap(),
+            2,
+        );
     }
 }

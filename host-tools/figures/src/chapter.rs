@@ -3,9 +3,9 @@
 
 use std::fmt::Write;
 
-use hertz_charts::{escape, raised, style};
 use crate::check::{Check, Relation};
 use crate::plan::Outcome;
+use hertz_charts::{escape, raised, style};
 
 const PAGE_STYLE: &str = "\
 body{margin:0;background:var(--paper);color:var(--text);font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,sans-serif}\

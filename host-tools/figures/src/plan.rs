@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use hertz_charts::Chart;
 use crate::check::Check;
 use crate::error::Error;
 use crate::lab::Lab;
+use hertz_charts::Chart;
 
 /// A figure that can be drawn.
 #[derive(Debug, Clone, Copy)]

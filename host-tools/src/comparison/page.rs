@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
-use hertz_charts::{escape, style};
 use hertz_charts::Error;
+use hertz_charts::{escape, style};
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};

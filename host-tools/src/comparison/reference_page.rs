@@ -1,8 +1,8 @@
 //! The HTML page of a strike against the record of another instrument: one file that needs nothing from
 //! outside.
 
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH, escape, style};
 use hertz_charts::Error;
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH, escape, style};
 
 use crate::comparison::page::{Fact, PAGE_STYLE};
 use crate::comparison::reference::{Absorbed, AgainstReference, Aligned, Point, Sides};

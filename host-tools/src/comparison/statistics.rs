@@ -1,7 +1,7 @@
 //! All strikes of a recording together: mean, spread, where they lie, and how they change.
 
-use hertz_charts::{Axis, COLUMN, Chart, Ink, Mark, Panel, Series, WIDTH};
 use hertz_charts::Error;
+use hertz_charts::{Axis, COLUMN, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::comparison::spread;
 use crate::comparison::strike::{ShapeValues, StrikeComparison, percent};

@@ -9,7 +9,6 @@ use hertz_chain::{
 };
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{dashed, discs, dotted, force_over_time, geometric, guide, line};
 use crate::error::Error;
@@ -17,6 +16,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{peak, ratio};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel};
 
 plans! {
     "restitution": "rebound of two viscoelastic spheres against Kuwabara and Kono's theory";

@@ -3,7 +3,6 @@
 use hertz_chain::Collision;
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{dashed, discs, geometric, guide, line};
 use crate::error::Error;
@@ -11,6 +10,7 @@ use crate::lab::Lab;
 use crate::observe::{contact_time, peak};
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
+use hertz_charts::{Axis, Chart, Panel};
 
 const TWO: &str = "steel striker R 4.5 mm at 0.05 to 5 m/s on one free bead, τ = 0";
 

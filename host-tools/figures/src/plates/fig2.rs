@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use hertz_chain::ContactForce;
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
 use crate::curve::{dashed, dotted, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
@@ -13,6 +12,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{greatest, last, peak};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel};
 
 const HOST: usize = 8;
 const DURATION: f64 = 0.004;

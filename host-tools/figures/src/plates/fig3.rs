@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use hertz_charts::{Axis, Chart, Mark, Panel, Series};
 use crate::check::checks;
 use crate::curve::{guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;
@@ -11,6 +10,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{greatest, half_power, magnitudes, spectrum};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Mark, Panel, Series};
 
 const HOST: usize = 8;
 const DURATION: f64 = 0.006;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;
@@ -14,6 +13,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{greatest, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel, Series};
 
 /// The host of Figs. 4, A2 and A3.
 pub(crate) const HOST: usize = 15;

@@ -3,7 +3,6 @@
 use hertz_chain::TransmissionFit;
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;
@@ -11,6 +10,7 @@ use crate::lab::Lab;
 use crate::observe::{extremes, last, least_growth};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel};
 
 /// The caption counts the striker as sphere 1: seven spheres without intruders are six beads.
 const FIRST: usize = 7;

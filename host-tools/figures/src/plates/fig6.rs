@@ -6,7 +6,6 @@ use std::sync::Arc;
 use hertz_chain::{Collision, Pulse, Scenario};
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
 use crate::curve::{dashed, force_over_time, guide, line, time_axis, told_apart};
 use crate::error::Error;
@@ -16,6 +15,7 @@ use crate::observe::{
 };
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
+use hertz_charts::{Axis, Chart, Panel, Series};
 
 const FAR: usize = 30;
 const DURATION: f64 = 0.012;

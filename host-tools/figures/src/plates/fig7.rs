@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use hertz_charts::{Chart, Panel};
 use crate::check::checks;
 use crate::curve::{force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
@@ -11,6 +10,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{least_growth, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
+use hertz_charts::{Chart, Panel};
 
 const FAR: usize = 30;
 const DURATION: f64 = 0.012;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 
 use super::fig4::{HOST, force_panels, run, share, splits};
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;
@@ -14,6 +13,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{greatest, last, least_growth, ordinates, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, OPTIMUM, intruder};
+use hertz_charts::{Axis, Chart, Panel};
 
 const BY_MASS: &str = "46 beads, τ = 0, intruder k 10⁵ N/m, c 12 N·s/m in bead 15, m = 1, 3.7, 7.8 g";
 const BY_DAMPING: &str = "46 beads, τ = 0, intruder m 3.7 g, k 10⁵ N/m in bead 15, c = 4, 12, 36 N·s/m";

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use hertz_chain::{Pulse, Snapshot};
 use rayon::prelude::*;
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{line, over_time, time_axis};
 use crate::error::Error;
@@ -14,6 +13,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{least_growth, ordinates, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, OPTIMUM, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel};
 
 /// Hosts 15 to 23.
 const HOSTS: std::ops::RangeInclusive<usize> = 15..=23;

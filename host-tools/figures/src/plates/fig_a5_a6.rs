@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use hertz_chain::Scenario;
 
-use hertz_charts::{Axis, Chart, Panel, Series};
 use crate::check::checks;
 use crate::curve::{dashed, force_over_time, line, time_axis, told_apart};
 use crate::error::Error;
@@ -12,6 +11,7 @@ use crate::lab::{Lab, Run};
 use crate::observe::{half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel, Series};
 
 plans! {
     "A5": "force at contact 12 behind four intruders, three stiff strikers and a soft one"; FOUR_HOSTS => four_hosts,

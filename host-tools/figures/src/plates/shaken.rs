@@ -5,13 +5,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-use hertz_charts::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{discs, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+use hertz_charts::{Axis, Chart, Panel};
 
 plans! {
     "A1": "transmissibility of the intruder, and its ring-down after a strike";

@@ -1,7 +1,7 @@
 //! The HTML page of a row: one file that needs nothing from outside.
 
-use hertz_charts::{escape, style};
 use hertz_charts::Error;
+use hertz_charts::{escape, style};
 
 use crate::comparison::page::{Fact, PAGE_STYLE};
 use crate::comparison::row::arrivals::Speed;
