@@ -176,7 +176,7 @@ impl Panel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::{Ink, Mark};
+    use crate::{Ink, Mark};
 
     #[test]
     fn one_value_has_room_around_it() {
