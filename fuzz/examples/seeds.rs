@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use bead::recording::file::{About, Origin, Part, Writer};
 use bead::recording::physical::Physical;
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_fuzz::line::{crc, mended, to_cobs};
 use bead_fuzz::strikes::short_window;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};

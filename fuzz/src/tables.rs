@@ -1,25 +1,25 @@
 //! Tables of sweeps, read and drawn.
 
-use bead::export::read::Reading;
 use bead::sweep::picture::{View, chart};
+use bead::tables::Reader;
 
 use crate::file;
 
 /// Opens the bytes as a table.
 ///
 /// # Panics
-/// A table has more rows than it tells of, or one of another width; or what is drawn of it is no picture.
+/// A table has more rows than it declares, or one of another width, or its chart is no picture.
 pub fn check(bytes: &[u8]) {
     file::with(bytes, |path| {
-        if let Ok(reading) = Reading::open(path) {
+        if let Ok(reader) = Reader::open(path) {
             let mut rows = 0;
-            for group in reading.groups().map_while(Result::ok) {
-                for row in group.into_rows() {
-                    assert_eq!(row.len(), reading.columns().len());
+            for batch in reader.all_batches().map_while(Result::ok) {
+                for row in batch.into_rows() {
+                    assert_eq!(row.len(), reader.columns().len());
                     rows += 1;
                 }
             }
-            assert!(rows <= reading.rows());
+            assert!(rows <= reader.rows());
         }
         if let Ok(chart) = chart(path, &View::default()) {
             let picture = chart.standalone_svg().expect("what can be drawn is drawn");

@@ -1,7 +1,7 @@
 //! Host tools of the sensing absorber bead.
 //!
 //! # Design
-//! The library has eight rooms. A file imports from its own room and from the rooms below it, never from a
+//! The library has nine rooms. A file imports from its own room and from the rooms below it, never from a
 //! higher one.
 //!
 //! | room | holds |
@@ -14,6 +14,7 @@
 //! | [`waveform`] | force and acceleration over time from files of other instruments |
 //! | [`mod@line`] | ports, and conversations with a bead |
 //! | [`recording`] | files of received bytes, their frames, strikes and clocks |
+//! | [`tables`] | Parquet, CSV, units, printable text, files that appear whole |
 
 pub mod bench;
 pub mod cli;
@@ -22,4 +23,5 @@ pub mod export;
 pub mod line;
 pub mod recording;
 pub mod sweep;
+pub mod tables;
 pub mod waveform;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
-use crate::recording::printable::first_of;
+use crate::tables::printable::first_of;
 use crate::waveform::Waveform;
 use crate::waveform::trace::{FADE, Trace};
 

@@ -6,7 +6,7 @@ use hertz_chain::Scenario;
 
 use crate::bench::error::BenchError;
 use crate::bench::sensed::BEADS_TOLD;
-use crate::recording::printable::first_of;
+use crate::tables::printable::first_of;
 
 /// The value of `--bead`.
 #[derive(Debug, Clone, PartialEq, Eq)]

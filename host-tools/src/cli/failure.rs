@@ -16,9 +16,9 @@ use crate::bench::error::BenchError;
 use crate::line::conversation::LineError;
 use crate::line::key::KeyError;
 use crate::recording::file::RecordingError;
-use crate::recording::time_series::TimeSeriesError;
-use crate::recording::whole::WriteError;
 use crate::sweep::folder::FolderError;
+use crate::sweep::time_series::TimeSeriesError;
+use crate::tables::whole::WriteError;
 use crate::waveform::WaveformError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.

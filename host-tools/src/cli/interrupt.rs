@@ -22,8 +22,8 @@ use std::{fs, io, process, thread};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::recording::printable::note;
-use crate::recording::whole::remove_unfinished;
+use crate::recording::note::note;
+use crate::tables::whole::remove_unfinished;
 
 /// A command that was asked to end ends within this time.
 pub const PATIENCE: Duration = Duration::from_secs(5);

@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::recording::json::SCHEMA_VERSION;
-pub use crate::recording::printable::note;
-use crate::recording::printable::printable;
+pub use crate::recording::note::note;
+use crate::tables::printable::printable;
 
 /// True once an output has the path `-`. What is printed then goes to standard error.
 static TAKEN: AtomicBool = AtomicBool::new(false);

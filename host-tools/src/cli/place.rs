@@ -14,7 +14,7 @@ use clap::Args;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
-use crate::recording::whole::{STANDARD_OUTPUT, Target};
+use crate::tables::whole::{STANDARD_OUTPUT, Target};
 
 /// `--overwrite`.
 #[derive(Debug, Clone, Copy, Default, Args)]

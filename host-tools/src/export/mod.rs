@@ -7,11 +7,6 @@
 //! made of, so nothing is lost on the way; doubles are exact. Rows are written in groups, so memory does not
 //! grow with the recordings.
 
-mod columns;
-pub mod read;
 pub mod samples;
 pub mod strikes;
-pub mod table;
 pub mod uff;
-
-pub use columns::{Cell, Column, Kind};

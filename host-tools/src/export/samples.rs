@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use crate::export::columns::{Cell, Column, Kind};
 use crate::recording::signal::Signal;
 use crate::recording::strikes::RecordedStrike;
+use crate::tables::{Cell, Column, Kind};
 
 /// The columns, in their order.
 pub fn columns() -> Vec<Column> {

@@ -4,11 +4,11 @@
 use bead_model::Settings;
 use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
 
-use crate::export::columns::{Cell, Column, Kind};
 use crate::recording::fields::{Content, described, entries};
 use crate::recording::json::hex;
 use crate::recording::physical::{KEYS, Key, Physical};
 use crate::recording::strikes::RecordedStrike;
+use crate::tables::{Cell, Column, Kind};
 
 /// The table's columns, and what the settings that were seen last give: they rarely change.
 pub struct Strikes {

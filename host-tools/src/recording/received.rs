@@ -9,9 +9,10 @@ use bead_wire::{Counters, Identity, Message, Status};
 
 use crate::recording::file::{Bead, Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
-use crate::recording::printable::{beginning, note};
+use crate::recording::note::note;
 use crate::recording::raw;
 use crate::recording::strikes::{Known, Strikes, sent_again};
+use crate::tables::printable::beginning;
 
 /// Characters of what is wrong with a part of a recording.
 const WHY_MOST: usize = 200;
@@ -160,7 +161,7 @@ mod tests {
     use super::*;
     use crate::bench::emulation::RunTruth;
     use crate::recording::file::{About, Writer};
-    use crate::recording::whole::Target;
+    use crate::tables::whole::Target;
 
     #[test]
     fn of_a_part_that_is_wrong_the_beginning_is_told() {

@@ -4,9 +4,9 @@ use std::collections::HashSet;
 
 use toml::Value;
 
-use crate::export::{Cell, Kind};
 use crate::sweep::draw::{Method, coordinate};
 use crate::sweep::key::Key;
+use crate::tables::{Cell, Kind};
 
 /// One direction of a sweep.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! Points into rows.
+//! Computes the rows of points.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -6,44 +6,44 @@ use std::time::Instant;
 use hertz_chain::{EnsembleOptions, EnsembleOutcome, Scenario, ensemble};
 use rayon::prelude::*;
 
-use crate::export::table::Table;
 use crate::sweep::plan::Plan;
+use crate::tables::Writer;
 
-/// Runs that are kept in memory at a time: enough of one kind to fill the lanes of many threads.
+/// Runs in memory at a time: enough of one kind to fill the vectors of many threads.
 const TOGETHER: u64 = 4096;
-/// Bodies of all of them, some 500 B each.
+/// Bodies in memory at a time, some 500 B each.
 const BODIES: usize = 1 << 20;
 
-/// Runs the points of a range on all threads of the pool that this is called in, and appends their rows in
-/// order. `tell` hears of the points done. A point that cannot be run has its row too, which says why. Gives
-/// how many those are.
+/// Runs the points of a range on all threads of the current pool, and appends their rows in order. `progress`
+/// gets the number of points done. The row of a point that cannot be run holds the reason; their number is
+/// returned.
 ///
 /// # Errors
 /// The table cannot be written.
 pub fn compute(
     plan: &Plan,
     points: Range<u64>,
-    table: &mut dyn Table,
-    tell: &(dyn Fn(f64) + Sync),
+    table: &mut Writer<'_>,
+    progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<u64> {
     let (mut failed, mut from) = (0, points.start);
     while from < points.end {
         let batch = batch(plan, from..points.end.min(from + TOGETHER));
         let count = batch.len() as u64;
         let done = from - points.start;
-        let results = results(plan, batch, &|part| tell(done as f64 + part * count as f64));
+        let results = results(plan, batch, &|part| progress(done as f64 + part * count as f64));
         for (result, point) in results.iter().zip(from..) {
             failed += u64::from(result.is_err());
             table.push(plan.row(point, result))?;
         }
         from += count;
-        tell((from - points.start) as f64);
+        progress((from - points.start) as f64);
     }
     Ok(failed)
 }
 
-/// Scenarios of the first points of a range, as many as should be in memory together. Some are made at a
-/// time, and twice as many the next time, so that few are made in vain.
+/// Scenarios of the first points of a range, as many as memory should hold. They are made in portions that
+/// double, so that few are made in vain.
 fn batch(plan: &Plan, points: Range<u64>) -> Vec<Result<Scenario, String>> {
     let beads = |scenario: &Result<Scenario, String>| scenario.as_ref().map_or(1, |one| one.chain.beads);
     let threads = rayon::current_num_threads();
@@ -94,7 +94,7 @@ fn results(
     refused.into_iter().map(result).collect()
 }
 
-/// How long a point takes on all threads of the pool, s: a few points from all over the sweep are tried.
+/// Time of a point on all threads of the pool, s, measured with a few points from all over the sweep.
 pub fn seconds_for_each(plan: &Plan) -> f64 {
     let threads = rayon::current_num_threads() as u64;
     let mut tries = 8 * threads;

@@ -654,8 +654,8 @@ mod tests {
         );
         let index: Vec<_> = axes.iter().map(Axis::index).collect();
         let names = [
-            "intruder_0_stiffness_N_per_m",
-            "striker_velocity_m_per_s",
+            "intruder_0_stiffness_n_per_m",
+            "striker_velocity_mps",
             "tuned",
             "sample",
         ];

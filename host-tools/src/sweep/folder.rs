@@ -1,10 +1,10 @@
-//! A plan on disk, with a part for each chunk that is finished.
+//! A plan on disk, with a part for each finished chunk.
 //!
 //! # Design
-//! `plan.toml` is the whole sweep, with the scenario in it: a folder needs nothing beside it and may be
-//! copied to another machine. A part is a Parquet file that takes its name when it is complete, and it names
-//! its plan, so the parts are the journal. Any number of programs may compute chunks of one folder, the same
-//! ones too: their bytes are the same.
+//! `plan.toml` holds the whole sweep with its scenario, so a folder may be copied to another machine. A part is
+//! a Parquet file that gets its name when it is complete, and notes its plan and chunk: the parts are the
+//! journal. Any number of programs may compute chunks of one folder, even the same chunks, since their bytes
+//! are equal.
 
 use std::fs::{self, File};
 use std::ops::Range;
@@ -14,23 +14,22 @@ use anyhow::Context;
 use hertz_chain::{InputError, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 
-use crate::export::read::Reading;
-use crate::export::table::{Parquet, Table};
-use crate::recording::whole::{Target, WriteError, is_unfinished};
 use crate::sweep::compute::compute;
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
+use crate::tables::whole::{Target, WriteError, is_unfinished};
+use crate::tables::{Cell, Reader, Writer};
 
-/// What is wrong with a folder of a sweep, in one line.
+/// The folder of a sweep cannot be used. The message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// The plan is not in order.
+    /// The plan is refused.
     #[error(transparent)]
     Input(#[from] InputError),
     /// A file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// What is there is not what should be.
+    /// The content of the folder is not that of a plan.
     #[error("{0}")]
     Other(String),
 }
@@ -43,7 +42,7 @@ pub struct Folder {
     chunks: u64,
 }
 
-/// `plan.toml`.
+/// The content of `plan.toml`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Page {
@@ -56,17 +55,17 @@ struct Page {
 }
 
 const PAGE: &str = "plan.toml";
-/// Chunks of a plan at most: each is a file, with a number of five digits.
+/// Chunks of a plan at most: each is a file with a number of five digits.
 pub const MOST_CHUNKS: u64 = 99_999;
-/// The program, as it signs a plan.
+/// Name and version of this program in a plan.
 const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
-    /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as
-    /// they are. A new plan gets `chunks` of them, but no more than it has points, nor than [`MOST_CHUNKS`].
+    /// Makes a folder for a plan of `chunks` chunks, but no more than points or [`MOST_CHUNKS`]. A folder that
+    /// holds the plan already is opened as it is.
     ///
     /// # Errors
-    /// [`FolderError`]: it holds another plan or other files, or cannot be made.
+    /// It holds another plan or other files, or cannot be made.
     pub fn create(path: &Path, plan: Plan, chunks: u64) -> Result<Self, FolderError> {
         if path.join(PAGE).exists() {
             let there = Self::open(path)?;
@@ -87,7 +86,7 @@ impl Folder {
             ))
         };
         fs::create_dir_all(path).map_err(cannot)?;
-        // A program that was killed while it wrote a plan has left the beginning of one.
+        // A program that was killed while it wrote the plan left an unfinished file.
         let is_other = |entry: &fs::DirEntry| !is_unfinished(&entry.file_name().to_string_lossy());
         if fs::read_dir(path)
             .map_err(cannot)?
@@ -119,7 +118,7 @@ impl Folder {
     /// Opens a folder.
     ///
     /// # Errors
-    /// [`FolderError`]: it holds no plan, or one that was changed or made by another version.
+    /// It holds no plan, or one that was edited or made by another version.
     pub fn open(path: &Path) -> Result<Self, FolderError> {
         let file = path.join(PAGE);
         if !file.exists() {
@@ -157,7 +156,7 @@ impl Folder {
         })
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -167,12 +166,12 @@ impl Folder {
         &self.plan
     }
 
-    /// How many chunks there are. They are counted from 1.
+    /// Number of chunks. They are counted from 1.
     pub fn chunks(&self) -> u64 {
         self.chunks
     }
 
-    /// The points of a chunk. No chunk has two more than another.
+    /// The points of a chunk. The sizes of two chunks differ by one point at most.
     pub fn points(&self, chunk: u64) -> Range<u64> {
         // The product has up to 70 bits, the quotient is a point.
         let end = |chunk: u64| {
@@ -186,9 +185,9 @@ impl Folder {
         self.plan.points().div_ceil(self.chunks)
     }
 
-    /// Whether a file would lie among the parts.
+    /// True for a file among the parts.
     pub fn has_within(&self, file: &Path) -> bool {
-        // Where a link leads to is replaced.
+        // The target of a link is the file that would be replaced.
         let file = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
         let beside = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         let beside = fs::canonicalize(beside.unwrap_or(Path::new(".")));
@@ -199,10 +198,10 @@ impl Folder {
         self.path.join(format!("part-{chunk:05}.parquet"))
     }
 
-    /// Whether a chunk is finished.
+    /// True if a chunk is finished.
     ///
     /// # Errors
-    /// [`FolderError`]: the file with its name is not a part of this plan.
+    /// The file of its name is not this chunk of this plan.
     pub fn finished(&self, chunk: u64) -> Result<bool, FolderError> {
         let path = self.part(chunk);
         if !path.exists() {
@@ -214,18 +213,18 @@ impl Folder {
                 path.display()
             ))
         };
-        let part = Reading::open(&path).map_err(|error| strange(format!("{error:#}")))?;
-        let plan = part.said("plan").unwrap_or_default();
+        let part = Reader::open(&path).map_err(|error| strange(format!("it {error}")))?;
+        let plan = part.note("plan").unwrap_or_default();
         if plan != self.plan.hash() {
             return Err(strange(format!("it is of plan {}", short(plan))));
         }
         let points = self.points(chunk);
         let rows = points.end - points.start;
-        if part.said("chunk") != Some(&self.signature(chunk)) || part.rows() != rows {
+        if part.note("chunk") != Some(&self.signature(chunk)) || part.rows() != rows {
             return Err(strange(format!(
                 "it has {} rows of chunk {}",
                 part.rows(),
-                part.said("chunk").unwrap_or("?")
+                part.note("chunk").unwrap_or("?")
             )));
         }
         if part.columns() != self.plan.columns() {
@@ -234,12 +233,12 @@ impl Folder {
         Ok(true)
     }
 
-    /// `K/N`.
+    /// The note of a chunk in its part: `K/N`.
     fn signature(&self, chunk: u64) -> String {
         format!("{chunk}/{}", self.chunks())
     }
 
-    /// The chunks that are not finished.
+    /// The unfinished chunks.
     ///
     /// # Errors
     /// As [`finished`](Self::finished).
@@ -253,26 +252,26 @@ impl Folder {
         Ok(missing)
     }
 
-    /// Computes a chunk in the pool that this is called in. `tell` hears of the points done.
+    /// Computes a chunk in the current pool. `progress` gets the number of points done.
     ///
     /// # Errors
-    /// [`FolderError`]: the part cannot be written; the finished ones stay.
-    pub fn run(&self, chunk: u64, tell: &(dyn Fn(f64) + Sync)) -> Result<(), FolderError> {
+    /// The part cannot be written; the finished ones stay.
+    pub fn run(&self, chunk: u64, progress: &(dyn Fn(f64) + Sync)) -> Result<(), FolderError> {
         let target = Target::new(self.part(chunk)).replacing(true);
         let signature = self.signature(chunk);
-        let said = [("plan", self.plan.hash()), ("chunk", &signature)];
+        let notes = [("plan", self.plan.hash()), ("chunk", &signature)];
         Ok(target.write(|file| {
-            let mut table = Parquet::signed(file, "sweep", &self.plan.columns(), &said)?;
-            compute(&self.plan, self.points(chunk), &mut table, tell)?;
-            Box::new(table).finish()
+            let mut table = Writer::parquet(file, "sweep", &self.plan.columns(), &notes)?;
+            compute(&self.plan, self.points(chunk), &mut table, progress)?;
+            table.finish()
         })?)
     }
 
-    /// Writes the table of all parts. Gives how many points could not be run, and why the first could not.
+    /// Writes the table of all parts. `progress` gets the number of chunks done.
     ///
     /// # Errors
-    /// [`FolderError`]: a chunk is missing or of another plan, or the file cannot be written.
-    pub fn merge(&self, target: &Target, tell: &dyn Fn(u64)) -> Result<Merged, FolderError> {
+    /// A chunk is missing or of another plan, or the file cannot be written.
+    pub fn merge(&self, target: &Target, progress: &dyn Fn(u64)) -> Result<Merged, FolderError> {
         let missing = self.missing()?;
         if !missing.is_empty() {
             return Err(FolderError::Other(format!(
@@ -284,38 +283,42 @@ impl Folder {
             )));
         }
         let definition = self.plan.definition().to_toml();
-        let said = [("plan", self.plan.hash()), ("sweep", &definition)];
+        let notes = [
+            ("made_by", PROGRAM),
+            ("plan", self.plan.hash()),
+            ("sweep", &definition),
+        ];
         let mut merged = Merged::default();
         target.write(|file| {
-            let mut table = Parquet::signed(file, "sweep", &self.plan.columns(), &said)?;
+            let mut table = Writer::parquet(file, "sweep", &self.plan.columns(), &notes)?;
             for chunk in 1..=self.chunks() {
                 let path = self.part(chunk);
                 let named = || path.display().to_string();
-                let part = Reading::open(&path).with_context(named)?;
-                for group in part.groups() {
-                    for row in group.with_context(named)?.into_rows() {
-                        if let Some(crate::export::Cell::Text(why)) = row.last() {
+                let part = Reader::open(&path).with_context(named)?;
+                for batch in part.all_batches() {
+                    for row in batch.with_context(named)?.into_rows() {
+                        if let Some(Cell::Text(error)) = row.last() {
                             merged.failed += 1;
-                            merged.first.get_or_insert_with(|| why.to_string());
+                            merged.first.get_or_insert_with(|| error.to_string());
                         }
                         table.push(row)?;
                     }
                 }
-                tell(chunk);
+                progress(chunk);
             }
-            Box::new(table).finish()
+            table.finish()
         })?;
         Ok(merged)
     }
 
     /// Removes the folder's files, and the folder if nothing else is in it.
     pub fn remove(self) {
-        // What cannot be removed is left to its owner; the result is whole.
+        // The result is whole, so a file that cannot be removed is no error.
         for chunk in 1..=self.chunks() {
             let _ = fs::remove_file(self.part(chunk));
         }
         let _ = fs::remove_file(self.path.join(PAGE));
-        // Of programs that were killed: all chunks are finished, so nobody writes them.
+        // Unfinished files of killed programs: all chunks are finished, so nobody writes them.
         for left in fs::read_dir(&self.path).into_iter().flatten().flatten() {
             if is_unfinished(&left.file_name().to_string_lossy()) {
                 let _ = fs::remove_file(left.path());
@@ -324,12 +327,12 @@ impl Folder {
         let _ = fs::remove_dir(&self.path);
     }
 
-    /// A file of the folder that belongs to neither plan nor parts.
+    /// A further file of the folder.
     pub fn beside(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Bytes of the parts so far.
+    /// Size of the parts so far, bytes.
     pub fn size(&self) -> u64 {
         let part = |chunk| File::open(self.part(chunk)).and_then(|file| file.metadata());
         (1..=self.chunks())
@@ -338,21 +341,21 @@ impl Folder {
     }
 }
 
-/// What came together in a table.
+/// The failed points of a merged table.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Merged {
-    /// Points that could not be run.
+    /// Number of points that could not be run.
     pub failed: u64,
-    /// Why the first of them could not.
+    /// Error of the first of them.
     pub first: Option<String>,
 }
 
-/// The beginning of a hash, for people.
+/// The first letters of a hash.
 fn short(hash: &str) -> &str {
     hash.get(..8).unwrap_or("unknown")
 }
 
-/// Numbers in order as `1,3,5-9`.
+/// Writes sorted numbers as `1,3,5-9`.
 pub fn ranges(numbers: &[u64]) -> String {
     let runs = numbers.chunk_by(|one, next| one + 1 == *next);
     let shown = runs.map(|run| match run {

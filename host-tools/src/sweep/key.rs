@@ -10,17 +10,17 @@ pub struct Key {
 
 /// What each key is measured in, as it ends the name of a column.
 const UNITS: [(&str, &str); 11] = [
-    ("damping", "N_s_per_m"),
+    ("damping", "n_s_per_m"),
     ("density", "kg_per_m3"),
     ("duration", "s"),
     ("gap", "m"),
     ("mass", "kg"),
-    ("precompression", "N"),
+    ("precompression", "n"),
     ("radius", "m"),
     ("relaxation", "s"),
-    ("stiffness", "N_per_m"),
-    ("velocity", "m_per_s"),
-    ("young", "Pa"),
+    ("stiffness", "n_per_m"),
+    ("velocity", "mps"),
+    ("young", "pa"),
 ];
 
 /// Parts of a key. Those of a scenario have four at most.

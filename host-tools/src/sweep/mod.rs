@@ -18,3 +18,4 @@ pub mod outputs;
 pub mod picture;
 pub mod plan;
 pub mod slurm;
+pub mod time_series;

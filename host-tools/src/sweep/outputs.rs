@@ -1,31 +1,31 @@
-//! What a sweep keeps of each run.
+//! Results that a sweep keeps of each run.
 
 use std::collections::HashMap;
 
 use hertz_chain::{ContactPeak, EnsembleOutcome};
 use serde::{Deserialize, Serialize};
 
-use crate::export::{Cell, Column, Kind};
+use crate::tables::{Cell, Column, Kind};
 
-/// The results that are wanted.
+/// The results to keep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Outputs {
-    /// What all intruders have dissipated at the end: in J, and as parts of the striker's energy and of the
-    /// injected.
+    /// Energy dissipated by all intruders at the end: in J, and as parts of the striker's and the injected
+    /// energy.
     pub absorbed: bool,
-    /// Where the energy is at the end.
+    /// Energies at the end, J.
     pub energies: bool,
-    /// Hosts of which each intruder's dissipated energy is wanted.
+    /// Hosts whose intruders' dissipated energy is kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub intruders: Vec<usize>,
-    /// Contacts of which the greatest force is wanted.
+    /// Contacts whose greatest force is kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub peaks: Vec<usize>,
-    /// Contacts of which the time of the greatest force is wanted.
+    /// Contacts whose time of the greatest force is kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub arrivals: Vec<usize>,
-    /// Beads behind which the energy at the end is wanted: in J, and as a part of the injected.
+    /// Beads behind which the energy at the end is kept: in J, and as a part of the injected.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transmission: Vec<usize>,
 }
@@ -48,16 +48,16 @@ impl Outputs {
     pub fn columns(&self) -> Vec<Column> {
         let mut names: Vec<String> = Vec::new();
         if self.absorbed {
-            names.extend(["absorbed_J", "absorbed_of_striker", "absorbed_of_injected"].map(str::to_owned));
+            names.extend(["absorbed_j", "absorbed_of_striker", "absorbed_of_injected"].map(str::to_owned));
         }
         if self.energies {
             let energies = [
-                "injected_J",
-                "striker_final_J",
-                "chain_final_J",
-                "intruders_final_J",
-                "dissipated_contacts_J",
-                "dissipated_intruders_J",
+                "injected_j",
+                "striker_final_j",
+                "chain_final_j",
+                "intruders_final_j",
+                "dissipated_contacts_j",
+                "dissipated_intruders_j",
             ];
             names.extend(energies.map(str::to_owned));
         }
@@ -65,10 +65,10 @@ impl Outputs {
             of.iter().flat_map(|n| name(*n)).collect::<Vec<_>>()
         };
         names.extend(each(&self.intruders, |bead| {
-            vec![format!("bead_{bead}_intruder_dissipated_J")]
+            vec![format!("bead_{bead}_intruder_dissipated_j")]
         }));
         names.extend(each(&self.peaks, |contact| {
-            vec![format!("contact_{contact}_peak_force_N")]
+            vec![format!("contact_{contact}_peak_force_n")]
         }));
         names.extend(each(&self.arrivals, |contact| {
             vec![format!("contact_{contact}_peak_time_s")]
@@ -85,17 +85,17 @@ impl Outputs {
             .collect()
     }
 
-    /// The contacts whose greatest force has to be looked for.
+    /// Contacts whose greatest force must be found.
     pub fn contacts(&self) -> Vec<usize> {
         [self.peaks.as_slice(), &self.arrivals].concat()
     }
 
-    /// The cells of a run, one for each of the [`columns`](Self::columns). What the chain does not have is
-    /// null.
+    /// The cells of a run, one for each of the [`columns`](Self::columns); null for a bead or contact that the
+    /// chain does not have.
     pub fn cells(&self, outcome: &EnsembleOutcome) -> Vec<Cell> {
         let (end, model) = (outcome.end(), outcome.model());
         let (absorbed, injected) = (outcome.absorbed(), outcome.injected());
-        // Of nothing, no part can be told.
+        // A part of no energy is null.
         let part = |energy: f64, of: f64| Cell::number(Some(energy / of).filter(|part| part.is_finite()));
         let mut cells = Vec::new();
         if self.absorbed {

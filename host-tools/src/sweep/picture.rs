@@ -6,12 +6,12 @@ use std::path::Path;
 use anyhow::Context;
 use hertz_charts::{Axis as ChartAxis, COLUMN, Chart, FAMILY, Ink, Map, Mark, Panel, Scale, Series};
 
-use crate::export::read::Reading;
-use crate::export::{Cell, Kind};
-use crate::recording::printable::{beginning, first_of, one_line};
 use crate::sweep::axis::{Along, Values};
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
+use crate::tables::printable::{beginning, first_of, one_line};
+use crate::tables::unit::Unit;
+use crate::tables::{Cell, Kind, Reader};
 
 /// What is to be drawn; what is left open follows from the sweep.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -85,41 +85,45 @@ pub fn check(view: &View, plan: &Plan) -> Result<(), String> {
 /// # Errors
 /// It is no such table, or the view does not fit it.
 pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
-    let reading = Reading::open(table)?;
-    let sweep = reading.said("sweep").context("it is no table of bead sweep")?;
+    let reader = Reader::open(table)?;
+    let sweep = reader.note("sweep").context("is no table of bead sweep")?;
     let plan = Plan::new(Definition::from_toml(sweep, "its sweep")?)?;
-    let (has, points) = (reading.rows(), plan.points());
-    anyhow::ensure!(has == points, "it has {has} rows, and its sweep {points} points");
+    let (has, points) = (reader.rows(), plan.points());
+    anyhow::ensure!(has == points, "has {has} rows, and its sweep {points} points");
     let decided = decide(view, &plan).map_err(anyhow::Error::msg)?;
     let value = match &decided.drawn {
         Drawn::Curves { y, .. } => y,
         Drawn::Map { value, .. } => value,
     };
+    let place = |name: &str| {
+        let place = reader.columns().iter().position(|column| column.name == name);
+        place.with_context(|| format!("has no column {name}"))
+    };
     let mut rows: Vec<(u64, f64)> = Vec::new();
-    for group in reading.groups_of(&["point", value])? {
-        for row in group?.into_rows() {
+    for batch in reader.batches(vec![place("point")?, place(value)?]) {
+        for row in batch?.into_rows() {
             let number_of_point = match &row[0] {
                 Cell::Whole(point) => u64::try_from(*point).ok(),
                 _ => None,
             };
             let point = number_of_point.filter(|point| *point < points);
-            let point = point.context("a row is of no point of its sweep")?;
+            let point = point.context("has a row of no point of its sweep")?;
             let mut chosen = decided.at.iter();
             if chosen.all(|chosen| plan.place(point, chosen.axis) == chosen.place) {
                 let few = rows.len() < MOST_DRAWN;
-                anyhow::ensure!(few, "it has points twice, and so others are missing");
-                let value = Some(number(&row[1])).filter(|value| value.abs() <= MOST_VALUE);
+                anyhow::ensure!(few, "has points twice, and so others are missing");
+                let value = row[1].as_f64().filter(|value| value.abs() <= MOST_VALUE);
                 rows.push((point, value.unwrap_or(f64::NAN)));
             }
         }
     }
     rows.sort_by_key(|row| row.0);
     if let Some(twice) = rows.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        anyhow::bail!("it has point {} twice, and so others are missing", twice[0].0);
+        anyhow::bail!("has point {} twice, and so others are missing", twice[0].0);
     }
     anyhow::ensure!(
         rows.iter().any(|row| row.1.is_finite()),
-        "no point has a value of {value}; draw another result, or see why in the column `error`"
+        "has no point with a value of {value}; draw another result, or see why in the column `error`"
     );
     let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
     match &decided.drawn {
@@ -324,16 +328,8 @@ fn text(along: &Along, place: u64) -> String {
 /// The number at a place of an axis; a text is told by its place.
 fn coordinate(along: Option<&Along>, place: u64) -> f64 {
     match along.filter(|along| !is_text(along)) {
-        Some(along) => number(&along.cell(place)),
+        Some(along) => along.cell(place).as_f64().unwrap_or(f64::NAN),
         None => place as f64,
-    }
-}
-
-fn number(cell: &Cell) -> f64 {
-    match cell {
-        Cell::Number(number) => *number,
-        Cell::Whole(number) => *number as f64,
-        _ => f64::NAN,
     }
 }
 
@@ -346,51 +342,16 @@ struct Quantity {
     unit: f64,
 }
 
-/// Endings of columns, the longest first, with their units and the sizes of these; 0 for one that takes no
-/// prefix. A kilogram is a thousand of what takes a prefix.
-const UNITS: [(&str, &str, f64); 10] = [
-    ("_N_s_per_m", "N·s/m", 1.0),
-    ("_kg_per_m3", "kg/m³", 0.0),
-    ("_N_per_m", "N/m", 1.0),
-    ("_m_per_s", "m/s", 1.0),
-    ("_Pa", "Pa", 1.0),
-    ("_kg", "g", 1e-3),
-    ("_J", "J", 1.0),
-    ("_N", "N", 1.0),
-    ("_s", "s", 1.0),
-    ("_m", "m", 1.0),
-];
-const PREFIXES: [(&str, f64); 8] = [
-    ("G", 1e9),
-    ("M", 1e6),
-    ("k", 1e3),
-    ("", 1.0),
-    ("m", 1e-3),
-    ("µ", 1e-6),
-    ("n", 1e-9),
-    ("p", 1e-12),
-];
-
 impl Quantity {
     fn new(column: &str, values: impl Iterator<Item = f64>) -> Self {
-        let greatest = values
-            .filter(|value| value.is_finite())
-            .map(f64::abs)
-            .fold(0.0, f64::max);
-        let known = UNITS.iter().find(|(end, ..)| column.ends_with(end));
-        let (end, unit, size) = *known.unwrap_or(&("", "", 0.0));
-        let fits = |(_, prefix): &&(&str, f64)| greatest >= prefix * size;
-        let (letter, unit_of) = match size > 0.0 {
-            true => PREFIXES
-                .iter()
-                .find(fits)
-                .map_or(("", size), |(letter, prefix)| (*letter, prefix * size)),
-            false => ("", 1.0),
-        };
+        let finite = values.filter(|value| value.is_finite());
+        let greatest = finite.map(f64::abs).fold(0.0, f64::max);
+        let (stem, unit) = Unit::of_column(column).unzip();
+        let (symbol, size) = unit.map_or((String::new(), 1.0), |unit| unit.prefixed(greatest));
         Self {
-            name: column[..column.len() - end.len()].replace('_', " "),
-            symbol: format!("{letter}{unit}"),
-            unit: unit_of,
+            name: stem.unwrap_or(column).replace('_', " "),
+            symbol,
+            unit: size,
         }
     }
 
@@ -671,7 +632,7 @@ fn edges(values: &[f64], scale: Scale) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::table::{Parquet, Table};
+    use crate::tables::Writer;
 
     #[test]
     fn edges_lie_half_way_between_values_on_their_scale() {
@@ -732,9 +693,8 @@ mod tests {
         let plan = plan(axes);
         let path = tempfile::NamedTempFile::new().unwrap();
         let mut file = path.reopen().unwrap();
-        let said = [("sweep", plan.definition().to_toml())];
-        let said = said.each_ref().map(|(key, value)| (*key, value.as_str()));
-        let mut table = Parquet::signed(&mut file, "sweep", &plan.columns(), &said).unwrap();
+        let sweep = plan.definition().to_toml();
+        let mut table = Writer::parquet(&mut file, "sweep", &plan.columns(), &[("sweep", &sweep)]).unwrap();
         let first = plan.columns().len() - 1 - plan.definition().outputs.columns().len();
         for point in points {
             let mut row = plan.row(0, &Err("it was not run".to_owned()));
@@ -742,7 +702,7 @@ mod tests {
             row[first] = result.clone();
             table.push(row).unwrap();
         }
-        Box::new(table).finish().unwrap();
+        table.finish().unwrap();
         chart(path.path(), &view(words)).map_err(|error| error.to_string())
     }
 
@@ -772,22 +732,19 @@ mod tests {
         }
         svg(near, "");
         let axes = [MASSES, &speeds(2)].concat();
-        let why = checked(&axes, "map=absorbed_J y=intruder_0_mass_kg").unwrap_err();
+        let why = checked(&axes, "map=absorbed_j y=intruder_0_mass_kg").unwrap_err();
         let expected =
             "some values of intruder_0_mass_kg cannot be told apart; draw a map over zip, or a curve";
         assert_eq!(why, expected);
         // Each of 3 × 2 points has a cell, of one colour along a row.
-        let map = svg(&axes, "map=absorbed_J y=zip");
+        let map = svg(&axes, "map=absorbed_j y=zip");
         assert_eq!(map.matches("crispEdges").count(), 128 + 3);
     }
 
     #[test]
     fn texts_stand_at_their_places_and_have_no_numbers() {
         let axes = [BEADS, &speeds(2)].concat();
-        for words in [
-            "x=intruder_0_beads by=striker_velocity_m_per_s",
-            "y=intruder_0_beads",
-        ] {
+        for words in ["x=intruder_0_beads by=striker_velocity_mps", "y=intruder_0_beads"] {
             let svg = svg(&axes, words);
             for name in [">8<", ">12<", ">3 4<", ">5<", ">intruder 0 beads<"] {
                 assert!(svg.contains(name), "{name}: {svg}");
@@ -806,18 +763,15 @@ mod tests {
     #[test]
     fn the_place_that_at_took_is_told() {
         let axes = [&speeds(3), MASSES].concat();
-        let curve = svg(&axes, "x=zip at=striker_velocity_m_per_s=5");
+        let curve = svg(&axes, "x=zip at=striker_velocity_mps=5");
         assert_eq!(
             curve.matches("at striker velocity = 1.2 m/s").count(),
             2,
             "note and description"
         );
-        let curve = svg(
-            &axes,
-            "by=striker_velocity_m_per_s x=intruder_0_stiffness_N_per_m",
-        );
+        let curve = svg(&axes, "by=striker_velocity_mps x=intruder_0_stiffness_n_per_m");
         assert!(!curve.contains("at striker"));
-        let curve = svg(&axes, "x=striker_velocity_m_per_s at=intruder_0_mass_kg=0");
+        let curve = svg(&axes, "x=striker_velocity_mps at=intruder_0_mass_kg=0");
         assert!(curve.contains(">at intruder 0 mass = 1 g (zip 0)<"), "{curve}");
         let curve = svg(
             &[BEADS, MASSES, &speeds(2)].concat(),
@@ -859,10 +813,10 @@ mod tests {
             (&two, "at=zip=-inf", "the value must be a finite number"),
             (
                 &two,
-                "at=zip=1 at=striker_velocity_m_per_s=1",
+                "at=zip=1 at=striker_velocity_mps=1",
                 "there is no axis left for --x; leave out an --at",
             ),
-            (&speeds(3), "map=absorbed_J", "a map needs two axes of the sweep"),
+            (&speeds(3), "map=absorbed_j", "a map needs two axes of the sweep"),
             (
                 one,
                 "",
@@ -871,7 +825,7 @@ mod tests {
             (&speeds(1_000_001), "", "curves of 1000001 points are more"),
             (
                 &[speeds(500_001), young(2)].concat(),
-                "x=striker_velocity_m_per_s by=chain_young_Pa",
+                "x=striker_velocity_mps by=chain_young_pa",
                 "curves of 1000002 points are more",
             ),
         ] {
@@ -886,15 +840,15 @@ mod tests {
     fn a_table_has_the_points_of_its_sweep() {
         assert!(drawn(&[0, 1, 2], 3).is_ok());
         for (points, speeds, why) in [
-            (&[0, 1][..], 3, "it has 2 rows, and its sweep 3 points"),
+            (&[0, 1][..], 3, "has 2 rows, and its sweep 3 points"),
             (
                 &[0, 1],
                 1_000_000_000_000,
-                "it has 2 rows, and its sweep 1000000000000 points",
+                "has 2 rows, and its sweep 1000000000000 points",
             ),
-            (&[0, 1, 3], 3, "a row is of no point of its sweep"),
-            (&[0, 1, -1], 3, "a row is of no point of its sweep"),
-            (&[1, 0, 1], 3, "it has point 1 twice, and so others are missing"),
+            (&[0, 1, 3], 3, "has a row of no point of its sweep"),
+            (&[0, 1, -1], 3, "has a row of no point of its sweep"),
+            (&[1, 0, 1], 3, "has point 1 twice, and so others are missing"),
         ] {
             assert_eq!(drawn(points, speeds).err().as_deref(), Some(why));
         }
@@ -907,18 +861,21 @@ mod tests {
             again,
             &Cell::Number(1e-6),
             &axes.concat(),
-            "at=striker_velocity_m_per_s=0",
+            "at=striker_velocity_mps=0",
         );
         assert_eq!(
             why.err().as_deref(),
-            Some("it has points twice, and so others are missing")
+            Some("has points twice, and so others are missing")
         );
     }
 
     #[test]
     fn a_picture_of_no_values_is_refused() {
         let why = drawn_over(0..3, &Cell::Null, &speeds(3), "").err().unwrap();
-        assert!(why.starts_with("no point has a value of absorbed_J; "), "{why}");
+        assert!(
+            why.starts_with("has no point with a value of absorbed_j; "),
+            "{why}"
+        );
     }
 
     #[test]
@@ -926,20 +883,5 @@ mod tests {
         assert_eq!(short(&[0.1, 0.25, 1.0 / 3.0]), ["0.1", "0.25", "0.3333"]);
         assert_eq!(short(&[100.01, 100.02]), ["100.01", "100.02"]);
         assert_eq!(short(&[1.0, 1.0 + 1e-12]), ["1", "1.000000000001"]);
-    }
-
-    #[test]
-    fn units_take_the_prefix_that_makes_numbers_short() {
-        let of = |column: &str, value: f64| {
-            let quantity = Quantity::new(column, [value].into_iter());
-            (quantity.label(), value / quantity.unit)
-        };
-        assert_eq!(of("absorbed_J", 12e-6).0, "absorbed (µJ)");
-        assert_eq!(of("intruder_0_mass_kg", 3.7e-3).0, "intruder 0 mass (g)");
-        assert_eq!(of("chain_young_Pa", 4.5e9), ("chain young (GPa)".to_owned(), 4.5));
-        assert_eq!(
-            of("absorbed_of_injected", 0.2),
-            ("absorbed of injected".to_owned(), 0.2)
-        );
     }
 }

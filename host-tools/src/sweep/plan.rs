@@ -6,9 +6,9 @@ use std::path::Path;
 use hertz_chain::{EnsembleOutcome, InputError, Scenario, plain_words};
 use siphasher::sip128::{Hasher128, SipHasher24};
 
-use crate::export::{Cell, Column, Kind};
 use crate::sweep::axis::Axis;
 use crate::sweep::definition::Definition;
+use crate::tables::{Cell, Column, Kind};
 
 /// All points of a sweep.
 #[derive(Debug, Clone)]

@@ -1,18 +1,20 @@
-//! Which column of a table has which quantity.
+//! The columns of a table that hold time, force and acceleration.
 
 use std::borrow::Cow;
 use std::path::Path;
 
-use crate::recording::printable::{beginning, first_of};
-use crate::waveform::choice::{Choice, Wanted, option};
+use crate::tables::printable::{beginning, first_of};
+use crate::tables::unit::{self, Quantity, Unit};
+use crate::waveform::choice::{Address, Choice, Wanted, option};
 use crate::waveform::error::WaveformError;
-use crate::waveform::unit::{self, Quantity};
 
-/// A column of numbers: its place in the table, its name, and its unit where that does not stand in the name.
+/// A column of numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
+    /// Its place in the table, from 0.
     pub(super) place: usize,
     pub(super) name: String,
+    /// Its unit, where the file states it outside of the name.
     pub(super) unit: Option<String>,
 }
 
@@ -21,19 +23,23 @@ impl Header {
         unit::split(&self.name).0
     }
 
-    fn unit(&self) -> Option<&str> {
+    /// The text of its unit.
+    fn written_unit(&self) -> Option<&str> {
         self.unit.as_deref().or_else(|| unit::split(&self.name).1)
     }
 
-    /// The quantity that its unit tells, and the size of the unit. Of a mass, `g` is a gram.
-    fn size(&self) -> Option<(Quantity, f64)> {
-        let unit = self.unit().and_then(unit::unit)?;
+    fn unit(&self) -> Option<&'static Unit> {
+        // In a column of mass, `g` is a gram.
         let is_mass = self.stem().to_lowercase().starts_with("mass");
-        (!is_mass).then_some(unit)
+        self.written_unit().and_then(unit::parse).filter(|_| !is_mass)
     }
 
-    /// The quantity that its name tells.
-    fn called(&self) -> Option<Quantity> {
+    fn is_in(&self, quantity: Quantity) -> bool {
+        self.unit().is_some_and(|unit| unit.quantity == quantity)
+    }
+
+    /// The quantity that its name suggests.
+    fn suggests(&self) -> Option<Quantity> {
         let stem = self.stem().to_lowercase();
         match stem.as_str() {
             _ if stem.ends_with("_code") => None,
@@ -47,7 +53,7 @@ impl Header {
         }
     }
 
-    /// As messages name it.
+    /// Its name and unit for messages.
     fn shown(&self) -> String {
         let name = beginning(self.name.trim(), LETTERS);
         match &self.unit {
@@ -56,12 +62,21 @@ impl Header {
         }
     }
 
-    /// As a user can type it: a long name by its number.
+    /// Its address for an option; a long name gives way to the number.
     fn typed(&self) -> Cow<'_, str> {
         match beginning(self.name.trim(), LETTERS) {
             Cow::Owned(_) => (self.place + 1).to_string().into(),
             whole => whole,
         }
+    }
+
+    /// Its number and name, for the remark on the columns that were taken.
+    fn numbered(&self) -> String {
+        let number = (self.place + 1).to_string();
+        if self.name.trim() == number {
+            return format!("column {number}");
+        }
+        format!("column {number} `{}`", self.shown())
     }
 }
 
@@ -69,47 +84,54 @@ impl Header {
 const NAMES: usize = 20;
 const LETTERS: usize = 40;
 
-/// The first of some columns, as messages name them.
+/// Lists the first of some columns for a message.
 pub(super) fn few<'a>(headers: impl Iterator<Item = &'a Header>) -> String {
     first_of(headers.map(Header::shown), NAMES)
 }
 
-/// A column that is read, and what 1 of it is in the SI unit.
+/// A column that is read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Picked {
+    /// Its place in the table, from 0.
     pub(super) place: usize,
+    /// Size of 1 in the SI unit.
     pub(super) size: f64,
 }
 
-/// What of a table is read.
+/// The columns that are read of a table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Picks {
-    /// None where the rate says it.
+    /// `None` if a rate takes its place.
     pub(super) time: Option<Picked>,
     pub(super) force: Option<Picked>,
     pub(super) acceleration: Option<Picked>,
-    /// The column that tells strikes apart, in a table that `bead export` wrote.
+    /// The column that tells strikes apart, in a table of `bead export`.
     pub(super) strike: Option<usize>,
     pub(super) remarks: Vec<String>,
 }
 
-/// Columns that `bead export` writes beside force and acceleration.
+/// Columns of `bead export` beside force and acceleration.
 const EXPORTED: [&str; 4] = ["id", "sample_index", "force_code", "acceleration_code"];
 
 /// Finds the columns.
+///
+/// # Errors
+/// A column is missing or ambiguous, has no unit, or is chosen twice.
 pub(super) fn pick(path: &Path, headers: &[Header], choice: &Choice) -> Result<Picks, WaveformError> {
     let mut picks = Picks::default();
     let table = Table { path, headers };
-    picks.force = table.one(choice, Quantity::Force)?;
-    picks.acceleration = table.one(choice, Quantity::Acceleration)?;
+    picks.force = table.signal(choice, Quantity::Force)?;
+    picks.acceleration = table.signal(choice, Quantity::Acceleration)?;
     if picks.force.is_none() && picks.acceleration.is_none() {
-        return Err(table.nothing());
+        return Err(table.no_signal());
     }
     if choice.rate_hz.is_none() {
         let (time, remark) = table.time(choice)?;
         picks.time = Some(time);
         picks.remarks.extend(remark);
     }
+    table.check_distinct(&picks)?;
+    picks.remarks.push(table.taken(&picks));
     let place = |name: &str| {
         headers
             .iter()
@@ -120,6 +142,18 @@ pub(super) fn pick(path: &Path, headers: &[Header], choice: &Choice) -> Result<P
         picks.strike = place("id");
     }
     Ok(picks)
+}
+
+impl Picks {
+    fn each(&self) -> impl Iterator<Item = (Quantity, Picked)> {
+        let each = [
+            (Quantity::Time, self.time),
+            (Quantity::Force, self.force),
+            (Quantity::Acceleration, self.acceleration),
+        ];
+        each.into_iter()
+            .filter_map(|(quantity, picked)| Some((quantity, picked?)))
+    }
 }
 
 struct Table<'a> {
@@ -136,86 +170,112 @@ impl Table<'_> {
         few(self.headers.iter())
     }
 
-    /// The column that the caller names.
+    fn at(&self, place: usize) -> Option<&Header> {
+        self.headers.iter().find(|header| header.place == place)
+    }
+
+    /// The column that an option names.
     fn named(&self, wanted: &Wanted, quantity: Quantity) -> Result<&Header, WaveformError> {
-        let name = wanted.column.as_str();
-        let same = |other: &str| other.trim().to_lowercase() == name.to_lowercase();
-        let by_name = self.headers.iter().find(|header| same(&header.name));
-        let by_stem = || self.headers.iter().find(|header| same(header.stem()));
-        let by_number = || {
-            let number: usize = name.parse().ok()?;
-            self.headers.iter().find(|header| header.place + 1 == number)
+        let (Address::Either(text) | Address::Name(text) | Address::Number(text)) = &wanted.column;
+        let is_name = |other: &str| other.trim().to_lowercase() == text.to_lowercase();
+        let by_name = || {
+            let whole = self.headers.iter().find(|header| is_name(&header.name));
+            whole.or_else(|| self.headers.iter().find(|header| is_name(header.stem())))
         };
-        let found = by_name.or_else(by_stem).or_else(by_number);
+        let by_number = || self.at(text.parse::<usize>().ok()?.checked_sub(1)?);
+        let found = match &wanted.column {
+            Address::Name(_) => by_name(),
+            Address::Number(_) => by_number(),
+            Address::Either(_) => match (by_name(), by_number()) {
+                (Some(name), Some(number)) if name.place != number.place => {
+                    return self.unfit(format!(
+                        "{} {text}: it is the name of column {} and the number of column `{}`; give name={text} or \
+                         number={text}",
+                        option(quantity),
+                        name.place + 1,
+                        number.shown(),
+                    ));
+                }
+                (name, number) => name.or(number),
+            },
+        };
         found.ok_or_else(|| {
             let what = format!(
-                "{} {name}: it has no such column of numbers; there are {}",
+                "{} {}: it has no such column of numbers; there are {}",
                 option(quantity),
+                wanted.column,
                 self.shown()
             );
             WaveformError::unfit(self.path, what)
         })
     }
 
-    /// What 1 of a column is: as the caller says, else as its header does.
+    /// The size of 1 in a column: by the option, else by the header.
     fn size(
         &self,
         header: &Header,
         wanted: Option<&Wanted>,
         quantity: Quantity,
     ) -> Result<f64, WaveformError> {
-        let said = wanted.and_then(|wanted| wanted.size).or_else(|| header.size());
+        let given = wanted.and_then(|wanted| wanted.size);
+        let own = header.unit().map(|unit| (unit.quantity, unit.size));
         let column = header.typed();
-        match said {
-            Some((of, size)) if of == quantity => Ok(size),
-            Some((of, _)) => self.unfit(format!(
-                "{} {column}: its unit is one of {}; give one of {}",
-                option(quantity),
-                of.name(),
-                quantity.name()
-            )),
-            None => {
-                let example = match quantity {
-                    Quantity::Time => "ms",
-                    Quantity::Force => "8.9N",
-                    Quantity::Acceleration => "98m/s2",
-                };
-                let why = match header.unit() {
-                    Some(unit) if unit::is_volts(unit) => format!("is in {unit}"),
-                    Some(unit) => format!(
-                        "is in `{}`, which is no unit of {} that is known",
-                        beginning(unit, LETTERS),
-                        quantity.name()
-                    ),
-                    None => "has no unit".to_owned(),
-                };
-                self.unfit(format!(
-                    "column {column} {why}; say what 1 of it is: {} {column}:{example}",
-                    option(quantity)
-                ))
+        let why = match given.or(own) {
+            Some((of, size)) if of == quantity => return Ok(size),
+            Some((Quantity::Voltage, _)) => format!("is in {}", header.written_unit().unwrap_or("V")),
+            Some((of, _)) => {
+                return self.unfit(format!(
+                    "{} {column}: its unit is one of {}; give one of {}",
+                    option(quantity),
+                    of.name(),
+                    quantity.name()
+                ));
             }
-        }
+            None => match header.written_unit() {
+                Some(unit) => format!(
+                    "is in `{}`, which is no unit of {} that is known",
+                    beginning(unit, LETTERS),
+                    quantity.name()
+                ),
+                None => "has no unit".to_owned(),
+            },
+        };
+        let example = match quantity {
+            Quantity::Time => "ms",
+            Quantity::Force => "8.9N",
+            _ => "98m/s2",
+        };
+        self.unfit(format!(
+            "column {column} {why}; say what 1 of it is: {} {column}:{example}",
+            option(quantity)
+        ))
     }
 
     /// The column of force or of acceleration, if there is one.
-    fn one(&self, choice: &Choice, quantity: Quantity) -> Result<Option<Picked>, WaveformError> {
+    fn signal(&self, choice: &Choice, quantity: Quantity) -> Result<Option<Picked>, WaveformError> {
         let wanted = choice.of(quantity);
         let of_unit: Vec<_> = self
             .headers
             .iter()
-            .filter(|header| header.size().is_some_and(|(of, _)| of == quantity))
+            .filter(|header| header.is_in(quantity))
             .collect();
         let header = match (wanted, &of_unit[..]) {
             (Some(wanted), _) => self.named(wanted, quantity)?,
             (None, [one]) => one,
             (None, []) => {
-                // A name without a unit counts as meant, and is told of.
-                let mut called = self
+                // A name that suggests the quantity is answered with how to give its unit.
+                let mut suggested = self
                     .headers
                     .iter()
-                    .filter(|header| header.called() == Some(quantity));
-                match called.next() {
-                    Some(header) if header.size().is_none() => header,
+                    .filter(|header| header.suggests() == Some(quantity));
+                match suggested.next() {
+                    Some(header)
+                        if header
+                            .unit()
+                            .is_none_or(|unit| unit.quantity == Quantity::Voltage) =>
+                    {
+                        header
+                    }
                     _ => return Ok(None),
                 }
             }
@@ -230,13 +290,11 @@ impl Table<'_> {
             }
         };
         let size = self.size(header, wanted, quantity)?;
-        Ok(Some(Picked {
-            place: header.place,
-            size,
-        }))
+        let place = header.place;
+        Ok(Some(Picked { place, size }))
     }
 
-    /// The column of time, and what is taken for granted of it.
+    /// The column of time, and a remark if seconds are assumed.
     fn time(&self, choice: &Choice) -> Result<(Picked, Option<String>), WaveformError> {
         if let Some(wanted) = &choice.time {
             let header = self.named(wanted, Quantity::Time)?;
@@ -244,9 +302,9 @@ impl Table<'_> {
             let place = header.place;
             return Ok((Picked { place, size }, None));
         }
-        let is_time = |header: &&Header| match header.size() {
-            Some((of, _)) => of == Quantity::Time,
-            None => header.called() == Some(Quantity::Time) && header.unit().is_none(),
+        let is_time = |header: &&Header| match header.written_unit() {
+            Some(_) => header.is_in(Quantity::Time),
+            None => header.suggests() == Some(Quantity::Time),
         };
         let Some(header) = self.headers.iter().find(is_time) else {
             return self.unfit(format!(
@@ -256,14 +314,52 @@ impl Table<'_> {
             ));
         };
         let place = header.place;
-        let granted = || format!("column {} has no unit and is taken for seconds", header.shown());
-        Ok(match header.size() {
-            Some((_, size)) => (Picked { place, size }, None),
-            None => (Picked { place, size: 1.0 }, Some(granted())),
+        let assumed = || format!("column {} has no unit and is taken for seconds", header.shown());
+        Ok(match header.unit() {
+            Some(unit) => (
+                Picked {
+                    place,
+                    size: unit.size,
+                },
+                None,
+            ),
+            None => (Picked { place, size: 1.0 }, Some(assumed())),
         })
     }
 
-    fn nothing(&self) -> WaveformError {
+    fn check_distinct(&self, picks: &Picks) -> Result<(), WaveformError> {
+        for (quantity, picked) in picks.each() {
+            let twin = picks
+                .each()
+                .find(|(other, twin)| *other != quantity && twin.place == picked.place);
+            if let Some((other, _)) = twin {
+                let column = self.at(picked.place).map_or_else(String::new, Header::numbered);
+                return self.unfit(format!(
+                    "{column} is taken for the {} and for the {}; give each its own with {} and {}",
+                    quantity.name(),
+                    other.name(),
+                    option(quantity),
+                    option(other)
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The remark on the columns that were taken.
+    fn taken(&self, picks: &Picks) -> String {
+        let taken = picks.each().filter_map(|(quantity, picked)| {
+            let column = self.at(picked.place)?.numbered();
+            let unit = match (picked.size, quantity.si()) {
+                (1.0, si) => format!("in {si}"),
+                (size, si) => format!("of {size} {si}"),
+            };
+            Some(format!("{} from {column} {unit}", quantity.name()))
+        });
+        taken.collect::<Vec<_>>().join(", ")
+    }
+
+    fn no_signal(&self) -> WaveformError {
         WaveformError::unfit(
             self.path,
             format!(
@@ -329,7 +425,43 @@ mod tests {
             let found = picked(&names, &force(wanted)).unwrap();
             assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }), "{wanted}");
             assert!(found.remarks[0].contains("taken for seconds"));
+            let taken = "time from column 1 `TIME` in s, force from column 2 `CH1` of 8.9 N";
+            assert_eq!(found.remarks[1], taken);
         }
+    }
+
+    #[test]
+    fn a_number_that_is_another_column_s_name_is_refused_and_can_be_told_apart() {
+        let keysight = ["x-axis", "1", "2"];
+        let error = picked(&keysight, &force("2:N")).unwrap_err();
+        let wanted = "--force-column 2: it is the name of column 3 and the number of column `1`; give name=2 or number=2";
+        assert!(error.ends_with(wanted), "{error}");
+        for (wanted, place) in [("name=2:N", 2), ("number=2:N", 1), ("3:N", 2), ("name=1:N", 1)] {
+            let found = picked(&keysight, &force(wanted)).unwrap();
+            assert_eq!(found.force.map(|picked| picked.place), Some(place), "{wanted}");
+        }
+        // Channels of a WAV file have their numbers for names.
+        let channels = picked(
+            &["1", "2"],
+            &Choice {
+                rate_hz: Some(1e5),
+                ..force("2:N")
+            },
+        );
+        assert_eq!(channels.unwrap().remarks, ["force from column 2 in N"]);
+    }
+
+    #[test]
+    fn one_column_is_not_taken_twice() {
+        let both = Choice {
+            acceleration: "CH1:g".parse().ok(),
+            ..force("CH1:N")
+        };
+        let error = picked(&["TIME", "CH1"], &both).unwrap_err();
+        let wanted = "column 2 `CH1` is taken for the force and for the acceleration; give each its own with";
+        assert!(error.contains(wanted), "{error}");
+        let error = picked(&["TIME", "CH1"], &force("TIME:N")).unwrap_err();
+        assert!(error.contains("for the time and for the force"), "{error}");
     }
 
     #[test]

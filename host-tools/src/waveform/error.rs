@@ -1,11 +1,11 @@
-//! Why a file is no waveform.
+//! The error of a file that is no waveform.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::recording::file::RecordingError;
 
-/// Why a file is no waveform. The message is one line: what, why, what next.
+/// A file is no waveform. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum WaveformError {
     /// The system refused.
@@ -13,18 +13,18 @@ pub enum WaveformError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's reason.
         source: io::Error,
     },
-    /// What is in the file does not make a waveform.
+    /// The content of the file is no waveform.
     #[error("{path}: {what}")]
     Unfit {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and what to do.
+        /// The defect, and what to do.
         what: String,
     },
-    /// It is a recording, and cannot be read as one.
+    /// A recording is damaged.
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
@@ -37,7 +37,7 @@ impl WaveformError {
         }
     }
 
-    /// With what else may be the reason.
+    /// Appends a second possible reason.
     pub(super) fn also(mut self, reason: Option<&str>) -> Self {
         if let (Self::Unfit { what, .. }, Some(reason)) = (&mut self, reason) {
             what.push_str("; ");

@@ -1,11 +1,10 @@
-//! Waveforms that were measured or made elsewhere: force and acceleration over time, from the files of other
-//! instruments.
+//! Force and acceleration over time from the files of other instruments.
 //!
 //! # Design
-//! What a file is, its first bytes say, not its name. Text tables and Parquet files have columns: their names
-//! tell quantity and unit, or the caller does ([`Choice`]). All readers hand their rows to one place
-//! (`rows.rs`), which refuses what is no waveform: time that does not go on, values that are missing, gaps.
-//! What comes out is in SI units, begins at rest and can be asked at any time ([`trace::Trace`]).
+//! The first bytes of a file tell its form, its name does not. Text tables and Parquet files have columns,
+//! whose names give quantity and unit unless the caller does ([`Choice`]). All readers push their rows into
+//! one place (`rows.rs`), which refuses disordered times, missing values and gaps. A [`Waveform`] is in SI
+//! units, begins at rest, and has a value at any time ([`trace::Trace`]).
 
 mod choice;
 mod columns;
@@ -17,20 +16,19 @@ mod rows;
 mod signals;
 mod text;
 pub mod trace;
-pub mod unit;
 mod wav;
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-pub use choice::{Choice, Wanted};
+pub use choice::{Address, Choice, Wanted};
 pub use error::WaveformError;
 pub use signals::Waveform;
 pub use trace::Trace;
 
 impl Waveform {
-    /// Reads a file. `bead` says whose strikes are meant, if it is a recording of several beads.
+    /// Reads a file; of a recording of several beads, a strike of bead number `bead`.
     ///
     /// # Errors
     /// The file cannot be read, or is no waveform with units; the message is one line: what, why, what next.

@@ -1,44 +1,46 @@
-//! Rows on their way from a file: what is no waveform is refused here, whatever the file was.
+//! Rows of any file on their way into a waveform. Gaps, disorder and odd values are refused here.
 
 use std::path::Path;
 
+use crate::tables::unit::Quantity;
+use crate::waveform::choice::Choice;
+use crate::waveform::columns::Picks;
 use crate::waveform::error::WaveformError;
 use crate::waveform::signals::Waveform;
 use crate::waveform::trace::{Times, Trace, thinned, zeroed};
-use crate::waveform::unit::Quantity;
 
-/// Rows of a file at most: three columns of them take 240 MB.
+/// Rows of a waveform at most: three columns of them take 240 MB.
 pub(super) const MOST: usize = 10_000_000;
-/// Greatest value in SI units, so that sums and differences have an end. Scenarios have the same.
+/// Greatest value in SI units, as in scenarios: sums and differences stay finite.
 const GREATEST: f64 = 1e30;
 /// Rows of a waveform at least.
 const LEAST: usize = 8;
-/// A step of time that is longer than this many others is a gap.
+/// Shortest gap, in usual steps of time.
 const GAP: f64 = 1.5;
 
-/// A bead takes the acceleration this long after the force of the same scan, s: two conversions of 27 cycles
-/// at 21 MHz.
+/// Delay of a bead's acceleration behind the force of the same scan, s: two conversions of 27 cycles at
+/// 21 MHz.
 pub(super) const ACCELERATION_LATER: f64 = 2.0 * 27.0 / 21e6;
 
 /// The rows of a file, in SI units.
 pub(super) struct Rows<'a> {
     path: &'a Path,
-    /// What the file calls a row: `line`, `row`, `sample`.
+    /// Word for a row in messages: `line`, `row`, `sample`.
     row: &'static str,
     rate_hz: Option<f64>,
     count: usize,
     time: Vec<f64>,
     force: Option<Vec<f64>>,
     acceleration: Option<Vec<f64>>,
-    /// The time from which its rows count, s.
+    /// Offset of the rows' times, s.
     pub(super) since: f64,
-    /// How much later the acceleration was taken than the force of the same row, s.
+    /// Delay of the acceleration behind the force of the same row, s.
     pub(super) acceleration_later: f64,
     pub(super) remarks: Vec<String>,
 }
 
 impl<'a> Rows<'a> {
-    /// No rows yet. With a rate, time is not read.
+    /// No rows yet, of force and acceleration as `of` says. With a rate, times are not used.
     pub(super) fn new(path: &'a Path, row: &'static str, rate_hz: Option<f64>, of: [bool; 2]) -> Self {
         let [force, acceleration] = of.map(|there| there.then(Vec::new));
         Self {
@@ -55,12 +57,23 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// No rows yet, of the columns of `picks`.
+    pub(super) fn picked(path: &'a Path, row: &'static str, rate_hz: Option<f64>, picks: &Picks) -> Self {
+        let of = [picks.force.is_some(), picks.acceleration.is_some()];
+        let mut rows = Self::new(path, row, rate_hz, of);
+        rows.remarks.clone_from(&picks.remarks);
+        rows
+    }
+
     fn unfit<T>(&self, what: String) -> Result<T, WaveformError> {
         Err(WaveformError::unfit(self.path, what))
     }
 
-    /// The next row, which the file knows by `number`: time, force, acceleration, none where there is no
-    /// number.
+    /// Appends the row that messages call `number`: time, force and acceleration in SI units, `None` where
+    /// the file has no number.
+    ///
+    /// # Errors
+    /// A value is missing or too great, or the time does not increase.
     pub(super) fn push(&mut self, number: u64, values: [Option<f64>; 3]) -> Result<(), WaveformError> {
         let row = self.row;
         if self.count == MOST {
@@ -119,29 +132,10 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// They are those of one strike of a table with `found` of them, which a bead measured.
-    pub(super) fn of_a_bead(&mut self, found: usize, wanted: Option<usize>) -> Result<(), WaveformError> {
-        self.acceleration_later = ACCELERATION_LATER;
-        match wanted {
-            Some(wanted) if self.count == 0 => self.unfit(format!(
-                "has {found} strikes, and none has the id {wanted}; --waveform-strike chooses"
-            )),
-            None if found > 1 => {
-                let what =
-                    format!("it has {found} strikes, and that of id 0 is taken; --waveform-strike chooses");
-                self.remarks.push(what);
-                Ok(())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// A strike was asked for, and the file does not tell strikes apart.
-    pub(super) fn has_no_strikes(&self) -> Result<(), WaveformError> {
-        self.unfit("has no column `id` that tells strikes apart; leave --waveform-strike out".to_owned())
-    }
-
-    /// The waveform, when all rows are there.
+    /// Makes the waveform of all rows.
+    ///
+    /// # Errors
+    /// There are too few rows, or a gap in time.
     pub(super) fn end(mut self) -> Result<Waveform, WaveformError> {
         if self.count < LEAST {
             let what = format!(
@@ -163,7 +157,7 @@ impl<'a> Rows<'a> {
             let offset = zeroed(&mut values);
             let (times, values, middle) = thinned(&times, values);
             let trace = Trace::new(times, values, later + middle);
-            remarks.extend(told(quantity, &trace, offset));
+            remarks.extend(self::remarks(quantity, &trace, offset));
             Some(trace)
         });
         Ok(Waveform {
@@ -174,7 +168,7 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// The times from the first row on. Rows without gaps that are even but for rounding are taken as even.
+    /// The times since the first row. Steps that are even but for rounding become even.
     fn times(&mut self) -> Result<Times, WaveformError> {
         if let Some(rate_hz) = self.rate_hz {
             return Ok(Times::Even {
@@ -197,7 +191,7 @@ impl<'a> Rows<'a> {
             ));
         }
         let start = time[0];
-        // Instruments round the time, so a step may be out by as much as it is long.
+        // Instruments round times, by up to a whole step.
         let even = (time[self.count - 1] - start) / (self.count - 1) as f64;
         let is_even = (0..).zip(&time).all(|(row, time)| {
             let row = f64::from(row);
@@ -214,40 +208,94 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// What a user should know of a quantity that was read.
-fn told(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
+/// Remarks on the zero, the sign, the end and the rate of a quantity.
+fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
     let (name, si) = (quantity.name(), quantity.si());
     let (_, highest) = trace.highest();
     let greatest = trace.greatest();
-    let mut told = Vec::new();
+    let mut remarks = Vec::new();
     if greatest == 0.0 {
         return vec![format!("the {name} is {offset} {si} all the time")];
     }
     if offset.abs() > 0.01 * greatest {
-        told.push(format!(
+        remarks.push(format!(
             "the {name} begins at {offset:.4} {si}, which is taken as its zero"
         ));
     }
     if quantity == Quantity::Force && highest < 0.5 * greatest {
-        told.push(
+        remarks.push(
             "the force is mostly below zero, and compression counts as positive; -1N as its unit turns it over"
                 .to_owned(),
         );
     }
     let last = trace.last();
     if last.abs() > 0.05 * greatest {
-        told.push(format!(
+        remarks.push(format!(
             "the {name} ends at {last:.4} {si}, {:.0} % of its highest, and not at rest",
             100.0 * last.abs() / greatest
         ));
     }
     // The error of the cubic at the top, from the test in trace.rs.
     if let Some(wide) = trace.rows_wide().filter(|wide| *wide < 6.0) {
-        told.push(format!(
+        remarks.push(format!(
             "the {name}'s pulse is only {wide:.1} rows wide at half its height, so its top is known to some {:.1} % at best; \
              sample faster",
             100.0 * (1.9 / wide).powi(4).min(0.5)
         ));
     }
-    told
+    remarks
+}
+
+/// The strikes of a table of `bead export`, of which one is wanted.
+pub(super) struct Strikes {
+    /// True if a column tells strikes apart.
+    has_column: bool,
+    wanted: Option<usize>,
+    last: Option<f64>,
+    found: usize,
+}
+
+impl Strikes {
+    pub(super) fn new(picks: &Picks, choice: &Choice) -> Self {
+        Self {
+            has_column: picks.strike.is_some(),
+            wanted: choice.strike,
+            last: None,
+            found: 0,
+        }
+    }
+
+    /// True for a row of the wanted strike, or of no strike.
+    pub(super) fn is_wanted(&mut self, strike: Option<f64>) -> bool {
+        let Some(strike) = strike else { return true };
+        if self.last.replace(strike) != Some(strike) {
+            self.found += 1;
+        }
+        strike == self.wanted.unwrap_or(0) as f64
+    }
+
+    /// Makes the waveform of the wanted strike's rows.
+    pub(super) fn finish(self, mut rows: Rows<'_>) -> Result<Waveform, WaveformError> {
+        let found = self.found;
+        match (self.has_column, self.wanted) {
+            (false, Some(_)) => {
+                return rows.unfit(
+                    "has no column `id` that tells strikes apart; leave --waveform-strike out".to_owned(),
+                );
+            }
+            (true, Some(wanted)) if rows.count == 0 => {
+                return rows.unfit(format!(
+                    "has {found} strikes, and none has the id {wanted}; --waveform-strike chooses"
+                ));
+            }
+            (true, None) if found > 1 => rows.remarks.push(format!(
+                "it has {found} strikes, and that of id 0 is taken; --waveform-strike chooses"
+            )),
+            _ => {}
+        }
+        if self.has_column {
+            rows.acceleration_later = ACCELERATION_LATER;
+        }
+        rows.end()
+    }
 }

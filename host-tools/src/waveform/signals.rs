@@ -1,4 +1,4 @@
-//! What is read of a file.
+//! A waveform.
 
 use crate::waveform::trace::Trace;
 
@@ -9,14 +9,14 @@ pub struct Waveform {
     pub force: Option<Trace>,
     /// Acceleration, m/s².
     pub acceleration: Option<Trace>,
-    /// The time of the first row as the file has it, s. The traces count from there.
+    /// Time of the first row in the file, s. The traces count from there.
     pub start: f64,
-    /// What was taken for granted, or done to the values: a sentence each.
+    /// Assumptions about the file and changes to the values, a sentence each.
     pub remarks: Vec<String>,
 }
 
 impl Waveform {
-    /// From the first of its values to the last, s.
+    /// Duration from the first value to the last, s.
     pub fn seconds(&self) -> f64 {
         let ends = [&self.force, &self.acceleration].map(|trace| trace.as_ref().map_or(0.0, Trace::end));
         f64::max(ends[0], ends[1])

@@ -1,33 +1,32 @@
 //! Text tables: CSV as oscilloscopes, spreadsheets and programs write it.
 //!
 //! # Design
-//! No two instruments write the same head, so the end of the first lines tells what a row is: the line with
-//! the most numbers. The table begins where all of its columns have numbers, and the lines above are its
-//! head: names, perhaps with a line of units below, or settings of the instrument, which are passed over.
-//! Fields are separated by semicolons, tabs, commas or blanks; where it is no comma, a comma may be the
-//! decimal sign. Names that are more or fewer than the columns would stand above others than they are of:
-//! such columns have numbers only.
+//! Every instrument writes its own head. The last of the first lines with the most numbers is a row, and the
+//! table begins at the first line with numbers in the same columns. The lines above are the head: names,
+//! perhaps with a line of units below, or settings of the instrument, which are skipped. Semicolons, tabs,
+//! commas or blanks separate fields; a comma may be the decimal sign where it separates nothing. A head with
+//! more or fewer names than columns would name the wrong ones, so such columns have numbers for names.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use crate::recording::printable::beginning;
-use crate::waveform::choice::Choice;
+use crate::tables::printable::beginning;
+use crate::tables::unit;
+use crate::waveform::choice::{Address, Choice};
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
-use crate::waveform::rows::Rows;
+use crate::waveform::rows::{Rows, Strikes};
 use crate::waveform::signals::Waveform;
-use crate::waveform::unit;
 
-/// Lines that are looked at before the table is read.
+/// Lines that are examined before the table is read.
 const AHEAD: usize = 400;
 /// Bytes of a line at most.
 const LONGEST: u64 = 1 << 16;
-/// Steps of time that a head may tell, s.
+/// Range of a step of time in a head, s.
 const STEPS: RangeInclusive<f64> = 1e-30..=1e30;
-/// What may separate fields; the first of equals wins.
+/// Separators of fields; the first of equals wins.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
 /// Reads a text table.
@@ -65,7 +64,12 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         (given, _) => (given, choice),
     };
     let named = [&choice.time, &choice.force, &choice.acceleration];
-    let has_second = named.into_iter().flatten().any(|wanted| wanted.column == "2");
+    let is_second =
+        |address: &Address| matches!(address, Address::Either(text) | Address::Number(text) if text == "2");
+    let has_second = named
+        .into_iter()
+        .flatten()
+        .any(|wanted| is_second(&wanted.column));
     if layout.is_perhaps_one && !has_second {
         let row = ahead.get(layout.begins).map_or("", |row| row.trim());
         return Err(WaveformError::unfit(
@@ -85,17 +89,10 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         });
         error.also(why.as_deref())
     })?;
-    let mut rows = Rows::new(
-        path,
-        "line",
-        rate_hz,
-        [picks.force.is_some(), picks.acceleration.is_some()],
-    );
-    rows.remarks.extend(picks.remarks);
+    let mut rows = Rows::picked(path, "line", rate_hz, &picks);
     let columns = [picks.time, picks.force, picks.acceleration];
-    let wanted = choice.strike.unwrap_or(0) as f64;
-    let mut strikes = Strikes::default();
-    let mut take = |number: u64, line: &str| -> Result<(), WaveformError> {
+    let mut strikes = Strikes::new(&picks, choice);
+    let mut push = |number: u64, line: &str| -> Result<(), WaveformError> {
         if is_passed(line) {
             return Ok(());
         }
@@ -111,57 +108,25 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
                 strike = value_of(field, layout.separator);
             }
         }
-        if strike.is_some_and(|strike| strikes.passes_over(strike, wanted)) {
-            return Ok(());
+        if strikes.is_wanted(strike) {
+            rows.push(number, values)?;
         }
-        rows.push(number, values)
+        Ok(())
     };
     for (number, line) in (1..).zip(&ahead).skip(layout.begins) {
-        take(number, line)?;
+        push(number, line)?;
     }
     while let Some(line) = lines.next()? {
-        take(lines.number, &line)?;
+        push(lines.number, &line)?;
     }
-    finish(rows, picks.strike.is_some(), &strikes, choice)
+    strikes.finish(rows)
 }
 
-/// The strikes that were met in a table of several.
-#[derive(Default)]
-pub(super) struct Strikes {
-    last: Option<f64>,
-    found: usize,
-}
-
-impl Strikes {
-    /// Whether a row of this strike is not the wanted one's.
-    pub(super) fn passes_over(&mut self, strike: f64, wanted: f64) -> bool {
-        if self.last.replace(strike) != Some(strike) {
-            self.found += 1;
-        }
-        strike != wanted
-    }
-}
-
-/// The waveform of a table that may be one that `bead export` wrote.
-pub(super) fn finish(
-    mut rows: Rows<'_>,
-    is_exported: bool,
-    strikes: &Strikes,
-    choice: &Choice,
-) -> Result<Waveform, WaveformError> {
-    if is_exported {
-        rows.of_a_bead(strikes.found, choice.strike)?;
-    } else if choice.strike.is_some() {
-        rows.has_no_strikes()?;
-    }
-    rows.end()
-}
-
-/// Lines of a file, as text.
+/// Reads lines of a file as text.
 struct Lines<'a> {
     path: &'a Path,
     input: BufReader<File>,
-    /// Of the line that was read last, from 1.
+    /// Number of the last line, from 1.
     number: u64,
 }
 
@@ -192,24 +157,24 @@ impl Lines<'_> {
         let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         Ok(Some(match std::str::from_utf8(&bytes[start..]) {
             Ok(text) => text.to_owned(),
-            // Older instruments write µ and ² in Latin-1, whose numbers are those of Unicode.
+            // Older instruments write µ and ² in Latin-1, whose code points are those of Unicode.
             Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect(),
         }))
     }
 }
 
-/// How a table is laid out.
+/// The layout of a table.
 #[derive(Debug, PartialEq)]
 struct Layout {
     separator: char,
     headers: Vec<Header>,
-    /// Lines above its first row.
+    /// Number of lines above its first row.
     begins: usize,
-    /// Rows a second, where its head says it and no column has the time.
+    /// Rows a second, if the head has the step of time and no column has the time.
     rate_hz: Option<f64>,
-    /// How many names its head has and how many columns its rows, if names are left out for that.
+    /// Names of the head and columns of the rows, if their counts differ and the names are not used.
     misnamed: Option<(usize, usize)>,
-    /// Whether its two columns may be one whose decimal sign is the comma.
+    /// True if its two columns may be one with decimal commas.
     is_perhaps_one: bool,
 }
 
@@ -221,8 +186,7 @@ impl Layout {
                 .enumerate();
             values.filter_map(|(place, value)| value.map(|_| place)).collect()
         };
-        // The last of the lines with the most numbers. A separator that leaves fewer odd fields is the better
-        // one.
+        // The last of the lines with the most numbers, by the separator that leaves the fewest other fields.
         let mut best: Option<(f64, usize, char, usize)> = None;
         for separator in SEPARATORS {
             for (at, line) in lines.iter().enumerate().rev() {
@@ -237,7 +201,7 @@ impl Layout {
         let (_, _, separator, at) = best?;
         let places = numbers(&lines[at], separator);
         let is_row = |line: &String| {
-            // Both are in order, and may be long.
+            // Both lists are sorted.
             let found = numbers(line, separator);
             places.iter().all(|place| found.binary_search(place).is_ok())
         };
@@ -248,9 +212,7 @@ impl Layout {
             .filter(|line| !line.trim().is_empty())
             .map(|line| fields(line, separator).collect())
             .collect();
-        let is_unit = |field: &&str| {
-            field.is_empty() || unit::unit(field).is_some() || unit::is_volts(field) || *field == "Sequence"
-        };
+        let is_unit = |field: &&str| field.is_empty() || unit::parse(field).is_some() || *field == "Sequence";
         let of_places = |row: &Vec<&str>| -> bool {
             let mut own = places.iter().filter_map(|place| row.get(*place));
             own.clone().count() > 0 && own.all(is_unit)
@@ -260,8 +222,7 @@ impl Layout {
             let mut names = names.iter();
             names.position(|name| name.eq_ignore_ascii_case("increment"))
         };
-        // Empty fields at the end may be there or not. Above the step of time, a head has names of settings
-        // too.
+        // Empty fields at the end do not count. A head with the step of time names settings too.
         let fits = |names: &Vec<&str>| {
             let alike = filled(names) <= row.len() && filled(&row) <= names.len();
             alike || of_step(names).is_some()
@@ -286,7 +247,7 @@ impl Layout {
             name: at(names, *place).unwrap_or_else(|| (place + 1).to_string()),
             unit: at(units, *place).map(|unit| unit.trim_matches(['(', ')', '[', ']', ' ']).to_owned()),
         };
-        // Some instruments number their rows and write the step of time into the head.
+        // Rigol numbers its rows and writes the step of time into the head.
         let place = names.and_then(of_step);
         let step = place.and_then(|place| value_of(units?.get(place)?, separator));
         Some(Self {
@@ -300,18 +261,18 @@ impl Layout {
     }
 }
 
-/// How many fields there are without the empty ones at the end.
+/// Number of fields without the empty ones at the end.
 fn filled(fields: &[&str]) -> usize {
     let last = fields.iter().rposition(|field| !field.is_empty());
     last.map_or(0, |last| last + 1)
 }
 
-/// Whether a line among the rows is none.
+/// True for a line among the rows that holds none.
 fn is_passed(line: &str) -> bool {
     line.trim().is_empty() || line.starts_with('#')
 }
 
-/// Whether a line may be one number whose decimal sign is the comma.
+/// True for a line that may be one number with a decimal comma.
 fn may_be_one(line: &str) -> bool {
     let (whole, decimals) = line.trim().split_once(',').unwrap_or((line.trim(), "0"));
     let whole = whole.trim_start_matches(['+', '-']);
@@ -319,10 +280,10 @@ fn may_be_one(line: &str) -> bool {
     is_whole && decimals.starts_with(|first: char| first.is_ascii_digit()) && !decimals.contains(['.', ','])
 }
 
-/// The fields of a line. A separator within double quotes is none.
+/// Splits a line into fields. Double quotes hide separators.
 fn fields(line: &str, separator: char) -> impl Iterator<Item = &str> {
     let mut quoted = false;
-    // Blanks in a row are one separator.
+    // Adjacent blanks are one separator.
     let line = if separator == ' ' { line.trim() } else { line };
     let pieces = line.split(move |c: char| {
         quoted ^= c == '"';
@@ -334,7 +295,7 @@ fn fields(line: &str, separator: char) -> impl Iterator<Item = &str> {
         .map(|piece| piece.trim().trim_matches('"').trim())
 }
 
-/// The number in a field, if it is one and nothing else.
+/// The number in a field that holds nothing else.
 fn value_of(field: &str, separator: char) -> Option<f64> {
     let starts = field.chars().next()?;
     if !(starts.is_ascii_digit() || "+-.,".contains(starts)) {

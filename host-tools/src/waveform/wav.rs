@@ -1,19 +1,19 @@
-//! WAV files: a channel for each sensor, at an even rate. They have no units.
+//! WAV files: a channel for each sensor, without units.
 
 use std::io::ErrorKind;
 use std::path::Path;
 
 use hound::{Error, SampleFormat, WavReader};
 
+use crate::tables::unit::Quantity;
 use crate::waveform::choice::{Choice, option};
-use crate::waveform::columns::{Header, pick};
+use crate::waveform::columns::{Header, Picked, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::riff::plain;
 use crate::waveform::rows::Rows;
 use crate::waveform::signals::Waveform;
-use crate::waveform::unit::Quantity;
 
-/// Reads a WAV file. Its full scale is 1 of a channel, of floating-point samples as of whole ones.
+/// Reads a WAV file. The full scale of a channel is 1, for float and whole samples alike.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unread = |error: Error| match error {
         Error::IoError(source) if source.raw_os_error().is_some() => WaveformError::File {
@@ -62,19 +62,14 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         unit: None,
     };
     let headers: Vec<_> = (0..channels).map(channel).collect();
-    // The file knows its rate; one that is given corrects it.
+    // A given rate corrects that of the file.
     let rate_hz = choice.rate_hz.unwrap_or(f64::from(spec.sample_rate));
     let choice = Choice {
         rate_hz: Some(rate_hz),
         ..choice.clone()
     };
     let picks = pick(path, &headers, &choice)?;
-    let mut rows = Rows::new(
-        path,
-        "sample",
-        Some(rate_hz),
-        [picks.force.is_some(), picks.acceleration.is_some()],
-    );
+    let mut rows = Rows::picked(path, "sample", Some(rate_hz), &picks);
     let mut row = vec![0.0; channels];
     let (mut at, mut number) = (0, 0);
     let mut take = |sample: f64| -> Result<(), WaveformError> {
@@ -84,9 +79,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             return Ok(());
         }
         (at, number) = (0, number + 1);
-        let value = |picked: Option<crate::waveform::columns::Picked>| {
-            picked.map(|picked| row[picked.place] * picked.size)
-        };
+        let value = |picked: Option<Picked>| picked.map(|picked| row[picked.place] * picked.size);
         rows.push(number, [None, value(picks.force), value(picks.acceleration)])
     };
     match spec.sample_format {

@@ -10,7 +10,7 @@ use bead::recording::file::{About, Recording, RecordingError, State, Writer};
 use bead::recording::frames::Item;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::{Strikes, assemble};
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message as _;
 use prost::encoding::{WireType, decode_key, decode_varint};

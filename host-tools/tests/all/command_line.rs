@@ -9,7 +9,7 @@ use crate::program;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Recording, Writer};
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};

@@ -10,7 +10,7 @@ use bead::recording::file::{About, Recording, Writer};
 use bead::recording::frames::Item;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::{RecordedStrike, assemble};
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_wire::{MAX_FRAME, Message, encode};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;

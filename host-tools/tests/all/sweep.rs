@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use bead::export::Cell;
-use bead::export::read::Reading;
-use bead::export::table::{Parquet, Table};
+use bead::tables::{Cell, Reader, Writer};
 use hertz_chain::{EnsembleOptions, Scenario, ensemble};
 use serde_json::Value;
 
@@ -84,14 +82,14 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 /// The cells of a column.
-fn cells(table: &Reading, column: &str) -> Vec<Cell> {
+fn cells(table: &Reader, column: &str) -> Vec<Cell> {
     let place = table.columns().iter().position(|one| one.name == column);
-    let rows = table.groups().flat_map(|group| group.unwrap().into_rows());
+    let rows = table.all_batches().flat_map(|batch| batch.unwrap().into_rows());
     rows.map(|mut row| row.swap_remove(place.unwrap())).collect()
 }
 
 fn numbers(path: &Path, column: &str) -> Vec<f64> {
-    let cells = cells(&Reading::open(path).unwrap(), column);
+    let cells = cells(&Reader::open(path).unwrap(), column);
     let number = |cell| match cell {
         Cell::Number(number) => number,
         Cell::Whole(number) => number as f64,
@@ -105,15 +103,15 @@ fn each_row_is_the_run_of_its_scenario() {
     let folder = folder(SWEEP);
     let said = done(folder.path(), "sweep.toml --out a.parquet");
     assert!(said.contains("a.parquet: 72 points"), "{said}");
-    let index = r#"set_index(["striker_velocity_m_per_s", "tuned", "sample"]).to_xarray()"#;
+    let index = r#"set_index(["striker_velocity_mps", "tuned", "sample"]).to_xarray()"#;
     assert!(said.contains(index), "{said}");
     assert_eq!(names(folder.path()), ["a.parquet", "paper.toml", "sweep.toml"]);
 
     let path = folder.path().join("a.parquet");
     let of = |column: &str| numbers(&path, column);
-    let velocity = of("striker_velocity_m_per_s");
+    let velocity = of("striker_velocity_mps");
     assert_eq!((velocity[0], velocity[71]), (0.2, 1.2));
-    let (stiffness, tuned) = (of("intruder_0_stiffness_N_per_m"), of("tuned"));
+    let (stiffness, tuned) = (of("intruder_0_stiffness_n_per_m"), of("tuned"));
     let (relaxation, mass) = (of("chain_relaxation_s"), of("intruder_0_mass_kg"));
     let mut scenarios = Vec::new();
     for row in 0..72 {
@@ -127,9 +125,9 @@ fn each_row_is_the_run_of_its_scenario() {
     }
     let options = EnsembleOptions::default().with_peaks(&[1, 8]);
     let outcomes = ensemble(&scenarios, &options);
-    let (absorbed, of_injected) = (of("absorbed_J"), of("absorbed_of_injected"));
-    let (peak, arrival) = (of("contact_8_peak_force_N"), of("contact_8_peak_time_s"));
-    let (of_bead, behind) = (of("bead_8_intruder_dissipated_J"), of("behind_bead_8_J"));
+    let (absorbed, of_injected) = (of("absorbed_j"), of("absorbed_of_injected"));
+    let (peak, arrival) = (of("contact_8_peak_force_n"), of("contact_8_peak_time_s"));
+    let (of_bead, behind) = (of("bead_8_intruder_dissipated_j"), of("behind_bead_8_j"));
     for (row, outcome) in outcomes.into_iter().enumerate() {
         let outcome = outcome.unwrap();
         assert_eq!(absorbed[row].to_bits(), outcome.absorbed().to_bits(), "row {row}");
@@ -227,7 +225,7 @@ fn a_point_that_cannot_be_run_is_a_row_with_its_error() {
     assert!(output.status.success());
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("2 of 4 points could not be computed"), "{said}");
-    let table = Reading::open(&folder.path().join("a.parquet")).unwrap();
+    let table = Reader::open(&folder.path().join("a.parquet")).unwrap();
     let errors = cells(&table, "error");
     assert!(
         matches!(&errors[1], Cell::Text(why) if why.contains("as heavy as its host")),
@@ -238,7 +236,7 @@ fn a_point_that_cannot_be_run_is_a_row_with_its_error() {
         "{errors:?}"
     );
     assert_eq!((&errors[0], &errors[2]), (&Cell::Null, &Cell::Null));
-    let absorbed = cells(&table, "absorbed_J");
+    let absorbed = cells(&table, "absorbed_j");
     assert!(
         absorbed
             .iter()
@@ -295,18 +293,18 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     let whole = fs::read(at("one/part-00004.parquet")).unwrap();
     fs::write(at("one/part-00004.parquet"), &whole[..whole.len() / 2]).unwrap();
     fs::remove_file(at("one/part-00003.parquet")).unwrap();
-    assert!(refused(path, "status one").contains("is no Parquet file"));
+    assert!(refused(path, "status one").contains("is no Parquet file, or a damaged one"));
     // One whose columns stand in another order: their values would be taken for each other's.
     let (sound, other) = (at("one/part-00002.parquet"), at("other.parquet"));
-    let part = Reading::open(&sound).unwrap();
-    let said = ["plan", "chunk"].map(|key| (key, part.said(key).unwrap()));
+    let part = Reader::open(&sound).unwrap();
+    let notes = ["plan", "chunk"].map(|key| (key, part.note(key).unwrap()));
     let turned: Vec<_> = part.columns().iter().rev().cloned().collect();
     let mut file = fs::File::create(&other).unwrap();
-    let mut table = Parquet::signed(&mut file, "sweep", &turned, &said).unwrap();
-    for row in part.groups().flat_map(|group| group.unwrap().into_rows()) {
+    let mut table = Writer::parquet(&mut file, "sweep", &turned, &notes).unwrap();
+    for row in part.all_batches().flat_map(|batch| batch.unwrap().into_rows()) {
         table.push(row.into_iter().rev().collect()).unwrap();
     }
-    Box::new(table).finish().unwrap();
+    table.finish().unwrap();
     fs::rename(&other, &sound).unwrap();
     assert!(refused(path, "status one").contains("is not chunk 2 of this plan: it has other columns"));
     // A plan that was edited.
@@ -379,7 +377,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
     assert!(!path.join("a.parquet").exists(), "it says so before the work");
     done(
         path,
-        "sweep.toml --out a.parquet --plot a.svg --at sample=3 --x striker_velocity_m_per_s --y tuned",
+        "sweep.toml --out a.parquet --plot a.svg --at sample=3 --x striker_velocity_mps --y tuned",
     );
     let map = fs::read_to_string(path.join("a.svg")).unwrap();
     assert_eq!(
@@ -388,7 +386,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         "the bar's colours, and a cell for each point"
     );
     assert!(map.contains("striker velocity (m/s)") && map.contains("absorbed (µJ)"));
-    let curves = "plot a.parquet --x striker_velocity_m_per_s --y contact_8_peak_force_N --by tuned --at chain_relaxation_s=0";
+    let curves = "plot a.parquet --x striker_velocity_mps --y contact_8_peak_force_n --by tuned --at chain_relaxation_s=0";
     done(path, &format!("{curves} --out b.svg"));
     let drawn = fs::read_to_string(path.join("b.svg")).unwrap();
     assert!(drawn.contains("contact 8 peak force (N)") && drawn.contains("by tuned"));
@@ -396,7 +394,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         ("--x nothing", "nothing is no column of an axis"),
         ("--map nothing --at sample=0", "nothing is no result"),
         (
-            "--x tuned --y intruder_0_stiffness_N_per_m --map --at sample=1",
+            "--x tuned --y intruder_0_stiffness_n_per_m --map --at sample=1",
             "are of one",
         ),
         ("--at sample", "write COLUMN=VALUE"),
@@ -411,7 +409,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         "{said}"
     );
     fs::write(path.join("x.parquet"), "PAR1").unwrap();
-    assert!(refused(path, "plot x.parquet --out c.svg").contains("is no Parquet file"));
+    assert!(refused(path, "plot x.parquet --out c.svg").contains("is no Parquet file, or a damaged one"));
 }
 
 #[test]
@@ -424,7 +422,7 @@ fn a_picture_that_cannot_be_drawn_hides_no_summary() {
     );
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(said.contains("no point has a value of absorbed_J"), "{said}");
+    assert!(said.contains("no point with a value of absorbed_j"), "{said}");
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["failed"], 2);
     assert_eq!(names(folder.path()), ["a.parquet", "paper.toml", "sweep.toml"]);
@@ -447,7 +445,7 @@ fn the_printed_line_makes_a_cube_in_xarray() {
     let said = done(folder.path(), "sweep.toml --out a.parquet --format json");
     let said: Value = serde_json::from_str(&said).unwrap();
     let script = format!(
-        "import pandas\ncube = {}\nprint(dict(cube.sizes), float(cube.absorbed_J[2, 1, 5]))",
+        "import pandas\ncube = {}\nprint(dict(cube.sizes), float(cube.absorbed_j[2, 1, 5]))",
         said["xarray"].as_str().unwrap()
     );
     let output = Command::new(python)
@@ -456,8 +454,8 @@ fn the_printed_line_makes_a_cube_in_xarray() {
         .output()
         .unwrap();
     let printed = String::from_utf8(output.stdout).unwrap();
-    let expected = numbers(&folder.path().join("a.parquet"), "absorbed_J")[2 * 24 + 8 + 5];
-    let sizes = "{'striker_velocity_m_per_s': 3, 'tuned': 3, 'sample': 8} ";
+    let expected = numbers(&folder.path().join("a.parquet"), "absorbed_j")[2 * 24 + 8 + 5];
+    let sizes = "{'striker_velocity_mps': 3, 'tuned': 3, 'sample': 8} ";
     let value = printed.trim().strip_prefix(sizes);
     let value = value.unwrap_or_else(|| panic!("{printed} {}", String::from_utf8_lossy(&output.stderr)));
     assert_eq!(value.parse(), Ok(expected));

@@ -7,7 +7,7 @@ use std::process::Output;
 
 use crate::program;
 use bead::recording::file::{About, Writer};
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -13,7 +13,7 @@ use bead::comparison::verdict::Echoes;
 use bead::recording::clock::CommonTime;
 use bead::recording::file::{About, Origin, Part, Recording, State, Writer};
 use bead::recording::received::Received;
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_tests::{image, workspace};
 use hertz_chain::{Scenario, Solution};
 

@@ -8,7 +8,7 @@ use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::clock::compare;
 use bead::recording::file::{About, Writer};
 use bead::recording::strikes::assemble;
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_tests::{Heard, image, paper_at};
 use bead_wire::Message;
 use bead_wire::Sync;

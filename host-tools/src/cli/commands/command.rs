@@ -15,8 +15,8 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::{Answer, Conversation};
 use crate::recording::frames::Frame;
-use crate::recording::printable::one_line;
-use crate::recording::whole::Target;
+use crate::tables::printable::one_line;
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 A bead goes on measuring while it is asked; a reboot excepted.

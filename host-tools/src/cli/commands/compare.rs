@@ -26,7 +26,7 @@ use crate::comparison::velocity;
 use crate::comparison::verdict::{Echoes, Soundness, failure, other_length, overruns};
 use crate::recording::file::{Bead, Part};
 use crate::recording::received::Received;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \

@@ -14,7 +14,7 @@ use crate::comparison::reference_page::{ReferencePage, absorbed_row, rows};
 use crate::comparison::replay::replay;
 use crate::recording::file::Part;
 use crate::recording::received::Received;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 /// What is compared, and where the result goes.
 pub(super) struct Request<'a> {

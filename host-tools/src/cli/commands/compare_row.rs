@@ -22,7 +22,7 @@ use crate::comparison::verdict::{Echoes, other_length};
 use crate::recording::clock::CommonTime;
 use crate::recording::file::Part;
 use crate::recording::received::Received;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 /// What is to be made of a recording.
 pub(super) struct Wanted<'a> {

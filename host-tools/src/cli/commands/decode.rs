@@ -14,8 +14,8 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::recording::clock::{Fit, Segments, Tracker};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
-use crate::recording::printable::printable;
 use crate::recording::received::Received;
+use crate::tables::printable::printable;
 
 const AFTER_HELP: &str = "\
 Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a \

@@ -39,7 +39,7 @@ use crate::comparison::verdict::other_length;
 use crate::line::port::Address;
 use crate::recording::clock::CRYSTAL_PPM;
 use crate::recording::file::{About, Origin, Part, Writer};
-use crate::recording::whole::{Target, Unfinished};
+use crate::tables::whole::{Target, Unfinished};
 use crate::waveform::Waveform;
 
 const AFTER_HELP: &str = "\

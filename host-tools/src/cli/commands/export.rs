@@ -13,11 +13,11 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::export::strikes::Strikes;
-use crate::export::table::{Csv, Parquet, Table};
-use crate::export::{Column, samples, uff};
+use crate::export::{samples, uff};
 use crate::recording::file::RecordingError;
 use crate::recording::received::Received;
 use crate::recording::strikes::RecordedStrike;
+use crate::tables::{Column, Writer};
 
 const AFTER_HELP: &str = "\
 Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of \
@@ -211,20 +211,14 @@ fn tables(
     samples: &mut File,
     told: &mut Told,
 ) -> anyhow::Result<()> {
-    fn table<'a>(
-        form: Form,
-        file: &'a mut File,
-        name: &str,
-        columns: &[Column],
-    ) -> anyhow::Result<Box<dyn Table + 'a>> {
-        Ok(match form {
-            Form::Csv => Box::new(Csv::new(file, columns)?),
-            _ => Box::new(Parquet::new(file, name, columns)?),
-        })
-    }
+    const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
+    let table = |file, name, columns: &[Column]| match form {
+        Form::Csv => Writer::csv(file, columns),
+        _ => Writer::parquet(file, name, columns, &NOTES),
+    };
     let mut rows = Strikes::default();
-    let mut strike_table = table(form, strikes, "strikes", rows.columns())?;
-    let mut sample_table = table(form, samples, "samples", &samples::columns())?;
+    let mut strike_table = table(strikes, "strikes", rows.columns())?;
+    let mut sample_table = table(samples, "samples", &samples::columns())?;
     told.each(recordings, |id, recording, strike| {
         strike_table.push(rows.row(id, recording, strike))?;
         samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;

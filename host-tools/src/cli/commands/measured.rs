@@ -15,7 +15,7 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 /// Goals, as parts of the truth: of estimate A, and of B.
 const GOALS: [f64; 2] = [5e-3, 1e-2];

@@ -36,8 +36,8 @@ use crate::recording::again::Whole;
 use crate::recording::clock::{Live, Segment};
 use crate::recording::file::{About, Lane, Origin, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item, Reader};
-use crate::recording::printable::one_line;
-use crate::recording::whole::Target;
+use crate::tables::printable::one_line;
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Several beads go into one recording, on the host's time: --port for each, or --port all for every serial \

@@ -15,7 +15,7 @@ use crate::cli::place::{self, Kind, Overwrite};
 use crate::recording::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::recording::raw;
-use crate::recording::whole::{Target, Unfinished};
+use crate::tables::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \

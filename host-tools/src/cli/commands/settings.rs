@@ -20,7 +20,7 @@ use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::{Answer, Conversation, LineError};
 use crate::line::key;
 use crate::recording::physical::Physical;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a \

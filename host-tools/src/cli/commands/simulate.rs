@@ -1,6 +1,6 @@
 //! `bead simulate`: the full f64 chain.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,8 @@ use serde::Serialize;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
-use crate::recording::time_series;
+use crate::sweep::time_series::{self, Form};
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -21,7 +22,7 @@ Examples:
   bead simulate docs/scenarios/paper-strike.toml --out strike.parquet \\
       --rate 1e6";
 
-/// Remarks that are printed, the first ones.
+/// Remarks that are printed at most.
 const REMARKS: usize = 5;
 
 /// Arguments of `bead simulate`.
@@ -30,8 +31,8 @@ const REMARKS: usize = 5;
 pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units.
     scenario: PathBuf,
-    /// Write the time series to this Parquet file, units in the column names.
-    #[arg(long, value_name = "F.parquet")]
+    /// Write the time series to this Parquet or CSV file, units in the column names.
+    #[arg(long, value_name = "F.parquet|F.csv")]
     out: Option<PathBuf>,
     /// Rows a second in that file, Hz.
     #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
@@ -45,28 +46,26 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    let out = place::optional(
-        arguments.out.as_deref(),
-        Kind::Parquet,
-        &[&arguments.scenario],
-        arguments.overwrite,
-    )?;
+    let out = match &arguments.out {
+        Some(path) => Some(output_file(path, arguments)?),
+        None => None,
+    };
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
     let accuracy = Options::default().accuracy;
     let fewest = Run::new(&scenario, accuracy)?.fewest_steps(scenario.duration, accuracy.longest_step);
-    let (begun, said) = (Instant::now(), AtomicBool::new(false));
-    let told = |part| {
+    let (begun, remarked) = (Instant::now(), AtomicBool::new(false));
+    let show = |part| {
         output::set_part(&progress, part);
-        let long = long(begun.elapsed(), part, fewest, scenario.duration);
-        if let Some(long) = long.filter(|_| !said.swap(true, Ordering::Relaxed)) {
-            progress.suspend(|| output::note(format_args!("{long}")));
+        let remark = long_run(begun.elapsed(), part, fewest, scenario.duration);
+        if let Some(remark) = remark.filter(|_| !remarked.swap(true, Ordering::Relaxed)) {
+            progress.suspend(|| output::note(format_args!("{remark}")));
         }
     };
-    let options = Options::default().with_progress(&told);
+    let options = Options::default().with_progress(&show);
     let summary = match &out {
         // Nothing is kept in memory: a chain may have any length.
         None => summarise(&scenario, &options)?,
-        Some(out) => time_series::write(&scenario, &options, arguments.rate, out)?,
+        Some((form, out)) => time_series::write(&scenario, &options, arguments.rate, *form, out)?,
     };
     progress.finish_and_clear();
     let validity = Validity::of(&scenario, &summary.peak_force)?;
@@ -79,12 +78,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     })
 }
 
-/// Told of a run that goes on for long, so that a slip of units is seen: how long, and by how many steps.
-/// `part` of it was done in the time `elapsed`. It takes `fewest` steps at the least, and simulates
-/// `duration` seconds.
-fn long(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<String> {
-    /// Long enough to know the pace.
+/// The form and the place of the time series.
+fn output_file(path: &Path, arguments: &Arguments) -> Result<(Form, Target), Failure> {
+    let form = Form::of(path);
+    let kind = if form == Some(Form::Csv) {
+        Kind::Table
+    } else {
+        Kind::Parquet
+    };
+    let target = place::target(path, kind, &[&arguments.scenario], arguments.overwrite)?;
+    let form = form.ok_or_else(|| {
+        let what = "ends neither with .parquet nor with .csv; give the time series one of these endings";
+        Failure::input(format!("{} {what}", path.display()))
+    })?;
+    Ok((form, target))
+}
+
+/// A remark on a long run, which may be a slip of units. `part` of the run is done after `elapsed`; all of it
+/// takes at least `fewest` steps for `duration` seconds of the scenario.
+fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<String> {
+    /// Time after which the pace is known.
     const KNOWN: Duration = Duration::from_secs(5);
+    /// Shortest long run, s.
     const LONG: f64 = 60.0;
     let whole = elapsed.as_secs_f64() / part;
     if elapsed < KNOWN || whole < LONG {
@@ -101,7 +116,7 @@ fn long(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<Stri
     ))
 }
 
-/// The summary, and how far each contact was what the model takes it for.
+/// The summary, and how well each contact met the assumptions of the model.
 #[derive(Serialize)]
 struct Report<'a> {
     #[serde(flatten)]
@@ -192,13 +207,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_is_told_to_be_long_once_its_pace_is_known() {
+    fn a_long_run_is_remarked_on_once_its_pace_is_known() {
         let seconds = Duration::from_secs;
-        let told = |elapsed, part| long(seconds(elapsed), part, 2e9, 4e-3);
+        let remark = |elapsed, part| long_run(seconds(elapsed), part, 2e9, 4e-3);
         // Too early, and quick enough.
-        assert_eq!(told(4, 1e-6), None);
-        assert_eq!(told(6, 0.2), None);
-        let text = told(6, 1e-4).unwrap();
+        assert_eq!(remark(4, 1e-6), None);
+        assert_eq!(remark(6, 0.2), None);
+        let text = remark(6, 1e-4).unwrap();
         assert!(
             text.starts_with(
                 "at this pace the run takes 17 hours: steps are 2.0e-12 s at most, 2.0e9 of them; "
@@ -206,7 +221,7 @@ mod tests {
             "{text}"
         );
         for part in [1e-12, 1e-30, 0.0] {
-            let text = told(6, part).unwrap();
+            let text = remark(6, part).unwrap();
             assert!(
                 text.starts_with("at this pace the run takes more than a century: "),
                 "{text}"

@@ -52,7 +52,7 @@ docs/sweeps.md says more, and how to spread a sweep over a cluster.
 Examples:
   bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet \\
       --plot map.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
+  bead sweep plot map.parquet --x striker_velocity_mps \\
       --y absorbed_of_injected --out curves.svg
   bead sweep plan SWEEP.toml --dir big --chunks 100
   bead sweep submit big --engine slurm --cpus 8 --out big.parquet --dry-run";

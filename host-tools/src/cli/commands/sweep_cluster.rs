@@ -16,10 +16,10 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
-use crate::recording::whole::Target;
 use crate::sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use crate::sweep::plan::Plan;
 use crate::sweep::slurm::Jobs;
+use crate::tables::whole::Target;
 
 /// `bead sweep plan`.
 #[derive(Debug, Args)]

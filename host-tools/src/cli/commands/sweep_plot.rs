@@ -7,9 +7,9 @@ use clap::Args;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
-use crate::recording::whole::Target;
 use crate::sweep::picture::{self, View};
 use crate::sweep::plan::Plan;
+use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Columns are those of the table. Without options, a sweep over one axis is drawn as a curve, one over two as \
@@ -17,10 +17,10 @@ a map.
 
 Examples:
   bead sweep plot map.parquet --out map.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
+  bead sweep plot map.parquet --x striker_velocity_mps \\
       --y absorbed_of_injected --by intruder_0_mass_kg --out curves.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
-      --y intruder_0_mass_kg --map absorbed_J --at chain_relaxation_s=0 \\
+  bead sweep plot map.parquet --x striker_velocity_mps \\
+      --y intruder_0_mass_kg --map absorbed_j --at chain_relaxation_s=0 \\
       --out map.svg";
 
 /// `bead sweep plot`.

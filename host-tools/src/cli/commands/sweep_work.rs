@@ -8,11 +8,11 @@ use serde_json::json;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
-use crate::recording::whole::Target;
 use crate::sweep::axis::Axis;
 use crate::sweep::compute;
 use crate::sweep::folder::{Folder, Merged};
 use crate::sweep::plan::Plan;
+use crate::tables::whole::Target;
 
 /// `--threads`.
 #[derive(Debug, Clone, Copy, Args)]

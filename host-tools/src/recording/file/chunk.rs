@@ -11,7 +11,7 @@ use ruzstd::decoding::errors::FrameDecoderError;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
 use crate::recording::file::records::{ChunkHead, RECORD_MOST};
-use crate::recording::printable::one_line;
+use crate::tables::printable::one_line;
 
 /// What a frame of LZ4 begins with (LZ4 frame format, "General structure"). The library knows an older form,
 /// too, in which MCAP has no chunks.

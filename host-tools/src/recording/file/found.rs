@@ -9,7 +9,7 @@ use crate::recording::file::layout::{
 };
 use crate::recording::file::records::{self, ChannelHead, op};
 use crate::recording::frames::Piece;
-use crate::recording::printable::{beginning, one_line};
+use crate::tables::printable::{beginning, one_line};
 
 /// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
 /// end a run that began before it.

@@ -12,7 +12,7 @@ use super::layout::{LONGEST_RUN, TOPIC};
 use super::read::Pieces;
 use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 use bead_wire::{Block, Decoder, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
 use lz4_flex::frame::{BlockSize, FrameEncoder, FrameInfo};
 use tempfile::TempDir;

@@ -15,7 +15,7 @@ use crate::recording::file::error::RecordingError;
 use crate::recording::file::layout::{CHUNK, FLUSH_EVERY, METADATA, name_of};
 use crate::recording::file::stream::Stream;
 use crate::recording::frames::Item;
-use crate::recording::whole::Target;
+use crate::tables::whole::Target;
 
 type Mcap = mcap::Writer<BufWriter<File>>;
 

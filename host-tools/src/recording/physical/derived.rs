@@ -14,7 +14,7 @@ use crate::recording::physical::keys::KEYS;
 use crate::recording::physical::quantities::{
     Company, Contact, Host, Intruder, Physical, SensorScale, Taking,
 };
-use crate::recording::printable::beginning;
+use crate::tables::printable::beginning;
 
 /// Letters of a name that are told.
 const NAME_TOLD: usize = 32;

@@ -5,7 +5,7 @@ use std::path::Path;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Writer};
-use bead::recording::whole::Target;
+use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive_among};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};

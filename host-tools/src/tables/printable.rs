@@ -1,25 +1,22 @@
-//! Text from outside, made safe to print.
+//! Text from files, devices and names, made safe for a terminal.
 
 use std::borrow::Cow;
-use std::fmt;
-use std::io::{self, Write};
 
-/// The text with each control character as JSON writes it, such as `\u001b`; line ends and tabs stay. A
-/// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write
-/// into the clipboard, or turn letters around. All that this library and its programs print goes through
-/// here.
+/// Escapes control characters as JSON does (`\u001b`), but for line ends and tabs. Text from a device or a
+/// file can hold sequences that clear a terminal, rename its window, write into the clipboard or reverse
+/// letters, so everything that is printed passes through here.
 pub fn printable(text: &str) -> Cow<'_, str> {
-    without(text, |character| {
-        steers(character) && !matches!(character, '\n' | '\t')
+    escaped(text, |character| {
+        is_control(character) && !matches!(character, '\n' | '\t')
     })
 }
 
-/// The same in one line: line ends and tabs are shown too. Names in a file can hold them.
+/// Escapes control characters as [`printable`] does, with line ends and tabs.
 pub fn one_line(text: &str) -> Cow<'_, str> {
-    without(text, steers)
+    escaped(text, is_control)
 }
 
-/// The first `most` characters of a text, with a mark where it goes on: a name in a file may have megabytes.
+/// Cuts a text to `most` characters and marks the cut with an ellipsis. A name in a file may have megabytes.
 pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
     match text.char_indices().nth(most) {
         Some((end, _)) => Cow::Owned(format!("{}…", &text[..end])),
@@ -27,7 +24,7 @@ pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
     }
 }
 
-/// The first `most` of some names, as a list for people, and how many more there are.
+/// Lists the first `most` names, and the number of further ones.
 pub fn first_of<T: ToString>(names: impl IntoIterator<Item = T>, most: usize) -> String {
     let mut names = names.into_iter();
     let first: Vec<String> = names.by_ref().take(most).map(|name| name.to_string()).collect();
@@ -37,9 +34,9 @@ pub fn first_of<T: ToString>(names: impl IntoIterator<Item = T>, most: usize) ->
     }
 }
 
-/// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9,
-/// section 2): with these a name can look like another.
-fn steers(character: char) -> bool {
+/// True for control characters, separators of lines, and marks that change the direction of writing, with
+/// which a name can look like another (Unicode annex 9, section 2).
+fn is_control(character: char) -> bool {
     match character {
         '\u{2028}' | '\u{2029}' => true,
         '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true,
@@ -47,21 +44,19 @@ fn steers(character: char) -> bool {
     }
 }
 
-fn without(text: &str, shown: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if !text.contains(&shown) {
+fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);
     }
-    let written = |character: char| match shown(character) {
-        true => format!("\\u{:04x}", u32::from(character)),
-        false => character.to_string(),
-    };
-    Cow::Owned(text.chars().map(written).collect())
-}
-
-/// Says something beside the result in one line, on standard error. What could steer a terminal is shown, not
-/// sent. Where standard error is closed, nobody can be told, and the work goes on.
-pub fn note(what: fmt::Arguments<'_>) {
-    let _ = writeln!(io::stderr(), "bead: {}", one_line(&what.to_string()));
+    let mut safe = String::new();
+    for character in text.chars() {
+        if is_escaped(character) {
+            safe.push_str(&format!("\\u{:04x}", u32::from(character)));
+        } else {
+            safe.push(character);
+        }
+    }
+    Cow::Owned(safe)
 }
 
 #[cfg(test)]
@@ -69,14 +64,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_many_names_the_first_are_told() {
+    fn a_long_list_names_its_first_entries() {
         assert_eq!(first_of([1, 2], 2), "1, 2");
         assert_eq!(first_of(1..=22, 3), "1, 2, 3 and 19 more");
         assert_eq!(first_of([""; 0], 3), "");
     }
 
     #[test]
-    fn what_would_steer_a_terminal_is_shown() {
+    fn control_characters_are_escaped() {
         assert_eq!(printable("a\tb\nµ"), "a\tb\nµ");
         assert_eq!(printable("\u{1b}]52;c;eA==\u{7}"), "\\u001b]52;c;eA==\\u0007");
         assert_eq!(printable("\r\u{9b}2J\u{7f}"), "\\u000d\\u009b2J\\u007f");
@@ -87,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_long_text_the_beginning_is_told() {
+    fn a_long_text_is_cut() {
         assert_eq!(beginning("µm", 2), "µm");
         assert_eq!(beginning("µmµ", 2), "µm…");
         assert_eq!(beginning("", 0), "");

@@ -1,9 +1,8 @@
 //! Files that appear whole or not at all.
 //!
 //! # Design
-//! A result is written under a hidden name beside its own and renamed when it is complete. Until then its
-//! name stands in a list, so that a program that is interrupted can remove what it leaves unfinished:
-//! [`remove_unfinished`].
+//! A result is written under a hidden name beside its own and renamed when it is complete. A list holds the
+//! hidden names, so that an interrupted program can remove its unfinished files ([`remove_unfinished`]).
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -11,10 +10,10 @@ use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// How the hidden name of a file begins that is being written.
+/// First letters of the hidden name of an unfinished file.
 const PREFIX: &str = ".bead-";
 
-/// Whether a name is that of a file that is being written, or was when its program was killed.
+/// True for the hidden name of an unfinished file.
 pub fn is_unfinished(name: &str) -> bool {
     name.starts_with(PREFIX)
 }
@@ -34,7 +33,7 @@ fn to_standard_output(fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) ->
     }
 }
 
-/// Why a file was not written.
+/// A file could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {path}: {reason:#}")]
 pub struct WriteError {
@@ -42,7 +41,7 @@ pub struct WriteError {
     reason: anyhow::Error,
 }
 
-/// A file that is to be written.
+/// A file to be written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Target {
     path: PathBuf,
@@ -50,7 +49,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// A new file. It never takes the place of one that is there when it is finished.
+    /// A new file, which never replaces another.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
@@ -58,14 +57,14 @@ impl Target {
         }
     }
 
-    /// The same, but it takes the place of a file that is there if `replaces`.
+    /// Sets whether the file replaces one of its name.
     #[must_use]
     pub fn replacing(self, replaces: bool) -> Self {
         Self { replaces, ..self }
     }
 
-    /// The same, beside a file that was to be at `wanted` and took another name because that one was taken:
-    /// it gets the number of that file, so that files of one run stay together.
+    /// Appends the number of another file of the same run, which was meant for `wanted` and went to `took`
+    /// because that name was taken.
     #[must_use]
     pub fn beside(&self, wanted: &Path, took: &Path) -> Self {
         let stem = |path: &Path| {
@@ -96,12 +95,12 @@ impl Target {
         self.path == Path::new(STANDARD_OUTPUT)
     }
 
-    /// Where it will be.
+    /// Path of the finished file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether it takes the place of a file that is there.
+    /// True if the file may replace one of its name.
     pub fn replaces(&self) -> bool {
         self.replaces
     }
@@ -111,7 +110,7 @@ impl Target {
         WriteError { path, reason }
     }
 
-    /// Whether a file can be made in its directory: makes one, and removes it.
+    /// Checks that its directory can be written to, with a file that is removed at once.
     ///
     /// # Errors
     /// The directory is missing or not writable.
@@ -136,17 +135,17 @@ impl Target {
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         builder.tempfile_in(directory).map_err(|error| {
-            // Without the hidden name, which says nothing to anybody.
+            // The hidden name would puzzle the user.
             let reason = error.get_ref().and_then(|reason| reason.source());
             let reason = reason.map_or_else(|| error.to_string(), ToString::to_string);
             anyhow::anyhow!("is the directory there, and writable?: {reason}")
         })
     }
 
-    /// Writes what `fill` writes, whole or not at all.
+    /// Writes the file by `fill`, whole or not at all.
     ///
     /// # Errors
-    /// The directory is missing or not writable, what `fill` reports, or a file of that name that must not be
+    /// The directory is missing or not writable, `fill` fails, or a file of that name appeared and must not be
     /// replaced.
     pub fn write(&self, fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) -> Result<(), WriteError> {
         if self.is_standard_output() {
@@ -157,19 +156,20 @@ impl Target {
             let _listed = Unfinished::list(file.path());
             fill(file.as_file_mut())?;
             file.as_file_mut().sync_all()?;
-            match self.replaces {
-                true => file.persist(&self.path).map(drop)?,
-                false => file.persist_noclobber(&self.path).map(drop).map_err(|lost| {
+            if self.replaces {
+                file.persist(&self.path)?;
+            } else {
+                file.persist_noclobber(&self.path).map_err(|lost| {
                     let error = anyhow::Error::new(lost.error);
                     error.context("another file took its name meanwhile, and this one is not kept")
-                })?,
+                })?;
             }
             Ok(())
         };
         write().map_err(|reason| self.error(reason))
     }
 
-    /// Writes a whole file of these bytes.
+    /// Writes a file with these bytes.
     ///
     /// # Errors
     /// As [`write`](Self::write).
@@ -178,14 +178,14 @@ impl Target {
     }
 }
 
-/// Files that are being written.
+/// Hidden names of the unfinished files of this program.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// A file in the list of those that are being written.
+/// An entry in the list of unfinished files, removed on drop.
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Lists a file until this is dropped.
+    /// Adds a file to the list.
     pub fn list(path: &Path) -> Self {
         let mut files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
         files.insert(path.to_owned());
@@ -200,15 +200,14 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes every file that is being written, for a program that is about to end. None can be finished any
-/// more.
+/// Removes every unfinished file, for a program that is about to end. No file can be finished afterwards.
 pub fn remove_unfinished() {
     let files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
     for file in files.iter() {
-        // It may have just taken its name, or be gone. Nothing better can be done.
+        // The file may have just got its name, or be gone.
         let _ = fs::remove_file(file);
     }
-    // Held for ever: a file that was about to take its name waits for the end.
+    // The lock is never released: a file that is about to get its name waits for the end.
     std::mem::forget(files);
 }
 

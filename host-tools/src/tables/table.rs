@@ -1,11 +1,11 @@
-//! What tables are made of.
+//! Cells and columns.
 
 use std::sync::Arc;
 
 /// A value of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// Not known.
+    /// Unknown.
     Null,
     /// A count, an index, bits.
     Whole(i64),
@@ -16,23 +16,32 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// A whole number; those of beads are far below 2^63.
+    /// A whole number; one above 2^63 - 1 becomes that.
     pub fn whole(number: impl TryInto<i64>) -> Self {
         Self::Whole(number.try_into().unwrap_or(i64::MAX))
     }
 
-    /// A number, if it is known.
+    /// A number, or null.
     pub fn number(number: Option<f64>) -> Self {
         number.map_or(Self::Null, Self::Number)
     }
 
-    /// A text, if it is known.
+    /// A text, or null.
     pub fn text(text: Option<&str>) -> Self {
         text.map_or(Self::Null, |text| Self::Text(text.into()))
     }
+
+    /// The number in the cell, whole or not; `None` for text and null.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Self::Whole(number) => Some(*number as f64),
+            Self::Number(number) => Some(*number),
+            Self::Null | Self::Text(_) => None,
+        }
+    }
 }
 
-/// What a column holds.
+/// The kind of value that a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// [`Cell::Whole`].
@@ -41,14 +50,16 @@ pub enum Kind {
     Number,
     /// [`Cell::Text`].
     Text,
+    /// Values of other programs that are not read: lists, decimals in bytes, floats of 16 bits.
+    Other,
 }
 
-/// A column: its name, with the unit at its end, and what it holds.
+/// A column of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// Its name.
+    /// Its name, with the unit at its end ([`crate::tables::unit`]).
     pub name: String,
-    /// What it holds.
+    /// Its kind of value.
     pub kind: Kind,
 }
 
