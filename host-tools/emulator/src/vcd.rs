@@ -1,65 +1,56 @@
-//! Levels of pins over time, as a value change dump (IEEE 1364-2005, section 18): what logic analysers and
-//! waveform viewers read.
+//! Levels of pins over time, as a value change dump (IEEE 1364-2005, section 18) for waveform viewers.
 
-use std::fmt::Write;
+use std::io;
 
-use crate::outcome::{Outcome, Pin};
+use vcd::{TimescaleUnit, Value, Writer};
+
+use crate::outcome::Outcome;
 
 impl Outcome {
-    /// The levels of the output pins over time, as a value change dump with steps of 1 ns, for a viewer such
-    /// as GTKWave or PulseView. Every pin is low at first. It has nothing in it unless the run was told to
-    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
+    /// Returns the levels of the output pins over time as a value change dump with steps of 1 ns, for a viewer
+    /// such as GTKWave or PulseView. Every pin starts low. The dump has no pins unless the run recorded them
+    /// ([`Run::record_pins`](crate::Run::record_pins)).
     pub fn vcd(&self) -> String {
-        let mut text = String::from("$timescale 1 ns $end\n$scope module stm32f405 $end\n");
-        let mut say = |line: std::fmt::Arguments<'_>| text.write_fmt(line).expect("a string takes any text");
-        for (number, pin) in self.pins.iter().enumerate() {
-            say(format_args!("$var wire 1 {} {} $end\n", code(number), pin.name));
-        }
-        say(format_args!("$upscope $end\n$enddefinitions $end\n#0\n"));
-        for number in 0..self.pins.len() {
-            say(format_args!("0{}\n", code(number)));
-        }
-        let mut told_ns = 0;
-        for (at_ns, number, high) in in_order(&self.pins) {
-            if at_ns != told_ns {
-                say(format_args!("#{at_ns}\n"));
-                told_ns = at_ns;
-            }
-            say(format_args!("{}{}\n", u8::from(high), code(number)));
-        }
-        say(format_args!("#{}\n", self.virtual_ns));
-        text
+        let mut text = Vec::new();
+        self.write_vcd(&mut text)
+            .expect("a vector takes any number of bytes");
+        String::from_utf8(text).expect("names of pins are ASCII")
     }
-}
 
-/// All changes in the order of their times: time, number of the pin, new level.
-fn in_order(pins: &[Pin]) -> Vec<(u64, usize, bool)> {
-    let of_pin = |(number, pin): (usize, &Pin)| {
-        let changes = pin
-            .changes
-            .iter()
-            .map(move |(at_ns, high)| (*at_ns, number, *high));
-        changes.collect::<Vec<_>>()
-    };
-    let mut changes: Vec<_> = pins.iter().enumerate().flat_map(of_pin).collect();
-    changes.sort_by_key(|(at_ns, _, _)| *at_ns);
-    changes
-}
-
-/// The short name of a signal: a printable character, or two.
-fn code(number: usize) -> String {
-    /// From `!` on.
-    const CHARACTERS: usize = 94;
-    let character = |n: usize| char::from(b'!' + (n % CHARACTERS) as u8);
-    match number / CHARACTERS {
-        0 => character(number).into(),
-        more => [character(more - 1), character(number)].iter().collect(),
+    fn write_vcd(&self, text: &mut Vec<u8>) -> io::Result<()> {
+        let mut writer = Writer::new(text);
+        writer.timescale(1, TimescaleUnit::NS)?;
+        writer.add_module("stm32f405")?;
+        let mut changes = Vec::new();
+        let mut wires = Vec::new();
+        for pin in &self.pins {
+            let wire = writer.add_wire(1, &pin.name)?;
+            wires.push(wire);
+            changes.extend(pin.changes.iter().map(|&(at_ns, high)| (at_ns, wire, high)));
+        }
+        writer.upscope()?;
+        writer.enddefinitions()?;
+        writer.timestamp(0)?;
+        for wire in wires {
+            writer.change_scalar(wire, Value::V0)?;
+        }
+        changes.sort_by_key(|&(at_ns, ..)| at_ns);
+        let mut written_ns = 0;
+        for (at_ns, wire, high) in changes {
+            if at_ns != written_ns {
+                writer.timestamp(at_ns)?;
+                written_ns = at_ns;
+            }
+            writer.change_scalar(wire, high)?;
+        }
+        writer.timestamp(self.virtual_ns)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::outcome::Pin;
 
     #[test]
     fn changes_of_all_pins_stand_in_one_order_of_time() {
@@ -81,7 +72,5 @@ mod tests {
             "$timescale 1 ns $end\n$scope module stm32f405 $end\n$var wire 1 ! PA1 $end\n$var wire 1 \" PC13 $end\n\
              $upscope $end\n$enddefinitions $end\n#0\n0!\n0\"\n1!\n#20\n1\"\n#50\n0!\n0\"\n#90\n"
         );
-        let codes: std::collections::BTreeSet<_> = (0..144).map(code).collect();
-        assert_eq!(codes.len(), 144, "each pin of the part has its own");
     }
 }
