@@ -16,11 +16,9 @@ use bead_fuzz::line::{crc, mended, to_cobs};
 use bead_fuzz::strikes::short_window;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
-use bead_wire::{
-    ANY, Block, Header, Key, Kind, MAX_FRAME, MAX_REQUEST, Message, Request, StrikeFlags, Ticket, encode,
-    encode_request,
-};
+use bead_model::{Meter, Scan};
+use bead_testing::{Speaker, block_of};
+use bead_wire::{ANY, Key, Kind, MAX_REQUEST, Message, Request, Ticket, encode_request};
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data");
 
@@ -41,44 +39,6 @@ fn draws() -> impl FnMut() -> u64 {
     }
 }
 
-/// A line on which one bead speaks.
-#[derive(Default)]
-struct Line {
-    bytes: Vec<u8>,
-    sequence: u32,
-    address: u8,
-}
-
-impl Line {
-    fn say(&mut self, sample_index: u64, message: &Message) {
-        let header = Header {
-            address: self.address,
-            boot: 1,
-            sequence: self.sequence,
-            sample_index,
-        };
-        self.sequence += 1;
-        self.bytes
-            .extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
-    }
-}
-
-/// Speaks of strikes as a bead does.
-impl Sink for Line {
-    fn chunk(&mut self, chunk: &Chunk) {
-        let waveform = bead_telemetry::waveform(chunk);
-        self.say(chunk.first_index, &waveform.into());
-    }
-
-    fn report(&mut self, report: &StrikeReport) {
-        self.say(
-            report.first_index,
-            &bead_telemetry::strike(report, StrikeFlags::NONE).into(),
-        );
-        self.say(report.first_index, &bead_telemetry::shape(report).into());
-    }
-}
-
 fn drawn(kind: Kind) -> Message {
     Message::draw(kind, &mut draws())
 }
@@ -86,15 +46,12 @@ fn drawn(kind: Kind) -> Message {
 /// A short strike of the paper's bead, as it is sent.
 fn strike(address: u8) -> Vec<u8> {
     let settings = short_window();
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).unwrap();
-    let mut line = Line {
-        address,
-        ..Line::default()
+    let mut line = Speaker {
+        boot: 1,
+        ..Speaker::at(address)
     };
-    line.say(0, &drawn(Kind::Identity));
-    let block = Block::try_from(&block[..length]).unwrap();
-    line.say(0, &bead_wire::Settings { block }.into());
+    line.say(0, drawn(Kind::Identity));
+    line.say(0, block_of(&settings));
     let scan = |n: usize| {
         let x = (n as f64 - 340.0) / 8.0;
         let force = 100.0 + 900.0 / (1.0 + x * x).powi(3);
@@ -105,7 +62,7 @@ fn strike(address: u8) -> Vec<u8> {
     for (number, scans) in (0..).zip(scans.chunks(32)) {
         meter.process(&settings, number * 32, scans.iter().copied(), &mut line);
     }
-    line.say(1000, &drawn(Kind::Sync));
+    line.say(1000, drawn(Kind::Sync));
     line.bytes
 }
 
@@ -163,9 +120,12 @@ fn wav() -> Vec<u8> {
 
 fn main() {
     for &kind in Kind::ALL {
-        let mut line = Line::default();
-        line.say(77, &drawn(kind));
-        fs::write(seed("frames", kind.name()), line.bytes).unwrap();
+        let frame = Speaker {
+            boot: 1,
+            ..Speaker::at(0)
+        }
+        .frame(77, &drawn(kind));
+        fs::write(seed("frames", kind.name()), frame).unwrap();
     }
     let sound = fs::read(seed("frames", "reply")).unwrap();
     let mut later = bead_fuzz::line::from_cobs(&sound[1..sound.len() - 1]).unwrap();

@@ -7,7 +7,8 @@ use bead::recording::physical::Physical;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::ScanCodes;
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{Meter, Scan, Settings};
+use bead_testing::Collector;
 
 use crate::line::crc;
 
@@ -57,23 +58,6 @@ fn told(settings: &Settings) {
     }
 }
 
-/// All that a meter says.
-#[derive(Debug, Default, PartialEq)]
-struct Said {
-    chunks: Vec<Chunk>,
-    reports: Vec<StrikeReport>,
-}
-
-impl Sink for Said {
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.chunks.push(chunk.clone());
-    }
-
-    fn report(&mut self, report: &StrikeReport) {
-        self.reports.push(*report);
-    }
-}
-
 fn scans(settings: &Settings, bytes: &[u8]) -> Vec<Scan> {
     let scan = |force: u16, acceleration: u16| {
         let [force, acceleration] = [force, acceleration].map(|code| code & 0xFFF);
@@ -99,7 +83,7 @@ fn measured(settings: &Settings, bytes: &[u8]) {
     let scans = scans(settings, bytes);
     let first = 1 << 40;
     let run = |lengths: &mut dyn Iterator<Item = usize>| {
-        let (mut meter, mut said) = (Box::new(Meter::new()), Said::default());
+        let (mut meter, mut said) = (Box::new(Meter::new()), Collector::default());
         let (mut index, mut rest) = (first, &scans[..]);
         while !rest.is_empty() {
             let (some, after) = rest.split_at(lengths.next().unwrap_or(256).clamp(1, rest.len()));

@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use bead_model::design::{Capture, derive};
-use bead_model::{Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Scan, Settings, Window, WindowRecord};
+use bead_testing::Collector;
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 
@@ -55,19 +56,16 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
 
 /// Whether the detector fired.
 fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) -> bool {
-    struct Into<'a>(&'a mut RecordedStrike);
-    impl Sink for Into<'_> {
-        fn chunk(&mut self, chunk: &bead_model::Chunk) {
-            self.0.push(&bead_telemetry::waveform(chunk));
-        }
-        fn report(&mut self, report: &StrikeReport) {
-            self.0.said = bead_telemetry::strike(report, StrikeFlags::NONE);
-            self.0.shape = Some(bead_telemetry::shape(report));
-        }
-    }
-    let mut meter = Meter::new();
     let scans: Vec<Scan> = codes.iter().copied().map(Scan::new).collect();
-    meter.process(settings, 1, scans, &mut Into(strike));
-    assert!(meter.strikes() <= 1);
-    meter.strikes() == 1
+    let Collector { chunks, reports, .. } = Collector::measure(settings, 1, &scans);
+    chunks
+        .iter()
+        .for_each(|chunk| strike.push(&bead_telemetry::waveform(chunk)));
+    let [report] = &reports[..] else {
+        assert!(reports.is_empty());
+        return false;
+    };
+    strike.said = bead_telemetry::strike(report, StrikeFlags::NONE);
+    strike.shape = Some(bead_telemetry::shape(report));
+    true
 }

@@ -11,9 +11,7 @@ use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_
 use bead::recording::file::{About, Origin, Part, Recording, Writer};
 use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive};
-use bead_model::settings::BLOCK_MAX;
-use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
-use bead_wire::{Block, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, StrikeFlags, encode};
+use bead_testing::Speaker;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -47,40 +45,6 @@ fn keys(value: &Value) -> Vec<&str> {
     keys
 }
 
-/// Frames of a bead that runs the model on this computer.
-struct Bead {
-    stream: Vec<u8>,
-    sequence: u32,
-}
-
-impl Bead {
-    fn say(&mut self, sample_index: u64, message: &Message) {
-        let header = Header {
-            address: 0,
-            boot: 0,
-            sequence: self.sequence,
-            sample_index,
-        };
-        self.sequence += 1;
-        self.stream
-            .extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
-    }
-}
-
-impl Sink for Bead {
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.say(chunk.first_index, &bead_telemetry::waveform(chunk).into());
-    }
-
-    fn report(&mut self, report: &StrikeReport) {
-        self.say(
-            report.trigger_index,
-            &bead_telemetry::strike(report, StrikeFlags::NONE).into(),
-        );
-        self.say(report.trigger_index, &bead_telemetry::shape(report).into());
-    }
-}
-
 /// What bead 8 sends of the paper's strike, and the scenario's text.
 fn struck() -> (Vec<u8>, String) {
     let (scenario, text) = load_scenario(Path::new(SCENARIO)).unwrap();
@@ -92,8 +56,6 @@ fn struck() -> (Vec<u8>, String) {
         &Capture::default(),
     )
     .unwrap();
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).unwrap();
     let timing = Timing {
         lead_in: 0.02,
         strikes: 1,
@@ -105,33 +67,9 @@ fn struck() -> (Vec<u8>, String) {
         Some(1),
     );
 
-    let mut bead = Bead {
-        stream: Vec::new(),
-        sequence: 0,
-    };
-    bead.say(
-        0,
-        &Message::Identity(Identity {
-            firmware: "0.1.0".into(),
-            git: "test".into(),
-            uid: [7; 12],
-            boot: 0,
-            reset_cause: ResetCauses::from_bits(0),
-            sample_rate_hz: 100_000,
-            channels: 4,
-        }),
-    );
-    bead.say(
-        0,
-        &Message::Settings(Settings {
-            block: Block::try_from(&block[..length]).unwrap(),
-        }),
-    );
-    let mut meter = Meter::new();
-    let scans: Vec<Scan> = codes.scans.into_iter().map(Scan::new).collect();
-    meter.process(&settings, 1, scans, &mut bead);
-    assert_eq!(meter.strikes(), 1);
-    (bead.stream, text)
+    let mut bead = Speaker::at(0);
+    assert_eq!(bead.measure(&settings, codes.scans), 1);
+    (bead.bytes, text)
 }
 
 /// A recording of that strike. `spoil` changes its stream.
@@ -238,114 +176,6 @@ fn every_help_fits_a_terminal_of_80_columns() {
     check(&mut bead::cli::Cli::command(), &[]);
 }
 
-#[test]
-fn a_usage_error_ends_with_2() {
-    for arguments in [
-        &["simulat"][..],
-        &["simulate"],
-        &["emulate", SCENARIO],
-        &["simulate", SCENARIO, "--rate", "1e6"],
-    ] {
-        assert_eq!(bead(arguments).status.code(), Some(2), "{arguments:?}");
-    }
-}
-
-#[test]
-fn a_typo_in_a_scenario_names_file_line_and_key() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("typo.toml");
-    let text = fs::read_to_string(SCENARIO)
-        .unwrap()
-        .replace("radius = 0.019 ", "radios = 0.019 ");
-    let line = text.lines().position(|line| line.contains("radios")).unwrap() + 1;
-    fs::write(&path, text).unwrap();
-    let path = path.to_str().unwrap();
-    for arguments in [&["simulate", path][..], &["emulate", path, "--bead", "8"]] {
-        refused(arguments, 2, &[&format!("typo.toml:{line}"), "radios", "radius"]);
-    }
-}
-
-#[test]
-fn a_missing_scenario_is_an_input_error() {
-    refused(&["simulate", "no-such.toml"], 2, &["no-such.toml"]);
-}
-
-#[test]
-fn simulate_has_the_keys_of_the_contract() {
-    let summary = json(&["simulate", SCENARIO, "--format", "json"]);
-    assert_eq!(
-        keys(&summary),
-        [
-            "energy",
-            "final",
-            "intruders",
-            "peak_force",
-            "schema_version",
-            "solver",
-            "validity"
-        ]
-    );
-    assert_eq!(
-        keys(&summary["validity"][0]),
-        ["contact", "periods", "pressure", "radius_ratio", "softer"]
-    );
-    assert_eq!(
-        keys(&summary["peak_force"][0]),
-        ["contact", "force", "fwhm", "time"]
-    );
-    assert_eq!(keys(&summary["final"]), ["displacement", "time", "velocity"]);
-    assert_eq!(
-        keys(&summary["energy"]),
-        [
-            "balance_error",
-            "chain_final",
-            "chain_max",
-            "dissipated_contacts",
-            "dissipated_intruders",
-            "intruders_final",
-            "striker_final",
-            "striker_initial",
-        ]
-    );
-    assert_eq!(
-        keys(&summary["intruders"][0]),
-        [
-            "acceleration_max",
-            "acceleration_min",
-            "bead",
-            "dissipated",
-            "relative_displacement_max"
-        ]
-    );
-    assert_eq!(keys(&summary["solver"]), ["evaluations", "seconds", "steps"]);
-    assert_eq!(summary["final"]["displacement"].as_array().unwrap().len(), 17);
-}
-
-#[test]
-fn simulate_writes_nothing_when_it_fails() {
-    let directory = tempfile::tempdir().unwrap();
-    let out = directory.path().join("strike.parquet");
-    refused(
-        &[
-            "simulate",
-            SCENARIO,
-            "--out",
-            out.to_str().unwrap(),
-            "--rate",
-            "0",
-        ],
-        2,
-        &["--rate 0"],
-    );
-    let missing = directory.path().join("no/such/strike.parquet");
-    refused(
-        &["simulate", SCENARIO, "--out", missing.to_str().unwrap()],
-        2,
-        &["is the directory there"],
-    );
-    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
-}
-
 /// The paper's strike on a few beads: a search takes less than a second.
 fn short_scenario(directory: &TempDir) -> String {
     let text = fs::read_to_string(SCENARIO).unwrap();
@@ -426,131 +256,6 @@ fn optimise_prints_each_intruder_with_units_and_what_remains() {
         .map(|line| line.split_whitespace().nth(1).unwrap())
         .collect();
     assert_eq!(masses, ["5.000", "5.000"]);
-}
-
-#[test]
-fn a_search_that_cannot_be_meant_is_refused_by_option() {
-    let optimise = |options: &[&str], parts: &[&str]| {
-        refused(&[&["optimise", SCENARIO], options].concat(), 2, parts);
-    };
-    optimise(
-        &["--bead", "7-17", "--total-mass", "0.01"],
-        &["--bead", "bead 17", "1 to 16"],
-    );
-    optimise(&["--bead", "7,7", "--total-mass", "0.01"], &["--bead", "twice"]);
-    optimise(
-        &["--bead", "7", "--total-mass", "0.06"],
-        &["--total-mass", "less than 0.051"],
-    );
-    let with = |options: &[&str], parts: &[&str]| {
-        optimise(
-            &[&["--bead", "7", "--total-mass", "0.01"], options].concat(),
-            parts,
-        );
-    };
-    with(&["--mass", "0.01:0.001"], &["--mass", "lesser first"]);
-    with(&["--velocity", "0"], &["--velocity", "m/s"]);
-    with(&["--evaluations", "0"], &["--evaluations", "1000 or more"]);
-    with(
-        &["--evaluations", "126", "--out", "/no/such/best.toml"],
-        &["is the directory there"],
-    );
-    for options in [["--mass", "3"], ["--bead", "9-7"], ["--bead", "seven"]] {
-        let arguments = [&["optimise", SCENARIO, "--total-mass", "0.01"][..], &options].concat();
-        assert_eq!(bead(&arguments).status.code(), Some(2), "{options:?}");
-    }
-}
-
-#[test]
-fn a_bead_without_an_intruder_is_refused_and_the_host_named() {
-    refused(
-        &["emulate", SCENARIO, "--bead", "5"],
-        2,
-        &["--bead 5", "no intruder", "one of: 8"],
-    );
-}
-
-#[test]
-fn a_missing_or_wrong_image_is_an_input_error_that_says_what_to_do() {
-    refused(
-        &["emulate", SCENARIO, "--bead", "8", "--firmware", "no-such-image"],
-        2,
-        &["no-such-image", "cargo xtask build"],
-    );
-    refused(
-        &["emulate", SCENARIO, "--bead", "8", "--firmware", SCENARIO],
-        2,
-        &["not an ARM ELF"],
-    );
-}
-
-#[test]
-fn a_front_end_that_cannot_be_is_refused_by_option() {
-    let emulate = |option: &'static str, value: &'static str| {
-        refused(
-            &["emulate", SCENARIO, "--bead", "8", option, value],
-            2,
-            &[option, value],
-        );
-    };
-    emulate("--force-span", "0");
-    emulate("--acceleration-noise", "NaN");
-    emulate("--pole", "inf");
-    emulate("--interval", "0");
-    // 3 GB would be taken before anything else is said.
-    let far = [
-        "emulate",
-        SCENARIO,
-        "--bead",
-        "8",
-        "--firmware",
-        SCENARIO,
-        "--strikes",
-        "2",
-        "--interval",
-        "1e15",
-    ];
-    refused(&far, 2, &["--interval", "a run 1200 s at most"]);
-    let ten = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../docs/scenarios/ten-intruders.toml"
-    );
-    let many = [&["emulate", ten, "--bead", "all"], &far[4..6]].concat();
-    let many = [&many[..], &["--strikes", "1301", "--interval", "0.1"]].concat();
-    refused(&many, 2, &["--bead", "10 beads for 130.0 s each are 1300 s"]);
-}
-
-#[test]
-fn files_without_end_and_files_that_are_no_text_are_refused_in_a_line() {
-    let directory = tempfile::tempdir().unwrap();
-    let at = |name: &str, bytes: &[u8]| {
-        let path = directory.path().join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path.display().to_string()
-    };
-    let long = at("long.toml", &b"# no end\n".repeat(2_000_000));
-    let latin = at("latin.toml", b"title = \"Sto\xdf\"");
-    let emulate = |faults: &str| ["emulate", SCENARIO, "--bead", "8", "--faults", faults].map(str::to_owned);
-    for (file, why) in [
-        ("/dev/zero", "has more than 16 MiB"),
-        (&long, "has more than 16 MiB"),
-        (&latin, "is no text in UTF-8"),
-    ] {
-        let lines = [
-            vec!["simulate".to_owned(), file.to_owned()],
-            vec!["settings".to_owned(), "make".to_owned(), file.to_owned()],
-            emulate(file).to_vec(),
-        ];
-        for line in lines {
-            let line: Vec<&str> = line.iter().map(String::as_str).collect();
-            refused(&line, 2, &[file, why]);
-        }
-    }
-    refused(
-        &["settings", "show", "/dev/zero"],
-        2,
-        &["/dev/zero", "this is no settings block"],
-    );
 }
 
 #[test]
@@ -649,51 +354,6 @@ fn a_recorded_strike_decodes_replays_and_compares() {
 }
 
 #[test]
-fn no_result_takes_the_place_of_an_input() {
-    let directory = tempfile::tempdir().unwrap();
-    let recording = recording(&directory, |_| {});
-    let scenario = directory.path().join("strike.toml");
-    fs::copy(SCENARIO, &scenario).unwrap();
-    // Another name of the same file.
-    let link = directory.path().join("link.toml");
-    std::os::unix::fs::symlink(&scenario, &link).unwrap();
-    let [recording, scenario, link] = [&recording, &scenario, &link].map(|path| path.to_str().unwrap());
-    let before = [recording, scenario].map(|path| fs::read(path).unwrap());
-    for arguments in [
-        &["simulate", scenario, "--out", scenario][..],
-        &[
-            "optimise",
-            scenario,
-            "--bead",
-            "8",
-            "--total-mass",
-            "0.01",
-            "--out",
-            link,
-        ],
-        &[
-            "compare",
-            recording,
-            "--scenario",
-            scenario,
-            "--report",
-            recording,
-            "--overwrite",
-        ],
-        &["compare", recording, "--scenario", scenario, "--report", link],
-        &["accuracy", scenario, "--bead", "8", "--table", link],
-        &["spheres", scenario, "--bead", "8", "--table", scenario],
-    ] {
-        refused(
-            arguments,
-            2,
-            &["is an input of this command", "give the output another name"],
-        );
-    }
-    assert_eq!([recording, scenario].map(|path| fs::read(path).unwrap()), before);
-}
-
-#[test]
 fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_times() {
     let directory = tempfile::tempdir().unwrap();
     let untimed = recording(&directory, |_| {});
@@ -723,12 +383,12 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
         ]
     );
     let clock = &report["clocks"][0];
-    assert_eq!(clock["uid"], "07".repeat(12));
+    assert_eq!(clock["uid"], "00".repeat(12));
     assert_eq!(clock["drift_ppm"], Value::Null, "a strike is too short to tell");
     refused(
         &["clock", timed, timed],
         2,
-        &["are both of the bead with UID 0707"],
+        &["are both of the bead with UID 0000"],
     );
 
     let lines = |path: &str| -> Vec<Value> {
@@ -772,15 +432,6 @@ fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
 }
 
 #[test]
-fn bytes_without_a_frame_are_an_input_error() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("noise.bin");
-    fs::write(&path, "this is no bead").unwrap();
-    refused(&["decode", path.to_str().unwrap()], 2, &["no frame in 15 bytes"]);
-    refused(&["replay", path.to_str().unwrap()], 2, &["not an MCAP file"]);
-}
-
-#[test]
 fn a_frame_lost_of_a_strike_fails_replay_and_says_from_where() {
     let directory = tempfile::tempdir().unwrap();
     let path = recording(&directory, |stream| lose(stream, 2 + 10));
@@ -791,31 +442,6 @@ fn a_frame_lost_of_a_strike_fails_replay_and_says_from_where() {
         &["replay differs", "352 of its 672 samples", "sample index"],
     );
     refused(&["compare", path, "--scenario", SCENARIO], 1, &["replay differs"]);
-}
-
-#[test]
-fn a_recording_cut_short_is_read_as_far_as_it_goes() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = recording(&directory, |_| ());
-    let whole = fs::read(&path).unwrap();
-    // Within the waveform.
-    let run = Recording::open(&path)
-        .unwrap()
-        .pieces()
-        .unwrap()
-        .nth(12)
-        .unwrap()
-        .bytes;
-    let run = run.strip_suffix(b"\0").unwrap();
-    let cut = whole.windows(run.len()).position(|bytes| bytes == run).unwrap() + run.len() / 2;
-    fs::write(&path, &whole[..cut]).unwrap();
-    let output = bead(&["replay", path.to_str().unwrap()]);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{error}");
-    assert!(
-        error.contains("cut short") && error.contains("no strike"),
-        "{error}"
-    );
 }
 
 #[test]
@@ -856,97 +482,6 @@ fn the_scenario_that_a_recording_carries_need_not_be_named() {
     writer.finish().unwrap();
     let parts = ["carries no scenario", "--scenario S.toml"];
     refused(&["compare", bare.to_str().unwrap()], 2, &parts);
-}
-
-#[test]
-fn output_that_is_no_terminal_has_no_colour() {
-    for arguments in [
-        &["--help"][..],
-        &["simulate", SCENARIO],
-        &["simulate", "no-such.toml"],
-        &["simulat"],
-    ] {
-        let output = bead(arguments);
-        assert!(
-            !output.stdout.contains(&0x1b) && !output.stderr.contains(&0x1b),
-            "{arguments:?}"
-        );
-    }
-}
-
-#[test]
-fn a_run_that_cannot_start_leaves_nothing_behind() {
-    let directory = tempfile::tempdir().unwrap();
-    let out = directory.path().join("run");
-    refused(
-        &[
-            "emulate",
-            SCENARIO,
-            "--bead",
-            "8",
-            "--firmware",
-            SCENARIO,
-            "--out",
-            out.to_str().unwrap(),
-        ],
-        2,
-        &["not an ARM ELF"],
-    );
-    assert!(!out.exists());
-}
-
-#[test]
-fn text_from_outside_never_steers_the_terminal() {
-    let directory = TempDir::new().unwrap();
-    // Writes into the clipboard, clears the screen, and does so with one character for both.
-    let hostile = "\u{1b}]52;c;eA==\u{7}\u{1b}[2J\u{9b}2J";
-    let file = |name: &str, text: &str| {
-        let path = directory.path().join(name);
-        fs::write(&path, text).unwrap();
-        path.to_str().unwrap().to_owned()
-    };
-    let scenario = fs::read_to_string(SCENARIO).unwrap();
-    let quoted = r"\u001b]52;c;eA==\u0007\u001b[2J\u009b2J";
-    let key = file("key.toml", &format!("\"{quoted}\" = 1\n{scenario}"));
-    let value = scenario.replacen("\"printed\"", &format!("\"{quoted}\""), 1);
-    let value = file("value.toml", &format!("{value}\n[chain.{}]\n", "more"));
-    let named = file(&format!("{hostile}.toml"), "no table");
-    for arguments in [
-        vec!["simulate", &key],
-        vec!["simulate", &value],
-        vec!["simulate", &named],
-        vec!["decode", &named],
-        vec!["replay", &named],
-        vec!["recover", &named],
-        vec!["settings", "show", &named],
-    ] {
-        let output = bead(&arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        for text in [output.stdout, output.stderr] {
-            let text = String::from_utf8(text).unwrap();
-            let steers = |c: char| c.is_control() && c != '\n' && c != '\t';
-            assert!(!text.contains(steers), "{arguments:?}: {text:?}");
-        }
-    }
-}
-
-#[test]
-fn a_fault_that_the_run_is_too_short_to_tell_is_refused() {
-    let directory = TempDir::new().unwrap();
-    let faults = directory.path().join("faults.toml");
-    fs::write(&faults, "[[fault]]\nat = 0.03\nkind = \"hang\"\n").unwrap();
-    refused(
-        &[
-            "emulate",
-            SCENARIO,
-            "--bead",
-            "8",
-            "--faults",
-            faults.to_str().unwrap(),
-        ],
-        2,
-        &["before the bead can tell of hang at 0.03 s", "--strikes"],
-    );
 }
 
 #[test]

@@ -7,34 +7,18 @@ use std::process::{Command, Output};
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
-use bead_wire::{
-    Block, Codes, Header, Kind, MAX_FRAME, Message, Shape, Strike, StrikeFlags, Waveform, encode,
-};
+use bead_testing::Speaker;
+use bead_wire::{Block, Codes, Kind, Message, Shape, Strike, StrikeFlags, Waveform};
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 /// Addresses that a command may use, kB. Threads and libraries take some 300 MB of them, and hardly any
 /// memory.
 const MEMORY_MOST_KB: u32 = 800_000;
 
-/// Frames one after another, each with a boot, and the sample index that a function of its number gives.
-#[derive(Default)]
-struct Stream {
-    bytes: Vec<u8>,
-    sequence: u32,
-}
-
-impl Stream {
-    fn say(&mut self, boot: u8, sample_index: u64, message: &Message) {
-        let header = Header {
-            address: 1,
-            boot,
-            sequence: self.sequence,
-            sample_index,
-        };
-        self.sequence = self.sequence.wrapping_add(1);
-        self.bytes
-            .extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
-    }
+/// Adds a frame of this boot.
+fn say(bead: &mut Speaker, boot: u8, sample_index: u64, message: &Message) {
+    bead.boot = boot.into();
+    bead.say(sample_index, message.clone());
 }
 
 /// Runs `bead` with little memory.
@@ -81,7 +65,7 @@ fn read_by_all(bytes: &[u8]) {
 
 #[test]
 fn fields_at_the_ends_of_their_ranges_are_read_by_every_command() {
-    let mut stream = Stream::default();
+    let mut stream = Speaker::at(1);
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     for round in 0..12_u8 {
         for &kind in Kind::ALL {
@@ -99,7 +83,7 @@ fn fields_at_the_ends_of_their_ranges_are_read_by_every_command() {
             };
             let index = drawn();
             // Each boot ends with its round.
-            stream.say(round, index, &Message::draw(kind, &mut drawn));
+            say(&mut stream, round, index, &Message::draw(kind, &mut drawn));
         }
     }
     read_by_all(&stream.bytes);
@@ -114,13 +98,14 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
     let Message::Strike(strike) = Message::draw(Kind::Strike, &mut || numbers.next().unwrap()) else {
         panic!("a strike");
     };
-    let mut stream = Stream::default();
+    let mut stream = Speaker::at(1);
     // A strike of one number, again and again, with more waveforms than a window has samples; then numbers at
     // both sides of 2^32, and first indices near 2^64.
     for n in 0..3000_u32 {
         let number = if n < 2000 { 7 } else { u32::MAX.wrapping_add(n % 3) };
         let first_index = if n % 2 == 0 { 1000 } else { u64::MAX - 10 };
-        stream.say(
+        say(
+            &mut stream,
             0,
             u64::from(n),
             &Message::from(Waveform {
@@ -129,7 +114,8 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
                 ..waveform.clone()
             }),
         );
-        stream.say(
+        say(
+            &mut stream,
             0,
             u64::from(n),
             &Message::from(Strike {
@@ -156,9 +142,9 @@ fn windows_at_the_ends_of_the_indices_and_frames_without_samples_are_read_by_eve
     else {
         panic!("not what was asked for");
     };
-    let mut stream = Stream::default();
-    stream.say(0, 0, &identity);
-    stream.say(0, 0, &bead_wire::Settings { block }.into());
+    let mut stream = Speaker::at(1);
+    say(&mut stream, 0, 0, &identity);
+    say(&mut stream, 0, 0, &bead_wire::Settings { block }.into());
     let mut number = 0;
     // The window alone, with a frame that has no samples, and without its end.
     for (first_index, samples) in [0, 1, 3, 31, 95, 361, 671, 672, 800]
@@ -180,10 +166,11 @@ fn windows_at_the_ends_of_the_indices_and_frames_without_samples_are_read_by_eve
                 })
             };
             if empty {
-                stream.say(0, 0, &piece(first_index, 0));
+                say(&mut stream, 0, 0, &piece(first_index, 0));
             }
             for at in (0..u16::saturating_sub(samples, cut)).step_by(32) {
-                stream.say(
+                say(
+                    &mut stream,
                     0,
                     0,
                     &piece(first_index.wrapping_add(at.into()), (samples - at).min(32)),
@@ -197,13 +184,13 @@ fn windows_at_the_ends_of_the_indices_and_frames_without_samples_are_read_by_eve
                 flags: StrikeFlags::from_bits(flags),
                 ..strike
             };
-            stream.say(0, 0, &strike.into());
+            say(&mut stream, 0, 0, &strike.into());
             let shape = Shape {
                 strike: number,
                 first_index,
                 ..shape
             };
-            stream.say(0, 0, &shape.into());
+            say(&mut stream, 0, 0, &shape.into());
         }
     }
     read_by_all(&stream.bytes);
@@ -211,8 +198,8 @@ fn windows_at_the_ends_of_the_indices_and_frames_without_samples_are_read_by_eve
 
 #[test]
 fn of_very_many_runs_that_are_no_frames_the_first_are_printed_and_all_are_counted() {
-    let mut stream = Stream::default();
-    stream.say(0, 0, &Message::draw(Kind::Health, &mut || 0));
+    let mut stream = Speaker::at(1);
+    say(&mut stream, 0, 0, &Message::draw(Kind::Health, &mut || 0));
     stream.bytes.extend([1, 0].repeat(5000));
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -236,10 +223,10 @@ fn of_very_many_runs_that_are_no_frames_the_first_are_printed_and_all_are_counte
 fn boots_beyond_those_whose_clocks_are_fitted_are_printed_and_told() {
     let mut numbers = 1..;
     let identity = Message::draw(Kind::Identity, &mut || numbers.next().unwrap());
-    let mut stream = Stream::default();
+    let mut stream = Speaker::at(1);
     for boot in 0..4100_u32 {
         stream.sequence = 0;
-        stream.say(boot as u8, 0, &identity);
+        say(&mut stream, boot as u8, 0, &identity);
     }
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -6,7 +6,8 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Flags, Scan, Settings, Window, WindowRecord};
+use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution, simulate};
 
 const HOST: usize = 8;
@@ -123,28 +124,6 @@ impl Gauss {
     }
 }
 
-/// Keeps all that a meter gives.
-#[derive(Default)]
-struct Heard {
-    chunks: Vec<Chunk>,
-    reports: Vec<StrikeReport>,
-}
-
-impl Sink for Heard {
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.chunks.push(chunk.clone());
-    }
-    fn report(&mut self, report: &StrikeReport) {
-        self.reports.push(*report);
-    }
-}
-
-fn hear(settings: &Settings, codes: &[Scan]) -> Heard {
-    let (mut meter, mut heard) = (Meter::new(), Heard::default());
-    meter.process(settings, 0, codes.iter().copied(), &mut heard);
-    heard
-}
-
 /// Errors of A and B, in per cent of the truth, for a strike without flags.
 fn errors(strike: &Strike) -> (f64, f64) {
     let (a, b, flags) = errors_and_flags(strike);
@@ -153,7 +132,7 @@ fn errors(strike: &Strike) -> (f64, f64) {
 }
 
 fn errors_and_flags(strike: &Strike) -> (f64, f64, Flags) {
-    let heard = hear(&strike.settings, &strike.codes);
+    let heard = Collector::measure(&strike.settings, 0, &strike.codes);
     assert_eq!(heard.reports.len(), 1, "one strike, one report");
     let report = &heard.reports[0];
     assert!((report.peak_force.to_num::<f64>() / strike.peak_force - 1.0).abs() < 5e-3);
@@ -259,7 +238,7 @@ fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
             name: strike.settings.name,
             ..derive(&bead, &strike.front_end, &Capture::default()).unwrap()
         };
-        let report = hear(&settings, &strike.codes).reports[0];
+        let report = Collector::measure(&settings, 0, &strike.codes).reports[0];
         (report.absorbed_predicted.to_num::<f64>() / strike.truth - 1.0) * 100.0
     };
     let (unaware, aware) = (error_with(0.0), error_with(front_mass));
@@ -271,7 +250,7 @@ fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
 #[test]
 fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
     let strike = strike(0.45, 100_000, 16.0, 500.0, 5e-3);
-    let heard = hear(&strike.settings, &strike.codes);
+    let heard = Collector::measure(&strike.settings, 0, &strike.codes);
     let report = heard.reports[0];
     let mut window = Window::open(report.strike, report.first_index);
     let mut record = WindowRecord::new();
@@ -304,7 +283,7 @@ fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
 fn a_signal_beyond_its_range_is_flagged() {
     let railed = |force_span, acceleration_span| {
         let strike = strike(0.45, 100_000, force_span, acceleration_span, 0.0);
-        hear(&strike.settings, &strike.codes).reports[0].flags
+        Collector::measure(&strike.settings, 0, &strike.codes).reports[0].flags
     };
     assert_eq!(railed(16.0, 200.0), Flags::ACCELERATION_RAILED);
     assert_eq!(railed(4.0, 500.0), Flags::FORCE_RAILED);

@@ -3,26 +3,8 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::meter::REACH;
-use bead_model::{Chunk, Meter, Origin, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
-
-#[derive(Default)]
-struct Heard {
-    opened: Vec<(u64, Origin)>,
-    scans: Vec<Scan>,
-    reports: Vec<StrikeReport>,
-}
-
-impl Sink for Heard {
-    fn opened(&mut self, trigger_index: u64, origin: Origin) {
-        self.opened.push((trigger_index, origin));
-    }
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.scans.extend(&chunk.scans);
-    }
-    fn report(&mut self, report: &StrikeReport) {
-        self.reports.push(*report);
-    }
-}
+use bead_model::{Meter, Origin, Scan, Settings, Window, WindowRecord};
+use bead_testing::Collector;
 
 /// What the image hands over at once.
 const BLOCK: usize = 200;
@@ -48,8 +30,8 @@ fn scan(index: u64, height: f64) -> Scan {
 }
 
 /// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.
-fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Heard {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Collector {
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
     for first in (0..6000).step_by(BLOCK) {
         if let Some((trigger, at)) = ask(first) {
             meter.keep_around(trigger, at, Origin::Line);
@@ -83,11 +65,11 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
         let report = heard.reports[0];
         assert_eq!(report.trigger_index, at - 300);
         assert_eq!(report.first_index, at - 300 + 1 - history);
-        assert_eq!(heard.scans.len(), usize::from(report.samples));
+        assert_eq!(heard.samples(), usize::from(report.samples));
         let mut indices = report.first_index..;
         assert!(
             heard
-                .scans
+                .scans()
                 .iter()
                 .all(|kept| *kept == scan(indices.next().unwrap(), 20.0))
         );
@@ -95,7 +77,7 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");
         let (mut window, mut record) = (Window::open(0, report.first_index), WindowRecord::new());
         record.clear();
-        window.process(&settings, &heard.scans, &mut record);
+        window.process(&settings, &heard.scans(), &mut record);
         assert_eq!(window.report(&settings, &record), report);
     }
 }
@@ -149,7 +131,7 @@ fn scans_are_kept_as_far_back_as_the_reach_whenever_the_instant_is_told_of() {
         let first = heard.reports[0].first_index;
         assert!(
             (first..)
-                .zip(&heard.scans)
+                .zip(&heard.scans())
                 .all(|(index, kept)| *kept == scan(index, 0.0)),
             "{at}"
         );
@@ -158,7 +140,7 @@ fn scans_are_kept_as_far_back_as_the_reach_whenever_the_instant_is_told_of() {
 
 #[test]
 fn a_window_is_opened_when_the_scan_comes_at_which_it_was_asked_for_and_not_before() {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
     meter.keep_around(700, 1000, Origin::Request);
     meter.process(
         &settings,

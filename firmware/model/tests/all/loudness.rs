@@ -4,25 +4,11 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::layout::{BASELINE, PIECE};
-use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Chunk, Scan, Settings, StrikeReport, Window, WindowRecord};
+use bead_testing::Collector;
 
 /// The scan that triggers.
 const TRIGGER: u64 = 500;
-
-#[derive(Default)]
-struct Heard {
-    chunks: Vec<Chunk>,
-    report: Option<StrikeReport>,
-}
-
-impl Sink for Heard {
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.chunks.push(chunk.clone());
-    }
-    fn report(&mut self, report: &StrikeReport) {
-        self.report = Some(*report);
-    }
-}
 
 fn settings() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
@@ -30,7 +16,7 @@ fn settings() -> Settings {
 
 /// What a meter tells of a rise of the force within a quarter of the range, and of a force and an
 /// acceleration `loud` codes above their zeros in four scans from `at` on.
-fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Heard {
+fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Collector {
     let scans: Vec<Scan> = (0..1500)
         .map(|index| {
             let noise = [0, 1, 3, 1, 2][(index % 5) as usize];
@@ -49,14 +35,13 @@ fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Heard {
             ])
         })
         .collect();
-    let (mut meter, mut heard) = (Meter::new(), Heard::default());
-    meter.process(settings, 0, scans, &mut heard);
-    assert_eq!(heard.report.unwrap().trigger_index, TRIGGER);
+    let heard = Collector::measure(settings, 0, &scans);
+    assert_eq!(heard.reports[0].trigger_index, TRIGGER);
     heard
 }
 
 /// The report of the same window with other wide codes in the pieces for which `wide` does not ask.
-fn replay(settings: &Settings, heard: &Heard, wide: impl Fn(&Chunk) -> bool) -> StrikeReport {
+fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool) -> StrikeReport {
     let mut scans: Vec<Scan> = Vec::new();
     for chunk in &heard.chunks {
         if wide(chunk) {
@@ -77,7 +62,7 @@ fn replay(settings: &Settings, heard: &Heard, wide: impl Fn(&Chunk) -> bool) -> 
             }));
         }
     }
-    let report = heard.report.unwrap();
+    let report = heard.reports[0];
     let (mut window, mut record) = (
         Window::open(report.strike, report.first_index),
         WindowRecord::new(),
@@ -122,7 +107,7 @@ fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_w
     for loud in [[3950, 0], [0, 2000], [3950, 2000]] {
         for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
             let heard = hear(&settings, loud, at);
-            let report = heard.report.unwrap();
+            let report = heard.reports[0];
             assert_eq!(
                 replay(&settings, &heard, |chunk| chunk.loud),
                 report,

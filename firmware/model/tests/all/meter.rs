@@ -3,25 +3,11 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::Name;
-use bead_model::{Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Flags, Meter, Scan, Settings, Window, WindowRecord};
+use bead_testing::Collector;
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 use std::sync::atomic::AtomicU32;
-
-#[derive(Default)]
-struct Heard {
-    samples: usize,
-    reports: Vec<StrikeReport>,
-}
-
-impl Sink for Heard {
-    fn chunk(&mut self, chunk: &Chunk) {
-        self.samples += chunk.scans.len();
-    }
-    fn report(&mut self, report: &StrikeReport) {
-        self.reports.push(*report);
-    }
-}
 
 fn settings() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
@@ -38,8 +24,8 @@ fn codes_of((force, acceleration): (u16, u16)) -> Scan {
 }
 
 /// Feeds force codes from sample 0.
-fn hear(forces: impl IntoIterator<Item = u16>) -> (Meter, Heard) {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+fn hear(forces: impl IntoIterator<Item = u16>) -> (Meter, Collector) {
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
     let scans: Vec<Scan> = forces.into_iter().map(scan).collect();
     meter.process(&settings, 0, scans, &mut heard);
     (meter, heard)
@@ -72,7 +58,7 @@ fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() 
     let history = usize::from(settings.window.history);
     // The number of scans after which it is armed.
     let armed = |force: &dyn Fn(usize) -> u16, restart_at: usize| {
-        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let (mut meter, mut heard) = (Meter::new(), Collector::default());
         (0..1000).position(|index| {
             if index == restart_at {
                 meter.restart();
@@ -101,7 +87,7 @@ fn a_meter_that_passes_over_is_armed_again_after_a_history_from_the_scan_after_t
     let settings = settings();
     let history = usize::from(settings.window.history);
     for at in [500, 555] {
-        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let (mut meter, mut heard) = (Meter::new(), Collector::default());
         meter.pass_over(true);
         let mut feed = |indices: std::ops::Range<usize>| {
             let first = indices.start as u64;
@@ -149,7 +135,7 @@ fn words_of_a_dma_are_measured_as_the_scans_that_they_hold() {
             [word([force, force_wide]), word([acceleration, acceleration_wide])]
         })
         .collect();
-    let (mut meter, mut heard) = (Meter::new(), Heard::default());
+    let (mut meter, mut heard) = (Meter::new(), Collector::default());
     meter.process_words(&settings(), 0, &words, &mut heard);
     assert_eq!(heard.reports.len(), 1);
     assert_eq!(heard.reports, hear(forces).1.reports);
@@ -179,14 +165,14 @@ fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
         .map(|i| scan(if i % 900 < 50 { pulse(i % 900) } else { 128 }))
         .collect();
     let hear = |piece: usize| {
-        let (mut meter, mut heard, mut index) = (Meter::new(), Heard::default(), 0);
+        let (mut meter, mut heard, mut index) = (Meter::new(), Collector::default(), 0);
         for scans in stream.chunks(piece) {
             meter.process(&settings, index, scans.iter().copied(), &mut heard);
             index += scans.len() as u64;
         }
         // The last strike is complete in either case.
         meter.process(&settings, index, [scan(128); 3000], &mut heard);
-        (heard.reports, heard.samples)
+        (heard.reports.clone(), heard.samples())
     };
     let whole = hear(stream.len());
     assert!(whole.0.len() > 60, "{}", whole.0.len());
@@ -204,7 +190,7 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
         let mut settings = settings();
         settings.window.length = length;
         settings.window.history = 128;
-        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let (mut meter, mut heard) = (Meter::new(), Collector::default());
         let stream = |at: usize| if at % every < 50 { pulse(at % every) } else { 128 };
         let (mut rested, mut at_rest) = (None, 0);
         for block in 0..400 {
@@ -251,17 +237,17 @@ fn no_call_measures_more_than_its_share_whatever_the_window_and_wherever_in_a_ca
                 })
             });
             let stream: Vec<Scan> = stream.collect();
-            let (mut meter, mut heard, mut measured) = (Meter::new(), Heard::default(), 0);
+            let (mut meter, mut heard, mut measured) = (Meter::new(), Collector::default(), 0);
             for (call, scans) in stream.chunks(CALL).enumerate() {
                 meter.process(&settings, (call * CALL) as u64, scans.iter().copied(), &mut heard);
                 // What was measured is told in chunks of 32 scans.
                 let share = CALL * 5 / 8 + 31;
                 assert!(
-                    heard.samples - measured <= share,
+                    heard.samples() - measured <= share,
                     "{} scans in call {call}, history {history}, length {length}, phase {phase}",
-                    heard.samples - measured
+                    heard.samples() - measured
                 );
-                measured = heard.samples;
+                measured = heard.samples();
             }
             assert_eq!((heard.reports.len(), measured), (1, usize::from(length)));
         }
@@ -284,7 +270,7 @@ fn the_history_starts_before_the_trigger_by_the_length_set() {
         report.trigger_index
     );
     assert_eq!(report.trigger_index - report.first_index + 1, 160);
-    assert_eq!(heard.samples, usize::from(report.samples));
+    assert_eq!(heard.samples(), usize::from(report.samples));
     assert!(
         (1024..=1026).contains(&report.peak_index),
         "{}",
@@ -294,7 +280,7 @@ fn the_history_starts_before_the_trigger_by_the_length_set() {
 
 #[test]
 fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_its_zero() {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
     let stream = |i: usize| {
         if (1000..1050).contains(&i) {
             pulse(i - 1000)
@@ -323,7 +309,7 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
             ..Capture::default()
         };
         let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
-        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let (mut meter, mut heard) = (Meter::new(), Collector::default());
         let quiet = std::iter::repeat_n(128, 1000);
         let scans: Vec<Scan> = quiet
             .chain((0..50).map(pulse))
@@ -388,7 +374,7 @@ const MANY: usize = if cfg!(miri) { 950 } else { 2000 };
 proptest! {
     #[test]
     fn any_codes_whatever_are_survived(codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], MANY)) {
-        let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+        let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
         // A step first, so that the meter measures the noise and does not wait for its end.
         let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]).map(codes_of);
         let stream: Vec<Scan> = quiet.chain(codes.into_iter().map(Scan::new)).collect();
@@ -456,9 +442,9 @@ proptest! {
                 codes_of((force + noise, 1920 + force + 7 * noise))
             })
             .collect();
-        let (mut whole, mut heard) = (Meter::new(), Heard::default());
+        let (mut whole, mut heard) = (Meter::new(), Collector::default());
         whole.process(&settings, 0, stream.iter().copied(), &mut heard);
-        let (mut meter, mut in_pieces, mut start) = (Meter::new(), Heard::default(), 0);
+        let (mut meter, mut in_pieces, mut start) = (Meter::new(), Collector::default(), 0);
         for cut in cuts.into_iter().cycle() {
             let end = (start + cut).min(stream.len());
             meter.process(&settings, start as u64, stream[start..end].iter().copied(), &mut in_pieces);
@@ -468,8 +454,8 @@ proptest! {
             }
         }
         prop_assert_eq!(heard.reports.len(), 1);
-        prop_assert_eq!(heard.reports, in_pieces.reports);
-        prop_assert_eq!(heard.samples, in_pieces.samples);
+        prop_assert_eq!(&heard.reports, &in_pieces.reports);
+        prop_assert_eq!(heard.samples(), in_pieces.samples());
     }
 
     #[test]

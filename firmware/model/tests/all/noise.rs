@@ -7,7 +7,8 @@ use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
-use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Scan, Settings, Window, WindowRecord};
+use bead_testing::Collector;
 use hertz_chain::{Options, Scenario, Solution, simulate_with};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -17,15 +18,6 @@ const HOST: usize = 8;
 const STRIKES: u64 = 40;
 /// Quiet before the strike, samples.
 const LEAD: f64 = 500.0;
-
-struct Last(Option<StrikeReport>);
-
-impl Sink for Last {
-    fn chunk(&mut self, _: &Chunk) {}
-    fn report(&mut self, report: &StrikeReport) {
-        self.0.get_or_insert(*report);
-    }
-}
 
 /// The paper's strike at a speed in m/s, and the energy that its intruder absorbs, nJ.
 fn strike(speed: f64) -> (Solution, f64) {
@@ -73,9 +65,7 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
                     Scan::new([force, force, acceleration, acceleration])
                 })
                 .collect();
-            let mut last = Last(None);
-            Meter::new().process(&settings, 0, scans.iter().copied(), &mut last);
-            let report = last.0.unwrap();
+            let report = Collector::measure(&settings, 0, &scans).reports[0];
             let window = &scans[report.first_index as usize..][..usize::from(report.samples)];
             let gate = (3.0 * noise[0].hypot(calibration[0] / 12f64.sqrt()) / calibration[0]) as u16;
             let gated: Vec<Scan> = window

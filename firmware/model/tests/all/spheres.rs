@@ -8,7 +8,8 @@
 use std::f64::consts::PI;
 
 use bead_model::design::{Bead, Capture, DesignError, FrontEnd, derive};
-use bead_model::{Chunk, Energy, Flags, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{Energy, Flags, Scan, Settings};
+use bead_testing::Collector;
 use hertz_chain::{Material, Scenario, Solution, simulate};
 
 const HOST: usize = 8;
@@ -34,18 +35,6 @@ const MATERIALS: [(&str, Material, f64); 7] = [
     ("ABS", material(1040.0, 2.3e9, 0.35), 0.0),
     ("Bakelite", material(1775.0, 4.5e9, 0.44), 4.2e-6),
 ];
-
-/// Keeps the reports of a meter.
-#[derive(Default)]
-struct Reports(Vec<StrikeReport>);
-
-impl Sink for Reports {
-    fn chunk(&mut self, _: &Chunk) {}
-
-    fn report(&mut self, report: &StrikeReport) {
-        self.0.push(*report);
-    }
-}
 
 /// A chain of equal spheres, struck by one of them at 0.45 m/s. The intruder has `part` of the mass.
 fn chain(material: Material, relaxation: f64, diameter: f64, part: f64) -> (Scenario, Bead) {
@@ -129,9 +118,8 @@ fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, Flags), DesignE
             let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
             Scan::new([force, force, acceleration, acceleration])
         });
-    let (mut meter, mut reports) = (Meter::new(), Reports::default());
-    meter.process(&settings, 0, scans.collect::<Vec<_>>(), &mut reports);
-    let [report, ..] = &reports.0[..] else {
+    let collected = Collector::measure(&settings, 0, &scans.collect::<Vec<_>>());
+    let [report, ..] = &collected.reports[..] else {
         panic!("no report of {force} N");
     };
     // The energy within the window, which ends before the simulation of a fast chain does.

@@ -7,9 +7,9 @@ use bead::bench::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_
 use bead::recording::file::{About, Origin, Part, Writer};
 use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive_among};
-use bead_model::settings::BLOCK_MAX;
-use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};
-use bead_wire::{Block, Header, Identity, MAX_FRAME, Message, ResetCauses, StrikeFlags, Sync, encode};
+use bead_model::{Scan, Settings};
+use bead_testing::{Collector, Speaker, block_of};
+use bead_wire::{Message, StrikeFlags, Sync};
 use hertz_chain::{Scenario, Solution};
 
 const RATE: f64 = 1e5;
@@ -97,24 +97,12 @@ fn frames(solution: &Solution, who: &Who, strikes: u32) -> Vec<(u64, Vec<u8>)> {
     let sensed = Sensed::new(solution, who.bead, timing);
     let scans = timing.scans(solution.end());
     let codes = front_end.digitise(&sensed, scans, Some(who.bead as u64));
-    let mut told = Told {
-        who,
-        messages: Vec::new(),
-    };
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).unwrap();
-    let identity = Identity {
-        firmware: "0.1.0".into(),
-        git: "abc".into(),
-        uid: [who.bead as u8; 12],
+    let mut speaker = Speaker {
         boot: 1,
-        reset_cause: ResetCauses::from_bits(4),
-        sample_rate_hz: RATE as u32,
-        channels: 2,
+        ..Speaker::at(who.bead as u8)
     };
-    told.messages.push((1, identity.into()));
-    let block = Block::try_from(&block[..length]).unwrap();
-    told.messages.push((1, bead_wire::Settings { block }.into()));
+    let mut messages: Vec<(u64, Message)> =
+        vec![(1, speaker.identity().into()), (1, block_of(&settings).into())];
     // In units of 840 to a sample, as the timer has.
     let edges = (1..)
         .map(|n| f64::from(n) * EDGES - began)
@@ -122,22 +110,15 @@ fn frames(solution: &Solution, who: &Who, strikes: u32) -> Vec<(u64, Vec<u8>)> {
     for (number, at) in (1..).zip(edges).filter(|_| who.synced) {
         let position = 1.0 + at * RATE;
         let edge = Sync::at(number, (position * 840.0).round() as u64, 840, 0);
-        told.messages.push((position as u64 + 1, edge.into()));
+        messages.push((position as u64 + 1, edge.into()));
     }
-    let mut meter = Meter::new();
     let scans: Vec<Scan> = codes.scans.iter().copied().map(Scan::new).collect();
-    meter.process(&settings, 1, scans, &mut told);
-    told.messages.sort_by_key(|(index, _)| *index);
-    let sent = (0..).zip(&told.messages).map(|(sequence, (index, message))| {
-        let header = Header {
-            address: who.bead as u8,
-            boot: 1,
-            sequence,
-            sample_index: *index,
-        };
-        let frame = encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec();
+    let collected = Collector::measure(&settings, 1, &scans);
+    messages.extend(strikes_of(&collected, who));
+    messages.sort_by_key(|(index, _)| *index);
+    let sent = messages.iter().map(|(index, message)| {
         let at = (began + (*index as f64 - 1.0) / RATE + 2e-4) * 1e9;
-        (1_000_000_000 + at as u64, frame)
+        (1_000_000_000 + at as u64, speaker.frame(*index, message))
     });
     let mut sent: Vec<_> = sent.collect();
     sent.drain(2..2 + who.frames_lost);
@@ -155,29 +136,21 @@ fn settings(solution: &Solution, bead: usize) -> Settings {
     settings
 }
 
-/// The messages of a bead, each with the sample index at which it is made.
-struct Told<'a> {
-    who: &'a Who,
-    messages: Vec<(u64, Message)>,
-}
-
-impl Sink for Told<'_> {
-    fn chunk(&mut self, chunk: &Chunk) {
-        if !self.who.lost.contains(&chunk.strike) {
-            let index = chunk.first_index + chunk.scans.len() as u64;
-            self.messages
-                .push((index, bead_telemetry::waveform(chunk).into()));
-        }
+/// The messages of the strikes that are not lost, each with the sample index at which it is made.
+fn strikes_of(collected: &Collector, who: &Who) -> Vec<(u64, Message)> {
+    let mut messages: Vec<(u64, Message)> = Vec::new();
+    let is_lost = |strike: u32| who.lost.contains(&strike);
+    for chunk in collected.chunks.iter().filter(|chunk| !is_lost(chunk.strike)) {
+        let index = chunk.first_index + chunk.scans.len() as u64;
+        messages.push((index, bead_telemetry::waveform(chunk).into()));
     }
-
-    fn report(&mut self, report: &StrikeReport) {
-        if !self.who.lost.contains(&report.strike) {
-            let index = report.first_index + u64::from(report.samples);
-            let mut strike = bead_telemetry::strike(report, StrikeFlags::NONE);
-            let bits = strike.absorbed_predicted.bits() + self.who.wrong_by;
-            strike.absorbed_predicted = bead_wire::Energy::from_bits(bits);
-            self.messages.push((index, strike.into()));
-            self.messages.push((index, bead_telemetry::shape(report).into()));
-        }
+    for report in collected.reports.iter().filter(|report| !is_lost(report.strike)) {
+        let index = report.first_index + u64::from(report.samples);
+        let mut strike = bead_telemetry::strike(report, StrikeFlags::NONE);
+        let bits = strike.absorbed_predicted.bits() + who.wrong_by;
+        strike.absorbed_predicted = bead_wire::Energy::from_bits(bits);
+        messages.push((index, strike.into()));
+        messages.push((index, bead_telemetry::shape(report).into()));
     }
+    messages
 }
