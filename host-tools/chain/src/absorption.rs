@@ -6,7 +6,7 @@ use crate::model::HostedIntruder;
 use crate::solution::{Snapshot, Solution};
 
 /// The energy that one intruder has taken by some time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Absorption {
     /// The host bead.

@@ -6,7 +6,7 @@ use crate::collision::Collision;
 use crate::solution::Solution;
 
 /// The energy that a striker gives to its chain in a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Injection {
     /// Mass of the striker over that of bead 1.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// The results of a run, with the names of the JSON of `bead simulate`. SI units.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Summary {
     /// Greatest force of every contact that ever carried one.
@@ -20,7 +20,7 @@ pub struct Summary {
 }
 
 /// The greatest force of one contact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct ContactPeak {
     /// The contact, which joins bodies `contact - 1` and `contact`; N + 1 joins the last bead and the wall.
@@ -36,7 +36,7 @@ pub struct ContactPeak {
 }
 
 /// Displacements (m) and velocities (m/s) of bodies 0..=N at one time (s).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct FinalState {
     /// When.
@@ -48,7 +48,7 @@ pub struct FinalState {
 }
 
 /// Energies, J, as [`Energies`](crate::Energies) has them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct EnergySummary {
     /// Kinetic energy of the striker at t = 0.
@@ -71,7 +71,7 @@ pub struct EnergySummary {
 }
 
 /// Motion and losses of one intruder.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct IntruderSummary {
     /// The host bead.
@@ -87,7 +87,7 @@ pub struct IntruderSummary {
 }
 
 /// Cost of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct SolverSummary {
     /// Steps taken.

@@ -10,7 +10,7 @@ use crate::summary::ContactPeak;
 
 /// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985,
 /// chapters 4 and 6).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Validity {
     /// The contact.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// The relation of a value to what is expected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
     /// The value is expected to within the tolerance.
@@ -15,7 +15,7 @@ pub enum Relation {
 }
 
 /// One statement about a figure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Check {
     /// What was measured.
     pub what: String,

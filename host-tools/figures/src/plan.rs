@@ -56,7 +56,7 @@ macro_rules! plans {
 pub(crate) use plans;
 
 /// The result of one figure, as in the JSON of `bead figures`.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct Outcome {
     /// The figure.
     pub name: &'static str,

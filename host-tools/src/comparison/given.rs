@@ -25,7 +25,7 @@ const FINER_A: usize = 10;
 const FINER_B: usize = 2;
 
 /// What a waveform says of one strike, SI units; none where the waveform lacks the quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Given {
     /// Highest force, N.
     pub peak_force: Option<f64>,

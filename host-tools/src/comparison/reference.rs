@@ -25,7 +25,7 @@ const LONGEST: f64 = 100.0;
 const COVERED: f64 = 0.9;
 
 /// The same of both sides.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Sides {
     /// By the bead.
     pub bead: f64,
@@ -41,7 +41,7 @@ impl Sides {
 }
 
 /// One quantity of a strike by both instruments, SI units.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct Aligned {
     /// Pearson's coefficient of the two, with the delay taken out.
     pub correlation: f64,
@@ -80,7 +80,7 @@ pub struct Point {
 }
 
 /// An estimate by the bead, in f64 from the bead's samples, and in f64 from the reference, J.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Absorbed {
     /// By the bead.
     pub bead: f64,
@@ -91,7 +91,7 @@ pub struct Absorbed {
 }
 
 /// A strike against the record of another instrument.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct AgainstReference {
     /// Force, N; none if the reference has none.
     pub force: Option<Aligned>,

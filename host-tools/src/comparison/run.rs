@@ -20,7 +20,7 @@ use crate::recording::frames::{Frame, Reader};
 use crate::recording::strikes::{RecordedStrike, assemble};
 
 /// The result of a run, as in the JSON of `bead emulate`. SI units.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct RunReport {
     /// Frames received, lost, corrupt, and dropped by the bead.
     pub frames: FrameCounts,
@@ -65,12 +65,13 @@ pub struct RunReport {
 }
 
 /// A fault of the fault file, and whether the bead reported it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct ProvokedFault {
     /// The fault.
     #[serde(flatten)]
     pub fault: Planned,
     /// What the bead must report; none if it must not notice.
+    #[schemars(with = "Option<NameOrNumber>")]
     pub cause: Option<FaultCause>,
     /// Whether it did.
     pub reported: bool,
@@ -79,18 +80,28 @@ pub struct ProvokedFault {
     pub excused: bool,
 }
 
+/// The JSON of a number of a list: its name, or the number where this version knows no name.
+#[derive(schemars::JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "its schema alone is used")]
+enum NameOrNumber {
+    Name(String),
+    Number(u8),
+}
+
 /// A fault that the bead reported.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 #[expect(missing_docs, reason = "the fields are those of the frame and its header")]
 pub struct ReportedFault {
     pub sample_index: u64,
+    #[schemars(with = "NameOrNumber")]
     pub cause: FaultCause,
     pub boot: u32,
     pub detail: String,
 }
 
 /// What became of the frames.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct FrameCounts {
     /// Frames received.
     pub received: u64,
@@ -103,7 +114,7 @@ pub struct FrameCounts {
 }
 
 /// A strike as the bead measured it, beside the truth. SI units.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct MeasuredStrike {
     /// Sample index of the trigger.
     pub sample_index: u64,

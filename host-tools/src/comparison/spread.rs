@@ -17,7 +17,7 @@ use crate::comparison::strike::{GOAL, Values, percent};
 const SCATTER: [f64; 2] = [5e-3, 1e-2];
 
 /// The deviations of one estimate over several strikes, as parts of the full chain's value.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Spread {
     /// `A` or `B`.
     pub estimate: &'static str,

@@ -34,7 +34,7 @@ pub(crate) const GOAL: Goal = Goal {
 };
 
 /// What one side says of a strike, SI units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Values {
     /// Highest force, N.
     pub peak_force: f64,
@@ -64,7 +64,7 @@ impl Values {
 }
 
 /// One strike, from four sources.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct StrikeComparison {
     /// Its number since the bead's reset.
     pub strike: u32,
@@ -199,7 +199,7 @@ pub fn percent(part: f64) -> String {
 }
 
 /// The shape of a strike: of the bead, and of the full chain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ShapeComparison {
     /// As the bead sent it.
     pub device: ShapeValues,
@@ -208,7 +208,7 @@ pub struct ShapeComparison {
 }
 
 /// The shape of a strike in SI units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ShapeValues {
     /// Full width at half height of the force, s.
     pub width: f64,
@@ -241,7 +241,7 @@ impl ShapeValues {
 }
 
 /// Goals for the estimates of a strike.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Goal {
     /// For A.
     pub absorbed_measured: f64,

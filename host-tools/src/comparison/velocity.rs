@@ -33,7 +33,7 @@ const MET: f64 = 1e-6;
 const OTHERS: f64 = 0.25;
 
 /// The striker's velocity as the recorded forces tell it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct FittedVelocity {
     /// m/s.
     pub velocity: f64,

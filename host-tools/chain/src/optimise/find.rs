@@ -12,7 +12,7 @@ use crate::scenario::{Intruder, MOST_BEADS, Scenario};
 use crate::simulate::Accuracy;
 
 /// The best intruders that were found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Optimum {
     /// One intruder a host, in the order of the beads.

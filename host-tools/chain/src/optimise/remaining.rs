@@ -9,7 +9,7 @@ use crate::scenario::{InputError, Scenario};
 
 /// What a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`]; `before`,
 /// `within`, `after` and `contacts` add up to `share`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Remaining {
     /// Speed of the striker, m/s.

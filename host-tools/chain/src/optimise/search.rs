@@ -33,7 +33,7 @@ pub struct Search {
 }
 
 /// How the shares that remain of several strikes become one number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Aim {
     /// Their mean.

@@ -120,7 +120,7 @@ pub struct Wall {
 }
 
 /// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Intruder {

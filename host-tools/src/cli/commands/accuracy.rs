@@ -14,9 +14,9 @@ use serde::Serialize;
 use super::measured::{Errors, TableOptions, check_lengths, check_positive, list, rows, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
+use crate::bench::tables::Sensors;
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
-use crate::cli::front_end_options::Sensors;
 use crate::cli::output;
 
 const AFTER_HELP: &str = "\
@@ -59,8 +59,8 @@ pub(crate) struct Arguments {
 }
 
 /// One striker at one speed.
-#[derive(Debug, Serialize)]
-struct Cell {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(crate) struct Cell {
     /// m.
     radius: f64,
     /// m/s.

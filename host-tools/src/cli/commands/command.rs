@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use bead_wire::{Check, Link, Message, Raw, Request, SelfTest, Standing};
 use clap::{Args, Subcommand};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
@@ -31,7 +33,7 @@ Examples:
       --address 3 (one of several on a line)
   bead command reboot --port tcp:192.168.1.7:4000";
 
-/// How often a self-test is asked for of which a part is lost on the way.
+/// Most requests for a self-test of which a part is lost on the way.
 const TESTS: u32 = 5;
 
 /// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
@@ -63,7 +65,7 @@ enum Action {
     Raw {
         #[command(flatten)]
         common: Common,
-        /// How long, s; at most 10.
+        /// Duration, s; at most 10.
         #[arg(long, value_name = "SECONDS", value_parser = output::seconds_of_a_day)]
         duration: Duration,
         /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
@@ -82,7 +84,7 @@ enum Action {
 struct Common {
     #[command(flatten)]
     line: LineOptions,
-    /// How to print the answer.
+    /// Format of the answer.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
@@ -110,17 +112,66 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
-            output::print(common.format, &json!({ "boot": boot }), || {
-                format!("in boot {boot}")
-            })
+            output::print(common.format, &Rebooted { boot }, || format!("in boot {boot}"))
         }
     }
+}
+
+/// The answer to a request that only says that it was done, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Done {
+    outcome: &'static str,
+}
+
+/// The bodies of the frames that answer the request `status`, as JSON. Those that a bead of an earlier version does
+/// not send are null.
+#[derive(Serialize)]
+struct Reports<'a> {
+    status: &'a Value,
+    health: &'a Value,
+    link: &'a Value,
+    guard: &'a Value,
+    load: &'a Value,
+}
+
+/// One check of a self-test as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct CheckResult {
+    check: String,
+    passed: bool,
+    value: u32,
+}
+
+impl CheckResult {
+    fn of(test: &SelfTest) -> Self {
+        Self {
+            check: test.check.to_string(),
+            passed: test.passed,
+            value: test.value,
+        }
+    }
+}
+
+/// The answer to a reboot as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Rebooted {
+    /// Number of the boot that the bead is in.
+    boot: u32,
+}
+
+/// The counts of a raw stream as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Streamed {
+    scans: u64,
+    received: usize,
+    dropped_by_bead: u64,
+    lost: u64,
 }
 
 /// Sends a request whose answer is only that it was done.
 fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
     common.line.open()?.request_done(request)?;
-    output::print(common.format, &json!({ "outcome": "done" }), || done.to_owned())
+    output::print(common.format, &Done { outcome: "done" }, || done.to_owned())
 }
 
 fn identity(common: &Common) -> Result<(), Failure> {
@@ -142,7 +193,13 @@ fn status(common: &Common) -> Result<(), Failure> {
     // A bead of an earlier version does not send these two.
     let load = body("load frame", |message| matches!(message, Message::Load(_))).unwrap_or_default();
     let guard = body("guard frame", |message| matches!(message, Message::Guard(_))).unwrap_or_default();
-    let all = json!({ "status": status, "health": health, "link": link, "guard": guard, "load": load });
+    let all = Reports {
+        status: &status,
+        health: &health,
+        link: &link,
+        guard: &guard,
+        load: &load,
+    };
     output::print(common.format, &all, || {
         rows([&status, &health, &link, &guard, &load])
     })
@@ -170,7 +227,8 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
 
 fn self_test(common: &Common) -> Result<(), Failure> {
     let checks = checks(&mut common.line.open()?)?;
-    output::print(common.format, &checks, || {
+    let results: Vec<_> = checks.iter().map(CheckResult::of).collect();
+    output::print(common.format, &results, || {
         let row = |test: &SelfTest| {
             let passed = output::either(test.passed, "passed", "FAILED");
             [test.check.to_string(), passed, found(test.check, test.value)]
@@ -211,15 +269,16 @@ fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
     )))
 }
 
-/// What a check found, in words.
+/// Finding of a check in words.
 fn found(check: Check, value: u32) -> String {
     match check {
         Check::Supply => format!("{value} mV"),
         Check::Force | Check::Acceleration => {
             let standing: Vec<_> = Standing::from_bits(value as u8).names().collect();
-            match standing.is_empty() {
-                true => "moves, off the rails".to_owned(),
-                false => standing.join(", "),
+            if standing.is_empty() {
+                "moves, off the rails".to_owned()
+            } else {
+                standing.join(", ")
             }
         }
         Check::Acquisition => format!("{value} blocks of samples in 20 ms"),
@@ -263,7 +322,12 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
     let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
     let (sent, dropped) = counted_since(&before, &after);
     let (scans, lost) = (sent.saturating_add(dropped), sent.saturating_sub(received as u64));
-    let summary = json!({ "scans": scans, "received": received, "dropped_by_bead": dropped, "lost": lost });
+    let summary = Streamed {
+        scans,
+        received,
+        dropped_by_bead: dropped,
+        lost,
+    };
     let text = format!(
         "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
     );

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{only_host, simulate_with_ring_down};
@@ -22,7 +23,7 @@ use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::replay::replay;
 use crate::comparison::spread::{Deviations, Spread};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
-use crate::comparison::velocity;
+use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Echoes, Soundness, failure, other_length, overruns};
 use crate::recording::file::{Bead, Part};
 use crate::recording::received::Received;
@@ -99,6 +100,23 @@ pub(crate) struct Arguments {
     format: Format,
     #[command(flatten)]
     columns: WaveformOptions,
+}
+
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    bead: usize,
+    striker_velocity: Option<FittedVelocity>,
+    strikes: &'a Vec<StrikeComparison>,
+    strikes_left_out: usize,
+    /// Of A, and of B.
+    spread: &'a [Spread; 2],
+    frames_lost: u64,
+    frames_corrupt: u64,
+    overruns: u64,
+    instructions_per_sample: Option<f64>,
+    pass: bool,
+    failure: Option<&'a str>,
 }
 
 /// Strikes that are kept and shown at most. The means are over all.
@@ -267,19 +285,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some((directory, figures)) = arguments.figures.as_ref().zip(figures) {
         write_figures(directory, &figures, &strikes)?;
     }
-    let result = json!({
-        "bead": bead,
-        "striker_velocity": &fitted,
-        "strikes": &strikes,
-        "strikes_left_out": left_out,
-        "spread": &spread,
-        "frames_lost": soundness.lost,
-        "frames_corrupt": soundness.corrupt,
-        "overruns": soundness.overruns,
-        "instructions_per_sample": soundness.instructions.map(|(total, _)| total),
-        "pass": failure.is_none(),
-        "failure": &failure,
-    });
+    let result = Report {
+        bead,
+        striker_velocity: fitted,
+        strikes: &strikes,
+        strikes_left_out: left_out,
+        spread: &spread,
+        frames_lost: soundness.lost,
+        frames_corrupt: soundness.corrupt,
+        overruns: soundness.overruns,
+        instructions_per_sample: soundness.instructions.map(|(total, _)| total),
+        pass: failure.is_none(),
+        failure: failure.as_deref(),
+    };
     output::print(arguments.format, &result, || {
         let mut parts = vec![table(&strikes, &spread, &soundness)];
         parts.extend(fitted.map(|fitted| format!("striker's velocity: {}", shown(&fitted))));

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::bench::emulation::RunTruth;
 use crate::cli::failure::Failure;
@@ -31,6 +32,28 @@ pub(super) struct Request<'a> {
 
 /// Correlations below this are told of.
 const LITTLE: f64 = 0.5;
+
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    bead: Option<usize>,
+    strike: u32,
+    sample_index: u64,
+    reference: ReferenceFile,
+    against: &'a AgainstReference,
+    replay_identical: bool,
+    pass: bool,
+    failure: Option<&'a str>,
+}
+
+/// The file of the other instrument.
+#[derive(Serialize, JsonSchema)]
+struct ReferenceFile {
+    file: String,
+    sha256: String,
+    /// True if this file was the stimulus of the recorded run; null if the recording does not say.
+    was_played: Option<bool>,
+}
 
 pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
     let Request {
@@ -110,16 +133,20 @@ pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
         };
         report.write_bytes(page.html().map_err(Failure::from)?)?;
     }
-    let result = json!({
-        "bead": bead,
-        "strike": strike.said.strike,
-        "sample_index": strike.said.trigger_index,
-        "reference": { "file": reference.display().to_string(), "sha256": sha256, "was_played": played },
-        "against": &against,
-        "replay_identical": failure.is_none(),
-        "pass": failure.is_none(),
-        "failure": &failure,
-    });
+    let result = Report {
+        bead,
+        strike: strike.said.strike,
+        sample_index: strike.said.trigger_index,
+        reference: ReferenceFile {
+            file: reference.display().to_string(),
+            sha256,
+            was_played: played,
+        },
+        against: &against,
+        replay_identical: failure.is_none(),
+        pass: failure.is_none(),
+        failure: failure.as_deref(),
+    };
     output::print(request.format, &result, || table(&against, failure.is_none()))?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }

@@ -39,8 +39,8 @@ pub(super) struct Wanted<'a> {
 }
 
 /// The result, as in the JSON.
-#[derive(Serialize)]
-struct Printed<'a> {
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct Report<'a> {
     striker_velocity: Option<FittedVelocity>,
     #[serde(flatten)]
     told: &'a RowComparison,
@@ -127,7 +127,7 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
             figure.write_bytes(chart.standalone_svg()?)?;
         }
     }
-    let printed = Printed {
+    let printed = Report {
         striker_velocity: fitted,
         told: &told,
     };

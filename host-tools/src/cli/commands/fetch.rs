@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
@@ -57,6 +58,21 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
+/// The strikes that a bead keeps, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct KeptStrikes<'a> {
+    /// Bodies of `kept` frames.
+    #[schemars(with = "Vec<serde_json::Map<String, serde_json::Value>>")]
+    strikes: &'a [Kept],
+}
+
+/// The result of fetching, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Fetched<'a> {
+    fetched: usize,
+    out: &'a str,
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let target = place::optional(
         arguments.out.as_deref(),
@@ -80,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let rows = chosen.iter().map(|kept| {
             [kept.boot, kept.strike, kept.parts.into(), kept.bytes].map(|number| number.to_string())
         });
-        return output::print(arguments.format, &json!({ "strikes": chosen }), || {
+        return output::print(arguments.format, &KeptStrikes { strikes: &chosen }, || {
             output::table("boot | strike | frames | bytes", rows)
         });
     };
@@ -124,7 +140,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = finished.path.display().to_string();
     output::print(
         arguments.format,
-        &json!({ "fetched": strikes, "out": path }),
+        &Fetched {
+            fetched: strikes,
+            out: &path,
+        },
         || format!("{path}: {strikes} strikes fetched"),
     )?;
     failed.map_or(Ok(()), Err)

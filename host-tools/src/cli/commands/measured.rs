@@ -136,14 +136,16 @@ pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {
 }
 
 /// Errors of the estimates of one run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub(super) struct Errors {
     /// Strikes that were measured.
     pub(super) strikes: usize,
     /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the
     /// worst: null in JSON.
+    #[schemars(with = "[Option<f64>; 2]")]
     pub(super) rms: [f64; 2],
     /// The greatest error, with its sign.
+    #[schemars(with = "[Option<f64>; 2]")]
     pub(super) worst: [f64; 2],
     /// Every flag that was set.
     pub(super) flags: Vec<&'static str>,

@@ -10,8 +10,8 @@ use hertz_chain::{
     Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
     SearchProgress, SimulateError, optimise, remaining,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::json;
 
 use crate::cli::beads::Beads;
 use crate::cli::failure::Failure;
@@ -100,8 +100,21 @@ const PAPER: [(&str, f64); 2] = [
     ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
 ];
 
+/// The result as JSON, in SI units.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    hosts: &'a Vec<usize>,
+    total_mass: f64,
+    mass: [f64; 2],
+    stiffness: [f64; 2],
+    damping: [f64; 2],
+    aim: Aim,
+    optimum: &'a Optimum,
+    compared: &'a Vec<Compared>,
+}
+
 /// Other intruders under the same strikes.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct Compared {
     name: &'static str,
     /// Together, kg.
@@ -148,16 +161,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
         out.write_bytes(text)?;
     }
-    let report = json!({
-        "hosts": &search.hosts,
-        "total_mass": search.total_mass,
-        "mass": search.mass,
-        "stiffness": search.stiffness,
-        "damping": search.damping,
-        "aim": search.aim,
-        "optimum": &optimum,
-        "compared": &compared,
-    });
+    let report = Report {
+        hosts: &search.hosts,
+        total_mass: search.total_mass,
+        mass: search.mass,
+        stiffness: search.stiffness,
+        damping: search.damping,
+        aim: search.aim,
+        optimum: &optimum,
+        compared: &compared,
+    };
     output::print(arguments.format, &report, || {
         table(&scenario, &search, &optimum, &compared)
     })

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use bead_wire::{Arrival, Message};
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -46,6 +47,20 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    recording: &'a Path,
+    found: &'a str,
+    frames: u64,
+    bytes: u64,
+    runs_missing: u64,
+    frames_lost: u64,
+    strikes_without_result: u64,
+    frames_corrupt: u64,
+    restarts: u64,
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = &arguments.file;
     let out = arguments.out.clone().unwrap_or_else(|| new_name(file));
@@ -78,17 +93,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         State::Damaged(damage) => damage.to_string(),
     };
-    let result = json!({
-        "recording": path,
-        "found": state,
-        "frames": counters.frames,
-        "bytes": counters.bytes,
-        "runs_missing": missing,
-        "frames_lost": counters.lost,
-        "strikes_without_result": open.count(),
-        "frames_corrupt": counters.rejected.total(),
-        "restarts": counters.restarts,
-    });
+    let result = Report {
+        recording: &path,
+        found: &state,
+        frames: counters.frames,
+        bytes: counters.bytes,
+        runs_missing: missing,
+        frames_lost: counters.lost,
+        strikes_without_result: open.count(),
+        frames_corrupt: counters.rejected.total(),
+        restarts: counters.restarts,
+    };
     output::print(arguments.format, &result, || {
         let rows = [
             ("recording", path.display().to_string()),

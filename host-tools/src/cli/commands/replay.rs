@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::json;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -31,7 +31,16 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-#[derive(Serialize)]
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    identical: bool,
+    strikes: &'a Vec<Strike>,
+    strikes_differ: u64,
+    strikes_left_out: u64,
+}
+
+#[derive(Serialize, JsonSchema)]
 struct Strike {
     strike: u32,
     sample_index: u64,
@@ -86,12 +95,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if strikes.rows.is_empty() {
         return Err(received.no_strike(recorded.frames()).into());
     }
-    let report = json!({
-        "identical": strikes.differ == 0,
-        "strikes": &strikes.rows,
-        "strikes_differ": strikes.differ,
-        "strikes_left_out": strikes.left_out,
-    });
+    let report = Report {
+        identical: strikes.differ == 0,
+        strikes: &strikes.rows,
+        strikes_differ: strikes.differ,
+        strikes_left_out: strikes.left_out,
+    };
     output::print(arguments.format, &report, || table(&strikes))?;
     match strikes.first_difference {
         None => Ok(()),

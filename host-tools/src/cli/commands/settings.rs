@@ -9,7 +9,8 @@ use bead_model::settings::{Settings, VERSION};
 use bead_wire::{Block, KEY, Message, Outcome, Request};
 use clap::{ArgGroup, Args, Subcommand};
 use fixed::types::extra::LeEqU32;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::cli::commands::settings_file;
 use crate::cli::failure::{Blame, Failure};
@@ -305,6 +306,17 @@ fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Answer, Fa
     Ok(bead.request(request)?)
 }
 
+/// Settings as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report {
+    version: u16,
+    bytes: usize,
+    /// In SI units, as a file for `bead settings make` has them.
+    settings: Physical,
+    /// The bits of the block.
+    settings_raw: serde_json::Value,
+}
+
 fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result<(), Failure> {
     let settings = Settings::decode(block).map_err(|error| {
         Failure::input(format!(
@@ -312,13 +324,13 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             whose()
         ))
     })?;
-    let json = json!({
-        "version": VERSION,
-        "bytes": block.len(),
-        "settings": Physical::of(&settings),
-        "settings_raw": settings,
-    });
-    output::print(format, &json, || table(&settings))
+    let report = Report {
+        version: VERSION,
+        bytes: block.len(),
+        settings: Physical::of(&settings),
+        settings_raw: serde_json::to_value(&settings).expect("settings are numbers and texts"),
+    };
+    output::print(format, &report, || table(&settings))
 }
 
 /// Every setting with its unit. Coefficients are shown as the numbers that they stand for.

@@ -117,8 +117,8 @@ fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<
 }
 
 /// The summary, and how well each contact met the assumptions of the model.
-#[derive(Serialize)]
-struct Report<'a> {
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct Report<'a> {
     #[serde(flatten)]
     summary: &'a Summary,
     validity: &'a [Validity],

@@ -48,7 +48,7 @@ const RELAXATION: f64 = 0.0;
 const STRIKES: u32 = 4;
 
 /// Materials of spheres, by handbook values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Kind {
     Steel,
@@ -114,8 +114,8 @@ pub(crate) struct Arguments {
 }
 
 /// One material and one diameter.
-#[derive(Debug, Serialize)]
-struct Cell {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(crate) struct Cell {
     material: Kind,
     /// m.
     diameter: f64,
@@ -125,7 +125,7 @@ struct Cell {
     outcome: Outcome,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Outcome {
     Measured(Measured),
@@ -133,7 +133,7 @@ enum Outcome {
     Refused(String),
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 struct Measured {
     /// Highest force at the bead's incoming contact, N.
     peak_force: f64,

@@ -7,7 +7,8 @@ use std::process::{Command, Stdio};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::sweep_work::{
     Consent, Threads, axes, compute_missing, grouped, measured, merge as merge_into, time, told,
@@ -134,6 +135,32 @@ const CHUNK_SECONDS: f64 = 600.0;
 /// Chunks that a cluster takes as one array: Slurm's default is 1000.
 const CHUNKS: u64 = 1000;
 
+/// The result of `bead sweep plan` as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct PlanReport<'a> {
+    plan: &'a str,
+    points: u64,
+    chunks: u64,
+    chunk_points: u64,
+    processor_seconds: f64,
+    chunk_processor_seconds: f64,
+    folder: String,
+}
+
+/// The result of `bead sweep status` as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct StatusReport<'a> {
+    plan: &'a str,
+    points: u64,
+    chunks: u64,
+    finished: u64,
+    /// Numbers of the chunks that are not finished.
+    missing: &'a Vec<u64>,
+    bytes: u64,
+    /// Numbers of Slurm's jobs that wait or run.
+    jobs: &'a Vec<String>,
+}
+
 pub(crate) fn plan(planning: &Planning) -> Result<(), Failure> {
     let plan = Plan::load(&planning.sweep)?;
     let seconds = measured(&plan);
@@ -155,15 +182,15 @@ pub(crate) fn plan(planning: &Planning) -> Result<(), Failure> {
         )));
     }
     let of_chunk = work / chunks as f64;
-    let report = json!({
-        "plan": plan.hash(),
-        "points": plan.points(),
-        "chunks": chunks,
-        "chunk_points": folder.most_points(),
-        "processor_seconds": work,
-        "chunk_processor_seconds": of_chunk,
-        "folder": folder.path().display().to_string(),
-    });
+    let report = PlanReport {
+        plan: plan.hash(),
+        points: plan.points(),
+        chunks,
+        chunk_points: folder.most_points(),
+        processor_seconds: work,
+        chunk_processor_seconds: of_chunk,
+        folder: folder.path().display().to_string(),
+    };
     output::print(planning.format, &report, || {
         let dir = folder.path().display();
         format!(
@@ -337,15 +364,15 @@ pub(crate) fn status(standing: &Standing) -> Result<(), Failure> {
     let (missing, chunks) = (folder.missing()?, folder.chunks());
     let waiting = queued(&folder);
     let finished = chunks - missing.len() as u64;
-    let report = json!({
-        "plan": folder.plan().hash(),
-        "points": folder.plan().points(),
-        "chunks": chunks,
-        "finished": finished,
-        "missing": &missing,
-        "bytes": folder.size(),
-        "jobs": &waiting,
-    });
+    let report = StatusReport {
+        plan: folder.plan().hash(),
+        points: folder.plan().points(),
+        chunks,
+        finished,
+        missing: &missing,
+        bytes: folder.size(),
+        jobs: &waiting,
+    };
     output::print(standing.format, &report, || {
         let mut lines = vec![format!(
             "{finished} of {chunks} chunks are finished, of {} points in all",

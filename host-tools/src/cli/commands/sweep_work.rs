@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
@@ -101,6 +102,23 @@ pub(crate) fn merge(folder: &Folder, out: &Target) -> Result<Merged, Failure> {
     Ok(merged)
 }
 
+/// The result of a sweep as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    plan: &'a str,
+    points: u64,
+    /// Points that this run computed; null of a merge.
+    computed: Option<u64>,
+    failed: u64,
+    /// How long that took; null of a merge.
+    seconds: Option<f64>,
+    file: String,
+    /// Columns that number the places of the axes.
+    index: Vec<String>,
+    /// Lines of Python that read the table as a cube.
+    xarray: String,
+}
+
 /// Prints what came of a sweep, and how to go on with it.
 pub(crate) fn told(
     plan: &Plan,
@@ -117,16 +135,16 @@ pub(crate) fn told(
         ));
     }
     let index: Vec<String> = plan.axes().iter().map(Axis::index).collect();
-    let report = json!({
-        "plan": plan.hash(),
-        "points": plan.points(),
-        "computed": computed.map(|(points, _)| points),
-        "failed": merged.failed,
-        "seconds": computed.map(|(_, seconds)| seconds),
-        "file": out.display().to_string(),
-        "index": index,
-        "xarray": plan.xarray(out),
-    });
+    let report = Report {
+        plan: plan.hash(),
+        points: plan.points(),
+        computed: computed.map(|(points, _)| points),
+        failed: merged.failed,
+        seconds: computed.map(|(_, seconds)| seconds),
+        file: out.display().to_string(),
+        index,
+        xarray: plan.xarray(out),
+    };
     output::print(format, &report, || {
         let computed = computed.map_or(String::new(), |(points, seconds)| {
             format!(", {} computed in {}", grouped(points), time(seconds))

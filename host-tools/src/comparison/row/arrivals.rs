@@ -13,7 +13,7 @@ use crate::comparison::row::member::Member;
 use crate::comparison::row::strikes::Row;
 
 /// Arrivals and speeds, as in the JSON.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Arrivals {
     /// Root mean square of the differences from the simulation, over beads and strikes, s; none without a
     /// time in common.
@@ -25,7 +25,7 @@ pub struct Arrivals {
 }
 
 /// When the wave came to a bead, s since the striker hit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Arrival {
     /// The bead.
     pub bead: usize,
@@ -38,7 +38,7 @@ pub struct Arrival {
 }
 
 /// How fast the wave went from one bead to another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Speed {
     /// The bead that it came to first.
     pub from: usize,

@@ -10,7 +10,7 @@ use crate::comparison::row::member::{BeadOfRow, Member};
 use crate::comparison::row::strikes::Row;
 
 /// A row of beads against the simulation, as in the JSON. SI units.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct RowComparison {
     /// Strikes that at least one bead felt.
     pub strikes: usize,

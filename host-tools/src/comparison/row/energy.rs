@@ -26,7 +26,7 @@ use crate::comparison::row::member::{Felt, Pair};
 use crate::comparison::row::strikes::Row;
 
 /// The energy along a row, as in the JSON.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct EnergyAlong {
     /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
     pub incident: Option<Pair>,
@@ -46,7 +46,7 @@ pub struct EnergyAlong {
 }
 
 /// What is left after n intruders.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct After {
     /// How many intruders.
     pub n: usize,
@@ -59,7 +59,7 @@ pub struct After {
 }
 
 /// A value from four sides.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Sides<V> {
     /// By the beads' estimate A.
     pub by_a: V,
@@ -75,7 +75,7 @@ pub struct Sides<V> {
 pub type Transmission = Sides<Option<f64>>;
 
 /// E(n) = E(0) Tⁿ.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Fit {
     /// T.
     pub transmission: f64,

@@ -36,7 +36,7 @@ const UNEXPECTED: Plain = Plain {
 };
 
 /// The strongest wave after the main one: by the bead, and by the chain at the same samples.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct LaterWave {
     /// By the bead.
     pub device: Option<Wave>,
@@ -45,7 +45,7 @@ pub struct LaterWave {
 }
 
 /// A wave after the main one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Wave {
     /// Highest force, N.
     pub peak_force: f64,

@@ -64,7 +64,7 @@ pub struct Member {
 }
 
 /// The bead's value and the chain's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Pair {
     /// By the bead: the mean over its strikes.
     pub device: f64,
@@ -80,7 +80,7 @@ impl Pair {
 }
 
 /// A bead of a row against the simulation, as in the JSON. SI units.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct BeadOfRow {
     /// Its place in the chain.
     pub bead: usize,

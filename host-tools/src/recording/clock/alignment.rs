@@ -9,7 +9,7 @@ use crate::recording::clock::segments::{Edge, Segment};
 const SAME_EDGE: f64 = 0.25;
 
 /// One bead's clock against another's, by edges that both saw.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Alignment {
     /// Own and reference time of each edge in common, in s.
     #[serde(skip)]

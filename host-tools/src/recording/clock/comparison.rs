@@ -16,7 +16,7 @@ use crate::recording::signal::Signal;
 use crate::recording::strikes::RecordedStrike;
 
 /// What `bead clock` finds: each recording against the host, and against the first.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct ClockComparison {
     /// One for each recording, bead and boot.
     pub clocks: Vec<ClockReport>,
@@ -35,7 +35,7 @@ pub struct ClockComparison {
 const STRIKES_MOST: usize = 100_000;
 
 /// A recording, a bead in it and one of its boots.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct Place {
     /// The recording.
     pub recording: PathBuf,
@@ -46,7 +46,7 @@ pub struct Place {
 }
 
 /// A bead's clock against the host's.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 #[expect(
     missing_docs,
     reason = "the fields are those of `Fit` and `Segment`, units in their names"
@@ -70,7 +70,7 @@ pub struct ClockReport {
 }
 
 /// A bead's clock against the reference's.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct AlignmentReport {
     /// Where the bead was recorded.
     #[serde(flatten)]
@@ -85,7 +85,7 @@ pub struct AlignmentReport {
 }
 
 /// A strike on the reference's time.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct StrikeArrival {
     /// Where it was felt.
     #[serde(flatten)]

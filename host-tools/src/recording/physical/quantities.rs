@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::recording::physical::keys::Key;
 
 /// A bead in physical quantities, SI units.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Physical {
     /// The name that its owner gave it, at most 16 bytes.
@@ -35,7 +35,7 @@ pub struct Physical {
 }
 
 /// The bead around the intruder.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Host {
     /// With its intruder, kg.
@@ -46,7 +46,7 @@ pub struct Host {
 }
 
 /// The mass on springs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Intruder {
     /// kg.
@@ -58,7 +58,7 @@ pub struct Intruder {
 }
 
 /// A contact between two beads.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
     /// N/m^1.5.
@@ -68,7 +68,7 @@ pub struct Contact {
 }
 
 /// The intruders of the beads around. All zeros for a bead that is alone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Company {
     /// Which of the four beads behind hold an intruder, by their places: 1234 for all, 0 for none.
@@ -98,7 +98,7 @@ impl Company {
 }
 
 /// What the codes of a sensor are worth.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorScale {
     /// Of a code at the high gain, in the sensor's unit.
@@ -115,7 +115,7 @@ pub struct SensorScale {
 }
 
 /// When a strike is taken, and when it is flagged.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Taking {
     /// Hz.

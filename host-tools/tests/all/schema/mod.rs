@@ -1,106 +1,15 @@
-//! JSON schemas made of documents, and held against those in docs/schemas.
+//! JSON schemas in docs/schemas: that they are up to date, and that documents hold them.
 
 use std::collections::BTreeSet;
 use std::fs;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
-/// The schema of one value.
-fn schema(value: &Value) -> Value {
-    let kind = match value {
-        Value::Null => "null",
-        Value::Bool(_) => "boolean",
-        Value::Number(number) if number.is_f64() => "number",
-        Value::Number(_) => "integer",
-        Value::String(_) => "string",
-        Value::Array(items) => {
-            let items = items.iter().map(schema).reduce(|one, other| merged(&one, &other));
-            return json!({ "type": ["array"], "items": items.unwrap_or(json!({})) });
-        }
-        Value::Object(entries) => {
-            let properties: Map<_, _> = entries
-                .iter()
-                .map(|(key, value)| (key.clone(), schema(value)))
-                .collect();
-            let required: Vec<_> = entries.keys().cloned().collect();
-            return json!({ "type": ["object"], "properties": properties, "required": required });
-        }
-    };
-    json!({ "type": [kind] })
-}
-
-/// A schema that both hold.
-fn merged(one: &Value, other: &Value) -> Value {
-    let list = |schema: &Value, key: &str| -> Vec<String> {
-        let list = schema[key].as_array().cloned().unwrap_or_default();
-        list.iter()
-            .filter_map(|item| item.as_str().map(str::to_owned))
-            .collect()
-    };
-    let mut types: BTreeSet<_> = list(one, "type").into_iter().chain(list(other, "type")).collect();
-    if types.contains("number") {
-        types.remove("integer");
-    }
-    let mut all = json!({ "type": types });
-    let of = |key: &str| [one, other].map(|schema| schema.get(key).cloned());
-    match of("properties") {
-        [Some(Value::Object(mut ours)), Some(Value::Object(theirs))] => {
-            for (key, value) in theirs {
-                let both = ours.get(&key).map_or(value.clone(), |mine| merged(mine, &value));
-                ours.insert(key, both);
-            }
-            all["properties"] = ours.into();
-            let theirs = list(other, "required");
-            all["required"] = list(one, "required")
-                .into_iter()
-                .filter(|key| theirs.contains(key))
-                .collect();
-        }
-        [ours, theirs] => {
-            for (own, whose) in [(ours, one), (theirs, other)] {
-                if let Some(own) = own {
-                    all["properties"] = own;
-                    all["required"] = whose["required"].clone();
-                }
-            }
-        }
-    }
-    match of("items") {
-        [Some(ours), Some(theirs)] if ours != json!({}) && theirs != json!({}) => {
-            all["items"] = merged(&ours, &theirs)
-        }
-        [ours, theirs] => {
-            let known = [ours, theirs]
-                .into_iter()
-                .flatten()
-                .max_by_key(|items| items.to_string().len());
-            if let Some(items) = known {
-                all["items"] = items;
-            }
-        }
-    }
-    all
-}
-
-/// A schema that every one of the documents holds.
-pub(crate) fn of_all<'a>(documents: impl IntoIterator<Item = &'a Value>) -> Value {
-    let schemas = documents.into_iter().map(schema);
-    schemas
-        .reduce(|one, other| merged(&one, &other))
-        .unwrap_or(json!({}))
-}
-
-/// Holds `found`, the schema of what `bead NAME` prints, against FOLDER/NAME.json, or writes it if that is
-/// wished.
-pub(crate) fn hold(folder: &str, name: &str, found: &Value) {
-    let title = format!("What `bead {}` prints as JSON", name.replace('-', " "));
-    let mut schema = json!({ "$schema": "https://json-schema.org/draft/2020-12/schema", "title": title });
-    let entries = found.as_object().unwrap().clone();
-    schema.as_object_mut().unwrap().extend(entries);
-    let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+/// Asserts that FOLDER/NAME.json has this schema, or writes it if `SCHEMAS=overwrite`.
+pub(crate) fn hold(folder: &str, name: &str, schema: &Value) {
+    let text = serde_json::to_string_pretty(schema).unwrap() + "\n";
     let path = format!("{folder}/{name}.json");
     if std::env::var("SCHEMAS").is_ok_and(|wish| wish == "overwrite") {
-        fs::create_dir_all(folder).unwrap();
         fs::write(&path, text).unwrap();
         return;
     }
@@ -108,6 +17,148 @@ pub(crate) fn hold(folder: &str, name: &str, found: &Value) {
     let first = kept.lines().zip(text.lines()).find(|(kept, found)| kept != found);
     assert!(
         kept == text,
-        "{path} says something else, first {first:?}; if that is meant, run this test with SCHEMAS=overwrite"
+        "{path} differs, first {first:?}; if that is meant, run this test with SCHEMAS=overwrite"
     );
+}
+
+/// Asserts that a document holds the published schema FOLDER/NAME.json, and has no key that it does not know.
+pub(crate) fn assert_valid(folder: &str, name: &str, document: &Value) {
+    let text = fs::read_to_string(format!("{folder}/{name}.json")).unwrap();
+    let root = serde_json::from_str(&text).unwrap();
+    if let Err(why) = check(&root, &root, document, "") {
+        panic!("{name}: {why}\n{document}");
+    }
+}
+
+/// Keys of an object that a schema knows.
+type Known = BTreeSet<String>;
+
+/// Holds a value against a schema: the keywords that our schemas use. `at` is the value's place.
+fn check(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
+    let known = matches(root, schema, value, at)?;
+    let unknown = value
+        .as_object()
+        .and_then(|entries| entries.keys().find(|key| !known.contains(*key)));
+    // A schema without properties is for any object.
+    match unknown.filter(|_| !known.is_empty()) {
+        Some(key) => Err(format!("{at}/{key}: the schema has no such key")),
+        None => Ok(()),
+    }
+}
+
+fn matches(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<Known, String> {
+    let Value::Object(schema) = schema else {
+        return Ok(Known::new());
+    };
+    let mut known = Known::new();
+    if let Some(place) = schema.get("$ref").and_then(Value::as_str) {
+        let definition = root
+            .pointer(place.trim_start_matches('#'))
+            .ok_or(format!("{place} leads nowhere"))?;
+        known.extend(matches(root, definition, value, at)?);
+    }
+    if !of_type(schema, value) {
+        return Err(format!("{at}: {value} is not of type {}", schema["type"]));
+    }
+    if schema.get("const").is_some_and(|wanted| wanted != value) {
+        return Err(format!("{at}: {value} is not {}", schema["const"]));
+    }
+    if let Some(Value::Array(wanted)) = schema.get("enum")
+        && !wanted.contains(value)
+    {
+        return Err(format!("{at}: {value} is none of {wanted:?}"));
+    }
+    if let (Some(least), Some(number)) = (schema.get("minimum"), value.as_f64())
+        && number < least.as_f64().unwrap()
+    {
+        return Err(format!("{at}: {number} is below {least}"));
+    }
+    for keyword in ["allOf", "anyOf", "oneOf"] {
+        let Some(Value::Array(choices)) = schema.get(keyword) else {
+            continue;
+        };
+        let tried: Vec<_> = choices
+            .iter()
+            .map(|choice| matches(root, choice, value, at))
+            .collect();
+        let held = tried.iter().flatten().count();
+        let holds = match keyword {
+            "allOf" => held == choices.len(),
+            "anyOf" => held > 0,
+            _ => held == 1,
+        };
+        if !holds {
+            let why: Vec<_> = tried.iter().filter_map(|tried| tried.as_ref().err()).collect();
+            return Err(format!("{at}: {held} of {keyword}: {why:?}"));
+        }
+        known.extend(tried.into_iter().flatten().flatten());
+    }
+    known.extend(within(root, schema, value, at)?);
+    Ok(known)
+}
+
+/// True if the value is of one of the schema's types.
+fn of_type(schema: &Map<String, Value>, value: &Value) -> bool {
+    let is = |kind: &Value| match kind.as_str().unwrap() {
+        "null" => value.is_null(),
+        "boolean" => value.is_boolean(),
+        "integer" => value.is_i64() || value.is_u64(),
+        "number" => value.is_number(),
+        "string" => value.is_string(),
+        "array" => value.is_array(),
+        "object" => value.is_object(),
+        other => panic!("{other} is no type"),
+    };
+    match schema.get("type") {
+        None => true,
+        Some(Value::Array(kinds)) => kinds.iter().any(is),
+        Some(kind) => is(kind),
+    }
+}
+
+/// Holds what is within a value against its schema: the entries of an object, the items of an array.
+fn within(root: &Value, schema: &Map<String, Value>, value: &Value, at: &str) -> Result<Known, String> {
+    let mut known = Known::new();
+    if let Some(entries) = value.as_object() {
+        let required = schema.get("required").and_then(Value::as_array);
+        let missing = |key: &&Value| !entries.contains_key(key.as_str().unwrap());
+        if let Some(key) = required.into_iter().flatten().find(missing) {
+            return Err(format!("{at}: {key} is missing"));
+        }
+        let properties = schema.get("properties").and_then(Value::as_object);
+        for (key, property) in properties.into_iter().flatten() {
+            known.insert(key.clone());
+            if let Some(value) = entries.get(key) {
+                check(root, property, value, &format!("{at}/{key}"))?;
+            }
+        }
+        if let Some(of_others) = schema.get("additionalProperties") {
+            for (key, value) in entries
+                .iter()
+                .filter(|(key, _)| properties.is_none_or(|all| !all.contains_key(*key)))
+            {
+                known.insert(key.clone());
+                check(root, of_others, value, &format!("{at}/{key}"))?;
+            }
+        }
+    }
+    if let Some(items) = value.as_array() {
+        let count = |keyword: &str| schema.get(keyword).and_then(Value::as_u64);
+        let length = items.len() as u64;
+        if count("minItems").is_some_and(|least| length < least)
+            || count("maxItems").is_some_and(|most| length > most)
+        {
+            return Err(format!("{at}: {length} items"));
+        }
+        let first = schema
+            .get("prefixItems")
+            .and_then(Value::as_array)
+            .map_or(&[][..], Vec::as_slice);
+        for (number, item) in items.iter().enumerate() {
+            if let Some(of_item) = first.get(number).or(schema.get("items")) {
+                check(root, of_item, item, &format!("{at}/{number}"))?;
+            }
+        }
+    }
+    Ok(known)
 }
