@@ -18,7 +18,7 @@ pub fn check(bytes: &[u8]) {
     let mut run = Run::new("no-image");
     run.stimulus = vec![[1, 2, 3, 4]; 1000];
     for fault in &faults {
-        assert!(fault.told_after() >= 0.0 && fault.told_after().is_finite());
+        assert!(fault.reported_within() >= 0.0 && fault.reported_within().is_finite());
         assert!(fault.cause().is_some() || !fault.resets() || fault.kind.name() == "power_cut");
     }
     provoke(&faults, &mut run);

@@ -1,4 +1,4 @@
-//! The image in QEMU behind an address: programs reach it as they reach a bead's line.
+//! The image in QEMU behind an address, at which programs connect as to a bead's line.
 //!
 //! # Design
 //! The image stands still in its virtual time until the bridge lets some of it pass
@@ -24,50 +24,50 @@ use stm32f405_qemu::{Inputs, Live, UartInput, Work};
 
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
+use crate::bench::playback::Playback;
 use crate::line::port::Address;
 
-/// After this time the image samples and hears.
+/// Time after which the image samples and receives.
 const START: Duration = Duration::from_millis(50);
-/// Time that passes after bytes came in. Most requests are answered within it.
+/// Time that passes after bytes came in: the image answers most requests within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes at once while a program only listens, and with a pace at most: meanwhile nobody is
-/// served.
+/// Time that passes in one go while a program only listens, and the most with a pace. No program is served
+/// meanwhile.
 const STEP: Duration = Duration::from_millis(250);
 /// From a stop to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
-/// A program that was answered hangs up within this time, or sends more.
+/// Time within which a program that was answered hangs up or sends more.
 const PAUSE: Duration = Duration::from_millis(100);
-/// With a pace: how often time passes.
+/// With a pace: interval between two steps of time.
 const BEAT: Duration = Duration::from_millis(10);
-/// With a pace: the image may be behind by this much of its time. More is forgotten: a computer that is too
-/// slow, or that stood still, never makes it good.
+/// With a pace: greatest delay of the image's time. More is dropped, since a computer that is too slow, or stood
+/// still, could never catch up.
 const BEHIND: Duration = Duration::from_secs(1);
-/// Between two looks for a new connection, or for a request to stop.
-const LOOK: Duration = Duration::from_millis(50);
-/// Between two looks for bytes from programs, or for room to send them some.
+/// Interval between two polls for a new connection, or for a request to stop.
+const IDLE: Duration = Duration::from_millis(50);
+/// Interval between two polls for bytes from programs, or for room to send them some.
 const POLL: Duration = Duration::from_millis(1);
-/// A program that reads nothing for so long is hung up on, if others are connected.
+/// Time-out of a program that reads nothing while others are connected.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// With a pace: bytes that a program may be behind, before it is hung up on.
+/// With a pace: bytes that a program may leave unread before it is disconnected.
 const UNREAD: usize = 1 << 20;
 
 /// An image whose time passes on demand.
 pub struct Bridge {
     live: Live,
-    /// Codes at the converter. The first follows the last.
-    rows: Vec<[u16; 4]>,
-    next: usize,
-    /// Up to when the image has codes, if it samples.
+    /// Codes at the converter.
+    codes: Playback,
+    /// End of the codes that the image has, in ns since power-up; `None` before it samples.
     codes_until_ns: Option<u64>,
     row_ns: u64,
     /// Seconds of the bead's crystal in a true one: rows follow the crystal.
     rate: f64,
     pace: Option<Pace>,
-    /// What the last stretch of time has cost.
+    /// Work of the emulator in the last step of time.
     pub work: Work,
 }
 
-/// The time of this computer that belongs to the image's.
+/// Relation of the image's time to this computer's.
 struct Pace {
     started: Instant,
     /// Seconds of the image in one of this computer.
@@ -75,24 +75,25 @@ struct Pace {
 }
 
 impl Pace {
-    /// How far an image that is at `now` is behind at an instant.
+    /// Delay at an instant of an image whose time is `now`.
     fn behind(&self, now: Duration, instant: Instant) -> Duration {
         let passed = instant.saturating_duration_since(self.started);
         passed.mul_f64(self.factor).saturating_sub(now)
     }
 
-    /// How much time should pass at once.
+    /// Time that should pass in one go.
     fn due(&mut self, now: Duration, instant: Instant) -> Duration {
         let behind = self.behind(now, instant);
         self.started += behind.saturating_sub(BEHIND).div_f64(self.factor);
         behind.min(STEP)
     }
 
-    /// How long to wait for bytes before time passes.
+    /// Time to wait for bytes before time passes.
     fn pause(&self, now: Duration, instant: Instant) -> Duration {
-        match self.behind(now, instant) < STEP {
-            true => BEAT,
-            false => Duration::ZERO,
+        if self.behind(now, instant) < STEP {
+            BEAT
+        } else {
+            Duration::ZERO
         }
     }
 }
@@ -109,10 +110,9 @@ impl Bridge {
         machine.record_pins = false;
         // From stop to stop.
         machine.timeout = Duration::from_secs(120);
-        let rows = std::mem::take(&mut machine.stimulus);
+        machine.stimulus.clear();
         Ok(Self {
-            rows,
-            next: 0,
+            codes: emulation.playback(),
             codes_until_ns: None,
             row_ns: machine.sample_period_ns,
             rate: 1.0 + emulation.truth.clock_ppm * 1e-6,
@@ -166,16 +166,13 @@ impl Bridge {
     fn codes(&mut self, to_ns: u64) -> Vec<[u16; 4]> {
         let from_ns = match self.codes_until_ns {
             Some(until) => until,
-            None => self.live.now_ns() + self.next as u64 * self.row_ns,
+            None => self.live.now_ns() + self.codes.taken() * self.row_ns,
         };
         let own_ns = to_ns.saturating_sub(from_ns) as f64 * self.rate;
-        let count = own_ns as u64 / self.row_ns + 2;
-        let rows = self.rows.iter().cycle().skip(self.next % self.rows.len());
-        self.next += count as usize;
-        rows.take(count as usize).copied().collect()
+        self.codes.take(own_ns as u64 / self.row_ns + 2)
     }
 
-    /// How long to wait for bytes from a program before time passes.
+    /// Time to wait for bytes from a program before time passes.
     fn pause(&self) -> Duration {
         match &self.pace {
             Some(pace) => pace.pause(self.now(), Instant::now()),
@@ -183,18 +180,18 @@ impl Bridge {
         }
     }
 
-    /// How much time should pass now, after bytes came in or none did.
-    fn due(&mut self, heard: bool) -> Duration {
+    /// Time that should pass now, after bytes came in or none did.
+    fn due(&mut self, received: bool) -> Duration {
         let now = self.now();
         match &mut self.pace {
             Some(pace) => pace.due(now, Instant::now()),
-            None if heard => ANSWER,
+            None if received => ANSWER,
             None => STEP,
         }
     }
 }
 
-/// Where programs connect.
+/// An address at which programs connect.
 pub struct Door {
     listener: Listener,
     #[expect(dead_code, reason = "a socket's path is removed when this is dropped")]
@@ -240,7 +237,7 @@ impl Door {
     }
 }
 
-/// What to do where an address cannot be listened at.
+/// Advice for an address that cannot be listened at.
 fn advice(address: &Address, error: &io::Error) -> String {
     match (address, error.kind()) {
         (Address::Unix(path), io::ErrorKind::AddrInUse) => {
@@ -265,8 +262,8 @@ fn advice(address: &Address, error: &io::Error) -> String {
     }
 }
 
-/// Serves the programs that connect, until `stop`. They share the bead's line: each hears all that the bead
-/// says, and the bead hears each.
+/// Serves the programs that connect, until `stop`. They share the bead's line: each receives all that the bead
+/// sends, and the bead receives from each.
 ///
 /// # Errors
 /// QEMU fails.
@@ -274,22 +271,22 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
     let mut programs = Vec::new();
     while !stop.load(Ordering::Relaxed) {
         door.let_in(&mut programs);
-        let heard = hear(&mut programs, bridge.pause());
+        let received = receive(&mut programs, bridge.pause());
         if programs.is_empty() {
             // Nobody connects, or the last one hung up: without a pace time stands still.
             if bridge.pace.is_none() {
-                thread::sleep(LOOK);
+                thread::sleep(IDLE);
                 continue;
             }
             thread::sleep(bridge.pause());
         }
-        // Without a program what a bead says is lost, as on any line.
-        let time = bridge.due(!heard.is_empty());
-        let said = bridge.pass(&heard, time)?;
+        // Without a program, frames are lost as on any line.
+        let time = bridge.due(!received.is_empty());
+        let said = bridge.pass(&received, time)?;
         for program in &mut programs {
             program.unread.extend(&said);
         }
-        tell(&mut programs);
+        send(&mut programs);
         if bridge.pace.is_some() {
             programs.retain(|program| program.unread.len() <= UNREAD);
             continue;
@@ -302,8 +299,9 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
 /// A program that is connected.
 struct Program {
     stream: Box<dyn Stream>,
-    /// What it has not read yet, and when it last read something.
+    /// Bytes that it has not read yet.
     unread: VecDeque<u8>,
+    /// Instant at which it last read something.
     read: Instant,
 }
 
@@ -328,7 +326,7 @@ impl Door {
                 }
             }
         };
-        // One that hung up at once was none.
+        // A program that hung up at once needs no service.
         while let Ok(stream) = accept() {
             programs.push(Program {
                 stream,
@@ -339,28 +337,28 @@ impl Door {
     }
 }
 
-/// What the programs send; waits for it so long, or until none is left.
-fn hear(programs: &mut Vec<Program>, longest: Duration) -> Vec<u8> {
+/// Receives bytes from the programs: waits up to `longest` for some, or until no program is left.
+fn receive(programs: &mut Vec<Program>, longest: Duration) -> Vec<u8> {
     let began = Instant::now();
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     let mut buffer = [0; 4096];
     loop {
         programs.retain_mut(|program| match program.stream.read(&mut buffer) {
             Ok(length) => {
-                heard.extend_from_slice(&buffer[..length]);
+                received.extend_from_slice(&buffer[..length]);
                 length > 0
             }
             Err(error) => is_passing(&error),
         });
-        if !heard.is_empty() || programs.is_empty() || began.elapsed() >= longest {
-            return heard;
+        if !received.is_empty() || programs.is_empty() || began.elapsed() >= longest {
+            return received;
         }
         thread::sleep(POLL);
     }
 }
 
 /// Sends to each program as much as it takes now.
-fn tell(programs: &mut Vec<Program>) {
+fn send(programs: &mut Vec<Program>) {
     programs.retain_mut(|program| {
         loop {
             let (unread, _) = program.unread.as_slices();
@@ -380,8 +378,8 @@ fn tell(programs: &mut Vec<Program>) {
     });
 }
 
-/// Waits until each program has read what it was sent, so that a slow one loses nothing. One that reads
-/// nothing at all holds nobody else up: it is hung up on.
+/// Waits until each program has read its bytes, so that a slow one loses nothing. A program that reads nothing at
+/// all is disconnected, so that it does not hold up the others.
 fn wait_for_readers(
     programs: &mut Vec<Program>,
     mut let_in: impl FnMut(&mut Vec<Program>),
@@ -390,14 +388,14 @@ fn wait_for_readers(
     while programs.iter().any(|program| !program.unread.is_empty()) && !stop.load(Ordering::Relaxed) {
         thread::sleep(POLL);
         let_in(programs);
-        tell(programs);
+        send(programs);
         if programs.len() > 1 {
             programs.retain(|program| program.unread.is_empty() || program.read.elapsed() < PATIENCE);
         }
     }
 }
 
-/// Whether it is no error of the connection.
+/// True for an error after which the connection goes on.
 fn is_passing(error: &io::Error) -> bool {
     matches!(
         error.kind(),
@@ -483,8 +481,8 @@ mod tests {
         let mut reader = reader;
         reader.write_all(b"last words").unwrap();
         drop(reader);
-        assert_eq!(hear(&mut programs, PAUSE), b"last words");
-        assert!(hear(&mut programs, PAUSE).is_empty() && programs.is_empty());
+        assert_eq!(receive(&mut programs, PAUSE), b"last words");
+        assert!(receive(&mut programs, PAUSE).is_empty() && programs.is_empty());
         // Alone, one that does not read is waited for until the end.
         let (alone, _other_end) = UnixStream::pair().unwrap();
         let mut programs = vec![program(alone, BYTES)];

@@ -1,6 +1,7 @@
 //! The flash image in QEMU, on what a bead of a simulated chain would sense.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bead_model::design::{Capture, DesignError, derive_among};
@@ -15,18 +16,19 @@ use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::image;
+use crate::bench::playback::Playback;
 use crate::bench::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
 use crate::waveform::Waveform;
 
-/// Where the image looks for settings that a probe has put there (`memory.x`).
+/// Flash address at which the image finds settings that a probe wrote (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
-/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, as
-/// a sensor without noise counts as broken.
+/// Quiet time after the last strike, s: the bead sends its status every second. The noise goes on, since a sensor
+/// without noise counts as broken.
 const TAIL: f64 = 1.2;
 
-/// The longest run, s of the bead's time: its codes take 2.4 MB a second while it begins.
+/// Longest run, s of the bead's time. Its codes take 2.4 MB a second.
 const LONGEST: f64 = 1200.0;
 
 /// The pin of the sync input (`firmware/src/sync.rs`).
@@ -44,85 +46,83 @@ const CRYSTAL_HZ: f64 = 8e6;
 pub struct RunTruth {
     /// The bead that senses.
     pub bead: usize,
-    /// What it should say of each strike.
+    /// Peak force and absorbed energy of each strike by the full chain.
     pub truth: Truth,
-    /// When each strike began, as a sample index, with a fraction; in order.
+    /// Start of each strike as a fractional sample index, in ascending order.
     pub starts: Vec<f64>,
     /// The front end of the sensors.
     pub front_end: FrontEnd,
     /// Seed of the noise; none without noise.
     pub seed: Option<u64>,
-    /// How fast the bead's clock was, ppm: below 0 for slow.
+    /// Deviation of the bead's clock, ppm; negative if slow.
     #[serde(default)]
     pub clock_ppm: f64,
-    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index
-    /// 1.
+    /// Edges at the sync input: true time in s since the first triggered scan, which has the index 1.
     #[serde(default)]
     pub sync_edges: Vec<f64>,
-    /// True time of that scan, in s on the time that all beads of the run share.
+    /// True time of the first triggered scan, in s on the time that all beads of the run share.
     #[serde(default)]
     pub began: f64,
-    /// From when to when others held the trigger line low: as `sync_edges`.
+    /// Intervals in which others held the trigger line low, in s as `sync_edges`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub line_low: Vec<[f64; 2]>,
-    /// The waveform that the sensors felt, if it was not a strike of the chain. `truth` is then of the
-    /// waveform: its highest force, and what f64 estimates make of it around that, from the acceleration if
-    /// it has one.
+    /// The waveform at the sensors, if it was not a strike of the chain. `truth` then has its highest force, and the
+    /// energy that f64 estimates give around that, from the acceleration if the waveform has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stimulus: Option<StimulusFile>,
 }
 
-/// A file with a waveform that the sensors of a run felt.
+/// A file with the waveform at the sensors of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StimulusFile {
     /// Its name, without folders.
     pub name: String,
     /// Its SHA-256, in hexadecimal.
     pub sha256: String,
-    /// Whether it has a force.
+    /// True if the file has a force.
     pub force: bool,
-    /// Whether it has an acceleration.
+    /// True if the file has an acceleration.
     pub acceleration: bool,
 }
 
 impl RunTruth {
-    /// The sample index at a true time in s since the first triggered scan, with a fraction.
+    /// Fractional sample index at a true time in s since the first triggered scan.
     pub fn index_at(&self, time: f64) -> f64 {
         1.0 + time * (1.0 + self.clock_ppm * 1e-6) * f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// The last strike, counted from 0, that began by a sample index.
+    /// Number, from 0, of the last strike that began at this sample index or before; `None` before the first.
     pub fn begun(&self, sample_index: u64) -> Option<usize> {
         let begun = self.starts.partition_point(|&start| start <= sample_index as f64);
         begun.checked_sub(1)
     }
 }
 
-/// What one run gave.
+/// A finished run.
 pub struct Ran {
     /// The bytes that the bead sent.
     pub stream: Vec<u8>,
     /// The frames in them.
     pub frames: Vec<Frame>,
-    /// What of them was received, refused and lost.
+    /// Counts of frames received, refused and lost.
     pub counters: Counters,
-    /// When each byte was sent, in ns of true time since power-up.
+    /// Time at which each byte was sent, in ns of true time since power-up.
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
     pub first_scan_ns: u64,
-    /// From when to when the bead held the trigger line low, in ns of true time since power-up, if
-    /// [`Emulation::pulls`] asks for it.
+    /// Intervals in which the bead held the trigger line low, in ns of true time since power-up; empty unless
+    /// [`Emulation::pulls`] is set.
     pub pulls_ns: Vec<[u64; 2]>,
     /// The resets after power-up.
     pub resets: Vec<Reset>,
-    /// How the image failed, if it ended before its time was over. What it did before that is here.
+    /// Failure of an image that ended before its time was over; the other fields hold its work until then.
     pub failure: Option<String>,
-    /// What was measured.
+    /// Counts of the emulator.
     pub report: EmulatorReport,
 }
 
 impl Ran {
-    /// The same, for those who need the whole run.
+    /// The run, if it came to its end.
     ///
     /// # Errors
     /// The image failed before its time was over.
@@ -135,8 +135,8 @@ impl Ran {
 }
 
 impl Ran {
-    /// Records the bytes that were sent. The time of a run of bytes is when its last byte was sent: true time
-    /// since the first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
+    /// Records the bytes that were sent. A run of bytes has the time of its last byte: true time since the first
+    /// triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -145,7 +145,7 @@ impl Ran {
             .try_for_each(|(at, run)| writer.write(run, Some(at), |_| {}))
     }
 
-    /// The runs of bytes that were sent, each with the time that [`write`](Self::write) gives it.
+    /// The runs of bytes that were sent, each with its time as in [`write`](Self::write), ns.
     pub fn pieces(&self, zero_ns: u64) -> impl Iterator<Item = (u64, &[u8])> {
         let mut sent = self.sent_ns.iter();
         self.stream.split_inclusive(|byte| *byte == 0).map(move |run| {
@@ -162,11 +162,11 @@ pub struct Placed {
     pub bead: usize,
     /// Its address on the line.
     pub address: u8,
-    /// Seed of its noise; none without noise.
+    /// Seed of its noise; `None` without noise.
     pub seed: Option<u64>,
-    /// How fast its crystal is, ppm. It counts in whole hertz of the crystal, which is an eighth of a ppm.
+    /// Deviation of its crystal, ppm, rounded to whole hertz of the crystal: an eighth of a ppm.
     pub clock_ppm: f64,
-    /// When it takes its first scan, in s on the time that all beads of the run share.
+    /// Time of its first scan, in s on the time that all beads of the run share.
     pub began: f64,
 }
 
@@ -183,7 +183,7 @@ impl Placed {
     }
 }
 
-/// What a bead with a fast clock senses: its seconds are shorter.
+/// A stimulus on the time of a bead's own clock, whose seconds are shorter if it is fast.
 #[derive(Clone)]
 struct OnClock<S> {
     sensed: S,
@@ -205,7 +205,7 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
     }
 }
 
-/// What the emulator measured, as attached to the recording.
+/// Counts of the emulator, as attached to the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EmulatorReport {
     /// The image that was run.
@@ -230,7 +230,7 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s. Not kept in a recording: equal runs have equal files.
+    /// Time that the run took on this computer, s. A recording leaves it out, so that equal runs have equal files.
     #[serde(default, skip_serializing)]
     pub real_seconds: f64,
     /// The image's own log.
@@ -238,7 +238,7 @@ pub struct EmulatorReport {
 }
 
 /// Instructions executed for each sample.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct InstructionsPerSample {
     /// Estimate A, for each sample that it took; none if it took no sample.
     pub observer: Option<f64>,
@@ -282,26 +282,30 @@ impl InstructionsPerSample {
 pub struct Emulation {
     /// The bead's settings.
     pub settings: Settings,
-    /// The same settings as their block in flash.
+    /// Settings block in flash.
     pub block: Vec<u8>,
-    /// What is true.
+    /// The truth of the run.
     pub truth: RunTruth,
-    /// What is to fail.
+    /// Faults to inject.
     pub faults: Vec<Planned>,
-    /// How long an instruction takes: 2^`shift` ns. As `Run::shift`.
+    /// Time of an instruction: 2^`shift` ns, as `Run::shift`.
     pub shift: Option<u8>,
-    /// Where a debugger may come. As `Run::gdb`.
+    /// TCP port for a debugger, as `Run::gdb`.
     pub gdb: Option<u16>,
-    /// What the sensors feel, if it is no strike of the chain.
+    /// Waveform at the sensors, if it is not a strike of the chain.
     pub waveform: Option<Waveform>,
-    /// Whether [`Ran::pulls_ns`] is asked for. Each edge of any pin takes memory then.
+    /// True to record [`Ran::pulls_ns`]. Each edge of any pin then takes memory.
     pub pulls: bool,
     codes: Digitised,
+    again: Again,
     image: PathBuf,
 }
 
+/// Digitises the same signal with the noise of another seed.
+pub(super) type Again = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>;
+
 impl Emulation {
-    /// A bead [alone](Placed::alone): derives the settings and digitises what it senses.
+    /// A bead [alone](Placed::alone): derives its settings and digitises its sensors.
     ///
     /// # Errors
     /// The bead has no intruder, or no settings fit it.
@@ -324,8 +328,7 @@ impl Emulation {
         )
     }
 
-    /// Derives the settings of a bead and digitises what it senses. `timing` is on the time that all beads
-    /// share.
+    /// Derives the settings of a bead and digitises its sensors. `timing` is on the time that all beads share.
     ///
     /// # Errors
     /// The bead has no intruder, or no settings fit it.
@@ -366,7 +369,7 @@ impl Emulation {
         })
     }
 
-    fn feeling<F: Felt>(
+    fn feeling<F: Felt + Send + 'static>(
         settings: Settings,
         truth: Truth,
         placed: Placed,
@@ -387,7 +390,7 @@ impl Emulation {
         let sensed = feel(timing);
         let lasts = sensed.long();
         if timing.strikes > 1 && timing.interval < lasts {
-            // Rounded up, so that what is told would do.
+            // Rounded up, so that the time in the message suffices.
             let least = (lasts * 1e4).ceil() / 1e4;
             return Err(BenchError::Unfit(format!(
                 "--interval {} s: a strike and its ring-down take {least} s; give at least that",
@@ -405,7 +408,10 @@ impl Emulation {
         let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
         let rate = 1.0 + clock_ppm * 1e-6;
         let sensed = OnClock { sensed, rate };
-        let codes = front_end.digitise(&sensed, timing.scans(lasts + TAIL), seed);
+        let scans = timing.scans(lasts + TAIL);
+        let codes = front_end.digitise(&sensed, scans, seed);
+        let behind = *front_end;
+        let again: Again = Arc::new(move |seed| behind.digitise(&sensed, scans, Some(seed)).scans);
         let truth = RunTruth {
             bead,
             truth,
@@ -428,17 +434,17 @@ impl Emulation {
             waveform: None,
             pulls: false,
             codes,
+            again,
             image: image.to_owned(),
         })
     }
 
-    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as its
-    /// codes go.
+    /// Adds edges at the sync input, at these times in s on the time that all beads share, up to the end of the codes.
     pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
         self.sync_until(edges, self.seconds());
     }
 
-    /// The same up to a time of the bead's own, s.
+    /// Adds edges as [`sync`](Self::sync), up to a time of the bead's own, s.
     pub fn sync_until(&mut self, edges: impl IntoIterator<Item = f64>, until: f64) {
         let began = self.truth.began;
         let own = edges.into_iter().map(|edge| edge - began);
@@ -446,13 +452,21 @@ impl Emulation {
         self.truth.sync_edges = on.collect();
     }
 
-    /// Lets others hold the trigger line low, from when to when in s on the time that all beads share, as far
-    /// as the bead is on.
+    /// Lets others hold the trigger line low in these intervals, in s on the time that all beads share, while the bead
+    /// is on.
     pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
         let (began, seconds) = (self.truth.began, self.seconds());
         let own = low.into_iter().map(|times| times.map(|time| time - began));
         let on = own.filter(|[fall, rise]| *fall > 0.0 && *rise < seconds);
         self.truth.line_low = on.collect();
+    }
+
+    /// The codes of the run for one that goes on without end.
+    pub(super) fn playback(&self) -> Playback {
+        Playback::new(
+            self.codes.scans.clone(),
+            self.truth.seed.map(|seed| (seed, Arc::clone(&self.again))),
+        )
     }
 
     /// Virtual time from the first scan to the end, s.
@@ -593,14 +607,13 @@ impl Emulation {
 /// Samples in windows of these lengths, and those of them that the estimates took.
 fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
     windows.fold((0, 0), |(all, estimated), samples| {
-        // An image that is no bead's may say any length.
+        // An image of another firmware may give any length.
         let after_baseline = u64::from(samples).saturating_sub(BASELINE.into());
         (all + u64::from(samples), estimated + after_baseline)
     })
 }
 
-/// How the image failed, if it did: how it ended before its time was over. A fault that a reset follows is no
-/// failure.
+/// Failure of an image that ended before its time was over. A fault that a reset follows is none.
 fn failure(outcome: &Outcome) -> Option<String> {
     match &outcome.end {
         // That is how test firmware ends. A bead's never does.
@@ -612,8 +625,7 @@ fn failure(outcome: &Outcome) -> Option<String> {
     }
 }
 
-/// From when to when a pin pulled low. It is in use from its first rise on, and until its last fall if that
-/// has no end.
+/// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is left out.
 fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
     let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);

@@ -1,9 +1,9 @@
-//! Why a run of the image does not come about.
+//! Errors of runs of the image.
 
 use hertz_chain::{InputError, SimulateError};
 use stm32f405_qemu::RunError;
 
-/// Why a run of the image does not come about. The message is one line: what, why, what next.
+/// A run of the image cannot be made, or failed. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// The scenario cannot be read.
@@ -12,7 +12,7 @@ pub enum BenchError {
     /// The scenario cannot be integrated.
     #[error(transparent)]
     Simulation(#[from] SimulateError),
-    /// What was given does not make a run: the bead, the image, the faults, the address.
+    /// Bead, image, faults or address do not make a run.
     #[error("{0}")]
     Unfit(String),
     /// The emulator refuses the image or its inputs, or fails.

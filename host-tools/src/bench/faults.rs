@@ -21,8 +21,8 @@ use stm32f405_qemu::{Fault, FaultKind, Run};
 
 use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
 
-/// What is provoked.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// Kind of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// The converter loses a conversion.
@@ -69,35 +69,33 @@ const KINDS: [(&str, Kind); 13] = [
     ("power_cut", Kind::PowerCut),
 ];
 
-/// Voltages between which a supply may be put: those between which the part works (DocID022152, general
-/// operating conditions).
+/// Supply voltages at which the part works, V (DocID022152, general operating conditions).
 const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
 /// A good supply, V.
 const GOOD_VOLTS: f64 = 3.3;
-/// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
+/// Threshold of the bead's detector of a low supply, V (`firmware/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
-/// The bead always finds a sensor that is stuck or railed for this long, s (`firmware/src/health.rs`).
+/// Time within which the bead finds a sensor that is stuck or railed, s (`firmware/src/health.rs`).
 const FOUND: f64 = 0.065;
-/// The bead always rides out a port that sends nothing for this long, s.
+/// Longest stall of the port that the bead always rides out, s.
 const RIDDEN_OUT: f64 = 0.5;
-/// The bead always resets itself when its port sends nothing for this long, s.
+/// Shortest stall of the port after which the bead always resets itself, s.
 const GIVEN_UP: f64 = 1.5;
 
-/// The watchdog resets a bead that hangs for this long, s.
+/// Time-out of the watchdog, s.
 const WATCHDOG: f64 = 2.0;
 
-/// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait
-/// long before it begins.
+/// Most faults of a run. A fault of a sensor changes the stimulus to its end, so many of them take long to prepare.
 const MOST: usize = 10_000;
 
 impl Kind {
-    /// Its name in the file.
+    /// Name in the file.
     pub fn name(self) -> &'static str {
         let found = KINDS.iter().find(|(_, kind)| *kind == self);
         found.map_or("", |(name, _)| name)
     }
 
-    /// Whether the fault has a duration.
+    /// True if the fault has a duration.
     fn lasts(self) -> bool {
         self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
@@ -113,13 +111,13 @@ impl Kind {
 }
 
 /// A fault, when, and for how long.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Planned {
-    /// What.
+    /// Kind of the fault.
     pub kind: Kind,
-    /// When, s after the first scan.
+    /// Start, s after the first scan.
     pub at: f64,
-    /// How long, s, if it lasts; none for the rest of the run.
+    /// Duration, s, if the fault has one; `None` for the rest of the run.
     pub duration: Option<f64>,
     /// The supply, V.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -127,7 +125,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// What the bead must report; none if it must not notice.
+    /// Cause that the bead must report; `None` if it must not notice the fault.
     pub fn cause(&self) -> Option<FaultCause> {
         match self.kind {
             Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
@@ -146,7 +144,7 @@ impl Planned {
         }
     }
 
-    /// What a bead calls the fault of a sensor, if it lasts for long enough to be found.
+    /// Cause under which a bead reports the fault of a sensor that lasts long enough.
     pub fn sensor_cause(&self) -> Option<FaultCause> {
         match self.kind {
             Kind::ForceStuck => Some(FaultCause::ForceStuck),
@@ -157,16 +155,15 @@ impl Planned {
         }
     }
 
-    /// Whether it ends in a reset.
+    /// True if the fault ends in a reset.
     pub fn resets(&self) -> bool {
         use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
         let fatal = |cause| matches!(cause, DmaError | Panic | HardFault | Watchdog | StackOverflow);
         self.cause().is_some_and(fatal) || self.kind == Kind::PowerCut
     }
 
-    /// After how long the bead has told of it at the latest, s: found it, and started again where it ends in
-    /// a reset.
-    pub fn told_after(&self) -> f64 {
+    /// Longest time to the bead's report, s: with its restart, if the fault ends in a reset.
+    pub fn reported_within(&self) -> f64 {
         const FRAME: f64 = 0.05;
         const START: f64 = 0.5;
         match self.kind {
@@ -181,10 +178,9 @@ impl Planned {
         }
     }
 
-    /// Whether the bead cannot see a strike that begins at `time`, s after the first scan: its force sensor
-    /// says nothing then.
+    /// True if the fault hides a strike that begins at `time`, s after the first scan, from the force sensor.
     pub fn hides(&self, time: f64) -> bool {
-        /// From the strike to the end of what the detector looks at, s.
+        /// Time from the start of a strike to the end of its rise, s.
         const PULSE: f64 = 0.01;
         let blind = matches!(self.kind, Kind::ForceStuck | Kind::ForceRailed);
         let until = self.duration.map_or(f64::INFINITY, |duration| self.at + duration);

@@ -41,9 +41,10 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
             (false, there) => Err(BenchError::Unfit(format!(
                 "--firmware {}: {}; build the image with `cargo xtask build`",
                 path.display(),
-                match there {
-                    true => "this is a directory, a device or a pipe",
-                    false => "there is no such file",
+                if there {
+                    "this is a directory, a device or a pipe"
+                } else {
+                    "there is no such file"
                 }
             ))),
         };
@@ -63,8 +64,7 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     }
 }
 
-/// Whether the head of a file is that of an ELF file for ARM. It is known before a simulation begins; QEMU
-/// reads the rest.
+/// True if a file begins as an ELF file for ARM does. QEMU reads the rest, after the simulation.
 fn is_arm_elf(path: &Path) -> bool {
     const MACHINE_ARM: [u8; 2] = [40, 0];
     let mut head = [0; 20];

@@ -6,5 +6,7 @@ pub mod error;
 pub mod faults;
 pub mod front_end;
 pub mod image;
+mod playback;
 pub mod sensed;
 pub mod several;
+pub mod tables;

@@ -1,4 +1,4 @@
-//! What a bead of a simulated chain senses, strike after strike, and what it should report.
+//! Signals at the sensors of a bead in a simulated chain, strike after strike, and the truth of its report.
 
 use std::ops::Range;
 use std::path::Path;
@@ -17,7 +17,7 @@ use crate::waveform::trace::{FADE, Trace};
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
 
-/// The bead and its surroundings: what its settings are derived from.
+/// The bead and its surroundings, from which its settings are derived.
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
@@ -25,12 +25,13 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
         let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
-        let what = match with.is_empty() {
-            true => "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
-            false => format!(
+        let what = if with.is_empty() {
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned()
+        } else {
+            format!(
                 "this bead has no intruder; give one of: {}",
                 first_of(&with, BEADS_TOLD)
-            ),
+            )
         };
         return Err(BenchError::Unfit(format!("--bead {bead}: {what}")));
     };
@@ -53,8 +54,8 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     })
 }
 
-/// How far away other intruders change how a bead rings within a window, in beads: a wave goes there and back
-/// in 6 ms.
+/// Distance within which other intruders change the ringing of a bead within a window, in beads: a wave goes there
+/// and back in 6 ms.
 const NEAR: usize = 8;
 
 /// The intruders around a bead. Those of its followers count for estimate B if they are like that of the
@@ -174,8 +175,8 @@ pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchErr
     Ok(simulate_with(scenario, &options)?)
 }
 
-/// What the full chain says of one strike at one bead.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// One strike at one bead by the full chain.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Truth {
     /// Highest force at the bead's incoming contact over the scenario's duration, beyond a static load, N.
     pub peak_force: f64,
@@ -206,19 +207,19 @@ impl Truth {
     }
 }
 
-/// When strikes come.
+/// Times of the strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
-    /// Quiet before the first strike, s.
+    /// Quiet time before the first strike, s.
     pub lead_in: f64,
-    /// How many strikes.
+    /// Number of strikes.
     pub strikes: u32,
-    /// From strike to strike, s.
+    /// Time from strike to strike, s.
     pub interval: f64,
 }
 
 impl Timing {
-    /// When the striker of strike `number`, from 0, touches the chain, s.
+    /// Time at which the striker of strike `number`, from 0, touches the chain, s.
     ///
     /// Strikes do not wait for the sample clock. Each comes at another phase of it; the golden ratio spreads
     /// the phases evenly.
@@ -227,8 +228,7 @@ impl Timing {
         self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// When each strike begins, as a sample index with a fraction, by a clock with `rate` seconds in a true
-    /// second. Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+    /// Start of each strike as a fractional sample index, by a clock with `rate` seconds in a true second. Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
     pub fn starts(&self, rate: f64) -> Vec<f64> {
         let index = |number| 1.0 + self.start(number) * rate * f64::from(SAMPLE_RATE_HZ);
         (0..self.strikes).map(index).collect()
@@ -241,7 +241,7 @@ impl Timing {
     }
 }
 
-/// What a sensor feels of one strike.
+/// Signal of one strike at a sensor.
 pub trait Felt: Clone + Sync {
     /// The quantity at a time since the strike began, s, in its SI unit.
     fn at(&mut self, since: f64) -> f64;
@@ -259,21 +259,21 @@ impl Felt for Trace {
     }
 }
 
-/// What the sensors of one bead feel: the same strike again and again, with quiet between.
+/// Signals at the sensors of one bead: the same strike again and again, with quiet between.
 #[derive(Clone)]
 pub struct Sensed<F = Curve> {
     timing: Timing,
-    /// How long a strike lasts, s.
+    /// Duration of a strike, s.
     long: f64,
-    /// From the start of the strike that was looked into last to its end, s.
+    /// Start and end of the strike that was asked for last, s.
     last: Range<f64>,
     force: Option<F>,
     acceleration: Option<F>,
 }
 
 impl Sensed<Trace> {
-    /// Sensors that feel a waveform, as often as `timing` has strikes. One that it does not have stays at
-    /// rest.
+    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform does not
+    /// have stays at rest.
     pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
         Self {
             timing,
@@ -300,12 +300,12 @@ impl Sensed {
 }
 
 impl<F> Sensed<F> {
-    /// How long a strike lasts, s.
+    /// Duration of a strike, s.
     pub fn long(&self) -> f64 {
         self.long
     }
 
-    /// When the last strike began; none if it does not last so long.
+    /// Start of the strike at `time`, s; `None` if there is none.
     fn strike_at(&self, time: f64) -> Option<f64> {
         let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
         if guess < 0.0 {
@@ -321,7 +321,7 @@ impl<F> Sensed<F> {
         Some(start).filter(|start| (0.0..=self.long).contains(&(time - start)))
     }
 
-    /// The same, faster where times follow one another.
+    /// Time since the start of the strike at `time`, s. It is fast where times follow one another.
     fn since_start(&mut self, time: f64) -> Option<f64> {
         let since = time - self.last.start;
         if self.last.contains(&time) && since <= self.long {

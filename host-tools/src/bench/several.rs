@@ -1,4 +1,4 @@
-//! Several beads of one chain on one strike, on one time: who they are, and how they are run.
+//! Several beads of one chain on one strike and one time: their places, and their runs.
 //!
 //! # Design
 //! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the
@@ -22,7 +22,7 @@ use crate::bench::emulation::{Emulation, Placed, Ran};
 use crate::bench::error::BenchError;
 use crate::recording::file::{Lane, RecordingError, Writer};
 
-/// How fast the crystals are.
+/// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Clocks {
     /// One after another, ppm; a single one is every bead's.
@@ -49,7 +49,7 @@ pub fn placed(
         && ppm.len() != beads.len()
     {
         return Err(BenchError::Unfit(format!(
-            "--clock-ppm has {} crystals for {} beads; give one for each, or one for all",
+            "[clock] ppm has {} crystals for {} beads; give one for each, or one for all",
             ppm.len(),
             beads.len()
         )));
@@ -117,8 +117,7 @@ pub fn run(
     }
 }
 
-/// When the trigger line is low at a bead by the others' doing: from when to when, in s of the time that all
-/// share.
+/// Intervals in which the other beads hold the trigger line low, in s of the time that all share.
 fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
     let mut low: Vec<[f64; 2]> = others
@@ -138,12 +137,12 @@ fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     low
 }
 
-/// Runs a bead with the line as it is, if that may make a difference. Returns whether it did run.
+/// Runs a bead again with the line as it is now, if that may make a difference. True if it ran.
 fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Result<bool, BenchError> {
-    let before = heard(emulation, ran);
+    let before = falls_followed(emulation, ran);
     let given = std::mem::take(&mut emulation.truth.line_low);
     emulation.line(line);
-    if heard(emulation, ran) == before {
+    if falls_followed(emulation, ran) == before {
         emulation.truth.line_low = given;
         return Ok(false);
     }
@@ -154,17 +153,16 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
 /// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
 const LINE_DELAY: u64 = 600;
 
-/// The falls of the line that a bead may heed, in s since its first scan: not those that come while it
-/// measures a strike that it had found by itself, and not those that tell of an instant whose history reaches
-/// back into that.
-fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
+/// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a strike
+/// of its own, and none whose window would reach back into that.
+fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     let history = emulation.settings.window.history;
     let own: Vec<_> = ran
         .frames
         .iter()
         .filter_map(|frame| match &frame.message {
             Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
-                Some(unheeding(strike, history))
+                Some(deaf_to_line(strike, history))
             }
             _ => None,
         })
@@ -178,12 +176,12 @@ fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
         .collect()
 }
 
-/// The indices at which a bead surely heeds no fall of the line, for a strike that it found by itself.
-/// Windows begin `history` scans before their trigger.
-fn unheeding(strike: &Strike, history: u16) -> Range<f64> {
-    /// Scans by which the index of a fall may be off.
+/// Indices at which a bead surely follows no fall of the line, because of a strike of its own. Windows begin
+/// `history` scans before their trigger.
+fn deaf_to_line(strike: &Strike, history: u16) -> Range<f64> {
+    /// Greatest error of the index of a fall, scans.
     const UNSURE: f64 = 3.0;
-    // An image that is no bead's may say any index.
+    // An image of another firmware may give any index.
     let last = strike.first_index.saturating_add(strike.samples.into());
     let end = last.saturating_add(u64::from(history) + LINE_DELAY);
     strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE
@@ -226,12 +224,12 @@ mod tests {
             samples: 672,
             ..drawn
         };
-        assert_eq!(unheeding(&strike, 160), 1162.0..2429.0);
+        assert_eq!(deaf_to_line(&strike, 160), 1162.0..2429.0);
         let strike = Strike {
             first_index: u64::MAX,
             ..strike
         };
-        assert_eq!(unheeding(&strike, 160).end, u64::MAX as f64);
+        assert_eq!(deaf_to_line(&strike, 160).end, u64::MAX as f64);
     }
 
     #[test]

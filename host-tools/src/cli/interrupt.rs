@@ -28,15 +28,15 @@ use crate::tables::whole::remove_unfinished;
 /// A command that was asked to end ends within this time.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
-/// How a command ends that ends in order.
+/// End of a command that ends in order.
 struct Orderly {
     stop: Arc<AtomicBool>,
-    /// What is left if it does not end in time.
+    /// Remains of a command that does not end in time.
     left: String,
 }
 
 static ORDERLY: OnceLock<Orderly> = OnceLock::new();
-/// How a command can be gone on with.
+/// Way to go on with a command.
 static RESUMABLE: OnceLock<String> = OnceLock::new();
 
 /// Listens for signals from now on. Call it once, first.
@@ -94,7 +94,7 @@ fn end(signal: i32) -> ! {
     process::exit(128 + signal)
 }
 
-/// Whether the signal was ignored when the program started. Where that cannot be told, it was not.
+/// True if the signal was ignored when the program started; false if that is not known.
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -25,7 +25,7 @@ pub(crate) struct LineOptions {
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// How long a reply may take, s. A request is sent three times.
+    /// Time-out of a reply, s. A request is sent three times.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = crate::cli::output::seconds_of_a_day)]
     timeout: Duration,
     /// Sign what changes the bead's state with the key in this file. A bead that was given a key refuses it

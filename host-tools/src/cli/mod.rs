@@ -4,13 +4,14 @@ mod beads;
 mod bench_options;
 mod commands;
 pub mod failure;
-mod front_end_options;
+mod frame_schemas;
 pub mod interrupt;
 mod line_options;
 pub mod output;
 pub mod place;
 mod printer;
 mod provenance;
+pub mod schemas;
 mod waveform_options;
 mod words;
 

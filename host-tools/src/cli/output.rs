@@ -74,7 +74,7 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
     written(writeln!(io::stdout().lock(), "{}", printable(text)))
 }
 
-/// What writing to standard output gave. A reader that has gone away is not an error.
+/// Outcome of writing to standard output. A reader that has gone away is not an error.
 pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),

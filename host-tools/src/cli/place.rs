@@ -1,4 +1,4 @@
-//! Where a result may go: one rule for every output of every command.
+//! One rule for the place of every output of every command.
 //!
 //! # Design
 //! An output never takes the place of an input, of another kind of file, or of anything but a file. It takes
@@ -149,7 +149,7 @@ pub fn targets<const N: usize>(
     Ok(found.try_into().expect("one target for each file"))
 }
 
-/// The same for any number of files.
+/// [`targets`] for any number of files.
 ///
 /// # Errors
 /// As [`targets`].

@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::ops::RangeInclusive;
 
-/// What the parsers of Rust's numbers say, and what the command says in its place.
+/// Errors of Rust's number parsers, each with its plain words.
 const PLAIN: [(&str, &str); 6] = [
     ("invalid digit found in string", WHOLE),
     ("cannot parse integer from empty string", WHOLE),

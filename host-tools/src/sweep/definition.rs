@@ -114,7 +114,10 @@ impl Definition {
                 })
             })?;
             Scenario::from_toml(&text, &scenario.display().to_string())?;
-            let table = text.parse().expect("it has just been read");
+            let mut table: Table = text.parse().expect("it has just been read");
+            for name in Scenario::OTHER_TABLES {
+                table.remove(name);
+            }
             definition.scenario = Base::Table(table);
         }
         definition.axes().map_err(|error| file.locate(error))?;

@@ -64,7 +64,10 @@ fn fixture(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.join(name), bytes).unwrap();
     let copy = |name: &str, of: &str| write(name, &fs::read(format!("{ROOT}/{of}")).unwrap());
     copy("s.toml", "docs/scenarios/paper-strike.toml");
+    copy("ten.toml", "docs/scenarios/ten-intruders.toml");
     copy("faults.toml", "docs/scenarios/faults.toml");
+    write("late.toml", b"[[fault]]\nat = 0.03\nkind = \"hang\"\n");
+    write("latin.toml", b"title = \"Sto\xdf\"");
     copy("x.mcap", "tests/data/recording-v2.mcap");
     copy("bead.settings", "tests/data/settings-v5.bin");
     copy("future.bin", "tests/data/frame-of-the-future.bin");
@@ -157,6 +160,9 @@ fn fixture(folder: &Path) {
         assert!(scenario.contains(was), "{was}");
         write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
     }
+    let bench = |tables: &str| format!("{scenario}\n{tables}\n").into_bytes();
+    write("bench.toml", &bench("[front_end]\nforce_span = 0.0"));
+    write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
     fs::create_dir(folder.join("folder")).unwrap();
     fs::create_dir(folder.join("run")).unwrap();
     copy("run/bead-8.mcap", "tests/data/recording-v2.mcap");

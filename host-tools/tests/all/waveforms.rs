@@ -147,7 +147,7 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
     // The estimate in f64 stands beside each, three times at three phases of the scans.
     let json = typed(
         folder,
-        &format!("{emulate} --stimulus tables/samples.csv --strikes 3 --clock-ppm 40 --format json"),
+        &format!("{emulate} --stimulus tables/samples.csv --strikes 3 --format json"),
     );
     let report: Value = serde_json::from_str(&json).unwrap();
     let played = report["strikes"].as_array().unwrap();

@@ -313,7 +313,7 @@ fn chain(steps: &Steps) -> Result<(), Stop> {
         "emulate docs/scenarios/row-of-ten.toml --bead all --firmware",
     )
     .arg(image::path(steps))
-    .words("--clock-spread 100 --start-spread 0.05 --overwrite --out")
+    .words("--overwrite --out")
     .arg(&folder);
     let title = "a striker hits a row of ten absorbers; the flash image senses it inside each, in QEMU";
     steps.run(title, &emulate)?;

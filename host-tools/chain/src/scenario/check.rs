@@ -7,12 +7,18 @@ use super::read::{InputError, TomlFile, read_text};
 use super::tables::Scenario;
 
 impl Scenario {
-    /// Reads and checks a scenario; `file` is what messages call it.
+    /// Tables that a scenario file may hold for the programs around a simulation: the front end and the clocks of
+    /// the beads. They are passed over here.
+    pub const OTHER_TABLES: [&str; 2] = ["front_end", "clock"];
+
+    /// Reads and checks a scenario; `file` is its name in messages. [`OTHER_TABLES`](Self::OTHER_TABLES) are passed
+    /// over.
     ///
     /// # Errors
     /// [`InputError`] with file, line, key, what is wrong and what would do.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
-        let file = TomlFile::parse(text, file)?;
+        let (text, _) = TomlFile::parse(text, file)?.split(&Self::OTHER_TABLES);
+        let file = TomlFile::parse(&text, file)?;
         let scenario: Self = file.read()?;
         scenario.check().map_err(|error| file.locate(error))?;
         Ok(scenario)

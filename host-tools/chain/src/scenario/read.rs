@@ -211,6 +211,26 @@ impl<'a> TomlFile<'a> {
         }
     }
 
+    /// Splits the file at its tables: the text without the top-level keys of these names, and the text of these keys
+    /// alone. Lines keep their numbers in both.
+    pub fn split(&self, names: &[&str]) -> (String, String) {
+        let lines: Vec<&str> = self.text.split_inclusive('\n').collect();
+        let line_of = |at: usize| self.text[..at].matches('\n').count();
+        let mut is_named = vec![false; lines.len()];
+        self.each_key(|parts, place| {
+            if matches!(parts.first(), Some(Part::Name(name)) if names.contains(name)) {
+                let last = place.value.end.max(place.name.end).saturating_sub(1);
+                is_named[line_of(place.name.start)..=line_of(last)].fill(true);
+            }
+        });
+        let of = |wanted: bool| {
+            let kept = lines.iter().zip(&is_named);
+            kept.map(|(line, named)| if *named == wanted { *line } else { "\n" })
+                .collect()
+        };
+        (of(false), of(true))
+    }
+
     /// Reads the whole file. The type should refuse unknown fields (`#[serde(deny_unknown_fields)]`): an
     /// unknown key is then answered with the known one that is spelt most like it.
     ///

@@ -7,11 +7,10 @@ use std::sync::Arc;
 
 use anyhow::{bail, ensure};
 use bead_wire::Message;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use hertz_chain::{Scenario, Solution};
 use indicatif::ProgressBar;
 use serde::Serialize;
-use serde_json::json;
 
 use crate::bench::bridge::{self, Bridge, Door};
 use crate::bench::emulation::{Emulation, Placed, Ran, StimulusFile, settings_of};
@@ -22,11 +21,11 @@ use crate::bench::image::find_image;
 use crate::bench::sensed::{
     Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
-use crate::bench::several::{self, Clocks};
+use crate::bench::several;
+use crate::bench::tables::BenchTables;
 use crate::cli::beads::Beads;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::failure::{Blame, Failure};
-use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
@@ -37,7 +36,6 @@ use crate::comparison::run::RunReport;
 use crate::comparison::strike::FullChain;
 use crate::comparison::verdict::other_length;
 use crate::line::port::Address;
-use crate::recording::clock::CRYSTAL_PPM;
 use crate::recording::file::{About, Origin, Part, Writer};
 use crate::tables::whole::{Target, Unfinished};
 use crate::waveform::Waveform;
@@ -58,6 +56,11 @@ time, from a text table (CSV of an oscilloscope, a spreadsheet, a program), WAV,
 The scenario then only says which bead it is. Each result stands beside what f64 estimates make of the \
 waveform: docs/waveforms.md.
 
+Two tables of the scenario file say how beads differ from the reference: [front_end] has sensors (weak or \
+strong), force_span, acceleration_span, wide_force_span, wide_acceleration_span, force_noise, \
+acceleration_noise and pole; [clock] has ppm (of each crystal), spread, start_spread, sync_period and shift. \
+docs/front-end.md and docs/time.md explain them.
+
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay \
 differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
 counted, or replay differs.
@@ -70,10 +73,8 @@ Examples:
       --interval 0.05 --seed 7
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 \\
       --faults docs/scenarios/faults.toml
-  bead emulate docs/scenarios/ten-intruders.toml --bead all \\
-      --clock-spread 100 --start-spread 0.05 --out run
-  bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 \\
-      --clock-ppm -20 --out run
+  bead emulate docs/scenarios/ten-intruders.toml --bead all --out run
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --velocity 1.5
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --stimulus scope.csv --force-column CH1:8.9N --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
@@ -108,31 +109,15 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
-    /// Time between edges at the sync input (PA15), which all beads share, s [default: no edges; 0.1 with
-    /// several beads].
-    #[arg(long, value_name = "S")]
-    sync_period: Option<f64>,
-    /// How fast the bead's crystal is, ppm; below 0 for a slow one. Of several beads, one for all or one for
-    /// each: 20,-35,4.
-    #[arg(
-        long,
-        value_name = "PPM",
-        default_value = "0",
-        allow_hyphen_values = true,
-        value_delimiter = ','
-    )]
-    clock_ppm: Vec<f64>,
-    /// Let chance choose each crystal, up to this many ppm fast or slow, by the seed.
-    #[arg(long, value_name = "PPM", conflicts_with = "clock_ppm")]
-    clock_spread: Option<f64>,
-    /// Let chance choose when each bead takes its first scan, within this time, s, by the seed.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
-    start_spread: f64,
-    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns].
-    ///
-    /// With 4 it is as slow as a core that waits for flash at every turn.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
-    shift: Option<u8>,
+    /// Velocity of the striker, m/s [default: the scenario's].
+    #[arg(long, value_name = "M/S", value_parser = positive)]
+    velocity: Option<f64>,
+    /// Switch the noise of sensors, conditioner and converter on or off.
+    #[arg(long, value_enum, default_value_t)]
+    noise: Noise,
+    /// Seed of the noise, and of what else is left to chance: the same seed gives the same codes.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
@@ -147,27 +132,39 @@ pub(crate) struct Arguments {
     /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
     #[command(flatten)]
     waveform: WaveformOptions,
-    #[command(flatten)]
-    front_end: FrontEndOptions,
 }
 
-/// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
-/// delay.
-const SYNC_LEAST: f64 = 0.02;
-/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a
-/// second. Several beads share it.
+/// Noise of the front end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Noise {
+    /// As noisy as the real one.
+    #[default]
+    On,
+    /// Ideal, except for its filter and its twelve bits.
+    Off,
+}
+
+/// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a second.
 const LONGEST: f64 = 1200.0;
-/// The time between edges with several beads, s, if nobody gives another.
+/// Default time between sync edges with several beads, s.
 const SYNC_OF_SEVERAL: f64 = 0.1;
-/// A bead that goes on until Ctrl-C has edges for so much of its time, s: they are in memory, too.
+/// Time in which a bead that listens has sync edges, s. They are in memory.
 const SYNC_OF_LISTENING: f64 = 3600.0;
-/// Quiet before the first strike, s: the image has started, its detector is armed.
+/// Quiet time before the first strike, s, in which the image starts and arms its detector.
 const LEAD_IN: f64 = 0.02;
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    number
+        .filter(|number: &f64| number.is_finite() && *number > 0.0)
+        .ok_or_else(|| "give a number above 0".to_owned())
+}
 
 /// A pace: `real` is 1.
 fn pace(text: &str) -> Result<f64, String> {
@@ -201,7 +198,7 @@ impl Arguments {
 
     /// Refuses values that no run can have.
     fn check(&self) -> anyhow::Result<()> {
-        let (interval, spread) = (self.interval, self.start_spread);
+        let interval = self.interval;
         ensure!(
             interval.is_finite() && interval > 0.0,
             "--interval {interval}: give a time in s"
@@ -212,22 +209,6 @@ impl Arguments {
             "--strikes {} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike less often, \
              or sooner",
             self.strikes
-        );
-        if let Some(period) = self.sync_period {
-            ensure!(
-                period.is_finite() && period >= SYNC_LEAST,
-                "--sync-period {period}: give s, at least {SYNC_LEAST}"
-            );
-        }
-        for ppm in self.clock_ppm.iter().chain(&self.clock_spread) {
-            ensure!(
-                ppm.abs() < CRYSTAL_PPM,
-                "--clock-ppm {ppm}: a crystal is off by less than {CRYSTAL_PPM} ppm"
-            );
-        }
-        ensure!(
-            (0.0..=60.0).contains(&spread),
-            "--start-spread {spread}: give a time in s, at most 60"
         );
         if !matches!(self.bead, Beads::One(_)) {
             let alone = [
@@ -243,27 +224,43 @@ impl Arguments {
         Ok(())
     }
 
-    /// Refuses more time of all beads together than fits in memory.
-    fn check_memory(&self, beads: usize) -> anyhow::Result<()> {
-        let seconds = self.start_spread + self.interval * f64::from(self.strikes - 1);
-        let all = seconds * beads as f64;
-        ensure!(
-            all <= LONGEST || beads == 1,
-            "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
-             fewer beads or --strikes, or a shorter --interval"
-        );
-        Ok(())
+    /// The seed of the noise, `None` without noise.
+    fn seed_of_noise(&self) -> Option<u64> {
+        (self.noise == Noise::On).then_some(self.seed)
     }
+}
 
-    fn clocks(&self) -> Clocks {
-        self.clock_spread
-            .map_or_else(|| Clocks::Each(self.clock_ppm.clone()), Clocks::Spread)
+/// Refuses more time of all beads together than fits in memory.
+fn check_memory(arguments: &Arguments, tables: &BenchTables, beads: usize) -> anyhow::Result<()> {
+    let seconds = tables.clock.start_spread + arguments.interval * f64::from(arguments.strikes - 1);
+    let all = seconds * beads as f64;
+    ensure!(
+        all <= LONGEST || beads == 1,
+        "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
+         fewer beads or --strikes, or a shorter --interval"
+    );
+    Ok(())
+}
+
+/// The scenario with the striker's velocity that is asked for, the tables of the bench, and the text of both.
+fn load(arguments: &Arguments) -> Result<(Scenario, BenchTables, String), Failure> {
+    let (mut scenario, mut text) = load_scenario(&arguments.scenario)?;
+    let file = arguments.scenario.display().to_string();
+    let tables = BenchTables::from_toml(&text, &file)?;
+    if let Some(velocity) = arguments.velocity {
+        scenario.striker.velocity = velocity;
+        text = format!(
+            "{}\n{}",
+            scenario.to_toml(),
+            BenchTables::text_in(&text, &file)?.trim()
+        );
     }
+    Ok((scenario, tables, text))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.check().map_err(Failure::Input)?;
-    let (scenario, text) = load_scenario(&arguments.scenario)?;
+    let (scenario, tables, text) = load(arguments)?;
     let beads = match arguments.bead {
         Beads::One(bead) => vec![bead],
         _ => arguments.bead.of(&scenario)?,
@@ -271,11 +268,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.stimulus.is_none() {
         arguments.waveform.without("--stimulus")?;
     }
-    arguments.check_memory(beads.len()).map_err(Failure::Input)?;
+    check_memory(arguments, &tables, beads.len()).map_err(Failure::Input)?;
     let outputs = arguments.outputs(&beads)?;
     // Before the work, which an address that does not do would waste.
     let door = arguments.listen.as_ref().map(Door::open).transpose()?;
-    let bench = Bench::of(arguments, &scenario, &beads)?;
+    let bench = Bench::of(arguments, &scenario, &tables, &beads)?;
     if let (Some(address), Some(door)) = (&arguments.listen, &door) {
         return listen(arguments, &bench, address, door);
     }
@@ -299,7 +296,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let ran = several::run(&bench.placed, prepare, done)?;
     bench.progress.finish_and_clear();
-    bench.tell();
+    bench.print_remarks();
 
     // A disk that is full must not cost the result as well: it is printed all the same.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
@@ -322,8 +319,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 began_s: truth.began,
                 report,
             });
-            let result = json!({ "beads": beads.collect::<Vec<_>>() });
+            let result = SeveralBeads {
+                beads: beads.collect(),
+            };
             output::print(arguments.format, &result, || table_of_several(&reports))?;
+        }
+    }
+    for (truth, report) in &reports {
+        for note in beyond_the_range(report, truth.bead) {
+            output::note(format_args!("{note}"));
         }
     }
     recorded.transpose()?;
@@ -341,8 +345,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Advice where a signal leaves the range of its sensor.
+const WIDER_RANGES: &str =
+    "write sensors = \"strong\" under [front_end] of the scenario, or give wider spans there";
+
+/// A note for each sensor whose range a strike left: the estimates are then too low.
+fn beyond_the_range(report: &RunReport, bead: usize) -> Vec<String> {
+    let notes = [("force_railed", "force"), ("acceleration_railed", "acceleration")].map(|(flag, sensor)| {
+        let strike = report.measured().find(|strike| strike.flags.contains(&flag))?;
+        Some(format!(
+            "bead {bead}: the strike at sample {} leaves the range of the {sensor} at the low gain, so what is measured of \
+             it is too low; {WIDER_RANGES}",
+            strike.sample_index
+        ))
+    });
+    notes.into_iter().flatten().collect()
+}
+
+/// The result of several beads as JSON.
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct SeveralBeads<'a> {
+    beads: Vec<OfBead<'a>>,
+}
+
 /// A bead among several, as in the JSON.
-#[derive(Serialize)]
+#[derive(Serialize, schemars::JsonSchema)]
 struct OfBead<'a> {
     bead: usize,
     clock_ppm: f64,
@@ -351,11 +378,11 @@ struct OfBead<'a> {
     report: &'a RunReport,
 }
 
-/// Is a bead at an address until it is stopped.
+/// Serves a bead at an address until Ctrl-C.
 fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
-    bench.tell();
+    bench.print_remarks();
     let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
     let passes = match arguments.pace {
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
@@ -364,7 +391,7 @@ fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Do
     if let Some(port) = arguments.gdb {
         output::note(format_args!("it waits for a debugger: target remote :{port}"));
     }
-    if arguments.sync_period.is_some() {
+    if bench.tables.clock.sync_period.is_some() {
         output::note(format_args!(
             "there are edges at its sync input for an hour of its time"
         ));
@@ -380,32 +407,43 @@ fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Do
 struct Bench<'a> {
     arguments: &'a Arguments,
     scenario: &'a Scenario,
+    tables: &'a BenchTables,
     solution: Arc<Solution>,
     front_end: FrontEnd,
     image: PathBuf,
     placed: Vec<Placed>,
     faults: Vec<Planned>,
-    /// What is played, if it is no strike of the chain.
+    /// Waveform in place of a strike of the chain.
     played: Option<Played>,
     progress: ProgressBar,
 }
 
 impl<'a> Bench<'a> {
     /// Simulates the strike.
-    fn of(arguments: &'a Arguments, scenario: &'a Scenario, beads: &[usize]) -> Result<Self, Failure> {
+    fn of(
+        arguments: &'a Arguments,
+        scenario: &'a Scenario,
+        tables: &'a BenchTables,
+        beads: &[usize],
+    ) -> Result<Self, Failure> {
         let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-        let front_end = arguments.front_end.front_end().map_err(Failure::Input)?;
+        let mut front_end = tables.front_end.front_end()?;
+        if arguments.noise == Noise::Off {
+            for channel in front_end.channels_mut() {
+                channel.noise_rms = 0.0;
+            }
+        }
         let faults = match &arguments.faults {
             Some(path) => faults::load(path)?,
             None => Vec::new(),
         };
-        let noise = arguments.front_end.noise();
+        let noise = arguments.seed_of_noise();
         let several = !matches!(arguments.bead, Beads::One(_));
         let mut placed = several::placed(
             beads,
-            &arguments.clocks(),
-            arguments.start_spread,
-            arguments.front_end.seed(),
+            &tables.clock.clocks(),
+            tables.clock.start_spread,
+            arguments.seed,
             noise.is_some(),
         )?;
         if !several {
@@ -439,6 +477,7 @@ impl<'a> Bench<'a> {
         Ok(Self {
             arguments,
             scenario,
+            tables,
             solution,
             front_end,
             image,
@@ -453,7 +492,7 @@ impl<'a> Bench<'a> {
     fn prepare(&self, placed: Placed) -> Result<Emulation, BenchError> {
         let arguments = self.arguments;
         let timing = Timing {
-            lead_in: LEAD_IN + arguments.start_spread,
+            lead_in: LEAD_IN + self.tables.clock.start_spread,
             strikes: arguments.strikes,
             interval: arguments.interval,
         };
@@ -472,10 +511,15 @@ impl<'a> Bench<'a> {
         };
         self.check_faults(emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
-        emulation.shift = arguments.shift;
+        emulation.shift = self.tables.clock.shift;
         emulation.gdb = arguments.gdb;
         let several = !matches!(arguments.bead, Beads::One(_));
-        if let Some(period) = arguments.sync_period.or(several.then_some(SYNC_OF_SEVERAL)) {
+        if let Some(period) = self
+            .tables
+            .clock
+            .sync_period
+            .or(several.then_some(SYNC_OF_SEVERAL))
+        {
             let until = match arguments.listen.is_some() {
                 true => SYNC_OF_LISTENING,
                 false => emulation.seconds(),
@@ -485,8 +529,8 @@ impl<'a> Bench<'a> {
         Ok(emulation)
     }
 
-    /// Says what a user should know of the waveform that is played.
-    fn tell(&self) {
+    /// Prints the remarks on the waveform.
+    fn print_remarks(&self) {
         for remark in self.played.iter().flat_map(|played| &played.remarks) {
             output::note(format_args!("{remark}"));
         }
@@ -501,14 +545,15 @@ impl<'a> Bench<'a> {
                 late.at,
             )));
         }
-        let untold = |fault: &&Planned| fault.cause().is_some() && fault.at + fault.told_after() > seconds;
+        let untold =
+            |fault: &&Planned| fault.cause().is_some() && fault.at + fault.reported_within() > seconds;
         if let Some(early) = self.faults.iter().find(untold) {
             return Err(BenchError::Unfit(format!(
                 "--faults: the run ends at {seconds} s, before the bead can tell of {} at {} s, which takes up to {} s; \
                  give more --strikes or a longer --interval",
                 early.kind.name(),
                 early.at,
-                early.told_after(),
+                early.reported_within(),
             )));
         }
         Ok(())
@@ -519,7 +564,7 @@ impl<'a> Bench<'a> {
 struct Played {
     waveform: Waveform,
     file: StimulusFile,
-    /// What a user should know of it, a line each.
+    /// Remarks for the user, a line each.
     remarks: Vec<String>,
 }
 
@@ -551,7 +596,7 @@ impl Played {
             if lowest < low || highest > high {
                 remarks.push(format!(
                     "its {name} goes from {lowest:.4} to {highest:.4} {si}, and the front end from {low:.4} to {high:.4}, so \
-                     codes stay at a rail; try --sensors strong, or a wider span"
+                     codes stay at a rail; {WIDER_RANGES}"
                 ));
             }
         }

@@ -1,4 +1,4 @@
-//! What `bead emulate` prints: of one bead, and of several.
+//! Tables of `bead emulate`: of one bead, and of several.
 
 use crate::bench::emulation::RunTruth;
 use crate::bench::sensed::Truth;
@@ -30,10 +30,10 @@ const STRIKES: &str = "strike at sample | peak force (N) | truth | A measured (n
                        | A off | B off | replay | flags";
 
 fn strikes(report: &RunReport) -> String {
-    match report.played {
-        true => output::table(PLAYED, report.measured().map(played_row)),
-        false => output::table(STRIKES, report.measured().map(strike_row)),
+    if report.played {
+        return output::table(PLAYED, report.measured().map(played_row));
     }
+    output::table(STRIKES, report.measured().map(strike_row))
 }
 
 const PLAYED: &str = "strike at sample | peak force (N) | given | A measured (nJ) | of the given | B predicted (nJ) \
@@ -148,9 +148,10 @@ fn counts(report: &RunReport) -> String {
 
 fn provoked(report: &RunReport) -> String {
     let rows = report.provoked.iter().map(|provoked| {
-        let reported = match provoked.excused {
-            true => "another fault hid it".to_owned(),
-            false => output::either(provoked.reported, "yes", "no"),
+        let reported = if provoked.excused {
+            "another fault hid it".to_owned()
+        } else {
+            output::either(provoked.reported, "yes", "no")
         };
         [
             provoked.fault.kind.name().to_owned(),

@@ -1,0 +1,70 @@
+//! Codes of a run that goes on without end: the same strikes again and again, each time with other noise.
+
+use crate::bench::emulation::Again;
+
+/// Codes at the converter, without end.
+pub(super) struct Playback {
+    rows: Vec<[u16; 4]>,
+    /// Number of codes that were taken.
+    taken: u64,
+    /// Seed of the noise and what digitises with another one; `None` without noise.
+    noise: Option<(u64, Again)>,
+}
+
+impl Playback {
+    /// Begins with these codes, which are not empty.
+    pub(super) fn new(rows: Vec<[u16; 4]>, noise: Option<(u64, Again)>) -> Self {
+        Self {
+            rows,
+            taken: 0,
+            noise,
+        }
+    }
+
+    /// Number of codes that were taken.
+    pub(super) fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// The next `count` codes.
+    pub(super) fn take(&mut self, count: u64) -> Vec<[u16; 4]> {
+        let length = self.rows.len() as u64;
+        let mut taken = Vec::with_capacity(count as usize);
+        while (taken.len() as u64) < count {
+            let at = self.taken % length;
+            if let (0, Some((seed, again))) = (at, &mut self.noise)
+                && self.taken > 0
+            {
+                *seed = seed.wrapping_add(1);
+                self.rows = again(*seed);
+            }
+            let piece = (count - taken.len() as u64).min(length - at);
+            taken.extend_from_slice(&self.rows[at as usize..(at + piece) as usize]);
+            self.taken += piece;
+        }
+        taken
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn each_round_has_other_noise_and_without_noise_all_are_alike() {
+        let rows = |seed: u64| (0..3).map(|row| [seed as u16, row, 0, 0]).collect::<Vec<_>>();
+        let again: Again = Arc::new(rows);
+        let mut noisy = Playback::new(rows(7), Some((7, again)));
+        let mut quiet = Playback::new(rows(7), None);
+        let expected: Vec<_> = [rows(7), rows(8), rows(9)].concat();
+        let mut taken = Vec::new();
+        for count in [1, 0, 4, 4] {
+            taken.extend(noisy.take(count));
+        }
+        assert_eq!(taken, expected);
+        assert_eq!(noisy.taken(), 9);
+        assert_eq!(quiet.take(9), rows(7).repeat(3));
+    }
+}
