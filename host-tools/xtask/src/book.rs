@@ -4,9 +4,14 @@ use std::path::Path;
 
 use crate::files::{below, write};
 use crate::step::{Line, Steps, Stop};
+use crate::tools::{self, Tool};
 
-const MDBOOK: &str = "mdbook --version 0.5.4 --locked --no-default-features --features search";
-/// Where a link leads that leaves docs/: the source is not part of the book.
+const MDBOOK: Tool = Tool {
+    package: "mdbook",
+    version: "0.5.4",
+    options: "--no-default-features --features search",
+};
+/// Target of links that leave docs/: the source is not part of the book.
 const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 
 /// Renders the book into target/book; installs mdBook first if it is missing.
@@ -14,13 +19,7 @@ const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 /// # Errors
 /// mdBook cannot be installed or does not accept a page.
 pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
-    let tools = steps.built("tools");
-    let mdbook = tools.join("bin/mdbook");
-    if !steps.root.join(&mdbook).exists() {
-        steps.announce("mdBook is missing: cargo compiles it into target/tools, which takes some minutes");
-        let install = Line::new(&format!("cargo install {MDBOOK} --root")).arg(&tools);
-        steps.run("mdBook", &install)?;
-    }
+    let mdbook = tools::installed(steps, &MDBOOK)?;
     let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
     gather(&steps.root.join("docs"), &pages)
         .map_err(|error| Stop::failed(format!("cannot copy the pages to {}: {error}", pages.display())))?;

@@ -11,10 +11,13 @@ pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> io::Result<Vec<
     let mut files = Vec::new();
     for entry in fs::read_dir(dir)? {
         let path = entry?.path();
-        match keep(&path) {
-            true if path.is_dir() => files.extend(below(&path, keep)?),
-            true => files.push(path),
-            false => {}
+        if !keep(&path) {
+            continue;
+        }
+        if path.is_dir() {
+            files.extend(below(&path, keep)?);
+        } else {
+            files.push(path);
         }
     }
     Ok(files)
@@ -24,11 +27,11 @@ pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> io::Result<Vec<
 pub(crate) fn texts(root: &Path, ending: &str) -> Result<Vec<(PathBuf, String)>, Stop> {
     let keep = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        match path.is_dir() {
-            // Build directories hold the files of others; they are marked so (bford.info/cachedir).
-            true => !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists(),
-            false => name.ends_with(ending),
+        if !path.is_dir() {
+            return name.ends_with(ending);
         }
+        // Build directories hold the files of others; they are marked so (bford.info/cachedir).
+        !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists()
     };
     let files = below(root, &keep);
     let files = files.map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
@@ -51,4 +54,44 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     fs::create_dir_all(path.parent().unwrap_or(path))?;
     fs::write(path, bytes)
+}
+
+/// Copies the sources: no hidden entries but cargo's, nothing built.
+pub(crate) fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
+    let is_source = |path: &Path| {
+        let name = path.file_name().unwrap_or_default();
+        let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";
+        !hidden && name != "target" && path != from.join("figures")
+    };
+    for path in below(from, &is_source)? {
+        let goal = to.join(path.strip_prefix(from).unwrap_or(&path));
+        write(&goal, &std::fs::read(path)?)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_holds_the_source_and_nothing_built() {
+        let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        for name in [
+            "src/a.rs",
+            "target/a",
+            ".git/a",
+            ".cargo/config.toml",
+            "Cargo.lock",
+            "figures/a.svg",
+        ] {
+            let path = from.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "a").unwrap();
+        }
+        copy_tree(from.path(), to.path()).unwrap();
+        let there = |name: &str| to.path().join(name).exists();
+        assert!(there("src/a.rs") && there(".cargo/config.toml") && there("Cargo.lock"));
+        assert!(!there("target") && !there(".git") && !there("figures"));
+    }
 }

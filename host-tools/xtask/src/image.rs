@@ -1,10 +1,9 @@
-//! The flash image, and how much of the STM32F405RG's memories it takes.
+//! The flash image, and its share of the STM32F405RG's memories.
 
 use std::path::{Path, PathBuf};
 
 use object::read::elf::{ElfFile32, ProgramHeader};
 
-use crate::compiler;
 use crate::packages::IMAGE;
 use crate::paths;
 use crate::setup::TARGET;
@@ -25,19 +24,6 @@ pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     tell_size(steps)
 }
 
-/// As [`build`]. If it is the first one, its crates are linted and documented as well: gives whether they
-/// are.
-///
-/// # Errors
-/// As [`build`].
-pub(crate) fn build_and_check(steps: &Steps) -> Result<bool, Stop> {
-    paths::leave_out(steps, paths::cargo_home().as_deref())?;
-    let line = Line::new("cargo build").words(IMAGE);
-    let built = compiler::build(steps, "the flash image", &line, &path(steps))?;
-    tell_size(steps)?;
-    Ok(built.checked)
-}
-
 fn tell_size(steps: &Steps) -> Result<(), Stop> {
     let image = path(steps);
     let size = Size::of(&steps.root.join(&image))?;
@@ -45,11 +31,11 @@ fn tell_size(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Where the flash ends and the RAM begins: between them lies what the image does not use for what is loaded.
+/// End of the flash and start of the RAM. The image loads nothing between them.
 const FLASH_END: u32 = 0x1000_0000;
 const RAM: u32 = 0x2000_0000;
 
-/// What an image takes, in bytes.
+/// Memory that an image takes, bytes.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Size {
     /// Code, constants and the initial values of variables.
@@ -102,54 +88,29 @@ impl std::fmt::Display for Size {
 /// # Errors
 /// As [`build`].
 pub(crate) fn build_if_there_is_one(steps: &Steps) -> Result<(), Stop> {
-    match steps.root.join(path(steps)).exists() {
-        true => build(steps),
-        false => Ok(()),
+    if steps.root.join(path(steps)).exists() {
+        return build(steps);
     }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in
-    /// memory).
+    /// An ELF file of nothing but loaded segments: virtual address, physical address, bytes in the file, bytes
+    /// in memory.
     fn elf(segments: &[[u32; 4]]) -> Vec<u8> {
         let mut file = b"\x7fELF\x01\x01\x01".to_vec();
         file.resize(16, 0);
-        let halves = |values: &[u16]| {
-            values
-                .iter()
-                .flat_map(|value| value.to_le_bytes())
-                .collect::<Vec<_>>()
-        };
-        let words = |values: &[u32]| {
-            values
-                .iter()
-                .flat_map(|value| value.to_le_bytes())
-                .collect::<Vec<_>>()
-        };
-        file.extend(halves(&[2, 40])); // an executable, for Arm
-        file.extend(words(&[1, 0x0800_0000, 52, 0, 0])); // version, entry, offsets of the headers, flags
-        file.extend(halves(&[
-            52,
-            32,
-            u16::try_from(segments.len()).unwrap(),
-            40,
-            0,
-            0,
-        ])); // sizes and counts
-        for &[virtual_address, physical_address, in_file, in_memory] in segments {
-            file.extend(words(&[
-                1,
-                0,
-                virtual_address,
-                physical_address,
-                in_file,
-                in_memory,
-                0,
-                4,
-            ]));
+        let count = u16::try_from(segments.len()).unwrap();
+        // Executable for Arm; version, entry, offsets of the headers, flags; sizes and counts.
+        file.extend([2, 0, 40, 0]);
+        file.extend([1, 0x0800_0000, 52, 0, 0_u32].map(u32::to_le_bytes).concat());
+        file.extend([52, 32, count, 40, 0, 0].map(u16::to_le_bytes).concat());
+        for &[address, loaded, in_file, in_memory] in segments {
+            let header = [1, 0x0800_0000, address, loaded, in_file, in_memory, 0, 4];
+            file.extend(header.map(u32::to_le_bytes).concat());
         }
         file
     }
@@ -160,20 +121,7 @@ mod tests {
         let data = [0x2000_0000, 0x0800_1388, 100, 100];
         let zeroed = [0x2000_0064, 0x2000_0064, 0, 3000];
         let size = Size::of_elf(&elf(&[code, data, zeroed])).unwrap();
-        assert_eq!(
-            size,
-            Size {
-                flash: 5100,
-                ram: 3100
-            }
-        );
-    }
-
-    #[test]
-    fn what_is_no_elf_file_is_refused() {
-        assert!(
-            Size::of_elf(b"not an ELF file, and long enough to hold the header of one, so it is the magic")
-                .is_err()
-        );
+        assert_eq!((size.flash, size.ram), (5100, 3100));
+        assert!(Size::of_elf(&[b'x'; 100]).is_err());
     }
 }

@@ -1,44 +1,48 @@
 //! The checks that run no program of ours: links, imports, format, lints, documentation.
 
-use crate::comments;
 use crate::links;
 use crate::packages::{HOST, IMAGE, IMAGES, PUBLISHED};
 use crate::step::{Line, Steps, Stop};
+use crate::style;
 use crate::supply;
 
-/// All of them.
+/// Runs all of them.
 ///
 /// # Errors
 /// Of the first one that fails.
 pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     text(steps)?;
     let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
-    steps.run("circles of imports, and arrows up", &imports)?;
-    supply::inventory(steps)?;
-    packages(steps)?;
+    steps.run("imports inside each crate", &imports)?;
     steps.both(
         |steps| host(steps, HOST),
         |steps| {
             image(steps)?;
             images(steps)?;
-            supply::check(steps)
+            supply(steps)
         },
     )
 }
 
-/// What is read as text: links and format.
+/// Licences of the packages of others, and the crates as they are published.
+pub(crate) fn supply(steps: &Steps) -> Result<(), Stop> {
+    supply::check(steps)?;
+    packages(steps)
+}
+
+/// Checks of text: links, comments and format.
 pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.announce("links of the documentation");
     let followed = links::check(&steps.root)?;
     steps.announce(&format!("{followed} links lead somewhere"));
-    steps.announce("width of comments");
-    comments::check(&steps.root)?;
+    steps.announce("comments");
+    style::check(&steps.root)?;
     steps.run("format", &Line::new("cargo fmt --all --check"))
 }
 
 /// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency that
 /// has no version, or with a readme that is not there.
-pub(crate) fn packages(steps: &Steps) -> Result<(), Stop> {
+fn packages(steps: &Steps) -> Result<(), Stop> {
     let package = Line::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
     steps.run("the crates as they are published", &package)
 }

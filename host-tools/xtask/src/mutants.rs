@@ -1,30 +1,33 @@
-//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one
-//! mistake in it, and at least one check must fail on it.
+//! Mutants: mistakes made in a copy of the workspace, one by one, which checks or tests must notice.
 //!
 //! # Design
-//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing
-//! text that must stand in the file exactly once. A mutant that no longer fits the source stops the run
-//! instead of testing nothing.
+//! Mistakes in the physics are listed here and replace text that must stand in its file exactly once: a
+//! mutant that no longer fits the source stops the run instead of testing nothing. The checks of the figures
+//! have to notice each.
+//!
+//! Changes of the code, such as `<` for `<=`, are made by cargo-mutants, which runs the tests of the changed
+//! crate on each. They are made in a profile that compiles fast (`mutants` in Cargo.toml). A few cannot be
+//! told from the code as it is, by any test: docs/reliability.md lists these with their reasons.
 
 use std::path::Path;
 use std::process::Command;
 
-use crate::files::{below, read, write};
-use crate::step::{Steps, Stop};
+use crate::files::{copy_tree, read, write};
+use crate::step::{Line, Steps, Stop};
+use crate::tools::{self, Tool};
 
-/// The equations of motion, and what follows from them.
 const MODEL: &str = "host-tools/chain/src/model.rs";
-/// The same on vectors, as a run computes them.
+/// Equations of motion on vectors.
 const LANES: &str = "host-tools/chain/src/solver/lanes.rs";
 const KERNEL: &str = "host-tools/chain/src/solver/kernel.rs";
-/// A contact that opens or closes inside a step.
+/// Contacts that open or close inside a step.
 const CROSSING: &str = "host-tools/chain/src/solver/crossing.rs";
-/// The test of all checks of all figures.
+/// Test that runs all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
-/// How the model computes the force of viscosity, contact by contact.
+/// Viscous force of a contact, in the model.
 const VISCOUS: &str = "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate";
-/// What a run computes it from.
+/// Viscous force of a contact, in the solver.
 const VISCOSITY: &str = "lanes.viscosity[at] = 1.5 * contact.relaxation;";
 
 struct Mutant {
@@ -118,11 +121,100 @@ const MUTANTS: &[Mutant] = &[
     },
 ];
 
-/// Tests every mutant.
+/// A part of the code for cargo-mutants: its name, its crate, files if not all are meant, and tests to skip
+/// because they take long or know the instructions of another profile.
+const PARTS: [(&str, &str, &str, &str); 4] = [
+    ("model", "bead-model", "", "--skip noise:: --skip spheres::"),
+    ("wire", "bead-wire", "", ""),
+    ("store", "bead-store", "", ""),
+    (
+        "solver",
+        "hertz-chain",
+        "-f host-tools/chain/src/solver/*.rs",
+        "--skip counts:: --skip two_hundred --skip long_viscous --skip takes_longer",
+    ),
+];
+/// The least share of changes that compile which the tests notice, in percent.
+const LEAST: usize = 95;
+const CARGO_MUTANTS: Tool = Tool {
+    package: "cargo-mutants",
+    version: "27.1.0",
+    options: "",
+};
+
+/// Makes the mistakes that the words name: none for those of the physics, or a part and perhaps a shard.
+///
+/// # Errors
+/// The checks or tests do not notice enough, or something does not compile.
+pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    let (name, shard) = match words {
+        [] => return physics(steps),
+        [name] => (name.as_str(), "0/1"),
+        [name, shard, ..] => (name.as_str(), shard.as_str()),
+    };
+    let part = PARTS.into_iter().find(|(part, ..)| *part == name);
+    let Some(part) = part.filter(|_| words.len() <= 2 && is_shard(shard)) else {
+        let parts = PARTS.map(|(name, ..)| name).join(", ");
+        return Err(Stop::failed(format!(
+            "give nothing, or one of {parts}, and perhaps which shard of how many: `mutants store 0/16`"
+        )));
+    };
+    code(steps, part, shard)
+}
+
+/// Changes the code of a part by cargo-mutants.
+fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<(), Stop> {
+    let (name, package, files, skipped) = part;
+    let program = tools::installed(steps, &CARGO_MUTANTS)?;
+    let output = steps.target.join("code-mutants").join(name);
+    let made = std::fs::create_dir_all(&output);
+    made.map_err(|error| Stop::failed(format!("cannot make {}: {error}", output.display())))?;
+    // A change that makes a test hang is noticed too. The limit is far from what the tests need on a busy
+    // machine. A file of cases that failed once would be tried on every other change.
+    let changes = Line::program(program)
+        .words("mutants --profile mutants --no-shuffle --sharding round-robin --shard")
+        .arg(shard)
+        .words("--timeout-multiplier 8 --minimum-test-timeout 20 -p")
+        .arg(package)
+        .words(files)
+        .arg("--output")
+        .arg(&output)
+        .words("-- --lib --tests --")
+        .words(skipped)
+        .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1");
+    // It ends with status 2 if a change was missed, and with 3 if one timed out.
+    let ran = steps.run(&format!("changes of {name}"), &changes);
+    if let Err(stop) = ran.as_ref()
+        && ![2, 3].contains(&stop.status)
+    {
+        return ran;
+    }
+    let count = |verdict: &str| -> Result<usize, Stop> {
+        Ok(read(&output.join("mutants.out").join(verdict))?.lines().count())
+    };
+    let noticed = count("caught.txt")? + count("timeout.txt")?;
+    let viable = noticed + count("missed.txt")?;
+    let score = format!("{noticed} of {viable} changes were noticed");
+    if viable == 0 || 100 * noticed < LEAST * viable {
+        return Err(Stop::failed(format!("{score}; {LEAST} of 100 are meant")));
+    }
+    steps.announce(&score);
+    Ok(())
+}
+
+/// True for text such as `3/16`: counted from 0.
+fn is_shard(word: &str) -> bool {
+    let numbers = word
+        .split_once('/')
+        .map(|(a, b)| (a.parse::<u32>(), b.parse::<u32>()));
+    matches!(numbers, Some((Ok(shard), Ok(all))) if shard < all)
+}
+
+/// Makes every mistake of [`MUTANTS`].
 ///
 /// # Errors
 /// A mutant that no check notices, or that does not fit the source or does not compile.
-pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
+fn physics(steps: &Steps) -> Result<(), Stop> {
     let copy = steps.target.join("mutants");
     let failed = |error| {
         Stop::failed(format!(
@@ -173,7 +265,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     Err(Stop::failed(format!("no check notices: {survivors}")))
 }
 
-/// The checks that fail in a copy of the workspace; none if all pass.
+/// Runs the checks in a copy of the workspace, and returns those that fail; `None` if all pass.
 fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
     // The library's own test, so that no program with a mistake in it is left where programs are built.
     let output = Command::new("cargo")
@@ -194,28 +286,14 @@ fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop
         .take_while(|line| line.contains(", expected "))
         .map(str::to_owned)
         .collect();
-    match checks.is_empty() {
-        false => Ok(Some(checks)),
-        true if told.contains(TEST) => Ok(Some(vec!["a figure that could not be drawn at all".to_owned()])),
-        true => {
-            let why = String::from_utf8_lossy(&output.stderr);
-            Err(Stop::failed(format!("the mutant does not compile:\n{why}")))
-        }
+    if !checks.is_empty() {
+        return Ok(Some(checks));
     }
-}
-
-/// Copies what is source: no hidden entries but cargo's, nothing built.
-pub(crate) fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
-    let is_source = |path: &Path| {
-        let name = path.file_name().unwrap_or_default();
-        let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";
-        !hidden && name != "target" && path != from.join("figures")
-    };
-    for path in below(from, &is_source)? {
-        let goal = to.join(path.strip_prefix(from).unwrap_or(&path));
-        write(&goal, &std::fs::read(path)?)?;
+    if told.contains(TEST) {
+        return Ok(Some(vec!["a figure that could not be drawn at all".to_owned()]));
     }
-    Ok(())
+    let why = String::from_utf8_lossy(&output.stderr);
+    Err(Stop::failed(format!("the mutant does not compile:\n{why}")))
 }
 
 #[cfg(test)]
@@ -232,23 +310,17 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_holds_the_source_and_nothing_built() {
-        let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-        for name in [
-            "src/a.rs",
-            "target/a",
-            ".git/a",
-            ".cargo/config.toml",
-            "Cargo.lock",
-            "figures/a.svg",
-        ] {
-            let path = from.path().join(name);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, "a").unwrap();
+    fn an_unknown_part_or_shard_is_refused_before_anything_is_built() {
+        let steps = Steps::start().unwrap();
+        for words in ["tests", "store 1", "store 4/4", "store a/b", "wire 0/2 x"] {
+            let words: Vec<String> = words.split(' ').map(str::to_owned).collect();
+            let stop = check(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
+            assert!(
+                stop.message.starts_with("give nothing, or one of model"),
+                "{}",
+                stop.message
+            );
         }
-        copy_tree(from.path(), to.path()).unwrap();
-        let there = |name: &str| to.path().join(name).exists();
-        assert!(there("src/a.rs") && there(".cargo/config.toml") && there("Cargo.lock"));
-        assert!(!there("target") && !there(".git") && !there("figures"));
+        assert!(is_shard("0/1") && is_shard("15/16"));
     }
 }

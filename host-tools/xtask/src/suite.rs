@@ -1,9 +1,9 @@
-//! The tests' programs and what else has to be run, several at a time.
+//! Runs the programs of the tests and other jobs, as many at a time as there are cores.
 //!
 //! # Design
 //! `cargo test` runs one program after another. Many of them wait, for QEMU to start or for a quiet line, and
-//! some end with one long test: cores would be idle for a third of the time. So cargo only compiles and says
-//! what it has made. What takes longest comes first.
+//! some end with one long test: cores would be idle for a third of the time. So cargo only compiles and
+//! lists the programs. The longest ones start first.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -13,14 +13,14 @@ use std::time::Duration;
 
 use crate::step::{Line, Steps, Stop};
 
-/// Something that has to be run: what it is called, and its command.
+/// A command to run, and its title.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
     pub(crate) title: String,
     pub(crate) line: Line,
 }
 
-/// What takes longest, first: then no core waits for one of them at the end. The others take some seconds.
+/// Titles of the longest jobs, longest first. The others take some seconds.
 const LONG: [&str; 7] = [
     "-p bead-tests ",
     "-p absorber-bead --test all",
@@ -31,7 +31,7 @@ const LONG: [&str; 7] = [
     "-p absorber-bead --lib",
 ];
 
-/// What `cargo test --no-run --message-format json` says it has made.
+/// Test programs in the output of `cargo test --no-run --message-format json`.
 pub(crate) fn programs(told: &str) -> Vec<Job> {
     told.lines().filter_map(program).collect()
 }
@@ -63,7 +63,7 @@ fn program(artifact: &str) -> Option<Job> {
     })
 }
 
-/// The text of a field of a JSON object; `None` if there is none.
+/// Text of a field of a JSON object; `None` without the field.
 fn field<'a>(object: &'a str, name: &str) -> Option<&'a str> {
     let start = object.find(&format!("\"{name}\":\""))? + name.len() + 4;
     Some(&object[start..start + object[start..].find('"')?])
@@ -111,7 +111,7 @@ pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
     Ok(passed.into_inner())
 }
 
-/// How many tests passed, by what the test harness printed.
+/// Number of passed tests in the output of a test harness.
 fn passes(printed: &str) -> usize {
     let results = printed
         .lines()

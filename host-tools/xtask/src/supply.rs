@@ -1,29 +1,133 @@
-//! What others made in image and tools: their licences, where they come from, what is known about them.
+//! Packages of others in image and tools: their licences, origins, notices and bills of materials.
+//!
+//! # Design
+//! THIRD-PARTY.md names each package that `cargo tree` says is linked, with its licence, and the check
+//! compares the page with what cargo says now: a package cannot come in unseen. deny.toml says which licences,
+//! origins and second versions are allowed, and cargo-deny holds the tree to it where it is installed, as in
+//! CI. A release carries the texts of the licences, by cargo-about, and bills of materials, by
+//! cargo-cyclonedx.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use crate::files::{copy_tree, read, write};
 use crate::paths::cargo_home;
 use crate::setup::output;
 use crate::step::{Line, Steps, Stop};
+use crate::tools::{self, Tool};
 
-/// Checks the packages by cargo-deny, where it is installed. What needs no program for it is a test of
-/// `bead-inventory`.
+const CARGO_ABOUT: Tool = Tool {
+    package: "cargo-about",
+    version: "0.9.3",
+    options: "--features cli",
+};
+const CARGO_CYCLONEDX: Tool = Tool {
+    package: "cargo-cyclonedx",
+    version: "0.5.9",
+    options: "",
+};
+
+/// Something that a release carries.
+struct Product {
+    title: &'static str,
+    /// Its packages, for cargo.
+    packages: &'static str,
+    /// The folder of its manifest. For the tools that of `bead-figures`, which depends on `bead`.
+    folder: &'static str,
+    /// Its name in the files of a release.
+    name: &'static str,
+    targets: &'static [&'static str],
+}
+
+const PRODUCTS: [Product; 2] = [
+    Product {
+        title: "In the flash image",
+        packages: "-p bead-firmware",
+        folder: "firmware",
+        name: "bead-firmware",
+        targets: &["thumbv7em-none-eabihf"],
+    },
+    Product {
+        title: "In `bead` and `bead-figures`, which carry the image too",
+        packages: "-p absorber-bead -p bead-figures",
+        folder: "host-tools/figures-command",
+        name: "bead",
+        targets: &["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"],
+    },
+];
+
+const PAGE: &str = "THIRD-PARTY.md";
+const HEAD: &str = "\
+# What others made
+
+`cargo xtask notices` writes this page from what cargo links, and the check holds it to that. The archive of a release
+has the licences' texts beside it, and a bill of materials for each program. Where a package offers several licences,
+it is taken under the first that [deny.toml](deny.toml) allows. The image has no copyleft in it. Rust's own `core`,
+`alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
+";
+
+/// The text of THIRD-PARTY.md for the packages that cargo would link now.
+fn page(steps: &Steps) -> Result<String, Stop> {
+    let mut page = HEAD.to_owned();
+    for product in &PRODUCTS {
+        let tree = Line::new("cargo tree --locked --prefix none --edges normal,no-proc-macro --format")
+            .arg("{p}|{l}")
+            .words(product.packages);
+        let tree = product
+            .targets
+            .iter()
+            .fold(tree, |tree, target| tree.arg("--target").arg(target));
+        let linked = steps.read(product.title, &tree)?;
+        let rows: BTreeSet<String> = linked.lines().filter_map(row).collect();
+        page += &format!("\n## {}\n\n{} packages.\n\n", product.title, rows.len());
+        page += "| package | licence |\n|---|---|\n";
+        page.extend(rows);
+    }
+    Ok(page)
+}
+
+/// The row of a package, from "serde v1.0.229|MIT OR Apache-2.0 (*)"; `None` for one of this workspace.
+fn row(line: &str) -> Option<String> {
+    let (package, licence) = line.trim_end_matches(" (*)").split_once('|')?;
+    let (name, version) = package.split_once(" v")?;
+    let version = version.trim_end_matches(" (proc-macro)");
+    if version.contains('(') {
+        return None;
+    }
+    // Before there was SPDX, a slash stood for OR.
+    let licence = licence.replace(" / ", " OR ").replace('/', " OR ");
+    let licence = if licence.is_empty() {
+        "by its file"
+    } else {
+        &licence
+    };
+    Some(format!(
+        "| [{name} {version}](https://crates.io/crates/{name}/{version}) | {licence} |\n"
+    ))
+}
+
+/// Compares THIRD-PARTY.md with what cargo links, and runs cargo-deny where it is installed.
 ///
 /// # Errors
-/// A licence, an origin or a second version is not allowed by deny.toml, or an advisory is known.
+/// The page is out of date; a licence, an origin or a second version is not allowed by deny.toml; an advisory
+/// is known.
 pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
+    if page(steps)? != read(&steps.root.join(PAGE))? {
+        return Err(Stop::failed(format!(
+            "{PAGE} does not list what cargo links: `cargo xtask notices` writes it anew"
+        )));
+    }
     if output("cargo deny --version").is_none() {
         steps.announce(
-            "cargo-deny is not installed, so that advisories are not looked at: cargo install cargo-deny --locked",
+            "cargo-deny is not installed, so licences, origins and advisories are not checked: \
+             cargo install cargo-deny --locked",
         );
         return Ok(());
     }
     let deny = Line::new("cargo deny --locked check --hide-inclusion-graph bans licenses sources");
     steps.run("licences, origins and second versions of packages", &deny)?;
     if !has_advisories(&cargo_home().unwrap_or_default()) {
-        steps.announce(
-            "advisories are not looked at, since no database is here: cargo deny fetch db gets one",
-        );
+        steps.announce("advisories are not checked: `cargo deny fetch db` gets their database");
         return Ok(());
     }
     // As they were when somebody fetched them: a check shall not fail because of the day.
@@ -31,49 +135,75 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     steps.run("advisories about packages", &deny)
 }
 
-/// Whether cargo-deny has fetched a database of advisories into this home of cargo.
+/// True if cargo-deny has fetched a database of advisories into this home of cargo.
 fn has_advisories(home: &Path) -> bool {
     let entries = std::fs::read_dir(home.join("advisory-dbs")).into_iter().flatten();
     entries.flatten().any(|entry| entry.path().is_dir())
 }
 
-/// The same by the test of `bead-inventory`, and whether THIRD-PARTY.md is what cargo would link.
+/// Writes THIRD-PARTY.md, and the notices of a release into target/notices.
 ///
 /// # Errors
-/// It is not.
-pub(crate) fn inventory(steps: &Steps) -> Result<(), Stop> {
-    let test = Line::new("cargo test --release --quiet -p bead-inventory");
-    steps.run("what image and tools are made of", &test)
-}
-
-/// Writes THIRD-PARTY.md anew, and into target/notices the licences' texts and a bill of materials for image
-/// and tools.
-///
-/// # Errors
-/// A licence is not allowed.
+/// As [`release`].
 pub(crate) fn notices(steps: &Steps) -> Result<(), Stop> {
-    let page = tool().words("page");
-    steps.run("what others made, for the repository", &page)?;
-    release(steps, &steps.built("notices"))
+    let path = steps.root.join(PAGE);
+    write(&path, page(steps)?.as_bytes())
+        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))?;
+    release(steps, &steps.target.join("notices"))
 }
 
-/// Writes into a folder what a release carries: the licences' texts, and a bill of materials for image and
+/// Writes into `folder` what a release carries: the licences' texts, and a bill of materials for image and
 /// tools.
 ///
 /// # Errors
-/// A licence is not allowed, or a package's texts cannot be read.
+/// A licence is not allowed by about.toml, or a tool cannot be installed.
 pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
-    let release = tool().words("release").arg(folder);
-    steps.run("the licences' texts and the bills of materials", &release)
-}
-
-fn tool() -> Line {
-    Line::new("cargo run --release --quiet -p bead-inventory --")
+    let about = tools::installed(steps, &CARGO_ABOUT)?;
+    let cyclonedx = tools::installed(steps, &CARGO_CYCLONEDX)?;
+    let failed = |error| Stop::failed(format!("cannot write {}: {error}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    // cargo-cyclonedx writes beside every manifest of a workspace.
+    let copy = steps.target.join("notices-tree");
+    copy_tree(&steps.root, &copy).map_err(failed)?;
+    for product in &PRODUCTS {
+        let manifest = Path::new(product.folder).join("Cargo.toml");
+        let mut texts = Line::program(&about)
+            .words("about generate --locked --fail --config host-tools/xtask/about.toml --manifest-path")
+            .arg(&manifest)
+            .arg("--output-file")
+            .arg(folder.join(format!("{}-licences.txt", product.name)));
+        for target in product.targets {
+            texts = texts.arg("--target").arg(target);
+        }
+        let texts = texts.arg("host-tools/xtask/about.hbs");
+        steps.run(&format!("the licences' texts of {}", product.name), &texts)?;
+        let bill = Line::program(&cyclonedx)
+            .words("cyclonedx --format json --spec-version 1.5 --manifest-path")
+            .arg(&manifest)
+            .words("--target")
+            .arg(product.targets[0])
+            .words("--override-filename bill.cdx")
+            .within(&copy);
+        steps.run(&format!("the bill of materials of {}", product.name), &bill)?;
+        let from = copy.join(product.folder).join("bill.cdx.json");
+        std::fs::copy(from, folder.join(format!("{}.cdx.json", product.name))).map_err(failed)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_package_has_a_row_with_its_licence_and_ours_have_none() {
+        assert_eq!(
+            row("serde v1.0.229|MIT/Apache-2.0 (*)").unwrap(),
+            "| [serde 1.0.229](https://crates.io/crates/serde/1.0.229) | MIT OR Apache-2.0 |\n"
+        );
+        assert!(row("slsqp v1.0.2|").unwrap().ends_with("| by its file |\n"));
+        assert_eq!(row("bead-wire v0.1.0 (/w/firmware/wire)|MIT"), None);
+    }
 
     #[test]
     fn a_database_of_advisories_is_a_folder_beside_cargo_denys_lock() {

@@ -2,30 +2,28 @@
 //!
 //! # Design
 //! Two series of commands run beside one another, one for the host and one for the part. Each has a cargo
-//! lock of its own, and both keep two cores busy until all is compiled. What is compiled for the first time
-//! is linted and documented at once (`compiler.rs`). Then everything that runs is put into one queue, and
-//! beside it come lints and documentation of what was there already, which leave a core idle for half of
-//! their time.
+//! lock of its own, and both keep two cores busy until all is compiled. Then all programs run from one queue,
+//! beside lints and documentation of the host, since the tests wait for half of their time.
 
 use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{Line, Steps, Stop};
 use crate::suite::Job;
-use crate::{checks, compiler, image, lint, mutants, python, suite, supply};
+use crate::{checks, image, lint, mutants, python, suite};
 
 /// Runs every check.
 ///
 /// # Errors
 /// Of the first one that fails.
 pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
+    steps.announce("every check: some ten minutes on two cores if nothing is compiled yet, six if all is");
     setup(steps, Need::Check)?;
     lint::text(steps)?;
     image::build_if_there_is_one(steps)?;
-    compiler::put(steps)?;
-    let (mut jobs, mut unchecked) = (Vec::new(), HOST);
+    let mut jobs = Vec::new();
     steps.both(
         |steps| {
-            (jobs, unchecked) = programs(steps)?;
+            jobs = programs(steps)?;
             Ok(())
         },
         part,
@@ -36,7 +34,7 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     jobs.push(documented_examples());
     let mut passed = 0;
     steps.both(
-        |steps| lint::host(steps, unchecked),
+        |steps| lint::host(steps, HOST),
         |steps| {
             passed = suite::run(steps, jobs)?;
             Ok(())
@@ -51,29 +49,29 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Compiles all that the host needs, and gives the programs of the tests, and what is to be linted yet.
-fn programs(steps: &Steps) -> Result<(Vec<Job>, &'static str), Stop> {
+/// Compiles the host's programs and tests, and lists the programs of the tests.
+fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
     let compile = Line::new("cargo test --no-run --all-targets --release").words(HOST);
-    let made = steps.built("release/bead");
-    let built = compiler::build(steps, "build the host tools and their tests", &compile, &made)?;
-    // The figures' checks are left to the program that draws them as well.
-    let programs = suite::programs(&built.told).into_iter();
-    let programs = programs.map(|job| Job {
+    let compile = compile.words("--message-format json-render-diagnostics");
+    let built = steps.read("build the host tools and their tests", &compile)?;
+    // The program that draws the figures runs their checks as well.
+    let programs = suite::programs(&built).into_iter().map(|job| Job {
         line: job.line.words("--skip").arg(mutants::TEST),
         ..job
     });
-    let unchecked = if built.checked { "-p xtask" } else { HOST };
-    Ok((programs.collect(), unchecked))
+    Ok(programs.collect())
 }
 
-/// Builds and checks what is for the part; and the readers of others, which come over the network.
+/// Builds and checks the images, packs the crates, and fetches a Python over the network.
 fn part(steps: &Steps) -> Result<(), Stop> {
-    if !image::build_and_check(steps)? {
-        lint::image(steps)?;
+    image::build(steps)?;
+    lint::image(steps)?;
+    let images = Line::new("cargo build").words(IMAGES);
+    for programs in ["--bins", ON_EMBASSY] {
+        steps.run("images of the emulator's tests", &images.clone().words(programs))?;
     }
-    images(steps)?;
-    supply::check(steps)?;
-    lint::packages(steps)?;
+    lint::images(steps)?;
+    lint::supply(steps)?;
     let bare = format!(
         "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );
@@ -85,26 +83,11 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Builds and lints the images of the emulator's tests.
-fn images(steps: &Steps) -> Result<(), Stop> {
-    let (title, line) = (
-        "images of the emulator's tests",
-        Line::new("cargo build").words(IMAGES),
-    );
-    let made = steps.built(&format!("{TARGET}/firmware"));
-    let plain = compiler::build(steps, title, &line.clone().words("--bins"), &made.join("panics"))?;
-    let on_embassy = compiler::build(steps, title, &line.words(ON_EMBASSY), &made.join("ports"))?;
-    match plain.checked && on_embassy.checked {
-        true => Ok(()),
-        false => lint::images(steps),
-    }
-}
-
 /// The end-to-end tests that depend on the core's speed.
 const SPEED_MATTERS: &str = "strikes:: faults:: link::";
 
-/// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is
-/// about the most that the core can take (docs/emulator.md).
+/// Jobs that depend on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, about the
+/// most that the core can take (docs/emulator.md).
 fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let tests = jobs
         .iter()
@@ -149,7 +132,7 @@ fn figures(steps: &Steps) -> Job {
     }
 }
 
-/// Nothing that the tests have compiled is compiled anew for the demo.
+/// Fails if the demo would compile anew what the tests have compiled.
 fn demo_is_compiled(steps: &Steps) -> Result<(), Stop> {
     let again = Line::new("cargo build --release --message-format json").words(DEMO);
     let told = steps.read("the demo finds all compiled", &again)?;

@@ -1,14 +1,14 @@
-//! Comments are as wide as code at most. `cargo fmt` sees to the code, and leaves comments alone.
+//! Width of comments, which `cargo fmt` does not change.
 
 use std::path::Path;
 
 use crate::files::texts;
 use crate::step::Stop;
 
-/// The `max_width` of rustfmt.toml, in characters.
+/// Greatest width in characters: the `max_width` of rustfmt.toml.
 const WIDTH: usize = 110;
 
-/// Looks at all Rust files under `root`.
+/// Checks all Rust files under `root`.
 ///
 /// # Errors
 /// The lines of comments that are wider, with file and line number.
@@ -21,13 +21,13 @@ pub(crate) fn check(root: &Path) -> Result<(), Stop> {
         wide.extend(lines.map(|(index, _)| format!("{}:{}", file.display(), index + 1)));
     }
     wide.sort();
-    match wide.is_empty() {
-        true => Ok(()),
-        false => Err(Stop::failed(format!(
-            "comments of more than {WIDTH} columns:\n{}",
-            wide.join("\n")
-        ))),
+    if wide.is_empty() {
+        return Ok(());
     }
+    let wide = wide.join("\n");
+    Err(Stop::failed(format!(
+        "comments of more than {WIDTH} columns:\n{wide}"
+    )))
 }
 
 #[cfg(test)]
