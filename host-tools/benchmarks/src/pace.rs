@@ -1,5 +1,4 @@
-//! What the portable program, which finds its vectors when it starts, loses against one compiled for this
-//! processor.
+//! Compares the portable program, which finds its vectors when it starts, with one compiled for this processor.
 
 use std::path::Path;
 use std::process::Command;
@@ -46,10 +45,10 @@ fn round(program: &Path) -> Result<Vec<f64>, String> {
         .split_whitespace()
         .filter_map(|word| word.parse().ok())
         .collect();
-    match seconds.len() == NAMES.len() {
-        true => Ok(seconds),
-        false => Err(format!("{} printed no times", program.display())),
+    if seconds.len() == NAMES.len() {
+        return Ok(seconds);
     }
+    Err(format!("{} printed no times", program.display()))
 }
 
 /// Compares this program with `native`, the same one compiled for this processor.

@@ -4,32 +4,14 @@ use std::path::Path;
 
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
-use crate::report::{Comparison, Point, Report};
+use crate::report::{Comparison, Point, Report, front};
 
 /// Colour and dashes of each solver, in the order of the legend.
 fn style(place: usize) -> (Ink, Mark) {
-    match place {
-        0 => (Ink::Curve(0), Mark::Line),
-        1..7 => (Ink::Curve(place), Mark::Family(place)),
-        7 => (Ink::Guide, Mark::Line),
-        _ => (Ink::Chain, Mark::Dashed),
+    if place == 0 {
+        return (Ink::Curve(0), Mark::Line);
     }
-}
-
-/// Settings that no other one surpasses, from the coarsest on. Noise of a clock leaves steps, not returns.
-fn front(points: &[Point]) -> Vec<(f64, f64)> {
-    let mut points = points.to_vec();
-    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut least = f64::INFINITY;
-    points.retain(|(_, seconds)| {
-        let surpasses = *seconds < least;
-        least = least.min(*seconds);
-        surpasses
-    });
-    points
-        .iter()
-        .map(|(error, seconds)| (*error, 1e3 * seconds))
-        .collect()
+    (Ink::Curve(place), Mark::Family(place))
 }
 
 const ERRORS: (f64, f64) = (1e-12, 1e-4);
@@ -43,7 +25,10 @@ fn panel(report: &Report, comparison: &Comparison) -> Panel {
     let others = others.map(|row| (&row.solver, &row.points));
     let shown = |(place, (solver, points)): (usize, (&String, &Vec<Point>))| {
         let (ink, mark) = style(place);
-        let points = front(points);
+        let points: Vec<_> = front(points.clone())
+            .into_iter()
+            .map(|(error, s)| (error, 1e3 * s))
+            .collect();
         let inside = points
             .iter()
             .any(|(error, _)| (ERRORS.0..=ERRORS.1).contains(error));

@@ -1,24 +1,18 @@
-//! Solvers of Python on the same cases, in a process of their own: the folder `peers`.
-//!
-//! # Design
-//! The process looks for the fastest setting of each solver by itself. Then it runs each of them once for
-//! every line that it gets. Between the lines the simulator is timed here, so whatever else the computer does
-//! hits all alike.
+//! A solver of Python on the same cases, in a process of its own: `peer.py`.
 
-use std::io::{BufRead, BufReader, Lines, Write};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::io::Write;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use hertz_chain::{Accuracy, Model, Scenario};
-use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::cases::Case;
 use crate::report::Foreign;
 use crate::{ensemble, ours};
 
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/peers");
-/// Chains of the ensemble that it gets.
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/peer.py");
+/// Chains of the ensemble.
 const CHAINS: usize = 64;
 
 /// The constants of a case's equations of motion, in SI units, and its converged end.
@@ -57,128 +51,60 @@ fn chain(scenario: &Scenario) -> Value {
     })
 }
 
-/// A line that the process prints.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Told {
-    Row(Foreign),
-    Ready(Vec<Finalist>),
-    Seconds(Vec<f64>),
-}
-
-/// A row that can be timed again.
-#[derive(Debug, Deserialize)]
-struct Finalist {
-    case: String,
-    solver: String,
-}
-
-struct Process {
-    child: Child,
-    input: Option<ChildStdin>,
-    output: Lines<BufReader<ChildStdout>>,
-}
-
-impl Process {
-    fn start() -> Result<Self, String> {
-        let python = std::env::var_os("BEAD_PYTHON").unwrap_or_else(|| "python3".into());
-        let started = Command::new(&python)
-            .arg(FOLDER)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn();
-        let mut child = started.map_err(|error| format!("cannot start {}: {error}", python.display()))?;
-        let output = child.stdout.take().expect("it has just been piped");
-        Ok(Self {
-            input: child.stdin.take(),
-            output: BufReader::new(output).lines(),
-            child,
-        })
-    }
-
-    fn ask(&mut self, line: &str) -> Result<(), String> {
-        let input = self.input.as_mut().expect("it is open until the end");
-        writeln!(input, "{line}").map_err(|error| format!("the script of the peers ended early: {error}"))
-    }
-
-    fn next(&mut self) -> Result<Told, String> {
-        let line = self.output.next().ok_or("the script of the peers ended early")?;
-        let line = line.map_err(|error| error.to_string())?;
-        serde_json::from_str(&line)
-            .map_err(|error| format!("the script of the peers printed {line:?}: {error}"))
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        self.input = None;
-        // How it ends is of no interest, as long as it does.
-        let _ = self.child.wait();
-    }
-}
-
-/// The simulator's own runs, which the others are timed beside.
-struct Ours<'a> {
-    cases: &'a [Case],
-    accuracies: Vec<Option<Accuracy>>,
-    chains: Vec<Scenario>,
-}
-
-impl Ours<'_> {
-    fn seconds(&self, name: &str) -> Option<f64> {
+/// Least seconds of the simulator for a case or for the ensemble.
+fn own_seconds(
+    name: &str,
+    cases: &[Case],
+    accuracies: &[Option<Accuracy>],
+    chains: &[Scenario],
+) -> Option<f64> {
+    let case = cases.iter().zip(accuracies).find(|(case, _)| case.name == name);
+    let once = |_| {
         let clock = Instant::now();
-        if name == "ensemble" {
-            std::hint::black_box(ensemble::alone(&self.chains));
-        } else {
-            let place = self.cases.iter().position(|case| case.name == name)?;
-            std::hint::black_box(ours::end(&self.cases[place].scenario, self.accuracies[place]?));
+        match case {
+            Some((case, accuracy)) => drop(std::hint::black_box(ours::end(&case.scenario, (*accuracy)?))),
+            None => drop(std::hint::black_box(ensemble::alone(chains))),
         }
         Some(clock.elapsed().as_secs_f64())
-    }
+    };
+    (0..10).filter_map(once).reduce(f64::min)
 }
 
-/// Times the solvers that are installed. `accuracies` are those that the simulator needs for the error
-/// allowed, case by case.
-pub(crate) fn rows(
-    cases: &[Case],
-    accuracies: Vec<Option<Accuracy>>,
-    rounds: usize,
-) -> Result<Vec<Foreign>, String> {
+/// Times the solver, and the simulator right after it. `accuracies` are those that the simulator needs for
+/// the error allowed, case by case.
+///
+/// # Errors
+/// Python or its packages are not installed.
+pub(crate) fn rows(cases: &[Case], accuracies: &[Option<Accuracy>]) -> Result<Vec<Foreign>, String> {
     let chains = ensemble::scenarios(CHAINS);
     let wanted = json!({
         "cases": cases.iter().map(constants).collect::<Vec<_>>(),
         "ensemble": chains.iter().map(chain).collect::<Vec<_>>(),
     });
-    let mut process = Process::start()?;
-    process.ask(&wanted.to_string())?;
-    let mut rows = Vec::new();
-    let finalists = loop {
-        match process.next()? {
-            Told::Row(row) => rows.push(row),
-            Told::Ready(finalists) => break finalists,
-            Told::Seconds(_) => {}
-        }
-    };
-    let ours = Ours {
-        cases,
-        accuracies,
-        chains,
-    };
-    for _ in 0..rounds {
-        process.ask("round")?;
-        let Told::Seconds(seconds) = process.next()? else {
-            return Err("the script of the peers printed no times".to_owned());
-        };
-        for (finalist, seconds) in finalists.iter().zip(seconds) {
-            let own = ours.seconds(&finalist.case);
-            let timed = rows
-                .iter_mut()
-                .find(|row| row.case == finalist.case && row.solver == finalist.solver);
-            if let (Some(row), Some(own)) = (timed, own) {
-                row.note(seconds, own);
-            }
-        }
+    let python = std::env::var_os("BEAD_PYTHON").unwrap_or_else(|| "python3".into());
+    let failed = |error: std::io::Error| format!("cannot run {}: {error}", python.display());
+    let mut child = Command::new(&python)
+        .arg(SCRIPT)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(failed)?;
+    let mut input = child.stdin.take().ok_or("no pipe to Python")?;
+    writeln!(input, "{wanted}").map_err(failed)?;
+    drop(input);
+    let output = child.wait_with_output().map_err(failed)?;
+    if !output.status.success() {
+        return Err(format!(
+            "{SCRIPT} ended with an error: pip install numpy jax diffrax"
+        ));
     }
-    rows.iter_mut().for_each(|row| row.conclude(CHAINS));
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let mut rows = Vec::new();
+    for line in printed.lines() {
+        let mut row: Foreign =
+            serde_json::from_str(line).map_err(|error| format!("{SCRIPT} printed {line:?}: {error}"))?;
+        row.conclude(own_seconds(&row.case, cases, accuracies, &chains), CHAINS);
+        rows.push(row);
+    }
     Ok(rows)
 }

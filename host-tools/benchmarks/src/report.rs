@@ -1,4 +1,4 @@
-//! What was measured, against what was aimed at.
+//! Measured numbers beside their targets.
 
 use std::fmt;
 
@@ -9,6 +9,19 @@ use crate::machine::Machine;
 
 /// Error, as a part of the greatest velocity, and seconds.
 pub(crate) type Point = (f64, f64);
+
+/// The settings that no other one surpasses in both error and time, by error. Noise of a clock leaves steps,
+/// not returns.
+pub(crate) fn front(mut points: Vec<Point>) -> Vec<Point> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut least = f64::INFINITY;
+    points.retain(|(_, seconds)| {
+        let surpasses = *seconds < least;
+        least = least.min(*seconds);
+        surpasses
+    });
+    points
+}
 
 /// One solver's time for the error asked for.
 #[derive(Debug, Serialize)]
@@ -25,52 +38,39 @@ pub(crate) struct Row {
     pub(crate) points: Vec<Point>,
 }
 
-/// A solver of Python: its time for the error asked for, or its chains a second, or why it has neither.
+/// A solver of Python: its time for the error asked for, or its chains a second; neither if it does not reach
+/// the error.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Foreign {
     pub(crate) case: String,
     pub(crate) solver: String,
-    /// The least of all rounds, s.
     #[serde(default, skip_serializing)]
     seconds: Option<f64>,
-    /// The simulator's least time in the same rounds, s.
-    #[serde(skip)]
-    own_seconds: Option<f64>,
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     milliseconds: Option<f64>,
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     chains_per_second: Option<f64>,
-    /// How many times faster the simulator was in the same rounds.
+    /// How many times faster the simulator is.
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     simulator_faster: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     error: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     settings: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    left_out: Option<String>,
     #[serde(default)]
     pub(crate) points: Vec<Point>,
 }
 
 impl Foreign {
-    /// Takes the times of a round.
-    pub(crate) fn note(&mut self, seconds: f64, own: f64) {
-        let least = |one: Option<f64>, other: f64| Some(one.map_or(other, |one| one.min(other)));
-        self.seconds = least(self.seconds, seconds);
-        self.own_seconds = least(self.own_seconds, own);
-    }
-
-    /// Takes the times together, when all rounds are made; an ensemble is of so many chains.
-    pub(crate) fn conclude(&mut self, chains: usize) {
+    /// Compares the time with the simulator's own, in s. An ensemble is of `chains` chains.
+    pub(crate) fn conclude(&mut self, own: Option<f64>, chains: usize) {
         match self.seconds {
             Some(seconds) if self.case == "ensemble" => {
                 self.chains_per_second = Some(chains as f64 / seconds)
             }
             seconds => self.milliseconds = seconds.map(|seconds| 1e3 * seconds),
         }
-        let both = self.seconds.zip(self.own_seconds);
-        self.simulator_faster = both.map(|(seconds, own)| seconds / own);
+        self.simulator_faster = self.seconds.zip(own).map(|(seconds, own)| seconds / own);
     }
 }
 
@@ -159,7 +159,7 @@ fn number(value: f64) -> String {
 pub(crate) struct Report {
     machine: Machine,
     pub(crate) comparisons: Vec<Comparison>,
-    /// Solvers of Python.
+    /// The solver of Python.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) peers: Vec<Foreign>,
     pub(crate) targets: Vec<Target>,
@@ -217,34 +217,27 @@ impl fmt::Display for Report {
                 }
             }
         }
-        for (place, row) in self.peers.iter().enumerate() {
-            if place == 0 {
-                writeln!(
-                    f,
-                    "\nsolvers of Python, and how many times faster hertz-chain was beside them"
-                )?;
-            }
-            let what = match (row.milliseconds, row.chains_per_second) {
-                (Some(ms), _) => format!("{ms:8.2} ms"),
-                (_, Some(rate)) => format!("{rate:8.1} chains/s"),
-                _ => String::new(),
-            };
-            let why = row
-                .left_out
-                .as_deref()
-                .map_or(String::new(), |why| format!(": {why}"));
-            let faster = row
-                .simulator_faster
-                .map_or(String::new(), |times| format!("  {times:.1} times"));
-            let error = row.error.map_or(String::new(), |error| format!("  {error:.1e}"));
-            let settings = row
-                .settings
-                .as_deref()
-                .map_or(String::new(), |text| format!("  ({text})"));
+        if !self.peers.is_empty() {
             writeln!(
                 f,
-                "  {what}{error}{faster}  {}, {}{settings}{why}",
-                row.case, row.solver
+                "\na solver of Python, and how many times faster hertz-chain was"
+            )?;
+        }
+        for row in &self.peers {
+            let time = match (row.milliseconds, row.chains_per_second) {
+                (Some(ms), _) => format!("{ms:8.2} ms"),
+                (_, Some(rate)) => format!("{rate:8.1} chains/s"),
+                _ => "not reached".to_owned(),
+            };
+            let (error, times) = (
+                row.error.unwrap_or(f64::NAN),
+                row.simulator_faster.unwrap_or(f64::NAN),
+            );
+            let settings = row.settings.as_deref().unwrap_or_default();
+            let (case, solver) = (&row.case, &row.solver);
+            writeln!(
+                f,
+                "  {time}  {error:.1e}  {times:.1} times  {case}, {solver}  ({settings})"
             )?;
         }
         writeln!(f)?;

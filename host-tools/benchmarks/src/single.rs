@@ -7,13 +7,13 @@ use hertz_chain::{Accuracy, Model};
 use crate::cases::Case;
 use crate::ours::{self, SAMPLES};
 use crate::peers::{Chain, Peer};
-use crate::report::{Comparison, Row};
+use crate::report::{Comparison, Row, front};
 
 /// Gives velocities of all bodies at the end, or at each sample.
 type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
 
-/// What the simulator is called.
-pub(crate) const OURS: &str = "hertz-chain";
+/// The simulator's name.
+const OURS: &str = "hertz-chain";
 const END_ONLY: &str = "end only";
 
 fn ours(case: &Case, accuracy: Accuracy, sampled: bool) -> Runner<'_> {
@@ -90,19 +90,6 @@ impl<'a> Tried<'a> {
         }
     }
 
-    /// Error and seconds of the settings that no other one surpasses in both.
-    fn front(&self) -> Vec<(f64, f64)> {
-        let mut points: Vec<_> = self.fits.iter().map(|fit| (fit.error, fit.seconds)).collect();
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut least = f64::INFINITY;
-        points.retain(|(_, seconds)| {
-            let surpasses = *seconds < least;
-            least = least.min(*seconds);
-            surpasses
-        });
-        points
-    }
-
     /// Keeps the fastest of the settings that keep the error.
     fn finalists(&mut self) {
         self.fits.retain(|fit| fit.error <= ALLOWED);
@@ -117,9 +104,12 @@ const LARGEST: f64 = 1e-3;
 fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> Comparison {
     let model = Model::of(&case.scenario).expect("the case is sound");
     let chain = &Chain::<D>::new(&case.scenario, &model);
-    let error_of = |found: &[f64]| match sampled {
-        true => case.sampled_error(found),
-        false => case.end_error(found),
+    let error_of = |found: &[f64]| {
+        if sampled {
+            case.sampled_error(found)
+        } else {
+            case.end_error(found)
+        }
     };
     let mut own = Tried::new(OURS);
     for step in 0..32 {
@@ -152,7 +142,10 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
             reference = reference.min(found.map_or(f64::INFINITY, |found| error_of(&found)));
         }
     }
-    let fronts: Vec<_> = solvers.iter().map(Tried::front).collect();
+    let fronts: Vec<_> = solvers
+        .iter()
+        .map(|tried| front(tried.fits.iter().map(|fit| (fit.error, fit.seconds)).collect()))
+        .collect();
     solvers.iter_mut().for_each(Tried::finalists);
     // One after another, so that whatever else the computer does hits all alike.
     for _ in 0..rounds {
