@@ -168,4 +168,15 @@ mod tests {
         ]);
         assert_eq!(check(&root).unwrap(), 0);
     }
+
+    #[test]
+    fn the_programs_of_the_page_on_libraries_are_those_that_are_compiled() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+        let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
+        let page = read("docs/library.md");
+        for folder in ["host-tools/chain", "host-tools/emulator", "firmware/wire"] {
+            let program = read(&format!("{folder}/examples/library.rs"));
+            assert!(page.contains(&format!("```rust\n{program}```")), "{folder}");
+        }
+    }
 }
