@@ -7,8 +7,8 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use bead_model::{Chunk, Meter, Origin, Settings, Sink, StrikeReport};
-use bead_wire::{FaultCause, Gap, Packed, Standing, StrikeFlags};
+use bead_model::{Chunk, Meter, Origin, Settings, Sink};
+use bead_wire::{FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
@@ -52,7 +52,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, 
     let mut armed = true;
     let mut next_index = 0;
     let mut passed_over = 0;
-    let mut room = bead_telemetry::room_for_window(&settings);
+    let mut room = room_for_window(settings.window.length.into());
     loop {
         let block = handover::next().await;
         if block.epoch != epoch {
@@ -87,7 +87,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, 
             if let Some(new) = settings::take() {
                 settings = new;
                 telemetry.history = settings.window.history;
-                room = bead_telemetry::room_for_window(&settings);
+                room = room_for_window(settings.window.length.into());
                 meter.restart();
             } else if armed && !before {
                 meter.restart();
@@ -162,13 +162,13 @@ impl Sink for Telemetry {
         self.stillness.look(&chunk.scans, self.history);
     }
 
-    fn report(&mut self, report: &StrikeReport) {
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
         // Interrupts wait while a line is logged, so it has no more than the frames cannot do without.
         defmt::info!(
             "strike {=u32} at sample {=u64}, flags {=u16:#06x}",
-            report.strike,
-            report.trigger_index,
-            report.flags.bits(),
+            strike.strike,
+            strike.trigger_index,
+            strike.flags.bits(),
         );
         let still = core::mem::replace(&mut self.stillness, Stillness::NONE).found();
         if still {
@@ -188,10 +188,11 @@ impl Sink for Telemetry {
             .into_iter()
             .filter(|(doubt, _)| *doubt)
             .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
-        outbox::push_packed(&mut self.packed, bead_telemetry::strike(report, doubts));
-        self.keep(report.strike);
-        outbox::push_packed(&mut self.packed, bead_telemetry::shape(report));
-        self.keep(report.strike);
+        let flags = strike.flags.with(doubts);
+        outbox::push_packed(&mut self.packed, Strike { flags, ..*strike });
+        self.keep(strike.strike);
+        outbox::push_packed(&mut self.packed, *shape);
+        self.keep(strike.strike);
         keep::close();
     }
 }

@@ -28,15 +28,15 @@ pub(crate) fn results(settings: &Settings, record: &mut WindowRecord) -> [i64; R
         window.process(settings, &scans[..count], record);
         first += count as u16;
     }
-    let report = window.report(settings, record);
+    let (report, _) = window.report(settings, record);
     [
-        report.peak_force.to_bits().into(),
+        report.peak_force.bits().into(),
         report.peak_index as i64,
-        report.acceleration_max.to_bits().into(),
-        report.acceleration_min.to_bits().into(),
-        report.absorbed_measured.to_bits(),
-        report.absorbed_predicted.to_bits(),
-        report.incident_energy.to_bits(),
+        report.acceleration_max.bits().into(),
+        report.acceleration_min.bits().into(),
+        report.absorbed_measured.bits(),
+        report.absorbed_predicted.bits(),
+        report.incident_energy.bits(),
         report.flags.bits().into(),
     ]
 }

@@ -16,8 +16,7 @@ use core::cell::RefCell;
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
 use bead_model::Chunk;
-use bead_telemetry::{KEPT, OUTBOX};
-use bead_wire::{Message, Packed, Queue, taken};
+use bead_wire::{KEPT, Message, OUTBOX, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -59,7 +58,7 @@ pub(crate) fn push_packed(packed: &mut Packed, message: impl Into<Message>) {
 
 /// The same for a piece of a window, which comes by the dozen: `packed` is room to work in.
 pub(crate) fn push_piece(packed: &mut Packed, chunk: &Chunk) {
-    let whole = bead_telemetry::pack_waveform(packed, address(), trace::boot() as u8, chunk);
+    let whole = chunk.pack(packed, address(), trace::boot() as u8);
     put(packed, whole, KEPT);
 }
 

@@ -7,7 +7,9 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use bead_wire::MAX_SCANS;
+use bead_model::Scan;
+use bead_model::quantity::pack;
+use bead_wire::{MAX_SCANS, Raw};
 
 use crate::block::{BLOCK_US, Block};
 use crate::counters;
@@ -39,7 +41,10 @@ pub(crate) fn offer(block: &Block, room: usize) {
         let count = rest.len().min(MAX_SCANS) as u64;
         let scans = rest.by_ref().take(MAX_SCANS);
         if outbox::room() >= room + outbox::SPARE {
-            outbox::push(bead_telemetry::raw(first_index, scans));
+            outbox::push(Raw {
+                first_index,
+                codes: pack(scans, Scan::sensitive),
+            });
             counters::update_link(|link| link.raw_sent += count);
         } else {
             scans.for_each(drop);

@@ -6,8 +6,8 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use crate::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive_among};
-use crate::sensor::GainMatch;
-use crate::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use crate::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike};
+use bead_wire::GainMatch;
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// What a meter or a window tells, as numbers.
@@ -29,7 +29,7 @@ impl Told {
 
     fn gains(&mut self, gains: Option<GainMatch>) {
         let [deviation, uncertainty] = gains.map_or([i32::MIN; 2], |gains| {
-            [gains.deviation.to_bits(), gains.uncertainty.to_bits()]
+            [gains.deviation.bits(), gains.uncertainty.bits()]
         });
         self.numbers.extend([deviation, uncertainty].map(i64::from));
     }
@@ -42,37 +42,36 @@ impl Sink for Told {
             chunk.first_index as i64,
             chunk.scans.len() as i64,
             chunk.loud.into(),
-            chunk.absorbed_measured.to_bits(),
-            chunk.absorbed_predicted.to_bits(),
+            chunk.absorbed_measured.bits(),
+            chunk.absorbed_predicted.bits(),
         ]);
         for scan in chunk.before.iter().chain(&chunk.scans) {
             self.numbers.extend(scan.codes().map(i64::from));
         }
     }
 
-    fn report(&mut self, report: &StrikeReport) {
-        let shape = &report.shape;
+    fn report(&mut self, report: &Strike, shape: &Shape) {
         self.numbers.extend([
             report.strike.into(),
             report.first_index as i64,
             report.trigger_index as i64,
             report.samples.into(),
-            report.peak_force.to_bits().into(),
+            report.peak_force.bits().into(),
             report.peak_index as i64,
-            report.acceleration_max.to_bits().into(),
-            report.acceleration_min.to_bits().into(),
-            report.absorbed_measured.to_bits(),
-            report.absorbed_predicted.to_bits(),
-            report.incident_energy.to_bits(),
-            report.absorbed_fraction.to_bits().into(),
-            report.noise_energy.to_bits(),
-            report.force_noise.to_bits().into(),
+            report.acceleration_max.bits().into(),
+            report.acceleration_min.bits().into(),
+            report.absorbed_measured.bits(),
+            report.absorbed_predicted.bits(),
+            report.incident_energy.bits(),
+            report.absorbed_fraction.bits().into(),
+            report.noise_energy.bits(),
+            report.force_noise.bits().into(),
             report.flags.bits().into(),
-            shape.arrival.to_bits().into(),
-            shape.width.to_bits().into(),
-            shape.impulse.to_bits(),
-            shape.ring_frequency.to_bits().into(),
-            shape.ring_decay.to_bits().into(),
+            shape.arrival.bits().into(),
+            shape.width.bits().into(),
+            shape.impulse.bits(),
+            shape.ring_frequency.bits().into(),
+            shape.ring_decay.bits().into(),
         ]);
         self.gains(shape.force_gains);
         self.gains(shape.acceleration_gains);

@@ -108,7 +108,7 @@ impl<F: LeEqU32> Channel<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quantity::Force;
+    use crate::quantity::SensedForce;
     use fixed::types::I2F30;
     use fixed::types::extra::U30;
 
@@ -118,8 +118,12 @@ mod tests {
         state
     }
 
-    fn last_of<const N: usize>(channel: Channel<U30>, state: &mut ChannelState, codes: [u16; N]) -> Force {
-        let mut values = [Force::ZERO; N];
+    fn last_of<const N: usize>(
+        channel: Channel<U30>,
+        state: &mut ChannelState,
+        codes: [u16; N],
+    ) -> SensedForce {
+        let mut values = [SensedForce::ZERO; N];
         channel.process(state, codes.into_iter().map(AdcCode::new), &mut values);
         values[N - 1]
     }
@@ -135,7 +139,7 @@ mod tests {
         let mut state = settled([100; BASELINE as usize].into_iter());
         assert_eq!(
             last_of(channel, &mut state, [110, 120, 130]),
-            Force::from_num(20 + 5)
+            SensedForce::from_num(20 + 5)
         );
     }
 
@@ -166,7 +170,7 @@ mod tests {
         let mut state = settled((0..BASELINE).map(|i| 100 + u16::from(i == 7)));
         assert_eq!(
             last_of(channel, &mut state, [100, 100]),
-            Force::from_num(-1.0 / 64.0)
+            SensedForce::from_num(-1.0 / 64.0)
         );
     }
 }

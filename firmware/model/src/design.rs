@@ -12,7 +12,7 @@ use crate::coefficients::coefficients;
 use crate::company::Company;
 use crate::layout::{HISTORY_MAX, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
-use crate::quantity::Force;
+use crate::quantity::SensedForce;
 use crate::reduced_chain::{FOLLOWERS, ReducedChain};
 use crate::scale::{INCOMING_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
@@ -366,7 +366,7 @@ pub fn derive_among(
             without(coefficient.host, scale.masses),
         )?,
         // In range, since both parts of the noise are.
-        gate: Force::from_num(3.0 * force_noise),
+        gate: SensedForce::from_num(3.0 * force_noise),
         energy: fix(
             "energy by velocity",
             coefficient.predicted * 0.5_f64.powi(scale.predicted.into()),

@@ -20,7 +20,12 @@
 //! # Units
 //!
 //! Lengths are in µm and times in samples, so that the Q formats of [`quantity`] fit the motion of a bead. A
-//! value that leaves the range of its format saturates and sets a [`Flags`] bit; nothing wraps.
+//! value that leaves the range of its format saturates and sets a bit of [`StrikeFlags`]; nothing wraps.
+//!
+//! # Results
+//!
+//! A [`Sink`] takes the result of a strike as [`Strike`], [`Shape`] and [`Chunk`]s, in the quantities of
+//! [`bead_wire`] in which they are sent.
 #![cfg_attr(not(feature = "design"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -47,8 +52,9 @@ pub mod shape;
 pub mod sqrt;
 pub mod window;
 
+pub use bead_wire::{Energy, Shape, Strike, StrikeFlags};
 pub use meter::{Chunk, Meter, Origin, Sink, scans};
-pub use quantity::{Acceleration, AdcCode, Energy, Force, Pair, Scan};
+pub use quantity::{AdcCode, Pair, Scan};
 pub use settings::{Settings, SettingsError};
-pub use shape::{Shape, WindowRecord};
-pub use window::{Flags, StrikeReport, Window};
+pub use shape::WindowRecord;
+pub use window::Window;

@@ -7,13 +7,16 @@ use core::ops::Range;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use crate::layout::{HISTORY_MAX, PIECE, WINDOW_MAX};
-use crate::quantity::{Energy, Scan};
+use crate::quantity::{Scan, pack};
 use crate::settings::Settings;
 use crate::shape::WindowRecord;
-use crate::window::{StrikeReport, Window};
+use crate::window::Window;
+use bead_wire::{Energy, Kind, MAX_SCANS, Packed, Shape, Strike, Waveform};
 
 /// Scans in a full chunk of a window's waveform.
 pub const CHUNK: usize = PIECE;
+// A piece of a window fills a frame.
+const _: () = assert!(CHUNK == MAX_SCANS);
 
 /// A piece of a window's waveform, with the energies absorbed by its end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,6 +35,35 @@ pub struct Chunk {
     pub absorbed_measured: Energy,
     /// Estimate B at the last scan.
     pub absorbed_predicted: Energy,
+}
+
+/// The waveform frame of a piece. The codes at the low gain travel only if they had a part in the result.
+impl From<&Chunk> for Waveform {
+    fn from(chunk: &Chunk) -> Self {
+        let (before, scans) = if chunk.loud {
+            (&chunk.before[..], &chunk.scans[..])
+        } else {
+            (&[][..], &[][..])
+        };
+        Self {
+            strike: chunk.strike,
+            first_index: chunk.first_index,
+            codes: pack(chunk.scans.iter().copied(), Scan::sensitive),
+            wide: pack(before.iter().chain(scans).copied(), Scan::wide),
+            absorbed_measured: chunk.absorbed_measured,
+            absorbed_predicted: chunk.absorbed_predicted,
+        }
+    }
+}
+
+impl Chunk {
+    /// Packs the waveform frame of this piece. Returns true if it is whole, which it always is.
+    #[inline(never)]
+    pub fn pack(&self, packed: &mut Packed, address: u8, boot: u8) -> bool {
+        packed
+            .pack_body(address, boot, Kind::Waveform, &Waveform::from(self))
+            .is_ok()
+    }
 }
 
 /// What opened a window.
@@ -54,8 +86,8 @@ pub trait Sink {
     fn opened(&mut self, _trigger_index: u64, _origin: Origin) {}
     /// A piece of the waveform is complete. Pieces come in order and cover the window.
     fn chunk(&mut self, chunk: &Chunk);
-    /// A window is complete. This comes after its last chunk.
-    fn report(&mut self, report: &StrikeReport);
+    /// A window is complete: its result and its shape. This comes after its last chunk.
+    fn report(&mut self, strike: &Strike, shape: &Shape);
 }
 
 /// Scans in memory that a DMA writes: two words each, force and acceleration, the code at the high gain in
@@ -484,7 +516,8 @@ impl Measurement {
                 chunk.scans.clear();
             }
             if done {
-                sink.report(&window.report(settings, record));
+                let (strike, shape) = window.report(settings, record);
+                sink.report(&strike, &shape);
             }
         }
         scans.len()
@@ -502,7 +535,7 @@ mod tests {
 
     impl Sink for Complete {
         fn chunk(&mut self, _: &Chunk) {}
-        fn report(&mut self, _: &StrikeReport) {
+        fn report(&mut self, _: &Strike, _: &Shape) {
             self.0 += 1;
         }
     }

@@ -24,7 +24,8 @@
 //! it adds a sample, and this is subtracted. A piece of the window does not count if its sum is not more than
 //! twice what noise gives: the intruder has stopped ringing, until another wave comes.
 
-use crate::quantity::{Energy, SensedAcceleration, SquareSum, high_rounded, square};
+use crate::quantity::{SensedAcceleration, SquareSum, high_rounded, square};
+use bead_wire::Energy;
 use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
@@ -191,15 +192,16 @@ mod tests {
             let mut quiet = with_piece(ObserverState::default(), noise);
             quiet.close_noise();
             let mut twice = with_piece(quiet, 2 * noise);
-            assert_eq!(observer.absorbed(0, &twice), Energy::ZERO);
+            assert_eq!(observer.absorbed(0, &twice), Energy::default());
             assert!(!twice.close_piece());
             let mut more = with_piece(twice, 2 * noise + 1);
             // In nJ for a scale of 1 nJ/(m/s²)².
-            let stated = Energy::from_num(32 * (noise + 1));
+            let nanojoules = |energy: u64| Energy::from_bits((energy << 24) as i64);
+            let stated = nanojoules(32 * (noise + 1));
             assert_eq!(observer.absorbed(0, &more), stated);
             assert!(more.close_piece());
             assert_eq!(observer.absorbed(0, &more), stated);
-            assert_eq!(observer.noise(0, &more), Energy::from_num(32 * noise));
+            assert_eq!(observer.noise(0, &more), nanojoules(32 * noise));
         }
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! | quantity | format | unit | range | resolution |
 //! |---|---|---|---|---|
-//! | [`Force`] | `I16F16` | N | ±32 kN | 15 µN |
-//! | [`Acceleration`], as reported | `I16F16` | m/s² | ±32 km/s² | 15 µm/s² |
+//! | [`SensedForce`], of a sample | `I16F16` | N | ±32 kN | 15 µN |
 //! | [`SensedAcceleration`], of a sample | `I20F12` | m/s² | ±524 km/s² | 0.24 mm/s² |
 //! | [`Length`] | `I10F22` | µm | ±512 µm | 0.24 pm |
 //! | [`Step`] | `I8F24` | µm/sample | ±128 µm/sample (12.8 m/s at 100 kHz) | 6 nm/s |
 //! | [`Energy`] | `I40F24` | nJ | ±550 J | 0.06 fJ |
+//!
+//! The results of a strike are quantities of [`bead_wire`], such as [`Energy`]: what is computed here is sent
+//! as it is.
 //!
 //! # Products
 //! In one instruction the core multiplies 32 by 32 bits, keeps the upper 32, rounds and adds (SMMUL, SMMULR,
@@ -15,23 +17,20 @@
 //! more than their product: there is no shift, and no product leaves its format. The host puts the necessary
 //! powers of two into the coefficients.
 
+use bead_wire::{Codes, Energy};
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
-use fixed::types::{I8F24, I10F22, I16F16, I20F12, I40F24};
+use fixed::types::{I8F24, I10F22, I16F16, I20F12};
 use serde::{Deserialize, Serialize};
 
-/// A contact force, N.
-pub type Force = I16F16;
-/// An absolute acceleration, m/s², in the report of a strike.
-pub type Acceleration = I16F16;
-/// An absolute acceleration, m/s², of one sample: the resolution is 1/500 of a code of 0.12 m/s².
+/// Contact force of one sample, N.
+pub type SensedForce = I16F16;
+/// Absolute acceleration of one sample, m/s²: the resolution is 1/500 of a code of 0.12 m/s².
 pub type SensedAcceleration = I20F12;
 /// An overlap or a displacement of the intruder relative to its host, µm.
 pub type Length = I10F22;
 /// A change of length over one sample (a velocity), µm.
 pub type Step = I8F24;
-/// An energy, nJ.
-pub type Energy = I40F24;
 
 /// A code of the 12-bit converter: 0 at its lower rail, [`AdcCode::MAX`] at its upper one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -127,6 +126,22 @@ impl Scan {
     }
 }
 
+/// Packs the codes of scans at one gain, [`Scan::sensitive`] or [`Scan::wide`].
+///
+/// # Panics
+/// More scans than fit.
+#[inline(always)]
+pub fn pack<const BYTES: usize>(
+    scans: impl Iterator<Item = Scan>,
+    gain: impl Fn(Scan) -> [u16; 2],
+) -> Codes<BYTES> {
+    // No `expect`: it would print the error, and formats take flash.
+    let Ok(codes) = Codes::pack(scans.map(gain)) else {
+        panic!("a piece has at most MAX_SCANS scans, of codes of 12 bits");
+    };
+    codes
+}
+
 /// The upper half of `a·b`, rounded down.
 #[inline(always)]
 pub(crate) fn high(a: i32, b: i32) -> i32 {
@@ -162,7 +177,8 @@ impl<const FRACTION: u32> SquareSum<FRACTION> {
     pub(crate) fn energy<F: LeEqU32>(self, scale: FixedI32<F>, powers: i8) -> Energy {
         // A window has at most 2^12 squares below 2^58.
         let product = self.0 * u128::from(scale.to_bits().unsigned_abs());
-        let fraction = (FRACTION + F::U32 - Energy::FRAC_NBITS).saturating_add_signed(-i32::from(powers));
+        let fraction =
+            (FRACTION + F::U32 - Energy::UNIT.fraction_bits).saturating_add_signed(-i32::from(powers));
         Energy::from_bits(i64::try_from(product >> fraction).unwrap_or(i64::MAX))
     }
 }
@@ -225,11 +241,11 @@ mod tests {
                     for powers in (-24..=24_i8).step_by(dense) {
                         let energy =
                             SquareSum::<FRACTION>(sum).energy(FixedI32::<F>::from_bits(scale), powers);
-                        let bits = FRACTION + F::U32 - Energy::FRAC_NBITS;
+                        let bits = FRACTION + F::U32 - Energy::UNIT.fraction_bits;
                         let divisor = 1_u128 << (bits as i32 - i32::from(powers));
                         let exact = sum * scale as u128 / divisor;
                         let stated = exact.min(i64::MAX as u128) as i64;
-                        assert_eq!(energy.to_bits(), stated, "{sum} {scale} {powers}");
+                        assert_eq!(energy.bits(), stated, "{sum} {scale} {powers}");
                     }
                 }
             }

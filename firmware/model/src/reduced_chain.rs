@@ -22,9 +22,10 @@
 
 use crate::company::Company;
 pub use crate::company::FOLLOWERS;
-use crate::quantity::{Energy, EnergyScale, Force, Length, SquareSum, Step, high, high_rounded, square};
+use crate::quantity::{EnergyScale, Length, SensedForce, SquareSum, Step, high, high_rounded, square};
 use crate::scale::Scale;
 use crate::sqrt::sqrt;
+use bead_wire::Energy;
 use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +53,7 @@ pub struct ReducedChain {
     pub host: I0F32,
     /// Forces below this are noise and count as zero, since the contacts would rectify them. Three standard
     /// deviations of the expected noise; a greater noise before the strike raises it.
-    pub gate: Force,
+    pub gate: SensedForce,
     /// c (1 µm/sample)² dt, nJ.
     pub energy: EnergyScale,
 }
@@ -138,19 +139,19 @@ pub struct ReducedChainState {
     /// Samples since the force was above the gate, or since the start.
     silent: u16,
     /// Forces below this are noise, by the noise before the strike.
-    gate: Force,
+    gate: SensedForce,
 }
 
 impl ReducedChainState {
     /// Sets the gate from the noise before the strike: `squares` is Σ F² over `samples`, in bits of
-    /// [`Force`].
+    /// [`SensedForce`].
     pub(crate) fn gate_noise(&mut self, squares: u64, samples: u16) {
         let rms = (squares / u64::from(samples.max(1))).isqrt();
-        self.gate = Force::from_bits(i32::try_from(3 * rms).unwrap_or(i32::MAX));
+        self.gate = SensedForce::from_bits(i32::try_from(3 * rms).unwrap_or(i32::MAX));
     }
 
     /// Three standard deviations of the force's noise before the strike.
-    pub fn gate(&self) -> Force {
+    pub fn gate(&self) -> SensedForce {
         self.gate
     }
 
@@ -177,7 +178,13 @@ impl ReducedChain {
     /// Takes the forces at the host's incoming contact at the next samples, at most
     /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, scale: &Scale, company: &Company, state: &mut ReducedChainState, forces: &[Force]) {
+    pub fn process(
+        &self,
+        scale: &Scale,
+        company: &Company,
+        state: &mut ReducedChainState,
+        forces: &[SensedForce],
+    ) {
         let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
         let powers = &Powers::new(scale);
         match (scaled, company.behind > 0) {
@@ -196,7 +203,7 @@ impl ReducedChain {
         powers: &Powers,
         company: &Company,
         state: &mut ReducedChainState,
-        forces: &[Force],
+        forces: &[SensedForce],
     ) {
         let gate = self.gate.max(state.gate).to_bits();
         let mut silent = state.silent;
@@ -354,7 +361,7 @@ impl Powers {
 /// A gate for single samples would cut off the foot of each pulse, which costs more than the noise. So the
 /// gate closes when more than [`FOOT`] samples in a row were below it. At the start of a strike it is open.
 #[inline(always)]
-fn gated(gate: i32, silent: &mut u16, force: Force) -> i32 {
+fn gated(gate: i32, silent: &mut u16, force: SensedForce) -> i32 {
     let force = force.to_bits();
     *silent = if force.abs() < gate { *silent + 1 } else { 0 };
     if *silent > FOOT { 0 } else { force }
@@ -414,7 +421,7 @@ mod tests {
             damping: I0F32::ZERO,
             intruder: I0F32::ZERO,
             host: I0F32::ZERO,
-            gate: Force::ZERO,
+            gate: SensedForce::ZERO,
             energy: EnergyScale::ZERO,
         };
         let left = |contact: u8, position: i32| {
@@ -442,10 +449,10 @@ mod tests {
 
     #[test]
     fn the_gate_closes_after_its_foot_and_a_force_at_it_opens_it() {
-        let gate = Force::ONE;
-        let [below, at] = [gate - Force::DELTA, gate].map(|force| [force, -force]);
+        let gate = SensedForce::ONE;
+        let [below, at] = [gate - SensedForce::DELTA, gate].map(|force| [force, -force]);
         let mut silent = 0;
-        let mut gated = |force: Force| gated(gate.to_bits(), &mut silent, force);
+        let mut gated = |force: SensedForce| gated(gate.to_bits(), &mut silent, force);
         for _ in 0..2 {
             for n in 0..FOOT {
                 let force = below[usize::from(n % 2)];

@@ -23,6 +23,7 @@
 use crate::calibration::{Channel, ChannelState};
 use crate::layout::{BASELINE, PIECE};
 use crate::quantity::{AdcCode, Pair};
+use bead_wire::{Fraction, GainMatch};
 use core::ops::RangeInclusive;
 use fixed::FixedI32;
 use fixed::types::I16F16;
@@ -220,33 +221,27 @@ impl Overlap {
         let slope = covariance / variance;
         let rest = (dd - d * d - slope * covariance).max(0.0);
         Some(GainMatch {
-            deviation: I16F16::saturating_from_num(slope),
-            uncertainty: I16F16::saturating_from_num(libm::sqrtf(rest / (variance * (n - 2.0)))),
+            deviation: reported(slope),
+            uncertainty: reported(libm::sqrtf(rest / (variance * (n - 2.0)))),
         })
     }
 }
 
-/// How far the ratio of the two gains of a sensor is from the settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GainMatch {
-    /// Part of the signal by which the wide channel reads more than the sensitive one.
-    pub deviation: I16F16,
-    /// Standard deviation of the deviation, from this strike.
-    pub uncertainty: I16F16,
+/// A part of the signal in the format of the result; saturates.
+fn reported(part: f32) -> Fraction {
+    Fraction::from_bits(I16F16::saturating_from_num(part).to_bits())
 }
 
-impl GainMatch {
-    /// Whether the deviation is more than `part` and more than five standard deviations.
-    pub fn differ(&self, part: I16F16) -> bool {
-        let apart = self.deviation.unsigned_abs();
-        apart > part.unsigned_abs() && apart / 5 > self.uncertainty.unsigned_abs()
-    }
+/// True if the two gains of a sensor deviate by more than `part` and by more than five standard deviations.
+pub(crate) fn gains_differ(gains: GainMatch, part: I16F16) -> bool {
+    let apart = gains.deviation.bits().unsigned_abs();
+    apart > part.to_bits().unsigned_abs() && apart / 5 > gains.uncertainty.bits().unsigned_abs()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quantity::Force;
+    use crate::quantity::SensedForce;
     use fixed::types::I2F30;
     use fixed::types::extra::U30;
 
@@ -276,7 +271,7 @@ mod tests {
         let codes: Vec<Pair> = forces.iter().map(|&force| pair(force, more)).collect();
         let (mut out, mut loudness) = (Vec::new(), Vec::new());
         for codes in codes.chunks(piece) {
-            let mut values = [Force::ZERO; PIECE];
+            let mut values = [SensedForce::ZERO; PIECE];
             let values = &mut values[..codes.len()];
             loudness.push(sensor.process(&mut state, codes.iter().copied(), values));
             out.extend(values.iter().map(|value| value.to_num::<f64>()));
@@ -345,16 +340,13 @@ mod tests {
         for more in [0.95, 1.0, 1.03] {
             let (_, _, matched) = measured(&pulse(14.0), more, PIECE);
             let matched = matched.unwrap();
-            let (deviation, uncertainty) = (
-                matched.deviation.to_num::<f64>(),
-                matched.uncertainty.to_num::<f64>(),
-            );
+            let (deviation, uncertainty) = (matched.deviation.ratio(), matched.uncertainty.ratio());
             assert!(
                 (deviation - (more - 1.0)).abs() < 3.0 * uncertainty,
                 "{matched:?}"
             );
             assert!(uncertainty < 2e-3, "{matched:?}");
-            assert_eq!(matched.differ(I16F16::from_num(0.02)), more != 1.0);
+            assert_eq!(gains_differ(matched, I16F16::from_num(0.02)), more != 1.0);
         }
         let (_, _, none) = measured(&pulse(1.0), 1.0, PIECE);
         assert_eq!(none, None);
@@ -365,11 +357,13 @@ mod tests {
         let part = I16F16::from_num(0.02);
         let differ = |deviation: I16F16, uncertainty: I16F16| {
             [deviation, -deviation].map(|deviation| {
-                GainMatch {
+                let [deviation, uncertainty] =
+                    [deviation, uncertainty].map(|part| Fraction::from_bits(part.to_bits()));
+                let gains = GainMatch {
                     deviation,
                     uncertainty,
-                }
-                .differ(part)
+                };
+                gains_differ(gains, part)
             })
         };
         // The part itself is allowed, however sure it is.
@@ -382,10 +376,10 @@ mod tests {
         }
         assert_eq!(differ(I16F16::MAX, I16F16::MAX), [false; 2]);
         let least = GainMatch {
-            deviation: I16F16::MIN,
-            uncertainty: I16F16::ONE,
+            deviation: Fraction::from_bits(i32::MIN),
+            uncertainty: Fraction::from_bits(1 << 16),
         };
-        assert!(least.differ(part));
+        assert!(gains_differ(least, part));
     }
 
     /// The wide channel reads a code too much while the signal moves, in `overlap` samples. Returns what is
@@ -403,9 +397,9 @@ mod tests {
         let at = |signal: i32| Pair::new(code((128 + 16 * signal).min(4095)), code(100 + signal + 1));
         let mut codes: Vec<Pair> = std::iter::repeat_n(at(100), overlap).collect();
         codes.extend([at(2000); 2]);
-        let mut last = Force::ZERO;
+        let mut last = SensedForce::ZERO;
         for piece in codes.chunks(PIECE) {
-            let mut values = [Force::ZERO; PIECE];
+            let mut values = [SensedForce::ZERO; PIECE];
             let values = &mut values[..piece.len()];
             sensor.process(&mut state, piece.iter().copied(), values);
             last = *values.last().unwrap();
@@ -484,7 +478,7 @@ mod tests {
             let mut state = SensorState::default();
             (0..BASELINE).for_each(|_| state.settle(Pair::new(zero, 2000)));
             let codes = [zero, code, zero].map(|code| Pair::new(code, 2000));
-            let loudness = sensor().process(&mut state, codes.into_iter(), &mut [Force::ZERO; 3]);
+            let loudness = sensor().process(&mut state, codes.into_iter(), &mut [SensedForce::ZERO; 3]);
             assert_eq!(loudness.loud, loud, "{zero}, {code}");
         }
     }
@@ -501,7 +495,7 @@ mod tests {
                     _ => 2048,
                 };
                 let codes = (0..PIECE).map(|n| Pair::new(code(n), 2048));
-                let loudness = sensor().process(&mut state, codes, &mut [Force::ZERO; PIECE]);
+                let loudness = sensor().process(&mut state, codes, &mut [SensedForce::ZERO; PIECE]);
                 assert_eq!(loudness.loud, high + low > 0, "{high} high, {low} low");
             }
         }
@@ -532,7 +526,7 @@ mod tests {
             (0..BASELINE).for_each(|_| state.settle(Pair::new(150, 500)));
             let mut out = Vec::new();
             for codes in codes.chunks(piece) {
-                let mut values = [Force::ZERO; PIECE];
+                let mut values = [SensedForce::ZERO; PIECE];
                 sensor.process(&mut state, codes.iter().copied(), &mut values[..codes.len()]);
                 out.extend_from_slice(&values[..codes.len()]);
             }
@@ -556,7 +550,7 @@ mod tests {
         };
         let mut state = SensorState::default();
         (0..BASELINE).for_each(|_| state.settle(Pair::new(128, 4095)));
-        let mut values = [Force::ZERO; PIECE];
+        let mut values = [SensedForce::ZERO; PIECE];
         for round in 0..32 {
             let codes = (0..PIECE as u16).map(|i| Pair::new(128 + 123 * i, 4095 * (i % 2)));
             let codes: Vec<Pair> = codes.collect();

@@ -8,7 +8,7 @@ use crate::coefficients::{Bead, coefficients};
 use crate::company::Company;
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
-use crate::quantity::Force;
+use crate::quantity::SensedForce;
 use crate::reduced_chain::ReducedChain;
 use crate::scale::{INCOMING_MAX, Scale};
 use crate::sensor::Sensor;
@@ -207,7 +207,7 @@ impl Settings {
     /// once a second.
     fn triggers_above_noise(&self) -> bool {
         let rise = i64::from(self.window.threshold) * i64::from(self.force.sensitive.per_code.to_bits());
-        rise >> (I2F30::FRAC_NBITS - Force::FRAC_NBITS) >= 2 * i64::from(self.chain.gate.to_bits())
+        rise >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS) >= 2 * i64::from(self.chain.gate.to_bits())
     }
 
     /// Checks what the arithmetic relies on. With settings that pass, no sum and no index leaves its range.
@@ -549,9 +549,9 @@ mod tests {
         let mut settings = paper();
         let rise =
             i64::from(settings.window.threshold) * i64::from(settings.force.sensitive.per_code.to_bits());
-        settings.chain.gate = Force::from_bits((rise >> 15) as i32);
+        settings.chain.gate = SensedForce::from_bits((rise >> 15) as i32);
         assert_eq!(settings.validate(), Ok(()));
-        settings.chain.gate += Force::DELTA;
+        settings.chain.gate += SensedForce::DELTA;
         let refused = settings.validate().unwrap_err().to_string();
         assert!(refused.contains("threshold is within the noise"), "{refused}");
     }

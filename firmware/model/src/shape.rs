@@ -20,16 +20,14 @@
 //! the host, and ends with the last piece of the window that has more than noise.
 
 use crate::layout::{BASELINE, WINDOW_MAX};
-use crate::quantity::{Force, SensedAcceleration};
-use crate::sensor::GainMatch;
+use crate::quantity::{SensedAcceleration, SensedForce};
+use bead_wire::{Decay, Frequency, Impulse, Samples, Shape};
 use core::ops::RangeInclusive;
-use fixed::types::{I16F16, I48F16, U16F16};
+use fixed::types::{I16F16, U16F16};
 use serde::{Deserialize, Serialize};
 
-/// A time in samples, or a rate in 1/s.
+/// A rate, 1/s.
 pub type Fine = U16F16;
-/// A momentum, N·samples.
-pub type Impulse = I48F16;
 
 /// Samples that a record has room for: the longest window.
 const RECORD_MAX: usize = WINDOW_MAX as usize;
@@ -49,59 +47,43 @@ const RING_MEANS: u32 = 12;
 /// %.
 const RING_SIGNAL: f32 = 1000.0;
 
-/// The shape of one strike. A value that the window cannot tell is zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Shape {
-    /// Time of the highest force, samples after the window's first.
-    pub arrival: Fine,
-    /// Full width of the pulse of force at half its height, samples.
-    pub width: Fine,
-    /// Momentum that came in through the contact over the window, ∫ F dt.
-    pub impulse: Impulse,
-    /// Frequency of the free ringing, ω/2π, Hz.
-    pub ring_frequency: Fine,
-    /// Its decay β, 1/s: the amplitude falls as e^(-βt).
-    pub ring_decay: Fine,
-    /// How well the two gains of the force agree.
-    pub force_gains: Option<GainMatch>,
-    /// How well the two gains of the acceleration agree.
-    pub acceleration_gains: Option<GainMatch>,
+/// The shape of a window, but for its number and its gains. A value that the window does not tell is 0. The force is highest at the sample `peak`, the ringing is
+/// over at the sample `ring_end`; `noise` is its mean square, (m/s²)²; `expected` is its frequency, Hz.
+///
+/// Never inlined, so that its instructions can be counted by its symbol.
+#[inline(never)]
+pub(crate) fn shape(
+    sample_rate_hz: u32,
+    record: &WindowRecord,
+    peak: usize,
+    ring_end: usize,
+    noise: f32,
+    expected: Fine,
+) -> Shape {
+    let mut shape = Shape::default();
+    let forces = &record.forces[..record.length];
+    shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
+    let Some(width) = width(forces, peak) else {
+        return shape;
+    };
+    let arrival = summit(forces, peak, (0.25 * width) as usize);
+    shape.width = Samples::from_bits(fine(width));
+    shape.arrival = Samples::from_bits(fine(arrival));
+
+    let free = (arrival + FREE_AFTER * width) as usize;
+    let ring = record.accelerations[..record.length.min(ring_end)]
+        .get(free..)
+        .and_then(|free| ringing(free, sample_rate_hz, noise, expected.to_num()));
+    if let Some((frequency, decay)) = ring {
+        shape.ring_frequency = Frequency::from_bits(fine(frequency));
+        shape.ring_decay = Decay::from_bits(fine(decay));
+    }
+    shape
 }
 
-impl Shape {
-    /// The shape of a window, but for its gains. The force is highest at the sample `peak`, the ringing is
-    /// over at the sample `ring_end`; `noise` is its mean square, (m/s²)²; `expected` is its frequency, Hz.
-    ///
-    /// Never inlined, so that its instructions can be counted by its symbol.
-    #[inline(never)]
-    pub(crate) fn of(
-        sample_rate_hz: u32,
-        record: &WindowRecord,
-        peak: usize,
-        ring_end: usize,
-        noise: f32,
-        expected: Fine,
-    ) -> Self {
-        let mut shape = Self::default();
-        let forces = &record.forces[..record.length];
-        shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
-        let Some(width) = width(forces, peak) else {
-            return shape;
-        };
-        let arrival = summit(forces, peak, (0.25 * width) as usize);
-        shape.width = Fine::saturating_from_num(width);
-        shape.arrival = Fine::saturating_from_num(arrival);
-
-        let free = (arrival + FREE_AFTER * width) as usize;
-        let ring = record.accelerations[..record.length.min(ring_end)]
-            .get(free..)
-            .and_then(|free| ringing(free, sample_rate_hz, noise, expected.to_num()));
-        if let Some((frequency, decay)) = ring {
-            shape.ring_frequency = Fine::saturating_from_num(frequency);
-            shape.ring_decay = Fine::saturating_from_num(decay);
-        }
-        shape
-    }
+/// Bits of a number with 16 bits behind the binary point; saturates.
+fn fine(number: f32) -> u32 {
+    U16F16::saturating_from_num(number).to_bits()
 }
 
 /// How the intruder of a good bead rings, and the tolerances.
@@ -120,32 +102,33 @@ pub struct Ringing {
 impl Ringing {
     /// Whether a strike rang outside the tolerances.
     pub fn is_other_than(&self, shape: &Shape) -> bool {
-        let off = |found: Fine, expected: Fine, tolerance: I16F16| {
-            let apart = u64::from(found.to_bits().abs_diff(expected.to_bits()));
+        let off = |found: u32, expected: Fine, tolerance: I16F16| {
+            let apart = u64::from(found.abs_diff(expected.to_bits()));
             apart << I16F16::FRAC_NBITS
                 > u64::from(expected.to_bits()) * u64::from(tolerance.to_bits().unsigned_abs())
         };
-        shape.ring_frequency > Fine::ZERO
-            && (off(shape.ring_frequency, self.frequency, self.frequency_tolerance)
-                || off(shape.ring_decay, self.decay, self.decay_tolerance))
+        let (frequency, decay) = (shape.ring_frequency.bits(), shape.ring_decay.bits());
+        frequency > 0
+            && (off(frequency, self.frequency, self.frequency_tolerance)
+                || off(decay, self.decay, self.decay_tolerance))
     }
 }
 
 /// The extremes of a window.
 pub(crate) struct Peaks {
     /// The highest force; 0 if no force was positive.
-    pub(crate) force: Force,
+    pub(crate) force: SensedForce,
     /// The first sample with the highest force.
     pub(crate) sample: usize,
     /// From the lowest acceleration to the highest.
     pub(crate) acceleration: RangeInclusive<SensedAcceleration>,
 }
 
-/// Force and acceleration of the samples of a window. It is too large for a stack.
+/// SensedForce and acceleration of the samples of a window. It is too large for a stack.
 #[derive(Clone)]
 pub struct WindowRecord {
     length: usize,
-    forces: [Force; RECORD_MAX],
+    forces: [SensedForce; RECORD_MAX],
     accelerations: [SensedAcceleration; RECORD_MAX],
 }
 
@@ -160,7 +143,7 @@ impl WindowRecord {
     pub const fn new() -> Self {
         Self {
             length: 0,
-            forces: [Force::ZERO; RECORD_MAX],
+            forces: [SensedForce::ZERO; RECORD_MAX],
             accelerations: [SensedAcceleration::ZERO; RECORD_MAX],
         }
     }
@@ -169,12 +152,12 @@ impl WindowRecord {
     /// first sample after it.
     pub fn clear(&mut self) {
         self.length = usize::from(BASELINE) - 1;
-        self.forces[..self.length].fill(Force::ZERO);
+        self.forces[..self.length].fill(SensedForce::ZERO);
         self.accelerations[..self.length].fill(SensedAcceleration::ZERO);
     }
 
     /// Adds the next samples. Samples beyond the longest window are dropped; the settings allow none.
-    pub(crate) fn extend(&mut self, forces: &[Force], accelerations: &[SensedAcceleration]) {
+    pub(crate) fn extend(&mut self, forces: &[SensedForce], accelerations: &[SensedAcceleration]) {
         let end = (self.length + forces.len()).min(RECORD_MAX);
         let count = end - self.length;
         self.forces[self.length..end].copy_from_slice(&forces[..count]);
@@ -183,7 +166,7 @@ impl WindowRecord {
     }
 
     pub(crate) fn peaks(&self) -> Peaks {
-        let (mut force, mut sample) = (Force::ZERO, 0);
+        let (mut force, mut sample) = (SensedForce::ZERO, 0);
         let [mut low, mut high] = [SensedAcceleration::ZERO; 2];
         for (at, (pushes, acceleration)) in self.samples().enumerate() {
             if pushes > force {
@@ -199,9 +182,9 @@ impl WindowRecord {
         }
     }
 
-    /// Force and acceleration of the samples so far. A sample is known one sample later, so the last one is
+    /// SensedForce and acceleration of the samples so far. A sample is known one sample later, so the last one is
     /// missing.
-    pub fn samples(&self) -> impl Iterator<Item = (Force, SensedAcceleration)> + '_ {
+    pub fn samples(&self) -> impl Iterator<Item = (SensedForce, SensedAcceleration)> + '_ {
         let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
         forces.iter().copied().zip(accelerations.iter().copied())
     }
@@ -209,7 +192,7 @@ impl WindowRecord {
 
 /// Full width at half the height of the pulse around `peak`, samples. `None` if it does not fall to half on
 /// both sides.
-fn width(forces: &[Force], peak: usize) -> Option<f32> {
+fn width(forces: &[SensedForce], peak: usize) -> Option<f32> {
     let half = forces.get(peak)?.to_bits() / 2;
     let rise = (1..=peak)
         .rev()
@@ -223,7 +206,7 @@ fn width(forces: &[Force], peak: usize) -> Option<f32> {
 }
 
 /// Top of the parabola that fits the forces best over `reach` samples to either side of `peak`, samples.
-fn summit(forces: &[Force], peak: usize, reach: usize) -> f32 {
+fn summit(forces: &[SensedForce], peak: usize, reach: usize) -> f32 {
     let reach = reach.clamp(1, 64).min(peak).min(forces.len() - 1 - peak);
     let (mut sum, mut first, mut second) = (0_i64, 0_i64, 0_i64);
     for (x, &force) in (-(reach as i64)..).zip(&forces[peak - reach..=peak + reach]) {
@@ -364,10 +347,10 @@ mod tests {
 
     #[test]
     fn the_top_of_a_parabola_between_samples_is_found() {
-        let forces: Vec<Force> = (0..200)
+        let forces: Vec<SensedForce> = (0..200)
             .map(|n| {
                 let x = f64::from(n) - 97.3;
-                Force::from_num(6.0 - 0.01 * x * x)
+                SensedForce::from_num(6.0 - 0.01 * x * x)
             })
             .collect();
         let top = summit(&forces, 97, 9);
@@ -376,17 +359,17 @@ mod tests {
         let top = summit(&forces[..100], 97, 9);
         assert!((top - 97.3).abs() < 1e-3, "{top}");
         // Where no parabola has its top within them, the highest sample it is.
-        let hollow = [99, 50, 50, 100, 50, 50, 60].map(Force::from_num);
+        let hollow = [99, 50, 50, 100, 50, 50, 60].map(SensedForce::from_num);
         assert_eq!(summit(&hollow, 3, 3), 3.0);
-        let shoulder = [0, 0, 0, 100, 99, 99, 99].map(Force::from_num);
+        let shoulder = [0, 0, 0, 100, 99, 99, 99].map(SensedForce::from_num);
         assert_eq!(summit(&shoulder, 3, 3), 3.0);
-        assert_eq!(summit(&[Force::ONE; 7], 3, 3), 3.0);
+        assert_eq!(summit(&[SensedForce::ONE; 7], 3, 3), 3.0);
     }
 
     #[test]
     fn half_heights_are_crossed_between_samples_and_a_pulse_cut_off_has_no_width() {
-        let triangle: Vec<Force> = (0..100)
-            .map(|n: i32| Force::from_bits(1000 - 100 * (n - 50).abs().min(10)))
+        let triangle: Vec<SensedForce> = (0..100)
+            .map(|n: i32| SensedForce::from_bits(1000 - 100 * (n - 50).abs().min(10)))
             .collect();
         let wide = width(&triangle, 50).unwrap();
         assert!((wide - 10.0).abs() < 1e-6, "{wide}");
@@ -397,7 +380,10 @@ mod tests {
     #[test]
     fn the_width_goes_to_where_the_force_falls_below_half_and_may_be_a_single_sample() {
         let width = |forces: &[i32], peak| {
-            let forces: Vec<Force> = forces.iter().map(|&force| Force::from_bits(force)).collect();
+            let forces: Vec<SensedForce> = forces
+                .iter()
+                .map(|&force| SensedForce::from_bits(force))
+                .collect();
             width(&forces, peak)
         };
         assert_eq!(width(&[0, 0, 1000, 0, 0], 2), Some(1.0));
@@ -412,17 +398,17 @@ mod tests {
     #[test]
     fn the_first_of_the_highest_forces_is_the_peak_and_the_extremes_include_zero() {
         let mut record = WindowRecord::new();
-        let forces = [0, 3, 7, 2, 7, 1].map(Force::from_num);
+        let forces = [0, 3, 7, 2, 7, 1].map(SensedForce::from_num);
         let accelerations = [0, 5, -9, 8, 2, 0].map(SensedAcceleration::from_num);
         record.extend(&forces, &accelerations);
         let peaks = record.peaks();
-        assert_eq!((peaks.force, peaks.sample), (Force::from_num(7), 2));
+        assert_eq!((peaks.force, peaks.sample), (SensedForce::from_num(7), 2));
         let stated = [-9, 8].map(SensedAcceleration::from_num);
         assert_eq!([*peaks.acceleration.start(), *peaks.acceleration.end()], stated);
         let mut below = WindowRecord::new();
-        below.extend(&[-Force::ONE; 3], &[SensedAcceleration::ONE; 3]);
+        below.extend(&[-SensedForce::ONE; 3], &[SensedAcceleration::ONE; 3]);
         let peaks = below.peaks();
-        assert_eq!((peaks.force, peaks.sample), (Force::ZERO, 0));
+        assert_eq!((peaks.force, peaks.sample), (SensedForce::ZERO, 0));
         let stated = SensedAcceleration::ZERO..=SensedAcceleration::ONE;
         assert_eq!(peaks.acceleration, stated);
     }
@@ -430,15 +416,12 @@ mod tests {
     #[test]
     fn a_window_of_nothing_has_no_shape() {
         let mut record = WindowRecord::new();
-        assert_eq!(
-            Shape::of(100_000, &record, 0, 0, 0.0, Fine::ZERO),
-            Shape::default()
-        );
+        assert_eq!(shape(100_000, &record, 0, 0, 0.0, Fine::ZERO), Shape::default());
         record.clear();
         for _ in 0..50 {
-            record.extend(&[Force::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
+            record.extend(&[SensedForce::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
             assert_eq!(
-                Shape::of(100_000, &record, 0, 5000, 0.0, Fine::ZERO),
+                shape(100_000, &record, 0, 5000, 0.0, Fine::ZERO),
                 Shape::default()
             );
         }
@@ -454,8 +437,8 @@ mod tests {
             decay_tolerance: I16F16::from_num(0.25),
         };
         let rung = |frequency: f64, decay: f64| Shape {
-            ring_frequency: Fine::from_num(frequency),
-            ring_decay: Fine::from_num(decay),
+            ring_frequency: Frequency::from_bits(Fine::from_num(frequency).to_bits()),
+            ring_decay: Decay::from_bits(Fine::from_num(decay).to_bits()),
             ..Shape::default()
         };
         for (shape, other) in [

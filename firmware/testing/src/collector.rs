@@ -1,6 +1,6 @@
 //! A sink that keeps what a meter gives.
 
-use bead_model::{Chunk, Meter, Origin, Scan, Settings, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Origin, Scan, Settings, Shape, Sink, Strike};
 
 /// Everything that a meter gave, in its order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -10,7 +10,9 @@ pub struct Collector {
     /// Pieces of windows.
     pub chunks: Vec<Chunk>,
     /// Results of strikes.
-    pub reports: Vec<StrikeReport>,
+    pub reports: Vec<Strike>,
+    /// Their shapes.
+    pub shapes: Vec<Shape>,
 }
 
 impl Collector {
@@ -44,7 +46,8 @@ impl Sink for Collector {
         self.chunks.push(chunk.clone());
     }
 
-    fn report(&mut self, report: &StrikeReport) {
-        self.reports.push(*report);
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.reports.push(*strike);
+        self.shapes.push(*shape);
     }
 }

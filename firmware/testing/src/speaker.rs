@@ -1,8 +1,10 @@
 //! A bead that speaks: messages in, frames out.
 
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
-use bead_wire::{Block, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, StrikeFlags, encode};
+use bead_model::{Chunk, Meter, Scan, Sink};
+use bead_wire::{
+    Block, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, Shape, Strike, Waveform, encode,
+};
 
 /// A bead's end of a line. Its frames are numbered one after another.
 ///
@@ -87,14 +89,11 @@ pub fn block_of(settings: &bead_model::Settings) -> Settings {
 
 impl Sink for Speaker {
     fn chunk(&mut self, chunk: &Chunk) {
-        self.say(chunk.first_index, bead_telemetry::waveform(chunk));
+        self.say(chunk.first_index, Waveform::from(chunk));
     }
 
-    fn report(&mut self, report: &StrikeReport) {
-        self.say(
-            report.trigger_index,
-            bead_telemetry::strike(report, StrikeFlags::NONE),
-        );
-        self.say(report.trigger_index, bead_telemetry::shape(report));
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.say(strike.trigger_index, *strike);
+        self.say(strike.trigger_index, *shape);
     }
 }

@@ -45,7 +45,7 @@ pub use message::*;
 pub use names::named;
 pub use payload::{BufferTooSmall, VERSION};
 pub use quantity::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples, Unit};
-pub use queue::{Queue, taken};
+pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
 pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};
 pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};

@@ -139,6 +139,11 @@ macro_rules! bits {
                 Self(self.0 | others.0)
             }
 
+            /// The set with `others` in it if `condition`.
+            pub const fn with_if(self, condition: bool, others: Self) -> Self {
+                if condition { self.with(others) } else { self }
+            }
+
             /// The set without `others`.
             pub const fn without(self, others: Self) -> Self {
                 Self(self.0 & !others.0)

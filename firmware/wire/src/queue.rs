@@ -8,7 +8,15 @@
 //! **Some room is kept.** [`push`](Queue::push) leaves a number of bytes free that its caller names. What
 //! comes in bulk leaves room for what a host waits for.
 
+use crate::codes::MAX_SCANS;
 use crate::frame::Packed;
+use crate::message::Kind;
+
+/// Bytes of a bead's queue: the windows of three strikes, about 3.6 KB each.
+pub const OUTBOX: usize = 13 * 1024;
+/// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for everything that a request can
+/// ask for, and for the frames of every second.
+pub const KEPT: usize = 2048;
 
 /// Bytes before a record.
 const LENGTH: usize = 4;
@@ -106,13 +114,21 @@ pub const fn taken(payload: usize) -> usize {
     LENGTH + payload.next_multiple_of(4)
 }
 
+/// Bytes that the frames of a window of this many scans take at most, with every scan at both gains.
+pub const fn room_for_window(scans: usize) -> usize {
+    const fn frame(kind: Kind) -> usize {
+        taken(Packed::HEADER + kind.longest())
+    }
+    scans.div_ceil(MAX_SCANS) * frame(Kind::Waveform) + frame(Kind::Strike) + frame(Kind::Shape)
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
     use crate::message::reply::Outcome;
-    use crate::message::{Kind, Message, Reply};
+    use crate::message::{Message, Reply};
     use std::collections::VecDeque;
     use std::vec::Vec;
 

@@ -1,7 +1,7 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
 use bead_model::layout::BASELINE;
-use bead_model::{Meter, Origin, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Meter, Origin, Settings, Sink, Window, WindowRecord};
 use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
 
 use crate::recording::strikes::{Chunk, RecordedStrike, ScanCodes};
@@ -68,14 +68,13 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     for codes in &strike.scans {
         window.process(settings, &[codes.scan()], &mut record);
         energies.push((
-            Energy::from_bits(window.absorbed_measured(settings).to_bits()),
-            Energy::from_bits(window.absorbed_predicted(settings).to_bits()),
+            window.absorbed_measured(settings),
+            window.absorbed_predicted(settings),
         ));
     }
-    let report = window.report(settings, &record);
-    let said = bead_telemetry::strike(&report, StrikeFlags::NONE);
+    let (said, shape) = window.report(settings, &record);
     let first_difference = differs_in_chunks(strike, &energies)
-        .or_else(|| differs_in_results(strike, &said, &bead_telemetry::shape(&report)))
+        .or_else(|| differs_in_results(strike, &said, &shape))
         .map(|what| format!("strike {number}: {what}"))
         .or_else(|| differs_as_stream(strike, settings));
     Replay {
@@ -211,7 +210,7 @@ fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> 
 #[derive(Default)]
 struct Heard {
     chunks: Vec<Chunk>,
-    report: Option<StrikeReport>,
+    report: Option<(Strike, Shape)>,
 }
 
 impl Sink for Heard {
@@ -219,13 +218,13 @@ impl Sink for Heard {
         let end = self.chunks.last().map_or(0, |chunk| chunk.end) + chunk.scans.len();
         self.chunks.push(Chunk {
             end,
-            absorbed_measured: Energy::from_bits(chunk.absorbed_measured.to_bits()),
-            absorbed_predicted: Energy::from_bits(chunk.absorbed_predicted.to_bits()),
+            absorbed_measured: chunk.absorbed_measured,
+            absorbed_predicted: chunk.absorbed_predicted,
         });
     }
 
-    fn report(&mut self, report: &StrikeReport) {
-        self.report = Some(*report);
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.report = Some((*strike, *shape));
     }
 }
 
@@ -274,7 +273,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
             ));
         }
     }
-    let Some(report) = heard.report else {
+    let Some((said, shape)) = heard.report else {
         return Some(format!(
             "strike {number}: the detector does not fire on these samples, the device's fired at {}",
             strike.said.trigger_index
@@ -282,11 +281,11 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     };
     let said = Strike {
         strike: number,
-        ..bead_telemetry::strike(&report, StrikeFlags::NONE)
+        ..said
     };
     let shape = Shape {
         strike: number,
-        ..bead_telemetry::shape(&report)
+        ..shape
     };
     differs_in_results(strike, &said, &shape)
         .map(|what| format!("strike {number}, as a stream: {what}"))
@@ -336,15 +335,18 @@ mod tests {
         for (index, codes) in (first..).zip(past.iter().chain(&strike.scans)) {
             meter.process(&settings, index, [codes.scan()], &mut heard);
         }
-        let report = heard.report.unwrap();
-        assert_eq!(report.trigger_index, strike.said.trigger_index);
+        let (said, shape) = heard.report.unwrap();
+        assert_eq!(said.trigger_index, strike.said.trigger_index);
         let flags = match asked {
             Some(_) => StrikeFlags::TRIGGERED_BY_LINE,
             None => StrikeFlags::NONE,
         };
         RecordedStrike {
-            said: bead_telemetry::strike(&report, flags),
-            shape: Some(bead_telemetry::shape(&report)),
+            said: Strike {
+                flags: said.flags.with(flags),
+                ..said
+            },
+            shape: Some(shape),
             chunks: heard.chunks,
             ..strike
         }

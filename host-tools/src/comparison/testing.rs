@@ -5,7 +5,6 @@ use std::sync::LazyLock;
 use bead_model::design::{Capture, derive};
 use bead_model::{Scan, Settings, Window, WindowRecord};
 use bead_testing::Collector;
-use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 
 use crate::bench::front_end::FrontEnd;
@@ -48,8 +47,8 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
         timing.scans(solution.end()),
         Some(seed),
     );
-    let nothing = Window::open(0, 0).report(&settings, &WindowRecord::new());
-    let mut strike = RecordedStrike::new(0, bead_telemetry::strike(&nothing, StrikeFlags::NONE));
+    let (nothing, _) = Window::open(0, 0).report(&settings, &WindowRecord::new());
+    let mut strike = RecordedStrike::new(0, nothing);
     strike.settings = Some(settings);
     feed(&settings, &codes.scans, &mut strike).then_some(strike)
 }
@@ -57,15 +56,15 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
 /// Whether the detector fired.
 fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) -> bool {
     let scans: Vec<Scan> = codes.iter().copied().map(Scan::new).collect();
-    let Collector { chunks, reports, .. } = Collector::measure(settings, 1, &scans);
-    chunks
-        .iter()
-        .for_each(|chunk| strike.push(&bead_telemetry::waveform(chunk)));
-    let [report] = &reports[..] else {
-        assert!(reports.is_empty());
+    let collected = Collector::measure(settings, 1, &scans);
+    for chunk in &collected.chunks {
+        strike.push(&chunk.into());
+    }
+    let [report] = collected.reports[..] else {
+        assert!(collected.reports.is_empty());
         return false;
     };
-    strike.said = bead_telemetry::strike(report, StrikeFlags::NONE);
-    strike.shape = Some(bead_telemetry::shape(report));
+    strike.said = report;
+    strike.shape = collected.shapes.first().copied();
     true
 }

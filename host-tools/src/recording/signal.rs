@@ -8,9 +8,9 @@
 //! one.
 
 use bead_model::layout::{BASELINE, PIECE};
-use bead_model::quantity::SensedAcceleration;
+use bead_model::quantity::{SensedAcceleration, SensedForce};
 use bead_model::sensor::{Sensor, SensorState};
-use bead_model::{Force, Pair, Scan, Settings};
+use bead_model::{Pair, Scan, Settings};
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
 
@@ -31,7 +31,7 @@ impl Signal {
         let scans: Vec<Scan> = scans.iter().map(ScanCodes::scan).collect();
         let pairs = |of: fn(&Scan) -> Pair| -> Vec<Pair> { scans.iter().map(of).collect() };
         Some(Self {
-            force: values(&settings.force, &pairs(|scan| scan.force), Force::ZERO)?,
+            force: values(&settings.force, &pairs(|scan| scan.force), SensedForce::ZERO)?,
             acceleration: values(
                 &settings.acceleration,
                 &pairs(|scan| scan.acceleration),
@@ -107,15 +107,15 @@ mod tests {
             for scan in &scans {
                 window.process(&settings, &[scan.scan()], &mut record);
             }
-            let report = window.report(&settings, &record);
-            let peak_force: f64 = report.peak_force.to_num();
+            let (report, shape) = window.report(&settings, &record);
+            let peak_force = report.peak_force.newtons();
             assert_eq!(signal.force[report.peak_index as usize], peak_force);
             assert!((peak_force / peak - 1.0).abs() < 0.02, "{peak_force}");
             let highest = signal.acceleration.iter().copied().fold(f64::MIN, f64::max);
-            assert_eq!(highest, report.acceleration_max.to_num::<f64>());
+            assert_eq!(highest, report.acceleration_max.metres_per_second_squared());
             // The record begins with the last sample of the baseline and has not the last of the window.
             let momentum: f64 = signal.force[63..671].iter().sum();
-            assert_eq!(momentum, report.shape.impulse.to_num::<f64>());
+            assert_eq!(momentum, shape.impulse.newton_samples());
             assert_eq!(signal.force.len(), scans.len());
             // The quiet start is at zero, but for the noise of half a code.
             assert!(signal.force[..63].iter().all(|force| force.abs() < 16.0 / 4096.0));

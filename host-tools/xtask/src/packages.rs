@@ -10,7 +10,7 @@ pub(crate) const HOST: &str =
 
 /// The packages that others can use, for crates.io: each may depend on those before it.
 pub(crate) const PUBLISHED: &str = "-p bead-crc -p hertz-chain -p stm32f405-qemu -p bead-model -p bead-wire \
-    -p bead-store -p bead-telemetry -p hertz-charts -p hertz-figures -p absorber-bead";
+    -p bead-store -p hertz-charts -p hertz-figures -p absorber-bead";
 
 /// The flash image, as cargo builds it.
 pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabihf -p bead-firmware";

@@ -2,10 +2,11 @@
 //! meter, its messages, its outbox. After each it is told to look for no strikes, and answers in time.
 //! `within_reach.rs` tries dozens on the image itself.
 
-use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};
-use bead_telemetry::{KEPT, OUTBOX, room_for_window};
+use bead_model::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike};
 use bead_tests::any_settings;
-use bead_wire::{Kind, MAX_FRAME, Message, Outcome, Packed, Queue, Reply, StrikeFlags};
+use bead_wire::{
+    KEPT, Kind, MAX_FRAME, Message, OUTBOX, Outcome, Packed, Queue, Reply, Waveform, room_for_window,
+};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -60,12 +61,12 @@ impl Outbox {
 
 impl Sink for Outbox {
     fn chunk(&mut self, chunk: &Chunk) {
-        self.put(&bead_telemetry::waveform(chunk).into(), KEPT);
+        self.put(&Waveform::from(chunk).into(), KEPT);
     }
 
-    fn report(&mut self, report: &StrikeReport) {
-        self.put(&bead_telemetry::strike(report, StrikeFlags::NONE).into(), KEPT);
-        self.put(&bead_telemetry::shape(report).into(), KEPT);
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.put(&(*strike).into(), KEPT);
+        self.put(&(*shape).into(), KEPT);
     }
 }
 
@@ -127,7 +128,7 @@ fn run(settings: &Settings, stimulus: &Stimulus, random: &mut dyn FnMut() -> u64
     for now in 0.. {
         let disarmed = now >= disarm;
         // `firmware/src/estimate.rs`.
-        meter.pass_over(disarmed || outbox.room() < room_for_window(settings));
+        meter.pass_over(disarmed || outbox.room() < room_for_window(settings.window.length.into()));
         if disarmed && !meter.is_measuring() {
             rested.get_or_insert(now - disarm);
         }
@@ -152,7 +153,7 @@ fn run(settings: &Settings, stimulus: &Stimulus, random: &mut dyn FnMut() -> u64
         // `firmware/src/commands.rs` and `firmware/src/outbox.rs`.
         let patient = now - disarm.min(now) < PATIENCE;
         let enough = if patient {
-            KEPT + KEPT / 2 + room_for_window(settings)
+            KEPT + KEPT / 2 + room_for_window(settings.window.length.into())
         } else {
             KEPT / 2
         };

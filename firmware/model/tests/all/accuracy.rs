@@ -6,7 +6,7 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Flags, Scan, Settings, Window, WindowRecord};
+use bead_model::{Energy, Scan, Settings, StrikeFlags, Window, WindowRecord};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution, simulate};
 
@@ -127,16 +127,16 @@ impl Gauss {
 /// Errors of A and B, in per cent of the truth, for a strike without flags.
 fn errors(strike: &Strike) -> (f64, f64) {
     let (a, b, flags) = errors_and_flags(strike);
-    assert_eq!(flags, Flags::default());
+    assert_eq!(flags, StrikeFlags::NONE);
     (a, b)
 }
 
-fn errors_and_flags(strike: &Strike) -> (f64, f64, Flags) {
+fn errors_and_flags(strike: &Strike) -> (f64, f64, StrikeFlags) {
     let heard = Collector::measure(&strike.settings, 0, &strike.codes);
     assert_eq!(heard.reports.len(), 1, "one strike, one report");
     let report = &heard.reports[0];
-    assert!((report.peak_force.to_num::<f64>() / strike.peak_force - 1.0).abs() < 5e-3);
-    let error = |energy: bead_model::Energy| (energy.to_num::<f64>() / strike.truth - 1.0) * 100.0;
+    assert!((report.peak_force.newtons() / strike.peak_force - 1.0).abs() < 5e-3);
+    let error = |energy: Energy| (energy.joules() * 1e9 / strike.truth - 1.0) * 100.0;
     (
         error(report.absorbed_measured),
         error(report.absorbed_predicted),
@@ -209,18 +209,18 @@ fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
     let (a, b, flags) = error_with(|b| b.stiffness *= 1.05);
     println!("k +5 %: A {a:+.2} %, B {b:+.2} %");
     assert!((5.0..12.0).contains(&a.abs()) && (a - b).abs() < 0.5);
-    assert_eq!(flags, Flags::default());
+    assert_eq!(flags, StrikeFlags::NONE);
     // Outside the tolerance of 3 % in frequency, 6 % in k, it sets a flag of its own.
     let (_, _, flags) = error_with(|b| b.stiffness *= 1.08);
-    assert_eq!(flags, Flags::INTRUDER_DRIFTED);
+    assert_eq!(flags, StrikeFlags::INTRUDER_DRIFTED);
     let (a, b, flags) = error_with(|b| b.damping *= 1.1);
     println!("c +10 %: A {a:+.2} %, B {b:+.2} %");
     assert!((6.0..10.0).contains(&a.abs()) && b.abs() < 1.5);
-    assert_eq!(flags, Flags::ESTIMATES_DIFFER);
+    assert_eq!(flags, StrikeFlags::ESTIMATES_DIFFER);
     let (_, b, flags) = error_with(|b| b.relaxation = 0.0);
     println!("no τ: B {b:+.2} %");
     assert!((4.0..8.0).contains(&b.abs()));
-    assert_eq!(flags, Flags::ESTIMATES_DIFFER);
+    assert_eq!(flags, StrikeFlags::ESTIMATES_DIFFER);
 }
 
 #[test]
@@ -239,7 +239,7 @@ fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
             ..derive(&bead, &strike.front_end, &Capture::default()).unwrap()
         };
         let report = Collector::measure(&settings, 0, &strike.codes).reports[0];
-        (report.absorbed_predicted.to_num::<f64>() / strike.truth - 1.0) * 100.0
+        (report.absorbed_predicted.joules() * 1e9 / strike.truth - 1.0) * 100.0
     };
     let (unaware, aware) = (error_with(0.0), error_with(front_mass));
     println!("4 g in front: B {unaware:+.2} % untold, {aware:+.3} % told");
@@ -276,7 +276,10 @@ fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
         index - report.first_index,
         u64::from(strike.settings.window.length)
     );
-    assert_eq!(window.report(&strike.settings, &record), report);
+    assert_eq!(
+        window.report(&strike.settings, &record),
+        (report, heard.shapes[0])
+    );
 }
 
 #[test]
@@ -285,6 +288,6 @@ fn a_signal_beyond_its_range_is_flagged() {
         let strike = strike(0.45, 100_000, force_span, acceleration_span, 0.0);
         Collector::measure(&strike.settings, 0, &strike.codes).reports[0].flags
     };
-    assert_eq!(railed(16.0, 200.0), Flags::ACCELERATION_RAILED);
-    assert_eq!(railed(4.0, 500.0), Flags::FORCE_RAILED);
+    assert_eq!(railed(16.0, 200.0), StrikeFlags::ACCELERATION_RAILED);
+    assert_eq!(railed(4.0, 500.0), StrikeFlags::FORCE_RAILED);
 }

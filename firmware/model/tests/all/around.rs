@@ -78,7 +78,7 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
         let (mut window, mut record) = (Window::open(0, report.first_index), WindowRecord::new());
         record.clear();
         window.process(&settings, &heard.scans(), &mut record);
-        assert_eq!(window.report(&settings, &record), report);
+        assert_eq!(window.report(&settings, &record), (report, heard.shapes[0]));
     }
 }
 
@@ -95,7 +95,10 @@ fn what_a_bead_finds_by_itself_goes_first() {
         (1990, 2290),
     ] {
         let heard = hear(1500.0, told(instant, at));
-        assert_eq!((&heard.opened, &heard.reports), (&alone.opened, &alone.reports));
+        assert_eq!(
+            (&heard.opened, &heard.reports, &heard.shapes),
+            (&alone.opened, &alone.reports, &alone.shapes)
+        );
     }
     // Later than that, the line's window is the first, and has what the force would have found.
     let heard = hear(1500.0, told(trigger - 310, trigger - 10));

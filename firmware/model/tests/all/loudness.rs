@@ -4,7 +4,7 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::layout::{BASELINE, PIECE};
-use bead_model::{Chunk, Scan, Settings, StrikeReport, Window, WindowRecord};
+use bead_model::{Chunk, Scan, Settings, Shape, Strike, Window, WindowRecord};
 use bead_testing::Collector;
 
 /// The scan that triggers.
@@ -41,7 +41,7 @@ fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Collector {
 }
 
 /// The report of the same window with other wide codes in the pieces for which `wide` does not ask.
-fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool) -> StrikeReport {
+fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool) -> (Strike, Shape) {
     let mut scans: Vec<Scan> = Vec::new();
     for chunk in &heard.chunks {
         if wide(chunk) {
@@ -107,7 +107,7 @@ fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_w
     for loud in [[3950, 0], [0, 2000], [3950, 2000]] {
         for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
             let heard = hear(&settings, loud, at);
-            let report = heard.reports[0];
+            let report = (heard.reports[0], heard.shapes[0]);
             assert_eq!(
                 replay(&settings, &heard, |chunk| chunk.loud),
                 report,

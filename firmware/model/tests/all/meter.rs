@@ -3,7 +3,7 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::Name;
-use bead_model::{Flags, Meter, Scan, Settings, Window, WindowRecord};
+use bead_model::{Meter, Scan, Settings, StrikeFlags, Window, WindowRecord};
 use bead_testing::Collector;
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
@@ -138,7 +138,8 @@ fn words_of_a_dma_are_measured_as_the_scans_that_they_hold() {
     let (mut meter, mut heard) = (Meter::new(), Collector::default());
     meter.process_words(&settings(), 0, &words, &mut heard);
     assert_eq!(heard.reports.len(), 1);
-    assert_eq!(heard.reports, hear(forces).1.reports);
+    let again = hear(forces).1;
+    assert_eq!((&heard.reports, &heard.shapes), (&again.reports, &again.shapes));
 }
 
 #[test]
@@ -172,7 +173,7 @@ fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
         }
         // The last strike is complete in either case.
         meter.process(&settings, index, [scan(128); 3000], &mut heard);
-        (heard.reports.clone(), heard.samples())
+        (heard.reports.clone(), heard.shapes.clone(), heard.samples())
     };
     let whole = hear(stream.len());
     assert!(whole.0.len() > 60, "{}", whole.0.len());
@@ -321,8 +322,8 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
     };
     // Peaks of 300 N and of 2.8 kN give overlaps of 80 and 390 µm; half the format is 256 µm. The
     // acceleration is zero.
-    assert_eq!(flags(0.2), Flags::ESTIMATES_DIFFER);
-    assert_eq!(flags(1.9), Flags::CHAIN_RANGE);
+    assert_eq!(flags(0.2), StrikeFlags::ESTIMATES_DIFFER);
+    assert_eq!(flags(1.9), StrikeFlags::CHAIN_RANGE);
 }
 
 #[test]
@@ -454,7 +455,7 @@ proptest! {
             }
         }
         prop_assert_eq!(heard.reports.len(), 1);
-        prop_assert_eq!(&heard.reports, &in_pieces.reports);
+        prop_assert_eq!((&heard.reports, &heard.shapes), (&in_pieces.reports, &in_pieces.shapes));
         prop_assert_eq!(heard.samples(), in_pieces.samples());
     }
 

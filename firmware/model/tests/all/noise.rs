@@ -77,9 +77,9 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
                 })
                 .collect();
             [
-                report.absorbed_measured.to_num::<f64>(),
+                1e9 * report.absorbed_measured.joules(),
                 with_noise(&settings, window),
-                report.absorbed_predicted.to_num::<f64>(),
+                1e9 * report.absorbed_predicted.joules(),
                 predicted(&settings, &gated),
             ]
             .map(|energy| 100.0 * (energy / absorbed - 1.0))
@@ -103,7 +103,7 @@ fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
     for piece in accelerations.chunks(PIECE) {
         settings.observer.process(0, &mut state, piece);
     }
-    settings.observer.absorbed(0, &state).to_num()
+    1e9 * settings.observer.absorbed(0, &state).joules()
 }
 
 /// Estimate B of a window.
@@ -111,7 +111,7 @@ fn predicted(settings: &Settings, scans: &[Scan]) -> f64 {
     let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
     record.clear();
     window.process(settings, scans, &mut record);
-    window.absorbed_predicted(settings).to_num()
+    1e9 * window.absorbed_predicted(settings).joules()
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn shape_of(settings: &Settings, scans: &[Scan]) -> Shape {
     let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
     record.clear();
     window.process(settings, scans, &mut record);
-    window.report(settings, &record).shape
+    window.report(settings, &record).1
 }
 
 /// Errors of a shape: arrival in samples, width, impulse, frequency and decay in per cent.
@@ -92,11 +92,11 @@ fn errors(solution: &Solution, host: usize, stiffness: f64, shape: &Shape) -> [f
     let frequency = (stiffness / reduced - decay * decay).sqrt() / std::f64::consts::TAU;
     let percent = |value: f64, truth: f64| 100.0 * (value / truth - 1.0);
     [
-        shape.arrival.to_num::<f64>() - LEAD as f64 - pulse.time * RATE,
-        percent(shape.width.to_num(), pulse.fwhm.unwrap() * RATE),
-        percent(shape.impulse.to_num::<f64>() / RATE, impulse),
-        percent(shape.ring_frequency.to_num(), frequency),
-        percent(shape.ring_decay.to_num(), decay),
+        shape.arrival.samples() - LEAD as f64 - pulse.time * RATE,
+        percent(shape.width.samples(), pulse.fwhm.unwrap() * RATE),
+        percent(shape.impulse.newton_samples() / RATE, impulse),
+        percent(shape.ring_frequency.hertz(), frequency),
+        percent(shape.ring_decay.per_second(), decay),
     ]
 }
 

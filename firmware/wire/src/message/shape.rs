@@ -3,7 +3,7 @@ use crate::quantity::{Decay, Fraction, Frequency, Impulse, Samples};
 
 body! {
     /// The shape of one strike. It follows the strike frame. A value that could not be found is 0.
-    pub struct Shape: Copy {
+    pub struct Shape: Copy, Default {
         /// Number of the strike since the last reset, from 0.
         pub strike: u32,
         /// Sample index of the first scan of the window.

@@ -9,7 +9,7 @@ use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive_among};
 use bead_model::{Scan, Settings};
 use bead_testing::{Collector, Speaker, block_of};
-use bead_wire::{Message, StrikeFlags, Sync};
+use bead_wire::{Message, Sync, Waveform};
 use hertz_chain::{Scenario, Solution};
 
 const RATE: f64 = 1e5;
@@ -142,15 +142,16 @@ fn strikes_of(collected: &Collector, who: &Who) -> Vec<(u64, Message)> {
     let is_lost = |strike: u32| who.lost.contains(&strike);
     for chunk in collected.chunks.iter().filter(|chunk| !is_lost(chunk.strike)) {
         let index = chunk.first_index + chunk.scans.len() as u64;
-        messages.push((index, bead_telemetry::waveform(chunk).into()));
+        messages.push((index, Waveform::from(chunk).into()));
     }
-    for report in collected.reports.iter().filter(|report| !is_lost(report.strike)) {
+    let results = collected.reports.iter().zip(&collected.shapes);
+    for (report, shape) in results.filter(|(report, _)| !is_lost(report.strike)) {
         let index = report.first_index + u64::from(report.samples);
-        let mut strike = bead_telemetry::strike(report, StrikeFlags::NONE);
+        let mut strike = *report;
         let bits = strike.absorbed_predicted.bits() + who.wrong_by;
         strike.absorbed_predicted = bead_wire::Energy::from_bits(bits);
         messages.push((index, strike.into()));
-        messages.push((index, bead_telemetry::shape(report).into()));
+        messages.push((index, (*shape).into()));
     }
     messages
 }
