@@ -1,6 +1,7 @@
 //! Tables of sweeps, read and drawn.
 
-use bead::sweep::picture::{View, chart};
+use bead::sweep::picture::chart;
+use bead::sweep::view::View;
 use bead::tables::Reader;
 
 use crate::file;

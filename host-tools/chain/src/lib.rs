@@ -53,7 +53,7 @@ pub use run::{Run, Step, StepView};
 pub use samples::{Observable, Samples};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
-    TomlFile, Wall, plain_words, read_text,
+    TomlFile, Wall, plain_words, read_table, read_text,
 };
 pub use shaker::{FrequencySweep, ShakerResponse};
 pub use signal::Signal;

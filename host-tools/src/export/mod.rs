@@ -1,11 +1,10 @@
 //! Recordings as tables and as files of other trades.
 //!
 //! # Design
-//! Two tables: `strikes` has a row for each strike of each bead, `samples` a row for each sample of their
-//! windows; `id` joins them. A table has the same columns whatever the data, and what is not known is null.
-//! The unit of a column ends its name, as it does in JSON. Quantities stand beside the bits that they are
-//! made of, so nothing is lost on the way; doubles are exact. Rows are written in groups, so memory does not
-//! grow with the recordings.
+//! The table `strikes` has a row for each strike of each bead, `samples` a row for each sample of their
+//! windows; `id` joins them. The columns do not depend on the data, and unknown values are null. A column's
+//! name ends with its unit, as in JSON. Quantities stand beside the bits that they are made of, and doubles are
+//! exact. Rows are written in groups, so memory does not grow with the recordings.
 
 pub mod samples;
 pub mod strikes;

@@ -1,5 +1,5 @@
-//! The table `samples`: the windows of the strikes, a row for each sample. Both gains are merged into one
-//! signal in SI units, as the bead does it ([`Signal`]); the codes stand beside it.
+//! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in SI
+//! units by the bead's own code ([`Signal`]); the codes stand beside it.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Axes of a sweep: the values of one key, of several that go together, or of points that are drawn.
+//! Axes of a sweep: values of one key, of several keys together, or of points that are drawn.
 
 use std::collections::HashSet;
 
@@ -11,11 +11,11 @@ use crate::tables::{Cell, Kind};
 /// One direction of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// The column that numbers its places, where several keys change along it.
+    /// Name of the column with its places, where several keys change along it.
     pub name: Option<String>,
-    /// What changes along it.
+    /// The keys that change along it.
     pub along: Vec<Along>,
-    /// How many places it has.
+    /// Number of its places.
     pub count: u64,
 }
 
@@ -28,14 +28,14 @@ pub struct Along {
     pub values: Values,
 }
 
-/// Values by their place on the axis.
+/// Values by place.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
     /// `from + place * step`.
     Range {
         /// First value.
         from: f64,
-        /// Between two.
+        /// Step from one to the next.
         step: f64,
     },
     /// Equal steps.
@@ -44,7 +44,7 @@ pub enum Values {
         from: f64,
         /// Last value.
         to: f64,
-        /// How many.
+        /// Number of values.
         count: u64,
     },
     /// Equal factors.
@@ -53,47 +53,50 @@ pub enum Values {
         from: f64,
         /// Last value.
         to: f64,
-        /// How many.
+        /// Number of values.
         count: u64,
     },
-    /// As they were given.
+    /// Listed values.
     List {
         /// The values.
         values: Vec<Value>,
-        /// Whether all of them are numbers: that is asked for at each place.
+        /// True if all of them are numbers.
         numeric: bool,
     },
-    /// Between two values, evenly or in the logarithm.
+    /// Drawn between two values, evenly or in the logarithm.
     Drawn {
-        /// How.
+        /// Method.
         method: Method,
-        /// Of the whole axis.
+        /// Seed of the whole axis.
         seed: u64,
-        /// Which of `dimensions` this is.
+        /// Dimension of the key, from 0.
         dimension: usize,
-        /// How many are drawn together.
+        /// Number of keys that are drawn together.
         dimensions: usize,
         /// Least value.
         from: f64,
-        /// Greatest value; of beads the one above it, since what is drawn is cut.
+        /// Greatest value; of beads the next one, since drawn values are cut.
         to: f64,
-        /// Evenly in the logarithm.
+        /// True if drawn evenly in the logarithm.
         log: bool,
     },
 }
 
 impl Values {
-    /// Values as they were given.
+    /// Listed values.
     pub fn list(values: Vec<Value>) -> Self {
         let numeric = values.iter().all(|value| value.is_integer() || value.is_float());
         Self::List { values, numeric }
     }
 
-    /// The value at a place; none of a list.
+    /// The value at a place; `None` for a list.
     pub fn number(&self, place: u64) -> Option<f64> {
-        let at = |part: f64, from: f64, to: f64, log: bool| match log {
-            true => from * (to / from).powf(part),
-            false => from + part * (to - from),
+        let at = |part: f64, from: f64, to: f64, log: bool| {
+            if log {
+                from * (to / from).powf(part)
+            } else {
+                from + part * (to - from)
+            }
         };
         Some(match *self {
             Self::Range { from, step } => from + place as f64 * step,
@@ -131,7 +134,7 @@ impl Along {
             other => Value::Float(other.number(place).expect("only lists hold anything but numbers")),
         };
         match value {
-            // Beads are counted: all values are whole but for their rounding, and drawn ones are cut.
+            // Numbers of beads are whole but for rounding, and drawn ones are cut.
             Value::Float(number) if self.key.of_beads() => Value::Integer(match self.values {
                 Values::Drawn { to, .. } => number.floor().min(to - 1.0),
                 _ => number.round(),
@@ -141,7 +144,7 @@ impl Along {
         }
     }
 
-    /// What its column holds.
+    /// Kind of its column.
     pub fn kind(&self) -> Kind {
         match self.values {
             Values::List { numeric: false, .. } => Kind::Text,
@@ -161,7 +164,7 @@ impl Along {
         }
     }
 
-    /// A value that the axis has twice, if any: a cube has no place for it.
+    /// A value that the list has twice, which a cube has no place for.
     pub fn twice(&self) -> Option<String> {
         let Values::List { values, .. } = &self.values else {
             return None;
@@ -172,7 +175,7 @@ impl Along {
     }
 }
 
-/// A value for people: a list of beads with blanks between them.
+/// The text of a value: a list of beads with blanks between them.
 fn shown(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -182,7 +185,7 @@ fn shown(value: &Value) -> String {
 }
 
 impl Axis {
-    /// The column by which a table is turned into a cube.
+    /// Name of the column that is the axis of a cube.
     pub fn index(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.along[0].key.column())
     }
@@ -203,9 +206,10 @@ mod tests {
     fn the_ends_of_a_space_are_exact() {
         for log in [false, true] {
             let (from, to, count) = (0.1, 0.7, 7);
-            let values = match log {
-                true => Values::Log { from, to, count },
-                false => Values::Linear { from, to, count },
+            let values = if log {
+                Values::Log { from, to, count }
+            } else {
+                Values::Linear { from, to, count }
             };
             let axis = along("striker.velocity", values);
             assert_eq!(axis.value(0), Value::Float(0.1));
@@ -217,10 +221,10 @@ mod tests {
 
     #[test]
     fn beads_are_whole_and_lists_of_them_are_text() {
-        let beads = along("intruder.0.beads", Values::Range { from: 1.0, step: 1.0 });
+        let beads = along("intruder.1.beads", Values::Range { from: 1.0, step: 1.0 });
         assert_eq!((beads.value(6), beads.kind()), (Value::Integer(7), Kind::Whole));
         let lists = vec![Value::Integer(7), Value::Array(vec![7.into(), 8.into()])];
-        let lists = along("intruder.0.beads", Values::list(lists));
+        let lists = along("intruder.1.beads", Values::list(lists));
         assert_eq!(
             (lists.kind(), lists.cell(1)),
             (Kind::Text, Cell::Text("7 8".into()))

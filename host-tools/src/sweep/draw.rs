@@ -1,9 +1,9 @@
-//! Points drawn from a cube: at random, or spread evenly.
+//! Points of a cube, drawn at random or spread evenly.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// How points are drawn. A point depends on its number and the seed alone.
+/// A method to draw points. A point depends on its number and the seed alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// Independent points.
@@ -14,12 +14,12 @@ pub enum Method {
     Quasirandom,
 }
 
-/// One coordinate of a point, 0 to 1, in a cube of `dimensions`.
+/// A coordinate of a point, 0 to 1, in a cube of `dimensions`.
 pub fn coordinate(method: Method, seed: u64, point: u64, dimension: usize, dimensions: usize) -> f64 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let bits = match method {
         Method::Random => {
-            // Two words each.
+            // Two words for each coordinate.
             let place = u128::from(point) * dimensions as u128 + dimension as u128;
             random.set_word_pos(2 * place);
             random.next_u64()
@@ -37,7 +37,7 @@ pub fn coordinate(method: Method, seed: u64, point: u64, dimension: usize, dimen
     (bits >> 11) as f64 * 2.0_f64.powi(-53)
 }
 
-/// φ of so many dimensions.
+/// φ of a number of dimensions.
 fn ratio(dimensions: usize) -> f64 {
     let mut x = 2.0_f64;
     for _ in 0..64 {

@@ -327,11 +327,6 @@ impl Folder {
         let _ = fs::remove_dir(&self.path);
     }
 
-    /// A further file of the folder.
-    pub fn beside(&self, name: &str) -> PathBuf {
-        self.path.join(name)
-    }
-
     /// Size of the parts so far, bytes.
     pub fn size(&self) -> u64 {
         let part = |chunk| File::open(self.part(chunk)).and_then(|file| file.metadata());

@@ -1,14 +1,15 @@
-//! Keys of a scenario, as a sweep names them: `striker.velocity`, `intruder.0.mass`.
+//! Keys of a scenario in a sweep: `striker.velocity`, `intruder.1.mass`.
 
+use hertz_chain::InputError;
 use toml::{Table, Value};
 
-/// A dotted key. Tables of an array, such as `[[intruder]]`, are counted from 0.
+/// A dotted key. Entries of a list, such as `[[intruder]]`, are counted from 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Key {
     segments: Vec<String>,
 }
 
-/// What each key is measured in, as it ends the name of a column.
+/// Units of keys, as endings of columns ([`crate::tables::unit`]).
 const UNITS: [(&str, &str); 11] = [
     ("damping", "n_s_per_m"),
     ("density", "kg_per_m3"),
@@ -23,21 +24,20 @@ const UNITS: [(&str, &str); 11] = [
     ("young", "pa"),
 ];
 
-/// Parts of a key. Those of a scenario have four at most.
+/// Parts of a key at most. Those of a scenario have four.
 const MOST_PARTS: usize = 8;
 
 impl Key {
     /// Reads a dotted key.
     ///
     /// # Errors
-    /// What is wrong, and what would do.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    /// The text is no key.
+    pub fn parse(text: &str) -> Result<Self, InputError> {
         let count = text.split('.').count();
         if count > MOST_PARTS {
             // A scenario with tables so deep in each other cannot even be dropped.
-            return Err(format!(
-                "a key of {count} parts is in no scenario; write it like intruder.0.mass"
-            ));
+            let what = format!("a key of {count} parts is in no scenario");
+            return Err(InputError::at("", what, "write it like intruder.1.mass"));
         }
         let segments: Vec<String> = text.split('.').map(str::to_owned).collect();
         let word =
@@ -45,17 +45,17 @@ impl Key {
         if segments.iter().all(word) {
             return Ok(Self { segments });
         }
-        Err(format!(
-            "`{text}` is no key; write it like striker.velocity or intruder.0.mass (tables of a list are counted from 0)"
-        ))
+        let advice =
+            "write it like striker.velocity or intruder.1.mass (tables of a list are counted from 1)";
+        Err(InputError::at("", format!("`{text}` is no key"), advice))
     }
 
-    /// Whether its value counts or names beads.
+    /// True if its value is a number of beads, or names beads.
     pub fn of_beads(&self) -> bool {
         self.segments.iter().any(|part| part == "beads")
     }
 
-    /// The name of its column: the key, and its unit.
+    /// Name of its column: the key and its unit.
     pub fn column(&self) -> String {
         let name = self.segments.join("_");
         let last = self.segments.last().map_or("", String::as_str);
@@ -68,8 +68,8 @@ impl Key {
     /// Sets the value in a scenario. One bead stands for a list of one.
     ///
     /// # Errors
-    /// There is no such place.
-    pub fn set(&self, scenario: &mut Table, value: Value) -> Result<(), String> {
+    /// The scenario has no such place.
+    pub fn set(&self, scenario: &mut Table, value: Value) -> Result<(), InputError> {
         let (first, rest) = self.segments.split_first().expect("a key has a segment");
         if rest.is_empty() {
             scenario.insert(first.clone(), value);
@@ -95,24 +95,30 @@ impl Key {
         Ok(())
     }
 
-    fn inside<'a>(&self, at: &'a mut Value, part: &str, path: &str) -> Result<&'a mut Value, String> {
+    fn inside<'a>(&self, at: &'a mut Value, part: &str, path: &str) -> Result<&'a mut Value, InputError> {
         match at {
             Value::Table(table) => Ok(table
                 .entry(part.to_owned())
                 .or_insert_with(|| Value::Table(Table::new()))),
             Value::Array(list) => {
                 let count = list.len();
-                let place = part.parse::<usize>().ok();
+                let place = part
+                    .parse::<usize>()
+                    .ok()
+                    .and_then(|number| number.checked_sub(1));
                 place.and_then(|place| list.get_mut(place)).ok_or_else(|| {
-                    format!(
-                        "{self} is not in the scenario: `{path}` has {count} there, counted from 0, and `{part}` is none of them; \
-                         write it like {path}.0, or add it to the scenario"
-                    )
+                    let what = format!(
+                        "{self} is not in the scenario: `{path}` has {count} there, counted from 1, and `{part}` is none of \
+                         them"
+                    );
+                    let advice = format!("write it like {path}.1, or add it to the scenario");
+                    InputError::at("", what, advice)
                 })
             }
-            _ => Err(format!(
-                "{self} is not in the scenario: `{path}` is a single value; leave `.{part}` out"
-            )),
+            _ => {
+                let what = format!("{self} is not in the scenario: `{path}` is a single value");
+                Err(InputError::at("", what, format!("leave `.{part}` out")))
+            }
         }
     }
 }
@@ -132,24 +138,27 @@ mod tests {
         let mut scenario: Table = toml::from_str(&hertz_chain::Scenario::paper().to_toml()).unwrap();
         let mut set = |key: &str, value: Value| Key::parse(key).unwrap().set(&mut scenario, value);
         set("duration", 0.003.into()).unwrap();
-        set("intruder.0.mass", 0.002.into()).unwrap();
-        set("intruder.0.beads", 7.into()).unwrap();
-        set("intruder.0.beads.0", 9.into()).unwrap();
+        set("intruder.1.mass", 0.002.into()).unwrap();
+        set("intruder.1.beads", 7.into()).unwrap();
+        set("intruder.1.beads.1", 9.into()).unwrap();
         set("striker.mass", 0.001.into()).unwrap();
         set("chain.beads", 20.into()).unwrap();
         assert!(
-            set("intruder.1.mass", 1.0.into())
+            set("intruder.0.mass", 1.0.into())
                 .unwrap_err()
-                .contains("counted from 0")
+                .what
+                .contains("counted from 1")
         );
         assert!(
             set("intruder.mass", 1.0.into())
                 .unwrap_err()
-                .contains("intruder.0")
+                .advice
+                .contains("intruder.1")
         );
         assert!(
             set("duration.s", 1.0.into())
                 .unwrap_err()
+                .what
                 .contains("single value")
         );
         let scenario: hertz_chain::Scenario = scenario.try_into().unwrap();
@@ -164,7 +173,7 @@ mod tests {
     #[test]
     fn a_column_is_named_by_key_and_unit() {
         let column = |key: &str| Key::parse(key).unwrap().column();
-        assert_eq!(column("intruder.0.mass"), "intruder_0_mass_kg");
+        assert_eq!(column("intruder.1.mass"), "intruder_1_mass_kg");
         assert_eq!(column("chain.poisson"), "chain_poisson");
         for wrong in ["", "a..b", "intruder[0].mass", "a b", "chain."] {
             assert!(Key::parse(wrong).is_err(), "{wrong}");
@@ -173,6 +182,7 @@ mod tests {
         assert!(
             Key::parse(&deep)
                 .unwrap_err()
+                .what
                 .starts_with("a key of 100000 parts")
         );
     }

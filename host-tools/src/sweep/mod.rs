@@ -1,14 +1,15 @@
 //! Sweeps: many scenarios from one, over axes of parameters, into one table.
 //!
 //! # Design
-//! A [`definition`] names a scenario, axes and outputs. Its points are numbered: the last axis turns fastest.
-//! A point's scenario and row depend on its number alone, so points can be computed in any chunks, by any
-//! number of threads and programs. A [`folder`] holds a plan and a part for each finished chunk. A part
-//! appears whole or not at all, so the parts that are there tell where to go on. Merged, they give the same
-//! bytes whatever the chunks were. One machine and a cluster work in the same way; [`slurm`] only says who
-//! computes which chunk.
+//! A [`definition`] names a scenario, axes and outputs. Points are numbered, and the last axis turns fastest.
+//! The scenario and the row of a point depend on its number alone, so any number of threads and programs can
+//! compute points in any chunks. A [`folder`] holds a plan and a part for each finished chunk. A part appears
+//! whole or not at all, so the parts tell where to go on, and their merged bytes do not depend on the chunks.
+//! One machine and a cluster work alike; [`slurm`] only assigns chunks to jobs. [`time_series`] is the table of
+//! a single run.
 
 pub mod axis;
+mod axis_table;
 pub mod compute;
 pub mod definition;
 pub mod draw;
@@ -17,5 +18,7 @@ pub mod key;
 pub mod outputs;
 pub mod picture;
 pub mod plan;
+mod side;
 pub mod slurm;
 pub mod time_series;
+pub mod view;

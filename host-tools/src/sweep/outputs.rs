@@ -75,7 +75,7 @@ impl Outputs {
         }));
         names.extend(each(&self.transmission, |bead| {
             vec![
-                format!("behind_bead_{bead}_J"),
+                format!("behind_bead_{bead}_j"),
                 format!("behind_bead_{bead}_of_injected"),
             ]
         }));

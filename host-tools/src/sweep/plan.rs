@@ -1,4 +1,4 @@
-//! A sweep's points by number, and the name by which plans are told apart.
+//! The points of a sweep by number.
 
 use std::hash::Hasher;
 use std::path::Path;
@@ -14,10 +14,9 @@ use crate::tables::{Cell, Column, Kind};
 #[derive(Debug, Clone)]
 pub struct Plan {
     definition: Definition,
-    axes: Vec<Axis>,
-    /// How far apart in number two places of each axis are.
+    /// Distance in number between two places of each axis.
     strides: Vec<u64>,
-    /// How many results a row has.
+    /// Number of results of a row.
     results: usize,
     points: u64,
     hash: String,
@@ -30,7 +29,7 @@ impl Plan {
     /// Reads a sweep's file.
     ///
     /// # Errors
-    /// [`InputError`]: the file, or the scenario that it names, is not in order.
+    /// The file, or the scenario that it names, is wrong.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::new(Definition::load(path)?)
     }
@@ -38,9 +37,9 @@ impl Plan {
     /// The points of a definition.
     ///
     /// # Errors
-    /// [`InputError`]: a key or a value that is not in order, or more points than there are numbers.
+    /// The axes have more points than can be numbered.
     pub fn new(definition: Definition) -> Result<Self, InputError> {
-        let axes = definition.axes()?;
+        let axes = &definition.axes;
         let product = axes
             .iter()
             .try_fold(1_u64, |points, axis| points.checked_mul(axis.count));
@@ -64,53 +63,54 @@ impl Plan {
         Ok(Self {
             results: definition.outputs.columns().len(),
             definition,
-            axes,
             strides,
             points,
             hash,
         })
     }
 
-    /// What the sweep's file says.
+    /// The sweep.
     pub fn definition(&self) -> &Definition {
         &self.definition
     }
 
-    /// How many points there are.
+    /// Number of points.
     pub fn points(&self) -> u64 {
         self.points
     }
 
-    /// The plan's name: 32 hexadecimal digits that another scenario, axis, output or version of this program
-    /// changes.
+    /// Hash of the scenario, axes, outputs and version of this program: 32 hexadecimal digits.
     pub fn hash(&self) -> &str {
         &self.hash
     }
 
     /// The axes; the last turns fastest.
     pub fn axes(&self) -> &[Axis] {
-        &self.axes
+        &self.definition.axes
     }
 
     /// The place of a point on an axis.
     pub fn place(&self, point: u64, axis: usize) -> u64 {
-        point / self.strides[axis] % self.axes[axis].count
+        point / self.strides[axis] % self.axes()[axis].count
     }
 
     /// The place of a point on each axis.
     pub fn places(&self, point: u64) -> Vec<u64> {
-        (0..self.axes.len()).map(|axis| self.place(point, axis)).collect()
+        (0..self.strides.len())
+            .map(|axis| self.place(point, axis))
+            .collect()
     }
 
     /// The scenario of a point.
     ///
     /// # Errors
-    /// Why there is none.
+    /// The reason why there is none.
     pub fn scenario(&self, point: u64) -> Result<Scenario, String> {
         let mut table = self.definition.scenario().clone();
-        for (axis, place) in self.axes.iter().zip(self.places(point)) {
+        for (axis, place) in self.axes().iter().zip(self.places(point)) {
             for along in &axis.along {
-                along.key.set(&mut table, along.value(place))?;
+                let set = along.key.set(&mut table, along.value(place));
+                set.map_err(|error| format!("{}; {}", error.what, error.advice))?;
             }
         }
         table
@@ -121,7 +121,7 @@ impl Plan {
     /// The columns of the table.
     pub fn columns(&self) -> Vec<Column> {
         let mut columns = vec![Column::new("point", Kind::Whole)];
-        for axis in &self.axes {
+        for axis in self.axes() {
             columns.extend(axis.name.iter().map(|name| Column::new(name, Kind::Whole)));
             let along = axis.along.iter();
             columns.extend(along.map(|along| Column::new(along.key.column(), along.kind())));
@@ -134,7 +134,7 @@ impl Plan {
     /// The row of a point.
     pub fn row(&self, point: u64, result: &Result<EnsembleOutcome, String>) -> Vec<Cell> {
         let mut row = vec![Cell::whole(point)];
-        for (axis, place) in self.axes.iter().zip(self.places(point)) {
+        for (axis, place) in self.axes().iter().zip(self.places(point)) {
             row.extend(axis.name.iter().map(|_| Cell::whole(place)));
             row.extend(axis.along.iter().map(|along| along.cell(place)));
         }
@@ -149,9 +149,9 @@ impl Plan {
         row
     }
 
-    /// The line of Python that makes a cube of a table.
+    /// A line of Python that makes a cube of the table.
     pub fn xarray(&self, path: &Path) -> String {
-        let index: Vec<String> = self.axes.iter().map(|axis| quoted(&axis.index())).collect();
+        let index: Vec<String> = self.axes().iter().map(|axis| quoted(&axis.index())).collect();
         format!(
             "pandas.read_parquet({}).set_index([{}]).to_xarray()",
             quoted(&path.display().to_string()),
@@ -160,7 +160,7 @@ impl Plan {
     }
 }
 
-/// A text in Python. What cannot be seen is written by its number.
+/// A string literal of Python. Invisible characters are written by their numbers.
 fn quoted(text: &str) -> String {
     let one = |c: char| match c.escape_debug().to_string() {
         by_number if by_number.starts_with("\\u") => format!("\\U{:08x}", u32::from(c)),
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn the_last_axis_turns_fastest() {
         let axes = "[[axis]]\nkey = \"striker.velocity\"\nvalues = [0.1, 0.2]\n\
-                    [[axis]]\nkey = \"intruder.0.mass\"\nvalues = [1e-3, 2e-3, 3e-3]";
+                    [[axis]]\nkey = \"intruder.1.mass\"\nvalues = [1e-3, 2e-3, 3e-3]";
         let plan = plan(axes);
         assert_eq!(plan.points(), 6);
         let scenario = plan.scenario(4).unwrap();

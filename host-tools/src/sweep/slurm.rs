@@ -1,118 +1,171 @@
-//! Jobs for Slurm: an array with a task for each chunk, and one that merges.
+//! Jobs for Slurm: an array with a task for each missing chunk, and a job that merges the parts.
 
-use std::path::Path;
+use std::process::{Command, Output};
+
+use anyhow::Context;
 
 use crate::sweep::folder::ranges;
 
-/// What the jobs are given.
+/// A sweep to submit.
 #[derive(Debug, Clone)]
 pub struct Jobs<'a> {
     /// This program, by its whole path.
-    pub program: &'a Path,
-    /// The folder of the sweep, by its whole path.
-    pub folder: &'a Path,
+    pub program: &'a str,
+    /// Folder of the plan, by its whole path.
+    pub folder: &'a str,
     /// The merged table, by its whole path.
-    pub out: &'a Path,
-    /// Beginning of the plan's hash.
+    pub out: &'a str,
+    /// The first letters of the plan's hash, which end the jobs' names.
     pub plan: &'a str,
-    /// The chunks that are missing.
+    /// The missing chunks.
     pub missing: &'a [u64],
-    /// How many chunks there are.
+    /// Number of chunks.
     pub chunks: u64,
     /// Processors of a task.
     pub cpus: u32,
-    /// Tasks at a time, if not all.
+    /// Tasks that run at the same time at most.
     pub at_once: Option<u32>,
-    /// Further options of `sbatch`, for both jobs.
+    /// Further options of `sbatch` for both jobs.
     pub options: &'a [String],
 }
 
 impl Jobs<'_> {
-    /// What the jobs cannot be given: a shell reads the paths, and Slurm reads `%` in the names of logs.
-    pub fn refused(&self) -> Option<String> {
-        let odd = |text: &str| text.contains(|c: char| !c.is_alphanumeric() && !"_./+,:=@-".contains(c));
-        let paths = [self.program, self.folder, self.out];
-        let path = paths.into_iter().find(|path| path.to_str().is_none_or(odd));
-        let path = path.map(|path| {
-            format!(
-                "{}: a path in a script of Slurm has letters, digits and _./+,:=@- alone; give another",
-                path.display()
-            )
-        });
-        let line = self
-            .options
-            .iter()
-            .find(|option| option.contains(char::is_control));
-        path.or_else(|| {
-            line.map(|option| format!("--sbatch {option:?} is more than one line; give it for each option"))
-        })
-    }
-
-    fn head(&self, name: &str, log: &str) -> String {
-        let options = self.options.iter().map(|option| format!("#SBATCH {option}\n"));
-        format!(
-            "#!/bin/sh\n#SBATCH --job-name=bead-{name}-{}\n#SBATCH --output={}/{log}\n#SBATCH --open-mode=append\n{}",
-            self.plan,
-            self.folder.display(),
-            options.collect::<String>()
-        )
-    }
-
-    /// The script of the array. A task that is killed and starts again computes its chunk anew; a finished
-    /// chunk stays.
-    pub fn array(&self) -> String {
+    /// Arguments of `sbatch` for the array. A task that is killed computes its chunk anew.
+    pub fn array(&self) -> Vec<String> {
+        let Self { chunks, cpus, .. } = self;
         let at_once = self.at_once.map_or(String::new(), |count| format!("%{count}"));
-        format!(
-            "{}#SBATCH --array={}{at_once}\n#SBATCH --cpus-per-task={}\n#SBATCH --requeue\n\
-             exec {} sweep run {} --chunk \"$SLURM_ARRAY_TASK_ID/{}\" --threads {}\n",
-            self.head("sweep", "log-%a.txt"),
-            ranges(self.missing),
-            self.cpus,
-            self.program.display(),
-            self.folder.display(),
-            self.chunks,
-            self.cpus,
-        )
+        let options = [
+            format!("--array={}{at_once}", ranges(self.missing)),
+            format!("--cpus-per-task={cpus}"),
+        ];
+        let (program, folder) = (quoted(self.program), quoted(self.folder));
+        let command = format!(
+            "exec {program} sweep run {folder} --chunk \"$SLURM_ARRAY_TASK_ID/{chunks}\" --threads {cpus}"
+        );
+        self.job("sweep", "log-%a.txt", &options, &command)
     }
 
-    /// The script of the job that merges, once each task of the array has ended. It checks that all is there.
-    pub fn merge(&self, array: &str) -> String {
-        format!(
-            "{}#SBATCH --dependency=afterany:{array}\n#SBATCH --requeue\nexec {} sweep merge {} --out {} --overwrite\n",
-            self.head("merge", "log-merge.txt"),
-            self.program.display(),
-            self.folder.display(),
-            self.out.display(),
-        )
+    /// Arguments of `sbatch` for the job that merges, after the last task of `array`.
+    pub fn merge(&self, array: &str) -> Vec<String> {
+        let [program, folder, out] = [self.program, self.folder, self.out].map(quoted);
+        let command = format!("exec {program} sweep merge {folder} --out {out} --overwrite");
+        let dependency = format!("--dependency=afterany:{array}");
+        self.job("merge", "log-merge.txt", &[dependency], &command)
     }
+
+    fn job(&self, name: &str, log: &str, options: &[String], command: &str) -> Vec<String> {
+        let mut arguments = vec![
+            "--parsable".to_owned(),
+            "--requeue".to_owned(),
+            format!("--job-name=bead-{name}-{}", self.plan),
+            format!("--chdir={}", self.folder),
+            format!("--output={log}"),
+            "--open-mode=append".to_owned(),
+        ];
+        arguments.extend(options.iter().chain(self.options).cloned());
+        arguments.push(format!("--wrap={command}"));
+        arguments
+    }
+}
+
+/// A line for a shell that calls `sbatch` with these arguments.
+pub fn command_line(arguments: &[String]) -> String {
+    let arguments = arguments.iter().map(|argument| quoted(argument));
+    format!("sbatch {}", arguments.collect::<Vec<_>>().join(" "))
+}
+
+/// A word for a shell, in single quotes where it needs them.
+fn quoted(text: &str) -> String {
+    if text
+        .chars()
+        .all(|c| c.is_alphanumeric() || "_./+,:=@-%".contains(c))
+    {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+/// Submits a job, and returns its number.
+///
+/// # Errors
+/// `sbatch` cannot be run, or refuses the job.
+pub fn submit(arguments: &[String]) -> anyhow::Result<String> {
+    let output = Command::new("sbatch").args(arguments).output();
+    let output = output.context("cannot run sbatch; is Slurm here? --dry-run prints the commands")?;
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = &output;
+    let messages = String::from_utf8_lossy(stderr);
+    let messages = messages.lines().map(str::trim).collect::<Vec<_>>().join("; ");
+    anyhow::ensure!(status.success(), "sbatch refuses the job: {messages}");
+    // A cluster's name may follow the number.
+    let job = String::from_utf8_lossy(stdout);
+    let job = job.trim().split(';').next().unwrap_or_default().to_owned();
+    let is_number = !job.is_empty() && job.chars().all(|c| c.is_ascii_digit());
+    anyhow::ensure!(is_number, "sbatch gave no number of a job: {job:?} {messages}");
+    Ok(job)
+}
+
+/// Numbers of the jobs of a plan that have not ended. Without Slurm there are none.
+pub fn queued(plan: &str) -> Vec<String> {
+    let names = format!("--name=bead-sweep-{plan},bead-merge-{plan}");
+    let output = Command::new("squeue")
+        .args(["--noheader", "--format=%F", &names])
+        .output();
+    let Ok(Output { status, stdout, .. }) = output else {
+        return Vec::new();
+    };
+    let text = String::from_utf8_lossy(&stdout);
+    let mut jobs: Vec<String> = text.split_whitespace().map(str::to_owned).collect();
+    jobs.sort();
+    jobs.dedup();
+    if status.success() { jobs } else { Vec::new() }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::process::Command;
+
     use super::*;
 
     #[test]
-    fn a_path_that_a_shell_would_read_is_refused() {
-        let jobs = |out: &str| {
-            let path = Path::new("/work/é-1,2");
-            let jobs = Jobs {
-                program: path,
-                folder: path,
-                out: Path::new(out),
-                plan: "0123abcd",
-                missing: &[1],
-                chunks: 1,
-                cpus: 1,
-                at_once: None,
-                options: &[],
-            };
-            jobs.refused()
+    fn a_shell_reads_the_commands_as_they_were_meant() {
+        let jobs = Jobs {
+            program: "/work/é 1/bead",
+            folder: "/work/it's; $HOME",
+            out: "/work/a b.parquet",
+            plan: "0123abcd",
+            missing: &[1, 2, 4],
+            chunks: 4,
+            cpus: 2,
+            at_once: Some(3),
+            options: &["--partition=all".to_owned()],
         };
-        assert_eq!(jobs("/work/big_2.parquet"), None);
-        for odd in [
-            "a;id", "a$HOME", "a&b", "a(b)", "a#b", "a b", "a%j", "a'b", "a|b", "a>b", "a*b", "~a", "a\nb",
+        for (arguments, last) in [
+            (jobs.array(), "--threads\n2\n"),
+            (jobs.merge("7"), "/work/a b.parquet\n--overwrite\n"),
         ] {
-            assert!(jobs(odd).is_some(), "{odd}");
+            let line = command_line(&arguments).replacen("sbatch", "printf '%s\\n'", 1);
+            let read = Command::new("sh").args(["-c", &line]).output().unwrap();
+            assert_eq!(
+                String::from_utf8(read.stdout).unwrap(),
+                arguments.join("\n") + "\n"
+            );
+            // The shell on the node reads the command again.
+            let command = arguments.last().unwrap().strip_prefix("--wrap=exec ").unwrap();
+            let read = Command::new("sh")
+                .args(["-c", &format!("printf '%s\\n' {command}")])
+                .output()
+                .unwrap();
+            let words = String::from_utf8(read.stdout).unwrap();
+            assert!(words.starts_with("/work/é 1/bead\nsweep\n"), "{words}");
+            assert!(
+                words.contains("\n/work/it's; $HOME\n") && words.ends_with(last),
+                "{words}"
+            );
         }
+        assert!(jobs.array().contains(&"--array=1-2,4%3".to_owned()));
     }
 }

@@ -131,7 +131,9 @@ pub(super) fn pick(path: &Path, headers: &[Header], choice: &Choice) -> Result<P
         picks.remarks.extend(remark);
     }
     table.check_distinct(&picks)?;
-    picks.remarks.push(table.taken(&picks));
+    if choice.names_a_column() {
+        picks.remarks.push(table.taken(&picks));
+    }
     let place = |name: &str| {
         headers
             .iter()

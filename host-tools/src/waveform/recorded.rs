@@ -1,4 +1,4 @@
-//! Strikes of this project's recordings, as their beads measured them.
+//! Strikes of recordings, as their beads measured them.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::waveform::error::WaveformError;
 use crate::waveform::rows::{ACCELERATION_LATER, Rows};
 use crate::waveform::signals::Waveform;
 
-/// Reads a strike of a recording; of several beads, that of bead `bead`.
+/// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
     if choice.time.is_some()

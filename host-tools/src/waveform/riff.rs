@@ -1,5 +1,9 @@
-//! The chunks of a WAV file (RIFF), from which its samples are given to the library behind a header that it
-//! reads rightly.
+//! The chunks of a WAV file (RIFF).
+//!
+//! # Design
+//! `hound` takes chunks of odd length to have no padding, the length of a stream for true, and the valid bits
+//! of a sample for its lowest ones; the format has padding, streams of unknown length, and valid bits that are
+//! the highest. So the chunks are read here, and `hound` gets the samples behind a plain header.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};
@@ -7,18 +11,17 @@ use std::path::Path;
 
 use hound::Error;
 
-/// Forms of samples, as the format numbers them.
+/// Numbers of the forms of samples.
 pub(super) const PCM: u16 = 1;
 pub(super) const FLOAT: u16 = 3;
-/// The form stands further behind.
+/// The form follows further behind.
 pub(super) const EXTENSIBLE: u16 = 0xFFFE;
-/// Lengths of samples that are no lengths, from here on: of streams, whose end was not known when they began.
-/// (`sox` writes a little less than 2^31, `ffmpeg` 2^32 - 1.)
+/// Least length that stands for a stream of unknown end: `sox` writes a little less than 2^31, `ffmpeg`
+/// 2^32 - 1.
 const STREAM: u32 = 0x7FFF_0000;
 
-/// The samples of a file behind a header of the plainest form, for the library. Of others, it takes chunks of
-/// an odd length to have no padding, the length of a stream for true, and the valid bits of a sample for the
-/// lowest ones of its bytes. They are the highest, so full scale is that of all bytes.
+/// The samples of a file behind a plain header. Valid bits are the highest of their bytes, so full scale is
+/// that of all bytes.
 pub(super) fn plain(path: &Path) -> hound::Result<impl Read + use<>> {
     let file = File::open(path)?;
     let size = file.metadata()?.len();
@@ -43,25 +46,25 @@ pub(super) fn plain(path: &Path) -> hound::Result<impl Read + use<>> {
             (b"data", None) => return Err(Error::FormatError("its samples come before their form")),
             _ => file.seek_relative(length.into())?,
         }
-        // Some programs leave the padding out. No name of a chunk begins with it.
+        // Some programs leave the padding out. A chunk's name never begins with 0.
         if length % 2 == 1 && file.fill_buf()?.first() == Some(&0) {
             file.consume(1);
         }
     }
 }
 
-/// The form of samples, as the file tells it.
+/// The form of samples.
 #[derive(Clone, Copy)]
 struct Form {
     tag: u16,
     channels: u16,
     rate: u32,
-    /// Bytes of the samples of all channels.
+    /// Size of one sample of each channel, bytes.
     frame: u16,
 }
 
 impl Form {
-    /// Goes through the chunk that tells it, and refuses what the library would read wrongly.
+    /// Reads the chunk `fmt `, and refuses forms that `hound` would read wrongly.
     fn read(file: &mut BufReader<File>, length: u32) -> hound::Result<Self> {
         let mut fields = [0; 40];
         let known = fields.len().min(length as usize);
@@ -74,7 +77,7 @@ impl Form {
         };
         let (channels, frame, bits) = (field(2), field(12), field(14));
         let bytes = frame.checked_div(channels).unwrap_or(0);
-        // A sample has as few bytes as its bits need; in more, nothing says where they are.
+        // A sample with more bytes than its bits need does not tell where the bits are.
         let is_read = matches!((tag, bytes), (PCM, 1..=4) | (FLOAT, 4)) && bits.div_ceil(8) == bytes;
         if !is_read || bytes * channels != frame {
             return Err(Error::Unsupported);
@@ -87,7 +90,7 @@ impl Form {
         })
     }
 
-    /// The plainest header of so many bytes of samples.
+    /// A plain header of `length` bytes of samples.
     fn header(self, length: u32) -> Vec<u8> {
         let (rate, bits) = (self.rate, self.frame / self.channels * 8);
         let mut header = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0".to_vec();

@@ -560,36 +560,37 @@ mod tests {
                 }
             })
         };
-        let says = |text: String| waveform(text, &Choice::default()).unwrap_err();
-        assert!(
-            says(one(12, "0.002,\n"))
-                .starts_with("F: line 14 has no number for the force; a waveform has no gaps")
-        );
-        assert!(says(one(12, "0.002,nan\n")).contains("line 14 has no number"));
-        assert!(says(one(12, "0.002,1e999\n")).contains("line 14 has no number"));
-        assert!(says(one(12, "0.002,eight\n")).contains("line 14 has no number"));
-        assert!(
-            says(one(12, "0.001,0.2\n"))
-                .starts_with("F: time stands still at line 14, from 0.001 to 0.001 s")
-        );
-        assert!(says(one(12, "-1,0.2\n")).contains("time goes back at line 14"));
-        assert!(says(one(12, "2e-3,2e30\n")).contains("line 14 has 2.000e30 N for the force"));
-        assert!(says(one(29, "1e31,0.2\n")).contains("line 31 has 1.000e31 s for the time"));
-        assert!(
-            says(one(12, ""))
-                .contains("has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart")
-        );
-        assert!(says("p,q\n1,2\n".to_owned()).contains("no column of force"));
-        assert!(says("time_s,force_n\n1,2\n2,3\n".to_owned()).contains("has 2 lines of numbers"));
-        assert!(says("nothing\nat all\n".to_owned()).contains("no rows of numbers"));
-        assert!(says("a\0b\n".to_owned()).contains("none of the forms"));
-        assert!(
-            waveform(b"\xff\xfet\0", &Choice::default())
-                .unwrap_err()
-                .contains("UTF-16")
-        );
-        assert!(waveform("", &Choice::default()).unwrap_err().contains("is empty"));
-        assert!(says("x".repeat(100_000)).contains("none of the forms"));
+        for (text, refusal) in [
+            (
+                one(12, "0.002,\n"),
+                "F: line 14 has no number for the force; a waveform has no gaps",
+            ),
+            (one(12, "0.002,nan\n"), "line 14 has no number"),
+            (one(12, "0.002,1e999\n"), "line 14 has no number"),
+            (one(12, "0.002,eight\n"), "line 14 has no number"),
+            (
+                one(12, "0.001,0.2\n"),
+                "F: time stands still at line 14, from 0.001 to 0.001 s",
+            ),
+            (one(12, "-1,0.2\n"), "time goes back at line 14"),
+            (one(12, "2e-3,2e30\n"), "line 14 has 2.000e30 N for the force"),
+            (one(29, "1e31,0.2\n"), "line 31 has 1.000e31 s for the time"),
+            (
+                one(12, ""),
+                "has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart",
+            ),
+            ("p,q\n1,2\n".to_owned(), "no column of force"),
+            ("time_s,force_n\n1,2\n2,3\n".to_owned(), "has 2 lines of numbers"),
+            ("nothing\nat all\n".to_owned(), "no rows of numbers"),
+            ("a\0b\n".to_owned(), "none of the forms"),
+            (String::new(), "is empty"),
+            ("x".repeat(100_000), "none of the forms"),
+        ] {
+            let error = waveform(text, &Choice::default()).unwrap_err();
+            assert!(error.contains(refusal), "{error}");
+        }
+        let error = waveform(b"\xff\xfet\0", &Choice::default()).unwrap_err();
+        assert!(error.contains("UTF-16"), "{error}");
         let strike = Choice {
             strike: Some(1),
             ..Choice::default()

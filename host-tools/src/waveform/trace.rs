@@ -1,20 +1,20 @@
-//! A quantity over time that can be asked at any time.
+//! A quantity over time, with a value at any time.
 //!
 //! # Design
-//! Between its rows it is the cubic through the four nearest ones, which is smooth enough for pulses of six
-//! rows and more (see [`Trace::rows_wide`]). A source that is much faster than the front end's own steps is
-//! averaged down to these first, so that its noise beyond them does not fold into the band. Before its first
-//! row it rests at 0; after its last it goes back to 0 along half a cosine, slower than any trigger sees.
+//! Between rows, the value is that of the cubic through the four nearest ones, which suits pulses of six rows
+//! and more (see [`Trace::rows_wide`]). A source much faster than the front end's own steps is averaged down to
+//! them first, so that its noise does not fold into the band. Before the first row the value is 0; after the
+//! last it returns to 0 along half a cosine, slower than any trigger sees.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// After its end a waveform goes back to rest within this time, s.
+/// Time in which a waveform returns to rest after its end, s.
 pub const FADE: f64 = 0.02;
-/// Steps below this are averaged, s: half of those in which the front end looks at its inputs.
+/// Steps below this are averaged, s: half of the front end's own steps.
 const FINEST: f64 = 0.25e-6;
 
-/// Rows through which a parabola is no mean.
+/// Rows of a parabola at least, so that it averages.
 const FEW: f64 = 6.0;
 
 /// The times of rows, from the first on, s.
@@ -46,7 +46,7 @@ impl Times {
         }
     }
 
-    /// The row at or before a time within the rows; the search begins at `near`.
+    /// The row at or before a time, which must lie within the rows; the search begins at `near`.
     fn before(&self, time: f64, near: usize) -> usize {
         let last = self.count() - 1;
         match self {
@@ -63,14 +63,14 @@ impl Times {
     }
 }
 
-/// A quantity over time, in its SI unit, relative to where it rested at first.
+/// A quantity over time, in its SI unit, relative to its value at rest.
 #[derive(Debug, Clone)]
 pub struct Trace {
     times: Times,
     values: Arc<[f64]>,
-    /// When row 0 is, s.
+    /// Time of row 0, s.
     start: f64,
-    /// The row that was read last.
+    /// The last row that was read.
     near: usize,
 }
 
@@ -84,7 +84,7 @@ impl Trace {
         }
     }
 
-    /// A quantity at even steps of time, whose first value is at time 0.
+    /// A quantity at even steps of time from 0 on.
     ///
     /// # Panics
     /// There are no values.
@@ -138,7 +138,7 @@ impl Trace {
             .fold(0.0, |greatest, value| f64::max(greatest, value.abs()))
     }
 
-    /// The quantity at any time, s.
+    /// The value at a time in s.
     pub fn at(&mut self, time: f64) -> f64 {
         let time = time - self.start;
         let end = self.times.at(self.values.len() - 1);
@@ -156,9 +156,8 @@ impl Trace {
         lagrange(&self.times, &self.values, near, time)
     }
 
-    /// The quantity around a time, s: of the parabola that fits its rows within `half` s of the time best.
-    /// Where there are only few rows, the quantity [at](Self::at) the time. What a record has beyond the band
-    /// of an instrument that is as slow as that is noise to it.
+    /// The value at a time of the parabola that fits the rows within `half` seconds of it best (least
+    /// squares). Fewer than six such rows give the value [at](Self::at) the time.
     pub fn around(&mut self, time: f64, half: f64) -> f64 {
         let since = time - self.start;
         let end = self.times.at(self.values.len() - 1);
@@ -193,8 +192,8 @@ impl Trace {
         self.times.at(self.values.len() - 1) / (self.values.len() - 1).max(1) as f64
     }
 
-    /// How many rows the strongest pulse is wide at half of its height, with a fraction; none if it does not
-    /// come down to that on both sides.
+    /// Width of the strongest pulse at half of its height, rows; `None` if it does not fall to that on both
+    /// sides.
     pub fn rows_wide(&self) -> Option<f64> {
         let size: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
         let top = (0..size.len()).max_by(|a, b| size[*a].total_cmp(&size[*b]))?;
@@ -206,7 +205,7 @@ impl Trace {
     }
 }
 
-/// The polynomial through the rows at a time (Lagrange's form).
+/// The polynomial through the rows `near`, at a time (Lagrange's form).
 fn lagrange(times: &Times, values: &[f64], near: std::ops::Range<usize>, time: f64) -> f64 {
     let weight = |row: usize| -> f64 {
         let others = near.clone().filter(|other| *other != row);
@@ -217,10 +216,8 @@ fn lagrange(times: &Times, values: &[f64], near: std::ops::Range<usize>, time: f
     near.clone().map(|row| values[row] * weight(row)).sum()
 }
 
-/// Takes out the value at which a quantity rests before it first moves, and returns it.
-///
-/// It moves where it first differs from its first value by a twentieth of what it does later. The mean over
-/// the first half of the rows before that is its rest.
+/// Subtracts the value at rest, and returns it: the mean of the first half of the rows before the first that
+/// differs from the first value by a twentieth of the greatest difference.
 pub(super) fn zeroed(values: &mut [f64]) -> f64 {
     let first = values.first().copied().unwrap_or(0.0);
     let most = values
@@ -235,8 +232,8 @@ pub(super) fn zeroed(values: &mut [f64]) -> f64 {
     rest
 }
 
-/// Rows that are far closer than the front end looks, averaged; and by how much the first mean is later than
-/// the first row, s.
+/// Averages rows that are far closer than the front end's steps. The third value is the delay of the first
+/// mean behind the first row, s.
 pub(super) fn thinned(times: &Times, values: Vec<f64>) -> (Times, Vec<f64>, f64) {
     let Times::Even { step, count } = *times else {
         return (times.clone(), values, 0.0);
@@ -253,7 +250,7 @@ pub(super) fn thinned(times: &Times, values: Vec<f64>) -> (Times, Vec<f64>, f64)
         step: group as f64 * step,
         count: means.len(),
     };
-    // A mean stands for the middle of its rows.
+    // The time of a mean is the middle of its rows.
     (even, means, 0.5 * (group - 1) as f64 * step)
 }
 

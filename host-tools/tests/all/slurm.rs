@@ -119,8 +119,8 @@ fn a_sweep_that_is_killed_on_slurm_and_submitted_again_comes_out_whole() {
     let submit = "sweep submit d --engine slurm --out a.parquet --at-once 2";
     let dry = slurm.bead(folder, &format!("{submit} --dry-run --sbatch=--partition=all"));
     for part in [
-        "#SBATCH --array=1-6%2",
-        "#SBATCH --partition=all",
+        "--array=1-6%2",
+        "--partition=all",
         "--dependency=afterany:JOB",
         "sweep run",
     ] {

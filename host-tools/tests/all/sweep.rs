@@ -22,13 +22,13 @@ logspace = [0.2, 1.2, 3]
 [[axis]]
 name = "tuned"
 zip = [
-    { key = "intruder.0.stiffness", linspace = [1e5, 4e5, 3] },
-    { key = "intruder.0.beads", values = [8, 9, [3, 12]] },
+    { key = "intruder.1.stiffness", linspace = [1e5, 4e5, 3] },
+    { key = "intruder.1.beads", values = [8, 9, [3, 12]] },
 ]
 [[axis]]
 quasirandom = 8
 seed = 4
-over = [{ key = "chain.relaxation", uniform = [0, 8e-6] }, { key = "intruder.0.mass", loguniform = [2e-3, 6e-3] }]
+over = [{ key = "chain.relaxation", uniform = [0, 8e-6] }, { key = "intruder.1.mass", loguniform = [2e-3, 6e-3] }]
 [outputs]
 energies = true
 intruders = [8]
@@ -111,8 +111,8 @@ fn each_row_is_the_run_of_its_scenario() {
     let of = |column: &str| numbers(&path, column);
     let velocity = of("striker_velocity_mps");
     assert_eq!((velocity[0], velocity[71]), (0.2, 1.2));
-    let (stiffness, tuned) = (of("intruder_0_stiffness_n_per_m"), of("tuned"));
-    let (relaxation, mass) = (of("chain_relaxation_s"), of("intruder_0_mass_kg"));
+    let (stiffness, tuned) = (of("intruder_1_stiffness_n_per_m"), of("tuned"));
+    let (relaxation, mass) = (of("chain_relaxation_s"), of("intruder_1_mass_kg"));
     let mut scenarios = Vec::new();
     for row in 0..72 {
         let mut scenario = Scenario::paper();
@@ -219,7 +219,7 @@ fn a_sweep_that_was_killed_goes_on_where_it_was() {
 #[test]
 fn a_point_that_cannot_be_run_is_a_row_with_its_error() {
     let sweep =
-        "scenario = \"paper.toml\"\n[[axis]]\nkey = \"intruder.0.mass\"\nvalues = [1e-3, 1.0, 2e-3, -1.0]";
+        "scenario = \"paper.toml\"\n[[axis]]\nkey = \"intruder.1.mass\"\nvalues = [1e-3, 1.0, 2e-3, -1.0]";
     let folder = folder(sweep);
     let output = bead(folder.path(), "sweep.toml --out a.parquet");
     assert!(output.status.success());
@@ -394,7 +394,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         ("--x nothing", "nothing is no column of an axis"),
         ("--map nothing --at sample=0", "nothing is no result"),
         (
-            "--x tuned --y intruder_0_stiffness_n_per_m --map --at sample=1",
+            "--x tuned --y intruder_1_stiffness_n_per_m --map --at sample=1",
             "are of one",
         ),
         ("--at sample", "write COLUMN=VALUE"),
@@ -415,7 +415,7 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
 #[test]
 fn a_picture_that_cannot_be_drawn_hides_no_summary() {
     let folder =
-        folder("scenario = \"paper.toml\"\n[[axis]]\nkey = \"intruder.0.mass\"\nvalues = [1.0, 2.0]");
+        folder("scenario = \"paper.toml\"\n[[axis]]\nkey = \"intruder.1.mass\"\nvalues = [1.0, 2.0]");
     let output = bead(
         folder.path(),
         "sweep.toml --out a.parquet --plot a.svg --format json",

@@ -8,7 +8,7 @@ mod words;
 
 pub use check::MOST_BEADS;
 pub(crate) use check::Table;
-pub use read::{InputError, TomlFile, read_text};
+pub use read::{InputError, TomlFile, read_table, read_text};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
 pub use words::plain_words;

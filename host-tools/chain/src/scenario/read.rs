@@ -240,18 +240,10 @@ impl<'a> TomlFile<'a> {
         toml::from_str(self.text).map_err(|error| {
             let span = error.span().unwrap_or_default();
             let message = one_line(error.message());
-            let (of, what, advice): (fn(Place) -> Range<usize>, _, _) = match unknown_field(&message) {
-                Some((name, known)) => (|key| key.name, "unknown key".to_owned(), nearest(name, &known)),
-                None if message.starts_with("missing field") => (
-                    |key| key.value,
-                    told(&plain_words(&message)),
-                    "add it, in SI units".to_owned(),
-                ),
-                None => (
-                    |key| key.value,
-                    told(&plain_words(&message)),
-                    "give a value of that kind".to_owned(),
-                ),
+            let (what, advice) = explain(&message);
+            let of: fn(Place) -> Range<usize> = match unknown_field(&message) {
+                Some(_) => |key| key.name,
+                None => |key| key.value,
             };
             // The innermost key there; of an array and its only entry, which have the same place, the entry.
             let mut innermost = (usize::MAX, String::new());
@@ -306,6 +298,33 @@ fn shortened(text: &str, most: usize) -> String {
     }
 }
 
+/// Reads a table that is already in memory. The error names the key inside the table, without entries of
+/// lists.
+///
+/// # Errors
+/// [`InputError`] without file and line, as [`TomlFile::read`].
+pub fn read_table<T: DeserializeOwned>(table: toml::Table) -> Result<T, InputError> {
+    table.try_into().map_err(|error: toml::de::Error| {
+        let (what, advice) = explain(&one_line(error.message()));
+        // The library shows the key behind the message, and tells it in no other way.
+        let shown = error.to_string();
+        let key = shown
+            .rsplit_once("\nin `")
+            .map_or("", |(_, key)| key.trim_end().trim_end_matches('`'));
+        InputError::at(shortened(key, NAME_MOST), what, advice)
+    })
+}
+
+/// The defect and the advice of an error of serde.
+fn explain(message: &str) -> (String, String) {
+    let advice = match unknown_field(message) {
+        Some((name, known)) => return ("unknown key".to_owned(), nearest(name, &known)),
+        None if message.starts_with("missing field") => "add it, in SI units",
+        None => "give a value of that kind",
+    };
+    (told(&plain_words(message)), advice.to_owned())
+}
+
 /// The field and the known ones, from what serde says of an unknown field: it has no other way to tell them.
 fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
     let (name, known) = message.strip_prefix("unknown field `")?.split_once("`, ")?;
@@ -314,25 +333,12 @@ fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
 
 /// Advice for an unknown key.
 fn nearest(key: &str, known: &[&str]) -> String {
-    let near = known.iter().map(|name| (distance(key, name), name)).min();
+    let near = known
+        .iter()
+        .map(|name| (strsim::levenshtein(key, name), name))
+        .min();
     match near {
         Some((distance, name)) if distance <= 2.max(key.len() / 3) => format!("did you mean `{name}`?"),
         _ => format!("known here are {}", known.join(", ")),
     }
-}
-
-/// Levenshtein's distance: how many letters to insert, delete or replace to make `b` of `a`.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, letter) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for j in 0..b.len() {
-            let replace = diagonal + usize::from(letter != b[j]);
-            diagonal = row[j + 1];
-            row[j + 1] = replace.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[b.len()]
 }

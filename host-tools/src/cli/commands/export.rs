@@ -32,7 +32,7 @@ Examples:
   bead export monday/*.mcap --out monday/tables --format csv
   bead export run/bead-8.mcap --out tables --format uff";
 
-/// In what form tables are written.
+/// Form of the exported files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 enum Form {
     /// `strikes.parquet` and `samples.parquet`.
@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     /// The directory for the files; it is made if it is not there.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// In what form.
+    /// The form of the files.
     #[arg(long, value_enum, default_value_t)]
     format: Form,
     #[command(flatten)]
@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recordings = open(&arguments.recordings)?;
     let out = arguments.out.as_path();
     let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
-    let mut told = Told::new(recordings.len());
+    let mut tally = Tally::new(recordings.len());
     let write = |files: [(&str, Kind); 2]| -> Result<_, Failure> {
         let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
         place::make_directory(out)?;
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let [strikes, samples] = write(names.map(|name| (name, kind)))?;
             let form = arguments.format;
             strikes.write(|strikes| {
-                Ok(samples.write(|samples| tables(form, &recordings, strikes, samples, &mut told))?)
+                Ok(samples.write(|samples| tables(form, &recordings, strikes, samples, &mut tally))?)
             })?;
         }
         Form::Uff => {
@@ -91,14 +91,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 arguments.overwrite,
             )?;
             place::make_directory(out)?;
-            target.write(|file| universal(&recordings, file, &mut told))?;
+            target.write(|file| universal(&recordings, file, &mut tally))?;
         }
     }
-    told.end(out);
+    tally.end(out);
     output::print_line(&opened_by(arguments.format, out))
 }
 
-/// Opens all recordings before anything is written. Standard error says what is missing of them.
+/// Opens all recordings before anything is written.
 fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
     let mut seen = HashSet::new();
     let mut recordings = Vec::new();
@@ -113,19 +113,19 @@ fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
     Ok(recordings)
 }
 
-/// What was written, and how far the work is.
-struct Told {
+/// Counts of the written strikes, and the progress.
+struct Tally {
     recordings: usize,
     strikes: u64,
     samples: u64,
-    /// Of them, strikes whose settings did not come: their samples have codes alone.
+    /// Strikes without settings, whose samples have codes alone.
     without_settings: u64,
     /// Strikes that were not written.
     left_out: u64,
     progress: ProgressBar,
 }
 
-impl Told {
+impl Tally {
     fn new(recordings: usize) -> Self {
         Self {
             recordings,
@@ -137,8 +137,8 @@ impl Told {
         }
     }
 
-    /// Hands on every strike of every recording, with its number and the name of its recording. `write` says
-    /// whether it wrote the strike; the numbers are those of the strikes that are written.
+    /// Calls `write` for every strike with its number and the name of its recording. `write` returns true if
+    /// it wrote the strike; only those are counted.
     fn each(
         &mut self,
         recordings: &[Received],
@@ -209,7 +209,7 @@ fn tables(
     recordings: &[Received],
     strikes: &mut File,
     samples: &mut File,
-    told: &mut Told,
+    tally: &mut Tally,
 ) -> anyhow::Result<()> {
     const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
     let table = |file, name, columns: &[Column]| match form {
@@ -219,7 +219,7 @@ fn tables(
     let mut rows = Strikes::default();
     let mut strike_table = table(strikes, "strikes", rows.columns())?;
     let mut sample_table = table(samples, "samples", &samples::columns())?;
-    told.each(recordings, |id, recording, strike| {
+    tally.each(recordings, |id, recording, strike| {
         strike_table.push(rows.row(id, recording, strike))?;
         samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;
         Ok(true)
@@ -229,60 +229,29 @@ fn tables(
 }
 
 /// Writes a UFF file.
-fn universal(recordings: &[Received], file: &mut File, told: &mut Told) -> anyhow::Result<()> {
+fn universal(recordings: &[Received], file: &mut File, tally: &mut Tally) -> anyhow::Result<()> {
     let mut out = BufWriter::new(file);
     uff::begin(&mut out)?;
-    told.each(recordings, |_, recording, strike| {
+    tally.each(recordings, |_, recording, strike| {
         Ok(uff::strike(&mut out, recording, strike)?)
     })?;
     Ok(out.flush()?)
 }
 
-/// Lines that open the files.
+/// Lines of other programs that open the files.
 fn opened_by(form: Form, out: &Path) -> String {
     let path = |name: &str| format!("{:?}", out.join(name).display().to_string());
-    let lines = match form {
-        Form::Parquet => {
-            let samples = path("samples.parquet");
-            vec![
-                ("pandas", format!("pandas.read_parquet({samples})")),
-                ("polars", format!("polars.read_parquet({samples})")),
-                (
-                    "xarray",
-                    format!(
-                        "pandas.read_parquet({samples}).set_index([\"id\", \"sample\"])[[\"force_n\", \
-                         \"acceleration_mps2\"]].to_xarray()"
-                    ),
-                ),
-                ("MATLAB", format!("parquetread({samples})")),
-            ]
-        }
-        Form::Csv => {
-            let samples = path("samples.csv");
-            vec![
-                ("pandas", format!("pandas.read_csv({samples})")),
-                ("polars", format!("polars.read_csv({samples})")),
-                (
-                    "xarray",
-                    format!(
-                        "pandas.read_csv({samples}).set_index([\"id\", \"sample\"])\
-                         [[\"force_n\", \"acceleration_mps2\"]].to_xarray()"
-                    ),
-                ),
-                ("MATLAB", format!("readtable({samples})")),
-            ]
-        }
-        Form::Uff => {
-            let strikes = path("strikes.uff");
-            vec![
-                ("pyuff", format!("pyuff.UFF({strikes}).read_sets()")),
-                ("MATLAB", format!("readuff({strikes})")),
-            ]
-        }
+    if form == Form::Uff {
+        let strikes = path("strikes.uff");
+        return format!("pyuff   pyuff.UFF({strikes}).read_sets()\nMATLAB  readuff({strikes})");
+    }
+    let (samples, read, matlab) = match form {
+        Form::Csv => (path("samples.csv"), "read_csv", "readtable"),
+        _ => (path("samples.parquet"), "read_parquet", "parquetread"),
     };
-    let lines: Vec<_> = lines
-        .iter()
-        .map(|(name, line)| format!("{name:<8}{line}"))
-        .collect();
-    lines.join("\n")
+    let cube = "set_index([\"id\", \"sample\"])[[\"force_n\", \"acceleration_mps2\"]].to_xarray()";
+    format!(
+        "pandas  pandas.{read}({samples})\npolars  polars.{read}({samples})\n\
+         xarray  pandas.{read}({samples}).{cube}\nMATLAB  {matlab}({samples})"
+    )
 }

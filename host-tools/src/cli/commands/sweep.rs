@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 
-use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, told};
+use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary};
 use super::{sweep_cluster, sweep_plot};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
@@ -20,16 +20,16 @@ SWEEP.toml names a scenario, axes and what is kept of each run:
   scenario = \"paper-strike.toml\"
 
   # Each axis multiplies the points; the last turns fastest. A key may be any
-  # of the scenario; tables of a list are counted from 0. Or: linspace =
+  # of the scenario; tables of a list are counted from 1. Or: linspace =
   # [first, last, how many], range = [first, last, step], values = [...]
   [[axis]]
-  key = \"intruder.0.stiffness\"
+  key = \"intruder.1.stiffness\"
   logspace = [1e4, 1e6, 41]
 
   # Keys that go together.
   [[axis]]
-  zip = [{ key = \"intruder.0.mass\", linspace = [1e-3, 6e-3, 6] },
-         { key = \"intruder.0.beads\", range = [3, 8, 1] }]
+  zip = [{ key = \"intruder.1.mass\", linspace = [1e-3, 6e-3, 6] },
+         { key = \"intruder.1.beads\", range = [3, 8, 1] }]
 
   # Points that are drawn: random, or quasirandom (evenly spread).
   [[axis]]
@@ -119,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(Action::Plot(plotting)) => sweep_plot::plot(plotting),
         None => {
             let here = &arguments.here;
-            // A subcommand does without them, so their types do too.
+            // clap requires both, but not beside a subcommand.
             let (Some(file), Some(out)) = (&here.sweep, &here.out) else {
                 return Err(Failure::input(
                     "give a SWEEP.toml and --out F.parquet; see bead sweep --help",
@@ -130,9 +130,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Chunks of this length can be lost to an interruption, s.
+/// Time of a chunk, which an interruption can cost, s.
 const CHUNK_SECONDS: f64 = 5.0;
-/// Points of a chunk at most, and chunks at most.
+/// Points of a chunk at most, and chunks of a sweep.
 const CHUNK_POINTS: u64 = 1 << 16;
 const CHUNKS: u64 = 10_000;
 
@@ -161,8 +161,8 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let computed = compute_missing(&folder)?;
     let (plan, merged) = (folder.plan().clone(), merge(&folder, &out)?);
     folder.remove();
-    // The table is whole, and a picture that cannot be drawn of it hides nothing.
-    told(
+    // The summary comes first: a picture that cannot be drawn must not hide it.
+    summary(
         &plan,
         &merged,
         out.path(),

@@ -1,9 +1,6 @@
 //! `bead sweep plan`, `run`, `submit`, `status`, `merge`: a sweep in chunks, on one machine or many.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
@@ -11,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::sweep_work::{
-    Consent, Threads, axes, compute_missing, grouped, measured, merge as merge_into, time, told,
+    Consent, Threads, axes, compute_missing, grouped, measured, merge as merge_into, summary, time,
 };
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
@@ -19,7 +16,7 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use crate::sweep::plan::Plan;
-use crate::sweep::slurm::Jobs;
+use crate::sweep::slurm::{self, Jobs};
 use crate::tables::whole::Target;
 
 /// `bead sweep plan`.
@@ -57,7 +54,7 @@ pub(crate) struct Running {
 pub(crate) struct Submitting {
     /// The folder of the plan, which all nodes must see.
     dir: PathBuf,
-    /// What runs the jobs.
+    /// The system that runs the jobs.
     #[arg(long, value_enum, default_value_t)]
     engine: Engine,
     /// The merged table.
@@ -72,14 +69,14 @@ pub(crate) struct Submitting {
     /// A further option of sbatch for all jobs, such as --sbatch=--partition=short; may be repeated.
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
-    /// Print the scripts and submit nothing.
+    /// Print the commands and submit nothing.
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]
     overwrite: Overwrite,
 }
 
-/// What runs jobs.
+/// A system that runs jobs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Engine {
     /// An array of jobs with sbatch.
@@ -130,9 +127,9 @@ impl FromStr for Chunk {
     }
 }
 
-/// Work of a chunk, s of one processor.
+/// Time of a chunk on one processor, s.
 const CHUNK_SECONDS: f64 = 600.0;
-/// Chunks that a cluster takes as one array: Slurm's default is 1000.
+/// Chunks of a plan: Slurm takes arrays of 1000 tasks by default.
 const CHUNKS: u64 = 1000;
 
 /// The result of `bead sweep plan` as JSON.
@@ -236,17 +233,10 @@ pub(crate) fn run(running: &Running) -> Result<(), Failure> {
     output::print_line(&format!("chunk {chunk}/{of}: {} points", grouped(count)))
 }
 
-/// Where the numbers of submitted jobs are written.
-const JOBS: &str = "jobs.txt";
-/// Bytes of it that are read at most, and how many of the last jobs the cluster is asked for: each is a call
-/// of `squeue`.
-const JOBS_MOST: u64 = 1 << 20;
-const JOBS_ASKED: usize = 64;
-
 pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
     let Engine::Slurm = submitting.engine;
     let folder = Folder::open(&submitting.dir)?;
-    // The job that merges finds a file of its own kind at most.
+    // The job that merges may replace the table only if it could be written now.
     result(&folder, &submitting.out, submitting.overwrite)?;
     let missing = folder.missing()?;
     if missing.is_empty() {
@@ -257,27 +247,35 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
             submitting.out.display()
         ));
     }
-    let whole = |path: &Path| std::path::absolute(path).or_input(|| format!("{}: no path", path.display()));
+    let whole = |path: &Path| -> Result<String, Failure> {
+        let path = std::path::absolute(path).or_input(|| format!("{}: no path", path.display()))?;
+        let text = path.into_os_string().into_string();
+        text.map_err(|path| {
+            Failure::input(format!(
+                "{}: Slurm takes paths in UTF-8; give another",
+                path.display()
+            ))
+        })
+    };
     let program = std::env::current_exe().or_device(|| "where is this program?")?;
-    let (dir, out) = (whole(folder.path())?, whole(&submitting.out)?);
+    let (program, dir, out) = (whole(&program)?, whole(folder.path())?, whole(&submitting.out)?);
+    let plan = slurm_name(&folder);
     let jobs = Jobs {
         program: &program,
         folder: &dir,
         out: &out,
-        plan: &folder.plan().hash()[..8],
+        plan,
         missing: &missing,
         chunks: folder.chunks(),
         cpus: submitting.cpus,
         at_once: submitting.at_once,
         options: &submitting.sbatch,
     };
-    if let Some(why) = jobs.refused() {
-        return Err(Failure::input(why));
-    }
     if submitting.dry_run {
-        return output::print_line(&format!("{}\n{}", jobs.array(), jobs.merge("JOB").trim_end()));
+        let commands = [jobs.array(), jobs.merge("JOB")].map(|arguments| slurm::command_line(&arguments));
+        return output::print_line(&commands.join("\n"));
     }
-    let waiting = queued(&folder);
+    let waiting = slurm::queued(plan);
     if !waiting.is_empty() {
         return Err(Failure::input(format!(
             "job {} of this plan is still in the queue; wait for it, or end it with: scancel {}",
@@ -285,84 +283,25 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
             waiting.join(" ")
         )));
     }
-    let note = |job: &str| {
-        let file = OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(folder.beside(JOBS));
-        let written = file.and_then(|mut file| writeln!(file, "{job}"));
-        written.or_input(|| format!("job {job} was submitted, but its number cannot be written to {JOBS}"))
-    };
-    let array = sbatch(&jobs.array())?;
-    note(&array)?;
-    let merge = sbatch(&jobs.merge(&array))?;
-    note(&merge)?;
+    let array = slurm::submit(&jobs.array()).map_err(Failure::Device)?;
+    let merge = slurm::submit(&jobs.merge(&array)).map_err(Failure::Device)?;
     output::print_line(&format!(
-        "job {array}: {} of {} chunks; job {merge} merges them into {}\nHow it goes: bead sweep status {}",
+        "job {array}: {} of {} chunks; job {merge} merges them into {out}\nHow it goes: bead sweep status {}",
         missing.len(),
         folder.chunks(),
-        out.display(),
         folder.path().display()
     ))
 }
 
-/// Submits a script, and gives the job's number.
-fn sbatch(script: &str) -> Result<String, Failure> {
-    let started = Command::new("sbatch")
-        .arg("--parsable")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn();
-    let mut child = started.or_device(|| "cannot run sbatch; is Slurm here? --dry-run prints the scripts")?;
-    let mut stdin = child.stdin.take().expect("it has just been piped");
-    let sent = stdin.write_all(script.as_bytes());
-    drop(stdin);
-    let output = child.wait_with_output().or_device(|| "sbatch")?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    let said = said.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-    if !output.status.success() {
-        return Err(Failure::device(format!("sbatch refuses the job: {said}")));
-    }
-    sent.or_device(|| "sbatch")?;
-    let job = String::from_utf8_lossy(&output.stdout);
-    // With several clusters it adds the cluster's name.
-    let job = job.trim().split(';').next().unwrap_or_default().to_owned();
-    match job.chars().all(|c| c.is_ascii_digit()) && !job.is_empty() {
-        true => Ok(job),
-        false => Err(Failure::device(format!(
-            "sbatch gave no number of a job: {job:?} {said}"
-        ))),
-    }
-}
-
-/// The submitted jobs that have not ended.
-fn queued(folder: &Folder) -> Vec<String> {
-    let path = folder.beside(JOBS);
-    let mut jobs = String::new();
-    if path.is_file() {
-        // Where nothing can be read, nothing was submitted.
-        let _ = File::open(path).and_then(|file| file.take(JOBS_MOST).read_to_string(&mut jobs));
-    }
-    let is_number = |job: &&str| !job.is_empty() && job.chars().all(|c| c.is_ascii_digit());
-    let jobs: Vec<&str> = jobs.lines().filter(is_number).collect();
-    let mut waiting: Vec<String> = Vec::new();
-    for job in &jobs[jobs.len().saturating_sub(JOBS_ASKED)..] {
-        let queue = Command::new("squeue")
-            .args(["--noheader", "--format=%T", "--jobs", job])
-            .output();
-        // Of a job that has long ended, it says an error.
-        if queue.is_ok_and(|queue| queue.status.success() && !queue.stdout.trim_ascii().is_empty()) {
-            waiting.push((*job).to_owned());
-        }
-    }
-    waiting
+/// The first letters of the plan's hash, which end the names of its jobs.
+fn slurm_name(folder: &Folder) -> &str {
+    &folder.plan().hash()[..8]
 }
 
 pub(crate) fn status(standing: &Standing) -> Result<(), Failure> {
     let folder = Folder::open(&standing.dir)?;
     let (missing, chunks) = (folder.missing()?, folder.chunks());
-    let waiting = queued(&folder);
+    let waiting = slurm::queued(slurm_name(&folder));
     let finished = chunks - missing.len() as u64;
     let report = StatusReport {
         plan: folder.plan().hash(),
@@ -397,10 +336,10 @@ pub(crate) fn merge(merging: &Merging) -> Result<(), Failure> {
     let folder = Folder::open(&merging.dir)?;
     let out = result(&folder, &merging.out, merging.overwrite)?;
     let merged = merge_into(&folder, &out)?;
-    told(folder.plan(), &merged, out.path(), None, merging.format)
+    summary(folder.plan(), &merged, out.path(), None, merging.format)
 }
 
-/// The merged table. It takes the place of no part.
+/// The merged table, which replaces no part.
 fn result(folder: &Folder, out: &Path, overwrite: Overwrite) -> Result<Target, Failure> {
     if folder.has_within(out) {
         return Err(Failure::input(format!(

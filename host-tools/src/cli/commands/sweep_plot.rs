@@ -7,8 +7,9 @@ use clap::Args;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
-use crate::sweep::picture::{self, View};
+use crate::sweep::picture;
 use crate::sweep::plan::Plan;
+use crate::sweep::view::View;
 use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -18,10 +19,10 @@ a map.
 Examples:
   bead sweep plot map.parquet --out map.svg
   bead sweep plot map.parquet --x striker_velocity_mps \\
-      --y absorbed_of_injected --by intruder_0_mass_kg --out curves.svg
+      --y absorbed_of_injected --by intruder_1_mass_kg --out curves.svg
   bead sweep plot map.parquet --x striker_velocity_mps \\
-      --y intruder_0_mass_kg --map absorbed_j --at chain_relaxation_s=0 \\
-      --out map.svg";
+      --y intruder_1_mass_kg --map absorbed_j --at chain_relaxation_s=0 \\
+      --out masses.svg";
 
 /// `bead sweep plot`.
 #[derive(Debug, Args)]
@@ -38,7 +39,7 @@ pub(crate) struct Plotting {
     overwrite: Overwrite,
 }
 
-/// What is drawn.
+/// Options of a picture.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Choice {
     /// The column of the horizontal axis.
@@ -82,9 +83,9 @@ pub(crate) fn plot(plotting: &Plotting) -> Result<(), Failure> {
     output::print_line(&out.path().display().to_string())
 }
 
-/// Whether a picture can be had of a sweep, before it is computed.
+/// Checks that a picture can be drawn of a sweep, before it is computed.
 pub(crate) fn check(choice: &Choice, plan: &Plan) -> Result<(), Failure> {
-    picture::check(&choice.view(), plan).map_err(Failure::input)
+    choice.view().check(plan).map_err(Failure::input)
 }
 
 pub(crate) fn draw(table: &Path, choice: &Choice, out: &Target) -> Result<(), Failure> {

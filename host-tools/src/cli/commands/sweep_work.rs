@@ -1,5 +1,4 @@
-//! What every way to compute a sweep shares: threads, consent to a large one, progress, and what is told at
-//! the end.
+//! Options, progress and the summary of every command that computes a sweep.
 
 use std::path::Path;
 
@@ -43,7 +42,7 @@ pub(crate) struct Consent {
 }
 
 impl Consent {
-    /// Refuses a large sweep that may be a slip.
+    /// Refuses a large sweep without --yes: it may be a slip.
     pub(crate) fn ask(self, plan: &Plan, seconds: f64) -> Result<(), Failure> {
         if self.yes || plan.points() <= self.limit {
             return Ok(());
@@ -62,7 +61,7 @@ impl Consent {
     }
 }
 
-/// How long a point takes, s.
+/// Time of a point, s.
 pub(crate) fn measured(plan: &Plan) -> f64 {
     let spinner = output::spinner("trying a few points");
     let seconds = compute::seconds_for_each(plan);
@@ -70,7 +69,7 @@ pub(crate) fn measured(plan: &Plan) -> f64 {
     seconds
 }
 
-/// Computes the chunks that are missing. Gives how many points those were.
+/// Computes the missing chunks, and returns the number of their points.
 pub(crate) fn compute_missing(folder: &Folder) -> Result<u64, Failure> {
     let (missing, all) = (folder.missing()?, folder.plan().points() as f64);
     let count = |chunk: &u64| {
@@ -81,7 +80,7 @@ pub(crate) fn compute_missing(folder: &Folder) -> Result<u64, Failure> {
     let mut done = folder.plan().points() - left;
     let bar = output::part_done(format!("of {} points", grouped(folder.plan().points())));
     output::set_part(&bar, done as f64 / all);
-    // What is done already says nothing about the time left.
+    // Finished chunks tell nothing of the time left.
     bar.reset_eta();
     for chunk in missing {
         folder.run(chunk, &|points| {
@@ -110,7 +109,7 @@ pub(crate) struct Report<'a> {
     /// Points that this run computed; null of a merge.
     computed: Option<u64>,
     failed: u64,
-    /// How long that took; null of a merge.
+    /// Time of the computation, s; null of a merge.
     seconds: Option<f64>,
     file: String,
     /// Columns that number the places of the axes.
@@ -119,8 +118,8 @@ pub(crate) struct Report<'a> {
     xarray: String,
 }
 
-/// Prints what came of a sweep, and how to go on with it.
-pub(crate) fn told(
+/// Prints the summary of a sweep, and a line of Python that opens its table.
+pub(crate) fn summary(
     plan: &Plan,
     merged: &Merged,
     out: &Path,
@@ -158,7 +157,7 @@ pub(crate) fn told(
     })
 }
 
-/// The axes as a product: `41 × 15`.
+/// Sizes of the axes as a product: `41 × 15`.
 pub(crate) fn axes(plan: &Plan) -> String {
     let counts: Vec<String> = plan.axes().iter().map(|axis| grouped(axis.count)).collect();
     match counts.as_slice() {
@@ -167,7 +166,7 @@ pub(crate) fn axes(plan: &Plan) -> String {
     }
 }
 
-/// A number in groups of three digits.
+/// Writes a number in groups of three digits.
 pub(crate) fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let first = digits.len() % 3;
@@ -177,7 +176,7 @@ pub(crate) fn grouped(number: u64) -> String {
     groups.join(",")
 }
 
-/// A time for people.
+/// Writes a time in the unit that suits it.
 pub(crate) fn time(seconds: f64) -> String {
     match seconds {
         s if s < 0.1 => format!("{:.0} ms", s * 1e3),
@@ -200,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_and_times_are_for_people() {
+    fn numbers_have_groups_and_times_have_units() {
         assert_eq!(grouped(7), "7");
         assert_eq!(grouped(1_000_000), "1,000,000");
         assert_eq!(grouped(123_456), "123,456");
