@@ -1,4 +1,4 @@
-//! What is run on the bench: options that `bead emulate` and `bead accuracy` share.
+//! The options that `bead emulate` and `bead proof` share: scenario, bead and image.
 
 use std::path::PathBuf;
 

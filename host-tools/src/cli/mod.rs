@@ -18,8 +18,8 @@ mod words;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, record,
-    recover, replay, settings, simulate, spheres, sweep,
+    clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, proof, record,
+    recover, replay, settings, simulate, sweep,
 };
 use failure::{Blame, Failure};
 
@@ -79,10 +79,8 @@ enum Command {
     Optimise(optimise::Arguments),
     /// Run a scenario over axes of its parameters, into one table.
     Sweep(Box<sweep::Arguments>),
-    /// Tabulate the error of the image's estimates over strikers and speeds.
-    Accuracy(accuracy::Arguments),
-    /// Tabulate the error of the image's estimates over materials and diameters of spheres.
-    Spheres(spheres::Arguments),
+    /// Tabulate the errors of the image's estimates: the project's own proofs.
+    Proof(proof::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
     /// Print what a shell needs to complete commands and options: bash, zsh, fish.
@@ -121,8 +119,7 @@ impl Cli {
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Sweep(arguments) => sweep::run(&arguments),
-            Command::Accuracy(arguments) => accuracy::run(&arguments),
-            Command::Spheres(arguments) => spheres::run(&arguments),
+            Command::Proof(arguments) => proof::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
             Command::Completions(arguments) => manual::completions(&arguments, Self::command()),
             Command::Man(arguments) => manual::manual(&arguments, Self::command()),

@@ -8,8 +8,8 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use crate::cli::commands::{
-    accuracy, command, compare, compare_reference, compare_row, emulate, fetch, optimise, recover, replay,
-    settings, simulate, spheres, sweep_cluster, sweep_work,
+    command, compare, compare_reference, compare_row, emulate, fetch, optimise, proof, recover, replay,
+    settings, simulate, sweep_cluster, sweep_work,
 };
 use crate::cli::frame_schemas;
 use crate::comparison::run::RunReport;
@@ -19,7 +19,6 @@ use crate::recording::json::SCHEMA_VERSION;
 /// The schema of each result by its name, which is that of a file in docs/schemas.
 pub fn of_results() -> BTreeMap<&'static str, Value> {
     BTreeMap::from([
-        ("accuracy", of::<Vec<accuracy::Cell>>("accuracy")),
         ("clock", of::<ClockComparison>("clock")),
         ("command-done", of::<command::Done>("command arm")),
         ("command-raw", of::<command::Streamed>("command raw")),
@@ -49,6 +48,11 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
         ("fetch-list", of::<fetch::KeptStrikes<'_>>("fetch")),
         ("optimise", of::<optimise::Report<'_>>("optimise")),
         (
+            "proof-accuracy",
+            of::<Vec<proof::accuracy::Cell>>("proof accuracy"),
+        ),
+        ("proof-spheres", of::<Vec<proof::spheres::Cell>>("proof spheres")),
+        (
             "record",
             frame_schemas::of_lines("record", &[Kind::Strike, Kind::Fault]),
         ),
@@ -56,7 +60,6 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
         ("replay", of::<replay::Report<'_>>("replay")),
         ("settings", of::<settings::Report>("settings read")),
         ("simulate", of::<simulate::Report<'_>>("simulate")),
-        ("spheres", of::<Vec<spheres::Cell>>("spheres")),
         ("sweep", of::<sweep_work::Report<'_>>("sweep")),
         ("sweep-plan", of::<sweep_cluster::PlanReport<'_>>("sweep plan")),
         (

@@ -99,7 +99,7 @@ fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let corners = Job {
         title: "strikers and speeds at the corners of their ranges".to_owned(),
         line: Line::program(steps.built("release/bead"))
-            .words("accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
+            .words("proof accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
             .words("--radii 0.0045,0.0115 --velocity 0.45,5"),
     };
     let slow = |job: Job| Job {

@@ -1,6 +1,5 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
-pub(crate) mod accuracy;
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
@@ -14,15 +13,14 @@ pub(crate) mod export;
 pub(crate) mod fetch;
 pub(crate) mod figures;
 pub(crate) mod manual;
-mod measured;
 pub(crate) mod optimise;
+pub(crate) mod proof;
 pub(crate) mod record;
 pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod settings;
 mod settings_file;
 pub(crate) mod simulate;
-pub(crate) mod spheres;
 pub(crate) mod sweep;
 pub(crate) mod sweep_cluster;
 mod sweep_plot;

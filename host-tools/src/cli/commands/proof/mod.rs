@@ -1,15 +1,26 @@
-//! How far the estimates of a run are from the truth: shared by `bead accuracy` and `bead spheres`.
+//! `bead proof`: the project's own tables of errors, from runs of the flash image in QEMU.
+//!
+//! # Design
+//! Each cell of a table is a run of the image on several strikes, with noise. Codes, image, frames and truth
+//! are those of `bead emulate`.
+
+pub(crate) mod accuracy;
+pub(crate) mod spheres;
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use bead_wire::{Energy, StrikeFlags};
-use clap::Args;
-use hertz_chain::Solution;
+use clap::{Args, Subcommand};
+use hertz_chain::{Scenario, Solution};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::bench::emulation::Emulation;
+use crate::bench::error::BenchError;
+use crate::bench::front_end::FrontEnd;
 use crate::bench::sensed::Timing;
+use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
@@ -26,12 +37,36 @@ const LEAD_IN: f64 = 0.02;
 /// Seed of the noise, unless another is given.
 const SEED: u64 = 1;
 
-/// How a table of errors is made and where it goes.
+/// Arguments of `bead proof`.
 #[derive(Debug, Args)]
-pub(super) struct TableOptions {
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    proof: Proof,
+}
+
+#[derive(Debug, Subcommand)]
+enum Proof {
+    /// Tabulate the error of the image's estimates over strikers and speeds.
+    Accuracy(accuracy::Arguments),
+    /// Tabulate the error of the image's estimates over materials and diameters of spheres.
+    Spheres(spheres::Arguments),
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.proof {
+        Proof::Accuracy(arguments) => accuracy::run(arguments),
+        Proof::Spheres(arguments) => spheres::run(arguments),
+    }
+}
+
+/// Options of every proof.
+#[derive(Debug, Args)]
+struct Common {
+    #[command(flatten)]
+    bench: BenchOptions,
     /// Seed of the noise: the same seed gives the same table.
     #[arg(long, value_name = "S", default_value_t = SEED)]
-    pub(super) seed: u64,
+    seed: u64,
     /// Write the table to this file too, as Markdown.
     #[arg(long, value_name = "F.md")]
     table: Option<PathBuf>,
@@ -42,42 +77,107 @@ pub(super) struct TableOptions {
     format: Format,
 }
 
-impl TableOptions {
-    /// Where the table goes; see [`place::target`].
-    pub(super) fn target(&self, inputs: &[&Path]) -> Result<Option<Target>, Failure> {
-        place::optional(self.table.as_deref(), Kind::Text, inputs, self.overwrite)
+impl Common {
+    /// The place of the table; see [`place::target`].
+    fn target(&self, image: &Path) -> Result<Option<Target>, Failure> {
+        let inputs = [&self.bench.scenario, image];
+        place::optional(self.table.as_deref(), Kind::Text, &inputs, self.overwrite)
     }
 
-    /// These options as they are typed; `--overwrite`, since who types them again replaces the table.
-    pub(super) fn typed(&self) -> String {
-        let seed = typed("--seed", self.seed, SEED);
-        let table = self
-            .table
-            .iter()
-            .map(|table| format!(" --overwrite --table {}", table.display()));
-        seed + &table.collect::<String>()
+    /// The command line of a proof: the scenario, the bead, the proof's own options, seed and table. With
+    /// `--overwrite`, since who types it again replaces the table.
+    fn line(&self, proof: &str, options: &[String]) -> String {
+        let table = self.table.as_ref();
+        let table = table.map(|table| format!(" --overwrite --table {}", table.display()));
+        format!(
+            "bead proof {proof} {} --bead {}{}{}{}",
+            self.bench.scenario.display(),
+            self.bench.bead,
+            options.concat(),
+            typed("--seed", self.seed, SEED),
+            table.unwrap_or_default()
+        )
     }
 
-    /// Writes and prints the cells.
-    pub(super) fn tell(
+    /// Runs the image on strikes of a simulated scenario.
+    ///
+    /// # Errors
+    /// The bead has no intruder, the front end does not fit it, or the emulator fails.
+    fn measure(
+        &self,
+        scenario: &Scenario,
+        solution: &Solution,
+        front_end: &FrontEnd,
+        strikes: u32,
+        image: &Path,
+    ) -> Result<Errors, BenchError> {
+        let timing = Timing {
+            lead_in: LEAD_IN,
+            strikes,
+            interval: INTERVAL.max(1.1 * solution.end()),
+        };
+        let (bead, seed) = (self.bench.bead, Some(self.seed));
+        let run = Emulation::prepare(scenario, solution, bead, front_end, seed, timing, image)?;
+        let frames = run.run()?.whole()?.frames;
+        Ok(Errors::of(&run, frames))
+    }
+
+    /// Highest force at the bead's incoming contact, N, and greatest magnitude of its intruder's
+    /// acceleration, m/s².
+    fn peaks(&self, solution: &Solution) -> (f64, f64) {
+        let (summary, bead) = (solution.summary(), self.bench.bead);
+        let force = summary.peak_force.iter().find(|peak| peak.contact == bead);
+        let intruder = summary.intruders.iter().find(|intruder| intruder.bead == bead);
+        let acceleration = intruder.map(|intruder| intruder.acceleration_max.max(-intruder.acceleration_min));
+        (force.map_or(0.0, |peak| peak.force), acceleration.unwrap_or(0.0))
+    }
+
+    /// Writes the page, `text` above the table, and prints the cells.
+    fn publish<C: Serialize, const N: usize>(
         &self,
         target: Option<&Target>,
-        cells: &impl Serialize,
-        markdown: impl FnOnce() -> String,
-        table: impl FnOnce() -> String,
+        cells: &[C],
+        text: &str,
+        headings: [&str; N],
+        row: impl Fn(&C) -> [String; N],
     ) -> Result<(), Failure> {
         if let Some(target) = target {
-            target.write_bytes(markdown())?;
+            let page = text.to_owned() + &markdown(headings, cells.iter().map(&row));
+            target.write_bytes(page)?;
         }
-        output::print(self.format, cells, table)
+        output::print(self.format, &cells, || {
+            output::table(&headings.join(" | "), cells.iter().map(row))
+        })
     }
+}
+
+/// The cells of all points, computed side by side.
+fn cells<P: Sync, C: Send>(
+    points: &[P],
+    cell: impl Fn(&P) -> Result<C, Failure> + Sync,
+) -> Result<Vec<C>, Failure> {
+    let progress = output::progress(points.len() as u64);
+    let cells = points.par_iter().map(|point| {
+        let cell = cell(point);
+        progress.inc(1);
+        cell
+    });
+    let cells = cells.collect();
+    progress.finish_and_clear();
+    cells
+}
+
+/// Every value of one axis with every value of another.
+fn grid<A: Copy, B: Copy>(rows: &[A], columns: &[B]) -> Vec<(A, B)> {
+    let row = |&row: &A| columns.iter().map(move |&column| (row, column));
+    rows.iter().flat_map(row).collect()
 }
 
 /// Refuses values of an option that are no positive length, or longer than any sphere of a chain.
 ///
 /// # Errors
 /// The message asks whether millimetres are meant.
-pub(super) fn check_lengths(option: &str, metres: &[f64]) -> Result<(), Failure> {
+fn check_lengths(option: &str, metres: &[f64]) -> Result<(), Failure> {
     check_positive(option, metres, "m")?;
     let Some(long) = metres.iter().find(|length| **length > LONGEST) else {
         return Ok(());
@@ -92,7 +192,7 @@ pub(super) fn check_lengths(option: &str, metres: &[f64]) -> Result<(), Failure>
 ///
 /// # Errors
 /// The message names the first of them and the unit.
-pub(super) fn check_positive(option: &str, values: &[f64], unit: &str) -> Result<(), Failure> {
+fn check_positive(option: &str, values: &[f64], unit: &str) -> Result<(), Failure> {
     let refused = values.iter().find(|value| !(value.is_finite() && **value > 0.0));
     refused.map_or(Ok(()), |value| {
         Err(Failure::input(format!(
@@ -105,62 +205,57 @@ pub(super) fn check_positive(option: &str, values: &[f64], unit: &str) -> Result
 const LONGEST: f64 = 1.0;
 
 /// A table in Markdown.
-pub(super) fn rows<const N: usize>(headings: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
+fn markdown<const N: usize>(headings: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
     let heads = [headings.map(str::to_owned), headings.map(|_| "---".to_owned())];
     let line = |cells: [String; N]| format!("| {} |\n", cells.join(" | "));
     heads.into_iter().chain(rows).map(line).collect()
 }
 
 /// An option as it is typed, behind a blank; nothing if it has its default.
-pub(super) fn typed(name: &str, value: impl Display, default: impl Display) -> String {
+fn typed(name: &str, value: impl Display, default: impl Display) -> String {
     let [value, default] = [value.to_string(), default.to_string()];
-    match value == default {
-        true => String::new(),
-        false => format!(" {name} {value}"),
+    if value == default {
+        String::new()
+    } else {
+        format!(" {name} {value}")
     }
 }
 
 /// Values of an option as they are typed.
-pub(super) fn list(values: impl IntoIterator<Item = impl Display>) -> String {
+fn list(values: impl IntoIterator<Item = impl Display>) -> String {
     let values: Vec<String> = values.into_iter().map(|value| value.to_string()).collect();
     values.join(",")
 }
 
-/// A row of `strikes` strikes of a simulation.
-pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {
-    Timing {
-        lead_in: LEAD_IN,
-        strikes,
-        interval: INTERVAL.max(1.1 * solution.end()),
-    }
-}
-
 /// Errors of the estimates of one run.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
-pub(super) struct Errors {
+struct Errors {
     /// Strikes that were measured.
-    pub(super) strikes: usize,
+    strikes: usize,
+    /// Highest force of the truth, N.
+    #[serde(skip)]
+    peak_force: f64,
     /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the
     /// worst: null in JSON.
     #[schemars(with = "[Option<f64>; 2]")]
-    pub(super) rms: [f64; 2],
+    rms: [f64; 2],
     /// The greatest error, with its sign.
     #[schemars(with = "[Option<f64>; 2]")]
-    pub(super) worst: [f64; 2],
+    worst: [f64; 2],
     /// Every flag that was set.
-    pub(super) flags: Vec<&'static str>,
+    flags: Vec<&'static str>,
 }
 
 impl Errors {
-    /// Whether every strike was measured within the sensors' range, and well enough.
-    pub(super) fn pass(&self, struck: u32) -> bool {
+    /// True if every strike was measured within the sensors' range, and within the goals.
+    fn pass(&self, struck: u32) -> bool {
         self.strikes == struck as usize
             && self.flags.iter().all(|flag| !flag.ends_with("railed"))
             && self.rms.iter().zip(GOALS).all(|(rms, goal)| *rms <= goal)
     }
 
     /// The errors of the first window after each strike. Later windows are echoes.
-    pub(super) fn of(run: &Emulation, frames: Vec<Frame>) -> Self {
+    fn of(run: &Emulation, frames: Vec<Frame>) -> Self {
         let strikes = assemble(frames, Some(run.settings));
         let mut begun = None;
         let mut is_first = |strike: &&RecordedStrike| {
@@ -184,6 +279,7 @@ impl Errors {
         let flags = flags.fold(StrikeFlags::NONE, StrikeFlags::with);
         Self {
             strikes: measured.len(),
+            peak_force: run.truth.truth.peak_force,
             rms: [a.0, b.0],
             worst: [a.1, b.1],
             flags: flags.names().collect(),
@@ -191,7 +287,7 @@ impl Errors {
     }
 
     /// An error with its worst value, or the flag that makes it meaningless; `-` if the bead saw no strike.
-    pub(super) fn shown(&self, estimate: usize) -> String {
+    fn shown(&self, estimate: usize) -> String {
         if self.strikes == 0 {
             return "-".to_owned();
         }
@@ -212,6 +308,7 @@ mod tests {
     fn errors_of_no_strike_are_no_numbers_and_no_pass() {
         let errors = Errors {
             strikes: 0,
+            peak_force: 0.0,
             rms: [f64::NAN; 2],
             worst: [f64::NAN; 2],
             flags: Vec::new(),

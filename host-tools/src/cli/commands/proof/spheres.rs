@@ -1,28 +1,23 @@
-//! `bead spheres`: how far the image's two estimates are from the truth, over materials and diameters.
+//! `bead proof spheres`: the error of the image's two estimates over materials and diameters of spheres.
 //!
 //! # Design
-//! As `bead accuracy`, with a chain of other spheres in each cell. The intruder is the scenario's own in
+//! Each cell is a chain of other spheres. The intruder is the scenario's own in
 //! units of the sphere: the same part of its mass, if no other is asked for, and the same frequency and
 //! damping in units of the time of its wave.
 
 use std::f64::consts::PI;
-use std::fmt::Write as _;
 use std::path::Path;
 
 use bead_model::design::Bead;
 use clap::{Args, ValueEnum};
 use hertz_chain::{Material, Options, Scenario};
-use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, check_lengths, check_positive, list, rows, timing, typed};
-use crate::bench::emulation::Emulation;
+use super::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
 use crate::bench::error::BenchError;
-use crate::bench::front_end::FrontEnd;
+use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::bench::sensed::{RING_DOWN, bead_of, load_scenario, simulate_with_ring_down};
-use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
-use crate::cli::output;
 
 const AFTER_HELP: &str = "\
 Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --velocity. Its \
@@ -33,13 +28,13 @@ the strike fills to two thirds, with the noise of the reference in codes. Sphere
 are refused, and the table says from which diameter on they are not.
 
 Examples:
-  bead spheres docs/scenarios/paper-strike.toml --bead 8
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 \\
+  bead proof spheres docs/scenarios/paper-strike.toml --bead 8
+  bead proof spheres docs/scenarios/paper-strike.toml --bead 8 \\
       --materials steel,ptfe --diameters 0.015,0.025 --part 0.3
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
+  bead proof spheres docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
       --table docs/spheres.md";
 
-/// How much wider the range at the low gain is.
+/// Range at the low gain, as a multiple of that at the high one.
 const WIDER: f64 = 1.25;
 
 const DIAMETERS: [f64; 7] = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04];
@@ -85,12 +80,12 @@ impl Kind {
     }
 }
 
-/// Arguments of `bead spheres`.
+/// Arguments of `bead proof spheres`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    bench: BenchOptions,
+    common: Common,
     /// Materials [default: all].
     #[arg(long, value_enum, value_delimiter = ',')]
     materials: Vec<Kind>,
@@ -109,8 +104,6 @@ pub(crate) struct Arguments {
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = STRIKES, value_parser = clap::value_parser!(u32).range(1..=1000))]
     strikes: u32,
-    #[command(flatten)]
-    table: TableOptions,
 }
 
 /// One material and one diameter.
@@ -163,42 +156,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     check_part(arguments.part)?;
-    let image = arguments.bench.image()?;
-    let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
-    let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
-    let own = bead_of(&simulate_with_ring_down(&scenario)?, arguments.bench.bead)?;
-    let grid = grid(arguments, &scenario, &own)?;
-    let progress = output::progress(grid.len() as u64);
-    let cells: Vec<Cell> = grid
-        .par_iter()
-        .map(|&(kind, diameter)| {
-            let cell = cell(arguments, &scenario, &own, kind, diameter, &image);
-            progress.inc(1);
-            cell
-        })
-        .collect::<Result<_, _>>()?;
-    progress.finish_and_clear();
-    let table = || output::table(&HEADINGS.join(" | "), cells.iter().map(row_of));
-    arguments
-        .table
-        .tell(target.as_ref(), &cells, || markdown(arguments, &cells), table)
+    let common = &arguments.common;
+    let image = common.bench.image()?;
+    let target = common.target(&image)?;
+    let (scenario, _) = load_scenario(&common.bench.scenario)?;
+    let own = bead_of(&simulate_with_ring_down(&scenario)?, common.bench.bead)?;
+    let points = points(arguments, &scenario, &own)?;
+    let cells = cells(&points, |&(material, diameter)| {
+        cell(arguments, &scenario, &own, material, diameter, &image)
+    })?;
+    common.publish(target.as_ref(), &cells, &text(arguments), HEADINGS, row)
 }
 
-/// The cells, each of which can be run: one that cannot would lose what all others have found.
-fn grid(arguments: &Arguments, scenario: &Scenario, own: &Bead) -> Result<Vec<(Kind, f64)>, Failure> {
+/// Materials and diameters, each of which can be run: one that cannot would lose the results of all others.
+fn points(arguments: &Arguments, scenario: &Scenario, own: &Bead) -> Result<Vec<(Kind, f64)>, Failure> {
     let materials = match &arguments.materials[..] {
         [] => Kind::value_variants(),
         some => some,
     };
-    let row = |&kind: &Kind| arguments.diameters.iter().map(move |&diameter| (kind, diameter));
-    let grid: Vec<(Kind, f64)> = materials.iter().flat_map(row).collect();
-    for &(kind, diameter) in &grid {
+    let points = grid(materials, &arguments.diameters);
+    for &(kind, diameter) in &points {
         let (scenario, _) = chain(arguments, scenario, own, kind, diameter);
         let options = Options::default().with_duration(scenario.duration + RING_DOWN);
         let checked = options.check(&scenario);
         checked.map_err(|why| Failure::input(format!("--diameters {diameter}: {why}")))?;
     }
-    Ok(grid)
+    Ok(points)
 }
 
 /// The scenario with equal spheres of a material, and its bead. `own` is the bead of the scenario as it is.
@@ -255,43 +238,26 @@ fn cell(
     image: &Path,
 ) -> Result<Cell, Failure> {
     let (scenario, bead) = chain(arguments, scenario, own, kind, diameter);
-    let host = arguments.bench.bead;
     let solution = simulate_with_ring_down(&scenario)?;
-    let summary = solution.summary();
-    let peak = summary.peak_force.iter().find(|peak| peak.contact == host);
-    let peak_force = peak.map_or(0.0, |peak| peak.force);
-    let intruder = summary.intruders.iter().find(|intruder| intruder.bead == host);
-    let peak_acceleration = intruder.map_or(0.0, |intruder| {
-        intruder.acceleration_max.max(-intruder.acceleration_min)
-    });
+    let (peak_force, peak_acceleration) = arguments.common.peaks(&solution);
     let front_end = filled(peak_force, peak_acceleration);
-    let timing = timing(arguments.strikes, &solution);
-    let prepared = Emulation::prepare(
-        &scenario,
-        &solution,
-        host,
-        &front_end,
-        Some(arguments.table.seed),
-        timing,
-        image,
-    );
-    let outcome = match prepared {
-        Ok(run) => {
-            let frames = run.run()?.whole()?.frames;
-            Outcome::Measured(Measured {
-                peak_force,
-                peak_acceleration,
-                errors: Errors::of(&run, frames),
-            })
-        }
-        // Which spheres do not go is what the table is for.
+    let measured = arguments
+        .common
+        .measure(&scenario, &solution, &front_end, arguments.strikes, image);
+    let outcome = match measured {
+        Ok(errors) => Outcome::Measured(Measured {
+            peak_force,
+            peak_acceleration,
+            errors,
+        }),
+        // The table says which spheres are refused.
         Err(BenchError::Unfit(why)) => Outcome::Refused(why),
         Err(error) => return Err(error.into()),
     };
     Ok(Cell {
         material: kind,
         diameter,
-        width_samples: bead.pulse_width(1.0) * f64::from(crate::bench::front_end::SAMPLE_RATE_HZ),
+        width_samples: bead.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ),
         outcome,
     })
 }
@@ -328,7 +294,7 @@ const HEADINGS: [&str; 7] = [
     "flags",
 ];
 
-fn row_of(cell: &Cell) -> [String; 7] {
+fn row(cell: &Cell) -> [String; 7] {
     let [peaks, a, b, flags] = match &cell.outcome {
         Outcome::Measured(measured) => [
             format!(
@@ -348,7 +314,7 @@ fn row_of(cell: &Cell) -> [String; 7] {
     [cell.material.name(), diameter, width, peaks, a, b, flags]
 }
 
-/// What a table has room for: the least diameter, or else the message without its beginning.
+/// A short form of a refusal for a table: the least diameter, or else the message without its beginning.
 fn short(why: &str) -> &str {
     let small = why
         .split(": ")
@@ -361,25 +327,33 @@ fn short(why: &str) -> &str {
         .unwrap_or(why)
 }
 
-fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
+/// The page above its table.
+fn text(arguments: &Arguments) -> String {
     let materials = list(arguments.materials.iter().map(|kind| kind.name()));
     let part = arguments.part.map(|part| part.to_string()).unwrap_or_default();
     let intruder = match arguments.part {
         None => "is the scenario's in units of the sphere: the same part\nof its mass, and the same".into(),
         Some(part) => format!("has {part} of the sphere's mass,\nand the scenario's"),
     };
-    let mut text = String::new();
-    // Writing to a string does not fail.
-    let _ = write!(
-        text,
+    let (strikes, velocity) = (arguments.strikes, arguments.velocity);
+    let options = [
+        typed("--materials", materials, ""),
+        typed("--diameters", list(&arguments.diameters), list(DIAMETERS)),
+        typed("--part", part, ""),
+        typed("--velocity", velocity, SPEED),
+        typed("--relaxation", arguments.relaxation, RELAXATION),
+        typed("--strikes", strikes, STRIKES),
+    ];
+    let line = arguments.common.line("spheres", &options);
+    format!(
         "# Spheres of other materials and sizes
 
 Written by
 
-    bead spheres {} --bead {}{}{}{}{}{}{}{}
+    {line}
 
-from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise. Every chain is
-of equal spheres and is struck by one of them at {} m/s. The intruder {intruder} \
+from runs of the flash image in QEMU: {strikes} strikes a cell, each at another phase of the sample clock, with noise. Every chain is
+of equal spheres and is struck by one of them at {velocity} m/s. The intruder {intruder} \
 frequency and damping in units of the time of the wave. The strike fills two thirds of the sensors'
 ranges at the high gain. An error is that of the absorbed energy against the full f64 chain, its root mean square over the
 strikes, in brackets the worst. A is measured by the acceleration, B predicted from the force.
@@ -388,20 +362,8 @@ strikes, in brackets the worst. A is measured by the acceleration, B predicted f
 measure: from 5.6 samples on, the arithmetic alone keeps A within 0.1 % and B within 0.5 %. Below 2.5 samples a sphere is
 refused, and the table says which diameter is the least.
 
-",
-        arguments.bench.scenario.display(),
-        arguments.bench.bead,
-        typed("--materials", materials, ""),
-        typed("--diameters", list(&arguments.diameters), list(DIAMETERS)),
-        typed("--part", part, ""),
-        typed("--velocity", arguments.velocity, SPEED),
-        typed("--relaxation", arguments.relaxation, RELAXATION),
-        typed("--strikes", arguments.strikes, STRIKES),
-        arguments.table.typed(),
-        arguments.strikes,
-        arguments.velocity
-    );
-    text + &rows(HEADINGS, cells.iter().map(row_of))
+"
+    )
 }
 
 #[cfg(test)]
@@ -440,14 +402,17 @@ mod tests {
     fn a_page_tells_the_command_that_wrote_it_and_whose_intruder() {
         let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/spheres.md");
         let kept = std::fs::read_to_string(kept).unwrap();
-        let own = markdown(&read(&["--table", "docs/spheres.md"]), &[]);
+        let own = text(&read(&["--table", "docs/spheres.md"]));
         assert!(kept.starts_with(&own), "{own}");
 
         let options = "--materials steel,ptfe --diameters 0.015,0.025 --part 0.3 --velocity 1 --relaxation 0.000001 \
                        --strikes 2 --seed 7 --overwrite --table a.md";
         let options: Vec<&str> = options.split_whitespace().collect();
-        let other = markdown(&read(&options), &[]);
-        let line = format!("    bead spheres {SCENARIO} --bead 8 {}\n", options.join(" "));
+        let other = text(&read(&options));
+        let line = format!(
+            "    bead proof spheres {SCENARIO} --bead 8 {}\n",
+            options.join(" ")
+        );
         assert!(
             other.contains(&line) && other.contains("has 0.3 of the sphere's mass"),
             "{other}"
@@ -472,7 +437,7 @@ mod tests {
         let own = Bead::paper();
         let cells = |diameters: &str| {
             let arguments = read(&["--materials", "steel,ptfe", "--diameters", diameters]);
-            grid(&arguments, &scenario, &own).map_err(|why| why.to_string())
+            points(&arguments, &scenario, &own).map_err(|why| why.to_string())
         };
         assert_eq!(cells("0.02,0.001").unwrap().len(), 4);
         for (diameter, why) in [

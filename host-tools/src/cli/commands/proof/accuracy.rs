@@ -1,21 +1,15 @@
-//! `bead accuracy`: how far the image's two estimates are from the truth, over strikers and speeds.
-//!
-//! # Design
-//! For every cell the flash image runs in QEMU on several strikes, with noise, behind each pair of sensors.
-//! The codes, the image, the frames and the truth are those of `bead emulate`.
+//! `bead proof accuracy`: the error of the image's two estimates over strikers and speeds, behind each pair
+//! of sensors.
 
-use std::fmt::Write as _;
+use std::path::Path;
 
 use clap::Args;
 use hertz_chain::{Scenario, Striker};
-use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, check_lengths, check_positive, list, rows, timing, typed};
-use crate::bench::emulation::Emulation;
+use super::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::bench::tables::Sensors;
-use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::output;
 
@@ -30,21 +24,21 @@ Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B 
 rail.
 
 Examples:
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
+  bead proof accuracy docs/scenarios/paper-strike.toml --bead 8
+  bead proof accuracy docs/scenarios/paper-strike.toml --bead 8 --overwrite \\
       --table docs/ranges.md
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 \\
+  bead proof accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 \\
       --velocity 0.3,0.6 --strikes 20 --format json";
 
 const RADII: [f64; 4] = [0.0045, 0.007, 0.009, 0.0115];
 const SPEEDS: [f64; 6] = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0];
 
-/// Arguments of `bead accuracy`.
+/// Arguments of `bead proof accuracy`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    bench: BenchOptions,
+    common: Common,
     /// Radii of the striker, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = RADII)]
     radii: Vec<f64>,
@@ -54,8 +48,6 @@ pub(crate) struct Arguments {
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
-    #[command(flatten)]
-    table: TableOptions,
 }
 
 /// One striker at one speed.
@@ -79,32 +71,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (radii, speeds) = (&arguments.radii, &arguments.velocity);
     check_lengths("--radii", radii)?;
     check_positive("--velocity", speeds, "m/s")?;
-    let image = arguments.bench.image()?;
-    let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
-    let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
-    let row = |&radius: &f64| speeds.iter().map(move |&speed| (radius, speed));
-    let grid: Vec<(f64, f64)> = radii.iter().flat_map(row).collect();
-    let progress = output::progress(grid.len() as u64);
-    let cells: Vec<Cell> = grid
-        .par_iter()
-        .map(|&(radius, speed)| {
-            let cell = cell(arguments, &struck(&scenario, radius, speed), &image);
-            progress.inc(1);
-            cell
-        })
-        .collect::<Result<_, _>>()?;
-    progress.finish_and_clear();
-
-    let (page, table) = (|| markdown(arguments, &scenario, &cells), || table(&cells));
-    arguments.table.tell(target.as_ref(), &cells, page, table)?;
+    let common = &arguments.common;
+    let image = common.bench.image()?;
+    let target = common.target(&image)?;
+    let (scenario, _) = load_scenario(&common.bench.scenario)?;
+    let cells = cells(&grid(radii, speeds), |&(radius, speed)| {
+        cell(arguments, &struck(&scenario, radius, speed), &image)
+    })?;
+    let text = text(arguments, &scenario);
+    common.publish(target.as_ref(), &cells, &text, HEADINGS, row)?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
-    match outside {
-        0 => Ok(()),
-        _ => Err(Failure::Verdict(format!(
-            "{outside} of {} cells are measured within 0.5 % (A) and 1 % (B) by neither pair of sensors",
-            cells.len()
-        ))),
+    if outside == 0 {
+        return Ok(());
     }
+    Err(Failure::Verdict(format!(
+        "{outside} of {} cells are measured within 0.5 % (A) and 1 % (B) by neither pair of sensors",
+        cells.len()
+    )))
 }
 
 /// The scenario, struck by a full sphere of this radius, m, at this speed, m/s.
@@ -115,35 +98,19 @@ fn struck(scenario: &Scenario, radius: f64, speed: f64) -> Scenario {
     scenario
 }
 
-fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> Result<Cell, Failure> {
+fn cell(arguments: &Arguments, scenario: &Scenario, image: &Path) -> Result<Cell, Failure> {
+    let (common, strikes) = (&arguments.common, arguments.strikes);
     let solution = simulate_with_ring_down(scenario)?;
-    bead_of(&solution, arguments.bench.bead)?;
-    let timing = timing(arguments.strikes, &solution);
-    let errors = |sensors: Sensors| {
-        let run = Emulation::prepare(
-            scenario,
-            &solution,
-            arguments.bench.bead,
-            &sensors.front_end(),
-            Some(arguments.table.seed),
-            timing,
-            image,
-        )?;
-        let ran = run.run()?.whole()?;
-        Ok::<_, Failure>((Errors::of(&run, ran.frames), run.truth.truth.peak_force))
-    };
-    let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
-    let summary = solution.summary();
-    let mut intruders = summary.intruders.iter();
-    let intruder = intruders.find(|intruder| intruder.bead == arguments.bench.bead);
+    bead_of(&solution, common.bench.bead)?;
+    let errors = |sensors: Sensors| common.measure(scenario, &solution, &sensors.front_end(), strikes, image);
+    let (weak, strong) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
+    let (_, peak_acceleration) = common.peaks(&solution);
     Ok(Cell {
         radius: scenario.striker.radius,
         speed: scenario.striker.velocity,
-        peak_force,
-        peak_acceleration: intruder.map_or(0.0, |intruder| {
-            intruder.acceleration_max.max(-intruder.acceleration_min)
-        }),
-        pass: weak.pass(arguments.strikes) || strong.pass(arguments.strikes),
+        peak_force: weak.peak_force,
+        peak_acceleration,
+        pass: weak.pass(strikes) || strong.pass(strikes),
         weak,
         strong,
     })
@@ -163,7 +130,7 @@ fn row(cell: &Cell) -> [String; 8] {
         cell.weak.shown(1),
         cell.strong.shown(0),
         cell.strong.shown(1),
-        (if cell.pass { "yes" } else { "no" }).to_owned(),
+        output::either(cell.pass, "yes", "no"),
         flags.join(", "),
     ]
 }
@@ -179,27 +146,26 @@ const HEADINGS: [&str; 8] = [
     "flags",
 ];
 
-fn table(cells: &[Cell]) -> String {
-    output::table(&HEADINGS.join(" | "), cells.iter().map(row))
-}
-
-fn markdown(arguments: &Arguments, scenario: &Scenario, cells: &[Cell]) -> String {
+/// The page above its table.
+fn text(arguments: &Arguments, scenario: &Scenario) -> String {
     let material = |striker: &Striker| (striker.density, striker.young, striker.poisson);
-    let kind = match material(&scenario.striker) == material(&Striker::PAPER) {
-        true => "steel",
-        false => "spherical",
-    };
-    let mut text = String::new();
-    // Writing to a string does not fail.
-    let _ = write!(
-        text,
+    let is_steel = material(&scenario.striker) == material(&Striker::PAPER);
+    let kind = if is_steel { "steel" } else { "spherical" };
+    let strikes = arguments.strikes;
+    let options = [
+        typed("--radii", list(&arguments.radii), list(RADII)),
+        typed("--velocity", list(&arguments.velocity), list(SPEEDS)),
+        format!(" --strikes {strikes}"),
+    ];
+    let line = arguments.common.line("accuracy", &options);
+    format!(
         "# Striker and speed against error
 
 Written by
 
-    bead accuracy {} --bead {}{}{} --strikes {}{}
+    {line}
 
-from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise, by {kind}
+from runs of the flash image in QEMU: {strikes} strikes a cell, each at another phase of the sample clock, with noise, by {kind}
 strikers on the chain of the scenario. An error is that of the absorbed energy against the full f64 chain, its root mean
 square over the strikes, in brackets the worst. A is measured by the acceleration, B predicted from the force.
 
@@ -208,16 +174,8 @@ square over the strikes, in brackets the worst. A is measured by the acceleratio
 *Railed*: the strike is beyond the low gain's range, and its report says so. The last column but one: whether one of the two
 pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [estimators.md](estimators.md).
 
-",
-        arguments.bench.scenario.display(),
-        arguments.bench.bead,
-        typed("--radii", list(&arguments.radii), list(RADII)),
-        typed("--velocity", list(&arguments.velocity), list(SPEEDS)),
-        arguments.strikes,
-        arguments.table.typed(),
-        arguments.strikes
-    );
-    text + &rows(HEADINGS, cells.iter().map(row))
+"
+    )
 }
 
 #[cfg(test)]
@@ -244,14 +202,17 @@ mod tests {
         let mut scenario = Scenario::paper();
         let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/ranges.md");
         let kept = std::fs::read_to_string(kept).unwrap();
-        let own = markdown(&read(&["--table", "docs/ranges.md"]), &scenario, &[]);
+        let own = text(&read(&["--table", "docs/ranges.md"]), &scenario);
         assert!(kept.starts_with(&own), "{own}");
 
         let options = "--radii 0.0045,0.02 --velocity 3 --strikes 2 --seed 7 --overwrite --table a.md";
         let options: Vec<&str> = options.split(' ').collect();
         scenario.striker.density = 2500.0;
-        let other = markdown(&read(&options), &scenario, &[]);
-        let line = format!("    bead accuracy {SCENARIO} --bead 8 {}\n", options.join(" "));
+        let other = text(&read(&options), &scenario);
+        let line = format!(
+            "    bead proof accuracy {SCENARIO} --bead 8 {}\n",
+            options.join(" ")
+        );
         assert!(other.contains(&line) && !other.contains("steel"), "{other}");
     }
 
@@ -267,6 +228,7 @@ mod tests {
     fn a_flag_of_both_pairs_of_sensors_is_told_once() {
         let errors = |flags: &[&'static str]| Errors {
             strikes: 2,
+            peak_force: 1.0,
             rms: [0.0; 2],
             worst: [0.0; 2],
             flags: flags.to_vec(),
