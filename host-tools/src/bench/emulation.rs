@@ -208,7 +208,7 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 /// Counts of the emulator, as attached to the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EmulatorReport {
-    /// The image that was run.
+    /// The file name of the image that was run, or `carried by bead`.
     pub image: String,
     /// The first line of `qemu-system-arm --version`, if that could be run.
     pub qemu: Option<String>,
@@ -573,7 +573,7 @@ impl Emulation {
         });
         let (in_windows, estimated) = samples_in(windows);
         Ok(EmulatorReport {
-            image: image::shown(&self.image),
+            image: image::file_name(&self.image),
             qemu: stm32f405_qemu::qemu_version(None).ok(),
             instructions_per_sample: InstructionsPerSample {
                 observer: per_sample("observer", estimated),

@@ -98,10 +98,25 @@ fn link(file: &File) -> PathBuf {
     format!("/proc/{}/fd/{}", process::id(), file.as_raw_fd()).into()
 }
 
-/// An image as reports name it.
+/// The place of an image, for messages.
 pub fn shown(image: &Path) -> String {
+    named(image, |path| path.display().to_string())
+}
+
+/// The name of an image without its folder: a recording holds nothing of the computer that made it.
+pub(crate) fn file_name(image: &Path) -> String {
+    let name = |path: &Path| {
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    named(image, name)
+}
+
+fn named(image: &Path, name: impl Fn(&Path) -> String) -> String {
     match OPENED.get().map(link) {
         Some(carried) if carried == image => "carried by bead".to_owned(),
-        _ => image.display().to_string(),
+        _ => name(image),
     }
 }

@@ -47,15 +47,20 @@ fn a_program_that_was_copied_away_emulates_with_what_it_carries() {
     assert!(fs::metadata(&program).unwrap().len() < 40 << 20);
 }
 
+/// In folders of their own, each with its copy of the image.
 #[test]
 fn equal_runs_leave_equal_files() {
     let scenario = format!("{ROOT}/docs/scenarios/paper-strike.toml");
+    let image = bead::bench::image::find_image(None).unwrap();
     let files = [(); 2].map(|()| {
         let folder = tempfile::tempdir().unwrap();
+        fs::copy(&image, folder.path().join("image.elf")).unwrap();
+        let own = folder.path().join("image.elf");
         let mut emulate = Command::new(env!("CARGO_BIN_EXE_bead"));
         emulate
             .current_dir(folder.path())
-            .args(["emulate", &scenario, "--bead", "8", "--out", "run"]);
+            .args(["emulate", &scenario, "--bead", "8", "--out", "run", "--firmware"])
+            .arg(own);
         run(&mut emulate, "emulate");
         ["run/bead-8.mcap", "run/bead-8.settings"].map(|name| fs::read(folder.path().join(name)).unwrap())
     });
