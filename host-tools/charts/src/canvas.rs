@@ -35,11 +35,14 @@ pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
     pieces
 }
 
-/// The same text for HTML and Markdown, with `<sup>` where it is raised. `plain` makes each piece safe.
+/// Text for HTML and Markdown, with `<sup>` around raised pieces. `plain` makes each piece safe.
 pub fn raised(text: &str, plain: impl Fn(&str) -> String) -> String {
-    let piece = |(piece, raised): (&str, bool)| match raised {
-        true => format!("<sup>{}</sup>", plain(piece)),
-        false => plain(piece),
+    let piece = |(piece, raised): (&str, bool)| {
+        if raised {
+            format!("<sup>{}</sup>", plain(piece))
+        } else {
+            plain(piece)
+        }
     };
     pieces(text).into_iter().map(piece).collect()
 }
@@ -63,7 +66,7 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
     pieces(text).into_iter().map(piece).sum()
 }
 
-/// Where a text stands.
+/// The point of a text that is at its place.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -135,7 +138,7 @@ impl Canvas {
         ));
     }
 
-    /// What a stroke draws at one point; nothing for a line.
+    /// Draws the mark of a stroke at one point; nothing for a line.
     pub(super) fn mark(&mut self, (x, y): (f64, f64), ink: Ink, stroke: Stroke) {
         let colour = ink.literal();
         match stroke {
@@ -190,9 +193,10 @@ impl Canvas {
                 _ => (String::new(), String::new()),
             };
             lifted = raised;
-            match shift.is_empty() && small.is_empty() {
-                true => spans.push_str(&piece),
-                false => spans.push_str(&format!("<tspan{shift}{small}>{piece}</tspan>")),
+            if shift.is_empty() && small.is_empty() {
+                spans.push_str(&piece);
+            } else {
+                spans.push_str(&format!("<tspan{shift}{small}>{piece}</tspan>"));
             }
         }
         self.push(format_args!(

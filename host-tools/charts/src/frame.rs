@@ -31,11 +31,11 @@ pub(super) struct Frame<'a> {
     x_ticks: Ticks,
     y_ticks: Ticks,
     legend: Legend<'a>,
-    /// Whether it shows its horizontal axis' numbers and title.
+    /// True if it shows the numbers and the title of its horizontal axis.
     labelled: bool,
 }
 
-/// Where the axes of all panels begin and end, pixels.
+/// The left and right ends of all horizontal axes, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Columns {
     pub(super) left: f64,
@@ -48,13 +48,17 @@ impl<'a> Frame<'a> {
         let rows = (f64::from(panel.height) / 30.0).clamp(3.0, 9.0) as usize;
         // Names stand side by side, and the axis takes more than half of the picture.
         let widest = x.names.iter().map(|name| width(name, NUMBERS));
-        let columns = match x.names.is_empty() {
-            true => (picture / 70.0).clamp(4.0, 10.0) as usize,
-            false => (0.55 * picture / (widest.fold(0.0, f64::max) + GAP)) as usize,
+        let columns = if x.names.is_empty() {
+            (picture / 70.0).clamp(4.0, 10.0) as usize
+        } else {
+            (0.55 * picture / (widest.fold(0.0, f64::max) + GAP)) as usize
         };
-        let ticks = |names: &[String], scale, places, most| match names.is_empty() {
-            true => Ticks::new(scale, places, most),
-            false => Ticks::named(names, places, most),
+        let ticks = |names: &[String], scale, places, most| {
+            if names.is_empty() {
+                Ticks::new(scale, places, most)
+            } else {
+                Ticks::named(names, places, most)
+            }
         };
         Self {
             panel,
@@ -68,7 +72,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// The same with a legend that has room from here to the edge of a picture of this width.
+    /// This frame with a legend that has room from `left` to the edge of a picture of this width.
     pub(super) fn named_from(self, left: f64, picture: f64) -> Self {
         Self {
             legend: Legend::new(self.panel, picture - MARGIN - left),
@@ -76,7 +80,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Whether both axes have an extent.
+    /// True if both axes have an extent.
     pub(super) fn has_extent(&self) -> bool {
         let extent = |(low, high): (f64, f64)| low.is_finite() && high.is_finite() && low < high;
         extent(self.x_places) && extent(self.y_places)
@@ -91,7 +95,7 @@ impl<'a> Frame<'a> {
         Columns { left, right }
     }
 
-    /// How far the numbers below reach beyond the end of a horizontal axis of this length, pixels.
+    /// Length of the last number beyond the end of a horizontal axis of this length, pixels.
     fn overhang(&self, length: f64) -> f64 {
         let (low, high) = self.x_places;
         let ticks = self.x_ticks.major.iter().filter(|_| self.labelled);
@@ -117,9 +121,10 @@ impl<'a> Frame<'a> {
 
     /// The height of what stands below the axes.
     fn below(&self) -> f64 {
-        match self.labelled {
-            true => TICK + GAP + NUMBERS + GAP + TITLES + APART,
-            false => APART,
+        if self.labelled {
+            TICK + GAP + NUMBERS + GAP + TITLES + APART
+        } else {
+            APART
         }
     }
 

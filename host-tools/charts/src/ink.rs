@@ -1,6 +1,6 @@
 //! Colours, on light and on dark pages.
 
-/// What a curve stands for. The hue says which estimate it is, the mark says what computed it.
+/// The meaning of a colour. The hue tells the estimate, the mark its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ink {
     /// The full f64 chain: the truth.
@@ -9,7 +9,7 @@ pub enum Ink {
     Measured,
     /// Estimate B, from the force.
     Predicted,
-    /// What the sensors delivered.
+    /// Values of the sensors.
     Sensed,
     /// One of a family of curves, by its place in the family; after [`FAMILY`] curves the hues repeat.
     Curve(usize),
@@ -19,11 +19,11 @@ pub enum Ink {
     Text,
     /// Lines that help to read values off.
     Grid,
-    /// What everything lies on.
+    /// The background.
     Paper,
 }
 
-/// How many curves of a family differ in colour.
+/// Number of curves of a family that differ in colour.
 pub const FAMILY: usize = 7;
 
 /// Name of the CSS variable, light value, dark value. A program without style sheets shows the light values.

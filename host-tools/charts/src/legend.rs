@@ -59,7 +59,7 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// Where the columns begin if the entries stand in so many rows, and where the last one ends.
+/// The left ends of the columns for this number of rows, and the right end of the last one.
 fn lefts(entries: &[&Series], rows: usize) -> (Vec<f64>, f64) {
     let count = entries.len().div_ceil(rows);
     let mut lefts = Vec::new();

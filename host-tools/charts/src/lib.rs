@@ -36,7 +36,7 @@ pub struct Error {
     chart: String,
     /// The form of the picture, such as ` as pixels`; empty for SVG.
     form: &'static str,
-    /// What the drawing crate says.
+    /// The reason, in words.
     reason: String,
 }
 
@@ -54,7 +54,7 @@ impl Error {
 /// Panels over one horizontal axis.
 #[derive(Debug, Clone)]
 pub struct Chart {
-    /// What the chart shows, for readers that cannot see it.
+    /// The content in words, for readers that cannot see it.
     pub description: String,
     /// The horizontal axis that the panels share.
     pub x: Axis,

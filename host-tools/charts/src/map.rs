@@ -45,13 +45,14 @@ impl Map {
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(*v), h.max(*v))
         });
-        match low < high {
-            true => (low, high),
+        if low < high {
+            (low, high)
+        } else if low.is_finite() && low == high {
             // One colour for all.
-            false if low.is_finite() && low == high => {
-                (low - 0.5 * low.abs().max(1e-12), low + 0.5 * low.abs().max(1e-12))
-            }
-            false => (0.0, 1.0),
+            let margin = 0.5 * low.abs().max(1e-12);
+            (low - margin, low + margin)
+        } else {
+            (0.0, 1.0)
         }
     }
 

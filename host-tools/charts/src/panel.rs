@@ -15,7 +15,7 @@ pub struct Axis {
     pub range: (f64, f64),
     /// Its scale.
     pub scale: Scale,
-    /// What stands at 0, 1, 2 and so on in place of numbers; empty for numbers.
+    /// Names in place of the numbers 0, 1, 2 and so on; empty for numbers.
     pub names: Vec<String>,
 }
 
@@ -59,7 +59,7 @@ pub struct Panel {
     pub y_label: String,
     /// The scale of the vertical axis.
     pub y_scale: Scale,
-    /// What stands at 0, 1, 2 and so on in place of numbers; empty for numbers.
+    /// Names in place of the numbers 0, 1, 2 and so on; empty for numbers.
     pub y_names: Vec<String>,
     /// The vertical range; without one, the extent of the curves.
     pub y_range: Option<(f64, f64)>,
@@ -69,7 +69,7 @@ pub struct Panel {
     pub height: u32,
     /// A horizontal axis of its own, in place of the chart's.
     pub x: Option<Axis>,
-    /// What a reader must know of this panel, written above its axes in these lines; empty for nothing.
+    /// A note above the axes, in these lines; empty for none.
     pub note: String,
     /// The names stand at the ends of the curves, and not in a legend above them.
     pub named_at_end: bool,
@@ -94,49 +94,49 @@ impl Panel {
         }
     }
 
-    /// The same with a logarithmic vertical axis.
+    /// This panel with a logarithmic vertical axis.
     #[must_use]
     pub fn log(mut self) -> Self {
         self.y_scale = Scale::Log;
         self
     }
 
-    /// The same with this vertical range.
+    /// This panel with this vertical range.
     #[must_use]
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.y_range = Some((low, high));
         self
     }
 
-    /// The same with this height, pixels.
+    /// This panel with this height, pixels.
     #[must_use]
     pub fn height(mut self, height: u32) -> Self {
         self.height = height;
         self
     }
 
-    /// The same over a horizontal axis of its own.
+    /// This panel over a horizontal axis of its own.
     #[must_use]
     pub fn over(mut self, x: Axis) -> Self {
         self.x = Some(x);
         self
     }
 
-    /// The same with a note above its axes.
+    /// This panel with a note above its axes.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
         self
     }
 
-    /// The same with the names at the ends of the curves.
+    /// This panel with the names at the ends of the curves.
     #[must_use]
     pub fn named_at_end(mut self) -> Self {
         self.named_at_end = true;
         self
     }
 
-    /// The same over cells coloured by a value.
+    /// This panel over cells coloured by a value.
     #[must_use]
     pub fn map(mut self, map: Map) -> Self {
         self.map = Some(map);

@@ -8,7 +8,7 @@ pub enum Scale {
     /// Equal steps have equal lengths.
     #[default]
     Linear,
-    /// The same for what is counted: every tick is a whole number.
+    /// Linear, for counts: every tick is a whole number.
     Count,
     /// Equal factors have equal lengths; points that are not positive are left out.
     Log,
@@ -117,9 +117,10 @@ impl Ticks {
                 let kept = decades().filter(|decade| decade % apart == 0).map(f64::from);
                 kept.filter(&inside).collect()
             });
-        let mut minor = match high - low < DECADES {
-            true => at(DIGITS[0]),
-            false => at(&[1]),
+        let mut minor = if high - low < DECADES {
+            at(DIGITS[0])
+        } else {
+            at(&[1])
         };
         if major.len() < 2 {
             // Less than a decade without a round number: equal steps of the value do.
@@ -131,9 +132,12 @@ impl Ticks {
         }
         minor.retain(|place| major.iter().all(|tick| (tick - place).abs() > 1e-9));
         let plain = major.iter().all(|place| (-3.01..4.01).contains(place));
-        let label = |place: f64| match plain {
-            true => number(10_f64.powf(place)),
-            false => power(place),
+        let label = |place: f64| {
+            if plain {
+                number(10_f64.powf(place))
+            } else {
+                power(place)
+            }
         };
         Self {
             major: major.into_iter().map(|place| (place, label(place))).collect(),

@@ -2,7 +2,7 @@
 
 use super::ink::Ink;
 
-/// How a curve is drawn.
+/// The style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A broad line that lies under the others.
@@ -63,7 +63,7 @@ const DISC: f64 = 3.4;
 /// Wide enough to show a disc inside.
 const RING: f64 = 6.0;
 
-/// What is drawn of a curve.
+/// The strokes of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Stroke {
     /// A line of this width, with these dashes.

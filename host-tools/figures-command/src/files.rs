@@ -58,7 +58,7 @@ pub(crate) const KINDS: [(&str, Kind); 5] = [
 pub(crate) struct File {
     /// Its name: `figure-NAME.svg`, `.png`, `.csv`, `.parquet` or, of an animation, `.gif`.
     pub(crate) name: String,
-    /// What it is.
+    /// Its kind.
     pub(crate) kind: Kind,
     /// Its content.
     pub(crate) bytes: Vec<u8>,

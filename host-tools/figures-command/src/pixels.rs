@@ -53,7 +53,7 @@ fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
     Ok(pixels)
 }
 
-/// How long a frame stays, in hundredths of a second.
+/// Duration of a frame, in hundredths of a second.
 const FRAME: u16 = 12;
 
 /// The charts as an animation that repeats for ever.
