@@ -5,12 +5,12 @@ use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::cli::failure::{Blame, Failure};
+use crate::comparison::report::aligned;
 use crate::recording::json::SCHEMA_VERSION;
 pub use crate::recording::note::note;
 use crate::tables::printable::printable;
@@ -108,20 +108,8 @@ pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
 /// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
 /// cells.
 pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
-    let mut table = Table::new();
-    table
-        .load_style(presets::NOTHING)
-        .set_header(header.split('|').map(str::trim))
-        .add_rows(rows);
-    for (index, column) in table.column_iter_mut().enumerate() {
-        column.set_padding((0, 2));
-        if index > 0 {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    // Padding leaves blanks at the ends of the lines.
-    let lines: Vec<_> = table.lines().map(|line| line.trim_end().to_owned()).collect();
-    lines.join("\n")
+    let heads: Vec<&str> = header.split('|').map(str::trim).collect();
+    aligned(&heads, rows)
 }
 
 /// `yes` if something holds, else `no`: for the cells of a table.

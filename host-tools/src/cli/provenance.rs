@@ -10,7 +10,7 @@ use chrono::{DateTime, Utc};
 use sha2::{Digest, Sha256};
 
 use crate::cli::failure::{Blame, Failure};
-use crate::comparison::page::Fact;
+use crate::comparison::report::Fact;
 use crate::recording::json::hex;
 
 /// The command line, the recording, what it was compared with, program and time.

@@ -24,10 +24,11 @@ pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
         .map(|i| {
             let near = (at(i + 1) - at(i - 1)) / 2.0;
             let far = (at(i + 2) - at(i - 2)) / 4.0;
-            // Where a channel is only known in part, the two nearest samples must do.
-            let slope = match far.is_nan() {
-                true => near,
-                false => (4.0 * near - far) / 3.0,
+            // A channel that is only known in part has the two nearest samples.
+            let slope = if far.is_nan() {
+                near
+            } else {
+                (4.0 * near - far) / 3.0
             };
             at(i) + in_samples * slope
         })
@@ -75,7 +76,7 @@ pub fn work(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -
     energies.into_iter().map(|[_, work]| work).collect()
 }
 
-/// What the reduced chain absorbs and takes up under a force.
+/// The energies that the reduced chain absorbs and takes up under a force.
 fn energies(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<[f64; 2]> {
     let row = &row(bead, neighbours);
     let step = 1.0 / rate_hz / SUBSTEPS as f64;

@@ -1,11 +1,11 @@
-//! What f64 estimates make of a waveform: the same equations as the bead's, at steps that are much finer,
+//! f64 estimates from a waveform: the equations of the bead, at steps that are much finer,
 //! without codes and filter. A takes the acceleration, B the force.
 //!
 //! # Design
 //! A record has noise and a zero of its own, and both change energies: a force that is off by 1 % of its peak
 //! changes B by more than a quarter. So a window is treated as the bead treats its own (docs/estimators.md).
-//! What it holds at first is its zero, what noise adds to A before the strike is taken off, and a weak force
-//! is none for B.
+//! Its first samples are its zero, the energy that noise adds to A before the strike is taken off, and a weak
+//! force counts as none for B.
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ const FINER_A: usize = 10;
 /// Those of B, which are divided by twenty once more.
 const FINER_B: usize = 2;
 
-/// What a waveform says of one strike, SI units; none where the waveform lacks the quantity.
+/// The results of one strike by a waveform, SI units; none where the waveform lacks the quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Given {
     /// Highest force, N.
@@ -83,7 +83,7 @@ impl Given {
     }
 }
 
-/// When the force begins to rise as settings ask for, on its way to its highest value, s.
+/// The instant at which the force begins to rise as settings ask for, on its way to its highest value, s.
 fn trigger(mut force: Trace, settings: &Settings) -> f64 {
     let sample = 1.0 / f64::from(settings.sample_rate_hz);
     let rise = f64::from(settings.window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
@@ -101,7 +101,7 @@ struct Fine {
     values: Vec<f64>,
     /// Steps before the strike: one at least.
     quiet: usize,
-    /// What scatters at the beginning, rms.
+    /// Noise at the beginning, rms.
     noise: f64,
 }
 

@@ -1,19 +1,21 @@
 //! A recorded strike held against replay, f64 estimates and the full chain; and the page that shows it.
 
-pub mod answers;
 pub mod f64_estimators;
+pub mod fault_reports;
 pub mod given;
-pub mod page;
 pub mod pictures;
+mod quantities;
 pub mod reference;
-pub mod reference_page;
+pub mod reference_report;
 pub mod replay;
+pub mod report;
 pub mod row;
 pub mod run;
 mod signal;
 pub mod spread;
 mod statistics;
 pub mod strike;
+pub mod strike_report;
 #[cfg(test)]
 mod testing;
 pub mod velocity;

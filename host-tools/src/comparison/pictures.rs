@@ -3,6 +3,7 @@
 
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
+use crate::comparison::report::EnergyUnit;
 use crate::comparison::strike::{AbsorbedPoint, SensedPoint, Traces};
 
 /// Force, acceleration and absorbed energy of a strike over one time axis.
@@ -16,15 +17,16 @@ pub fn strike_chart(traces: &Traces) -> Chart {
         ];
         Panel::new(y_label, curves).height(165)
     };
+    let unit = EnergyUnit::of(traces.f64_samples[1].last().map(|last| last.chain));
     let estimate = |name: &str, ink, mark, curve: &[AbsorbedPoint]| {
         let points = curve.iter().map(|point| (point.time, point.estimate));
-        series(name, ink, mark, points, 1e9)
+        series(name, ink, mark, points, unit.scale)
     };
     let chain = traces.f64_samples[1].iter();
     let chain = chain.map(|point| (point.time, point.chain));
     let [measured, predicted] = &traces.device;
     let absorbed = vec![
-        series("", Ink::Chain, Mark::Broad, chain, 1e9),
+        series("", Ink::Chain, Mark::Broad, chain, unit.scale),
         estimate(
             "A, measured by the acceleration",
             Ink::Measured,
@@ -44,12 +46,12 @@ pub fn strike_chart(traces: &Traces) -> Chart {
         vec![
             sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
             sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
-            Panel::new("absorbed energy (nJ)", absorbed).height(230),
+            Panel::new(format!("absorbed energy ({})", unit.symbol), absorbed).height(230),
         ],
     )
 }
 
-/// The same three, the simulation subtracted.
+/// The three curves of [`strike_chart`] less the simulation.
 pub fn residual_chart(traces: &Traces) -> Chart {
     let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
         let off = |point: &SensedPoint| (point.time, point.sensed - point.simulated);

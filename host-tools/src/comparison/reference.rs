@@ -24,7 +24,7 @@ const LONGEST: f64 = 100.0;
 /// The part of a strike's energy that the other record has to reach over.
 const COVERED: f64 = 0.9;
 
-/// The same of both sides.
+/// A value by both instruments.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Sides {
     /// By the bead.
@@ -45,13 +45,13 @@ impl Sides {
 pub struct Aligned {
     /// Pearson's coefficient of the two, with the delay taken out.
     pub correlation: f64,
-    /// What the bead shows, as a multiple of what the reference does.
+    /// The bead's values as a multiple of the reference's.
     pub gain: f64,
     /// Time since the bead's trigger, less the time in the reference's file, s.
     pub delay: f64,
     /// Time of the top of the strongest pulse, s: since the bead's trigger, and in the reference's file.
     pub arrival: Sides,
-    /// How much later the bead's pulse has its top, with the delay taken out, s.
+    /// Delay of the top of the bead's pulse, beyond `delay`, s.
     pub arrival_off: f64,
     /// Height of that top.
     pub peak: Sides,
@@ -59,11 +59,11 @@ pub struct Aligned {
     pub energy: Sides,
     /// Root mean square of bead less gain times reference.
     pub residual_rms: f64,
-    /// The same, as a part of the bead's peak.
+    /// `residual_rms` as a part of the bead's peak.
     pub residual_part: f64,
     /// Samples of the bead that the reference reaches over.
     pub samples: usize,
-    /// What a picture shows.
+    /// The points of a picture.
     #[serde(skip)]
     pub points: Vec<Point>,
 }
@@ -323,9 +323,10 @@ fn correlation(one: &[f64], other: &[f64]) -> f64 {
         square += a * a;
         other_square += b * b;
     }
-    match square * other_square > 0.0 {
-        true => both / (square * other_square).sqrt(),
-        false => 0.0,
+    if square * other_square > 0.0 {
+        both / (square * other_square).sqrt()
+    } else {
+        0.0
     }
 }
 
@@ -372,9 +373,10 @@ fn summit(values: &[f64]) -> (f64, f64) {
     let whole = determinant(matrix);
     let [a, b, c] = [of(0), of(1), of(2)].map(|part| part / whole);
     let place = -b / (2.0 * c);
-    match place.is_finite() && place.abs() <= (to - from) as f64 && c * sign < 0.0 {
-        true => (top as f64 + place, a + 0.5 * b * place),
-        false => (top as f64, values[top]),
+    if place.is_finite() && place.abs() <= (to - from) as f64 && c * sign < 0.0 {
+        (top as f64 + place, a + 0.5 * b * place)
+    } else {
+        (top as f64, values[top])
     }
 }
 

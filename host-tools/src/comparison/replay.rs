@@ -13,12 +13,12 @@ pub struct Replay {
     pub said: Option<Strike>,
     /// Estimates after every sample, A and B.
     pub energies: Vec<(Energy, Energy)>,
-    /// Where device and replay differ first; none if they agree in every bit.
+    /// The first difference of device and replay; none if they agree in every bit.
     pub first_difference: Option<String>,
 }
 
 impl Replay {
-    /// Whether replay gives everything that the bead sent, bit for bit.
+    /// True if replay gives everything that the bead sent, bit for bit.
     pub fn identical(&self) -> bool {
         self.first_difference.is_none()
     }
@@ -106,16 +106,17 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
                 bits: i128::from(energy.bits()),
                 si: Some((energy.joules(), "J")),
             });
-            let why = match start.is_none_or(|start| agreed <= start) {
-                true => FROM_THE_START,
-                false => FROM_SOMEWHERE,
+            let why = if start.is_none_or(|start| agreed <= start) {
+                FROM_THE_START
+            } else {
+                FROM_SOMEWHERE
             };
             format!("{what} at sample index {index}: {}; {why}", apart(pair))
         })
     })
 }
 
-/// What a difference usually means, by where it is.
+/// The usual cause of a difference, by its place.
 const FROM_THE_START: &str = "as it is off from the start of the window, the bead usually ran with other settings than the \
      recording carries, or with an image of another version";
 const FROM_SOMEWHERE: &str = "as all before it agrees, usually a code of the window was damaged on its way, or the bead's \
@@ -135,7 +136,7 @@ struct Number {
     si: Option<(f64, &'static str)>,
 }
 
-/// How device and replay differ: both values, and the highest bit that is not the same.
+/// The difference of device and replay: both values, and the highest bit that differs.
 fn apart([device, replay]: [Number; 2]) -> String {
     let shown = |who: &str, number: Number| match number.si {
         _ if number.bits == ABSENT => format!("{who} has none"),
@@ -241,9 +242,10 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
     let start = &strike.scans[..length.min(strike.scans.len())];
     let force = |codes: &&ScanCodes| codes.sensitive[0];
     let [lowest, highest] = [start.iter().min_by_key(force)?, start.iter().max_by_key(force)?];
-    match force(&highest) - force(&lowest) < settings.window.threshold {
-        true => Some(quiet),
-        false => Some(std::slice::from_ref(highest)),
+    if force(&highest) - force(&lowest) < settings.window.threshold {
+        Some(quiet)
+    } else {
+        Some(std::slice::from_ref(highest))
     }
 }
 

@@ -1,4 +1,4 @@
-//! The result of a run of the image: its frames, strikes and faults, and whether they are as they must be.
+//! The result of a run of the image: its frames, strikes and faults, and the verdict on them.
 
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
@@ -13,9 +13,10 @@ use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
 use crate::bench::faults::{Kind, Planned};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::Truth;
-use crate::comparison::answers::{Answers, Fate, Heard, Life, answers};
+use crate::comparison::fault_reports::{CheckedFaults, FaultReports, Outcome, ResetLog, check_reports};
 use crate::comparison::given::Given;
 use crate::comparison::replay::replay;
+use crate::comparison::report::count;
 use crate::recording::frames::{Frame, Reader};
 use crate::recording::strikes::{RecordedStrike, assemble};
 
@@ -44,12 +45,12 @@ pub struct RunReport {
     pub provoked: Vec<ProvokedFault>,
     /// The faults that the bead reported.
     pub faults: Vec<ReportedFault>,
-    /// What is wrong about reports, resets and strikes where faults were provoked, a line each.
+    /// Reports, resets and strikes that are wrong where faults were provoked, a line each.
     #[serde(skip)]
     pub wrong: Vec<String>,
     /// The last health frame.
     pub health: Option<Value>,
-    /// What a sample cost.
+    /// Instructions for each sample.
     pub instructions_per_sample: InstructionsPerSample,
     /// Instructions that fit between two samples.
     pub instructions_available: f64,
@@ -59,24 +60,24 @@ pub struct RunReport {
     pub unknown_registers: Vec<String>,
     /// The recording that was left.
     pub recording: Option<PathBuf>,
-    /// Whether a waveform was played, which may hold any number of strikes.
+    /// True if a waveform was played, which may hold any number of strikes.
     #[serde(skip)]
     pub played: bool,
 }
 
-/// A fault of the fault file, and whether the bead reported it.
+/// A fault of the fault file, and its outcome.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct ProvokedFault {
     /// The fault.
     #[serde(flatten)]
     pub fault: Planned,
-    /// What the bead must report; none if it must not notice.
+    /// The cause that the bead must report; none if it must not notice.
     #[schemars(with = "Option<NameOrNumber>")]
     pub cause: Option<FaultCause>,
-    /// Whether it did.
+    /// True if it was reported.
     pub reported: bool,
-    /// Whether it need not, because of the other faults: the bead was starting, hung, or was reset before it
-    /// could.
+    /// True if no report is required because of other faults: the bead was starting, hung, or was reset before
+    /// it could.
     pub excused: bool,
 }
 
@@ -100,7 +101,7 @@ pub struct ReportedFault {
     pub detail: String,
 }
 
-/// What became of the frames.
+/// Counts of frames.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 pub struct FrameCounts {
     /// Frames received.
@@ -126,15 +127,15 @@ pub struct MeasuredStrike {
     pub absorbed_predicted: f64,
     /// Names of the flags that are set.
     pub flags: Vec<&'static str>,
-    /// What the full chain says of the strike; none for an echo, and where a waveform was played.
+    /// By the full chain; none for an echo, and where a waveform was played.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
-    /// What f64 estimates make of the waveform that was played.
+    /// By f64 estimates from the waveform that was played.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given: Option<Given>,
-    /// Whether replay gives every bit.
+    /// True if replay gives every bit.
     pub replay_identical: bool,
-    /// Where replay differs first.
+    /// The first difference of replay.
     #[serde(skip)]
     pub first_difference: Option<String>,
 }
@@ -159,7 +160,7 @@ impl MeasuredStrike {
 impl RunReport {
     /// The result of a run of `emulation`. Every strike is replayed.
     pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
-        let answered = answered(emulation, &ran);
+        let checked = check_faults(emulation, &ran);
         let Ran {
             frames,
             counters,
@@ -173,7 +174,7 @@ impl RunReport {
         let mut begun = None;
         let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
         let reported = reported(&frames);
-        let Answers { fates, wrong } = answered;
+        let CheckedFaults { outcomes, wrong } = checked;
         let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
         let health = frames.iter().rev().find(is_health).map(Frame::body);
         let gaps = gaps(&frames);
@@ -219,7 +220,7 @@ impl RunReport {
             strikes_passed_over,
             gaps,
             hidden: hidden(&emulation.faults, &truth.starts),
-            provoked: provoked(&emulation.faults, &fates),
+            provoked: provoked(&emulation.faults, &outcomes),
             wrong,
             faults: reported,
             health,
@@ -237,10 +238,10 @@ impl RunReport {
         self.strikes.iter().chain(&self.echoes)
     }
 
-    /// Whether all is as it must be after `struck` strikes.
+    /// Checks the run after `struck` strikes.
     ///
     /// # Errors
-    /// The gravest check that said no, in one line.
+    /// The gravest check that failed, in one line.
     pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
         if let Some(what) = self
             .measured()
@@ -255,32 +256,38 @@ impl RunReport {
         let (overruns, resets, seen) = (self.overruns, self.resets, self.strikes.len());
         ensure!(
             lost + corrupt == 0,
-            "{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"
+            "{} lost and {corrupt} corrupt; see `bead decode` of the recording",
+            count(lost, "frame")
         );
         ensure!(
             overruns == 0,
-            "{overruns} overruns: the image is too slow for its sample rate"
+            "{}: the image is too slow for its sample rate",
+            count(overruns, "overrun")
         );
         ensure!(
             resets == 0,
-            "the image reset {resets} times; its fault frames say why"
+            "the image reset {}; its fault frames say why",
+            count(resets as u64, "time")
         );
         if self.played {
             ensure!(
                 seen >= struck as usize,
-                "{seen} strikes were seen where the waveform was played {struck} times; its force has to rise by the trigger's \
-                 threshold (docs/front-end.md)"
+                "{} seen where the waveform was played {}; its force has to rise by the trigger's threshold \
+                 (docs/front-end.md)",
+                count(seen as u64, "strike"),
+                count(u64::from(struck), "time")
             );
             return Ok(());
         }
         ensure!(
             seen == struck as usize,
-            "{seen} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not"
+            "{seen} of {} seen; strikes closer than a window, or below the trigger, are not",
+            count(u64::from(struck), "strike")
         );
         Ok(())
     }
 
-    /// With faults: each is reported, none is made up, and all that was lost is counted.
+    /// With faults: each is reported, no report is spurious, and all losses are counted.
     fn verdict_on_faults(&self, struck: usize) -> anyhow::Result<()> {
         if let Some(what) = self.wrong.first() {
             bail!("{what}");
@@ -303,24 +310,26 @@ impl RunReport {
         let known = self.strikes.len() + cut.count() + unseen + self.hidden;
         ensure!(
             self.overruns <= overruns as u64,
-            "{} overruns where {overruns} were provoked",
-            self.overruns
+            "{} where {overruns} were provoked",
+            count(self.overruns, "overrun")
         );
         // A reset cuts the frame that is being sent, and takes what waits with it.
         ensure!(
             lost == dropped && corrupt <= resets as u64,
-            "{lost} frames were lost and {corrupt} corrupt where the bead dropped {dropped} and {resets} resets cut one each at most"
+            "{} lost and {corrupt} corrupt where the bead dropped {dropped} and {} cut one each at most",
+            count(lost, "frame"),
+            count(resets as u64, "reset")
         );
         ensure!(
             resets > 0 || known >= struck,
-            "{known} of {struck} strikes were measured, cut, passed over, in a gap that was told, or hidden by a fault of \
-             the force sensor"
+            "{known} of {} measured, cut, passed over, in a gap that was reported, or hidden by a fault of the force sensor",
+            count(struck as u64, "strike")
         );
         Ok(())
     }
 }
 
-/// How many strikes, by the indices at which they begin, no bead could see for these faults.
+/// Number of strikes, by the indices at which they begin, that no bead could see for these faults.
 fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
     let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
     times
@@ -386,17 +395,17 @@ fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
     faults.collect()
 }
 
-/// What was said of the faults of a run, if there were any.
-fn answered(emulation: &Emulation, ran: &Ran) -> Answers {
+/// Checks the reports of the faults of a run.
+fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
     if emulation.faults.is_empty() {
-        return Answers::default();
+        return CheckedFaults::default();
     }
     let (mut reader, mut frames) = (Reader::default(), Vec::new());
     for (at_ns, piece) in ran.pieces(0) {
         reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
     }
     let end_ns = (ran.report.virtual_seconds * 1e9) as u64;
-    let life = Life::new(&ran.resets, ran.first_scan_ns, end_ns);
+    let log = ResetLog::new(&ran.resets, ran.first_scan_ns, end_ns);
     let rows = emulation.machine().stimulus;
     let starts = emulation.truth.starts.iter();
     // A waveform that is played may hold no strike.
@@ -406,18 +415,19 @@ fn answered(emulation: &Emulation, ran: &Ran) -> Answers {
             .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
             .collect(),
     };
-    answers(&emulation.faults, &rows, &starts, &life, &Heard::new(&frames))
+    let reports = FaultReports::new(&frames);
+    check_reports(&emulation.faults, &rows, &starts, &log, &reports)
 }
 
-/// The faults of the fault file with what became of them, in time.
-fn provoked(planned: &[Planned], fates: &[Fate]) -> Vec<ProvokedFault> {
-    let mut in_time: Vec<_> = planned.iter().zip(fates).collect();
+/// The faults of the fault file with their outcomes, in time.
+fn provoked(planned: &[Planned], outcomes: &[Outcome]) -> Vec<ProvokedFault> {
+    let mut in_time: Vec<_> = planned.iter().zip(outcomes).collect();
     in_time.sort_by(|(a, _), (b, _)| a.at.total_cmp(&b.at));
-    let provoked = |(fault, fate): (&Planned, &Fate)| ProvokedFault {
+    let provoked = |(fault, outcome): (&Planned, &Outcome)| ProvokedFault {
         fault: *fault,
         cause: fault.cause(),
-        reported: *fate == Fate::Told,
-        excused: *fate == Fate::Untold,
+        reported: *outcome == Outcome::Reported,
+        excused: *outcome == Outcome::Excused,
     };
     in_time.into_iter().map(provoked).collect()
 }
@@ -426,7 +436,6 @@ fn provoked(planned: &[Planned], fates: &[Fate]) -> Vec<ProvokedFault> {
 mod tests {
     use super::*;
     use bead_wire::Arrival;
-    use serde_json::json;
 
     #[test]
     fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
@@ -464,79 +473,6 @@ mod tests {
             .map(|status| status.overruns)
             .collect();
         assert_eq!(overruns, [1, 5, 2, 0]);
-    }
-
-    #[test]
-    fn the_json_has_the_keys_of_the_contract() {
-        let report = RunReport {
-            frames: FrameCounts {
-                received: 27,
-                lost: 0,
-                corrupt: 0,
-                dropped_by_cause: BTreeMap::from([("queue_full", 0)]),
-            },
-            overruns: 0,
-            resets: 0,
-            echoes: Vec::new(),
-            strikes_passed_over: 0,
-            gaps: Vec::new(),
-            hidden: 0,
-            provoked: Vec::new(),
-            faults: Vec::new(),
-            wrong: Vec::new(),
-            health: None,
-            strikes: vec![MeasuredStrike {
-                sample_index: 2144,
-                peak_force: 6.0,
-                absorbed_measured: 8e-7,
-                absorbed_predicted: 8e-7,
-                flags: vec!["force_railed"],
-                truth: Some(Truth {
-                    peak_force: 6.0,
-                    absorbed: 8e-7,
-                }),
-                given: None,
-                replay_identical: true,
-                first_difference: None,
-            }],
-            instructions_per_sample: InstructionsPerSample {
-                observer: Some(1.0),
-                reduced_chain: Some(2.0),
-                window: Some(6.0),
-                framing: Some(7.0),
-                trigger: Some(8.0),
-                total: Some(3.0),
-                worst_block: Some(4.0),
-                idle: Some(9.0),
-                run: 5.0,
-            },
-            instructions_available: 1250.0,
-            saturated: [0, 0],
-            unknown_registers: Vec::new(),
-            recording: None,
-            played: false,
-        };
-        let printed = serde_json::to_value(&report).unwrap();
-        let contract = json!({
-            "frames": {"received": 27, "lost": 0, "corrupt": 0, "dropped_by_cause": {"queue_full": 0}},
-            "overruns": 0,
-            "resets": 0,
-            "strikes": [{
-                "sample_index": 2144,
-                "peak_force": 6.0,
-                "absorbed_measured": 8e-7,
-                "absorbed_predicted": 8e-7,
-                "flags": ["force_railed"],
-                "truth": {"peak_force": 6.0, "absorbed": 8e-7},
-                "replay_identical": true,
-            }],
-            "instructions_per_sample":
-                {"observer": 1.0, "reduced_chain": 2.0, "window": 6.0, "framing": 7.0, "trigger": 8.0,
-                 "total": 3.0, "worst_block": 4.0, "idle": 9.0, "run": 5.0},
-        });
-        for (key, value) in contract.as_object().unwrap() {
-            assert_eq!(&printed[key], value, "{key}");
-        }
     }
 
     #[test]
@@ -593,9 +529,9 @@ mod tests {
         };
         assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
         assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));
-        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frames were lost"));
+        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frame lost"));
         assert!(says(report(0, 2, 3, vec![strike(None)])).starts_with("2 overruns"));
         assert!(says(report(0, 0, 3, vec![strike(None)])).starts_with("the image reset 3 times"));
-        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strikes"));
+        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strike seen"));
     }
 }

@@ -32,9 +32,12 @@ pub(crate) fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration
         .collect();
     let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
     (0..scans.len())
-        .map(|at| match believable(at) || wides[at].is_nan() {
-            true => values[at],
-            false => wides[at] - offset,
+        .map(|at| {
+            if believable(at) || wides[at].is_nan() {
+                values[at]
+            } else {
+                wides[at] - offset
+            }
         })
         .collect()
 }

@@ -10,7 +10,8 @@
 
 use serde::Serialize;
 
-use crate::comparison::strike::{GOAL, Values, percent};
+use crate::comparison::report::{count, percent_within};
+use crate::comparison::strike::{GOAL, Values};
 
 /// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what
 /// docs/accuracy.md promises with the front end's noise.
@@ -21,7 +22,7 @@ const SCATTER: [f64; 2] = [5e-3, 1e-2];
 pub struct Spread {
     /// `A` or `B`.
     pub estimate: &'static str,
-    /// How many strikes.
+    /// Number of strikes.
     pub strikes: usize,
     /// Mean of the deviations.
     pub mean: f64,
@@ -32,11 +33,11 @@ pub struct Spread {
     pub scatter: Option<f64>,
     /// The true scatter is above this in 39 cases of 40.
     pub scatter_at_least: Option<f64>,
-    /// How great the mean may be.
+    /// Greatest mean.
     pub goal: f64,
-    /// How great the scatter may be.
+    /// Greatest scatter.
     pub scatter_goal: f64,
-    /// Whether neither is missed by more than chance explains.
+    /// True if neither is missed by more than chance explains.
     pub pass: bool,
 }
 
@@ -61,7 +62,7 @@ impl Running {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Deviations {
     of: [Running; 2],
-    /// How well the energy of the full chain is known, as a part of it.
+    /// Uncertainty of the full chain's energy, as a part of it.
     truth: f64,
 }
 
@@ -92,17 +93,16 @@ impl Deviations {
 
 impl Spread {
     fn from(estimate: &'static str, deviations: &Running, truth: f64, goal: f64, scatter_goal: f64) -> Self {
-        let (count, mean, squares) = (deviations.count as f64, deviations.mean, deviations.squares);
+        let (mean, squares) = (deviations.mean, deviations.squares);
         let free = deviations.count.saturating_sub(1);
         let scatter = (free > 0).then(|| (squares / free as f64).sqrt());
-        let by_noise = scatter.map(|scatter| student(free) * scatter / count.sqrt());
+        let by_noise = scatter.map(|scatter| mean_uncertainty(scatter, deviations.count));
         let uncertainty = match by_noise {
             None if truth == 0.0 => None,
             by_noise => Some(by_noise.unwrap_or(0.0).hypot(truth)),
         };
         let scatter_at_least = scatter.map(|scatter| scatter * (free as f64 / chi_squared(free)).sqrt());
-        let off = mean.abs() - uncertainty.unwrap_or(0.0);
-        Self {
+        let mut spread = Self {
             estimate,
             strikes: deviations.count,
             mean,
@@ -111,36 +111,51 @@ impl Spread {
             scatter_at_least,
             goal,
             scatter_goal,
-            pass: off <= goal && scatter_at_least.is_none_or(|least| least <= scatter_goal),
-        }
+            pass: false,
+        };
+        spread.pass = spread.mean_met() && spread.scatter_met();
+        spread
     }
 
-    /// What is missed, in words; none if the goals are met.
+    /// True if the mean is within its goal, or beyond it by no more than its uncertainty.
+    pub fn mean_met(&self) -> bool {
+        self.mean.abs() - self.uncertainty.unwrap_or(0.0) <= self.goal
+    }
+
+    /// True if the scatter is within its goal, or beyond it by no more than chance explains.
+    pub fn scatter_met(&self) -> bool {
+        self.scatter_at_least
+            .is_none_or(|least| least <= self.scatter_goal)
+    }
+
+    /// The goal that is missed, in words; `None` if both are met.
     pub fn failure(&self) -> Option<String> {
         let estimate = self.estimate;
-        let (within, over) = match self.uncertainty {
-            Some(within) => (
-                format!(" ± {:.3} %", within * 100.0),
-                format!(" in the mean of {} strikes", self.strikes),
-            ),
-            None => Default::default(),
-        };
-        if self.mean.abs() - self.uncertainty.unwrap_or(0.0) > self.goal {
+        let strikes = count(self.strikes as u64, "strike");
+        if !self.mean_met() {
+            let over = self
+                .uncertainty
+                .map_or(String::new(), |_| format!(" in the mean of {strikes}"));
             return Some(format!(
-                "{estimate} is {}{within} off the full chain{over}, more than its goal of {:.1} %; see docs/accuracy.md",
-                percent(self.mean),
+                "{estimate} is {} off the full chain{over}, more than its goal of {:.1} %; see docs/accuracy.md",
+                percent_within(self.mean, self.uncertainty),
                 self.goal * 100.0
             ));
         }
-        let scatter = self.scatter.filter(|_| !self.pass)?;
+        let scatter = self.scatter.filter(|_| !self.scatter_met())?;
         Some(format!(
-            "{estimate} scatters by {:.2} % rms over {} strikes, more than the {:.1} % that noise explains; see \
+            "{estimate} scatters by {:.2} % rms over {strikes}, more than the {:.1} % that noise explains; see \
              docs/accuracy.md",
             scatter * 100.0,
-            self.strikes,
             self.scatter_goal * 100.0
         ))
     }
+}
+
+/// Half the width of the interval that holds the true mean of `count` values in 19 cases of 20, for values
+/// that scatter by the standard deviation `scatter`. There are two values at least.
+pub(crate) fn mean_uncertainty(scatter: f64, count: usize) -> f64 {
+    student(count - 1) * scatter / (count as f64).sqrt()
 }
 
 /// Student's t: 97.5 % of it is below this.

@@ -33,7 +33,7 @@ pub(crate) const GOAL: Goal = Goal {
     absorbed_predicted: 5e-3,
 };
 
-/// What one side says of a strike, SI units.
+/// The results of a strike by one source, SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Values {
     /// Highest force, N.
@@ -70,22 +70,22 @@ pub struct StrikeComparison {
     pub strike: u32,
     /// Sample index of the trigger.
     pub sample_index: u64,
-    /// What the bead sent.
+    /// By the bead.
     pub device: Values,
     /// The result of the bead's code on this computer, from the same samples; none if it could not be
     /// replayed.
     pub replay: Option<Values>,
-    /// Whether the two agree in every bit.
+    /// True if the two agree in every bit.
     pub replay_identical: bool,
-    /// Where they differ first.
+    /// Their first difference.
     pub first_difference: Option<String>,
     /// The result of f64 estimates from the same samples; none if samples are missing.
     pub f64_samples: Option<Values>,
-    /// What the full chain says.
+    /// By the full chain.
     pub f64_chain: Values,
     /// Device against full chain, as a part of it.
     pub deviation: Values,
-    /// How great the deviations of A and B may be.
+    /// Greatest deviations of A and B.
     pub goal: Goal,
     /// Noise of the force before the strike, N rms.
     pub force_noise: f64,
@@ -93,40 +93,18 @@ pub struct StrikeComparison {
     pub flags: Vec<&'static str>,
     /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
-    /// Whether the goals are met and replay is identical; of one of several strikes, only the latter.
+    /// True if the goals are met and replay is identical; of one of several strikes, only the latter.
     pub pass: bool,
-    /// Whether it is the only strike, and is itself held to the goals.
+    /// True if it is the only strike, and is itself held to the goals.
     #[serde(skip)]
     pub alone: bool,
-    /// What the figures show.
+    /// The curves of the figures.
     #[serde(skip)]
     pub traces: Option<Traces>,
 }
 
-/// One quantity of a strike, as tables have it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// The quantity and its unit.
-    pub name: &'static str,
-    /// The value by the device, by replay, in f64 from the same samples, and by the full chain. None where it
-    /// is not known, empty where no source computes it.
-    pub cells: [Option<String>; 4],
-    /// The device's deviation, as a part of the full chain's value; none where one of them has no value.
-    pub off: Option<f64>,
-    /// How great the deviation may be, if there is a goal.
-    pub goal: Option<f64>,
-}
-
-impl Row {
-    /// Whether the deviation is within its goal, if there is a goal.
-    pub fn met(&self) -> Option<bool> {
-        self.goal
-            .map(|goal| self.off.is_some_and(|off| off.abs() <= goal))
-    }
-}
-
 impl StrikeComparison {
-    /// The same as one of several strikes, which are judged together.
+    /// This strike as one of several, which are judged together.
     #[must_use]
     pub fn among_others(self) -> Self {
         Self {
@@ -135,67 +113,6 @@ impl StrikeComparison {
             ..self
         }
     }
-
-    /// Both energies and the highest force.
-    pub fn rows(&self) -> [Row; 3] {
-        let row = |name, of: fn(&Values) -> f64, scale: f64, digits: usize, goal| {
-            let cell = |values: Values| format!("{:.digits$}", of(&values) * scale);
-            let sides = [
-                Some(self.device),
-                self.replay,
-                self.f64_samples,
-                Some(self.f64_chain),
-            ];
-            Row {
-                name,
-                cells: sides.map(|values| values.map(cell)),
-                off: Some(of(&self.deviation)),
-                goal,
-            }
-        };
-        // One of several strikes says little: see [`crate::comparison::spread`].
-        let alone = |goal| Some(goal).filter(|_| self.alone);
-        let goals = [self.goal.absorbed_measured, self.goal.absorbed_predicted].map(alone);
-        [
-            row("A, measured (nJ)", |v| v.absorbed_measured, 1e9, 3, goals[0]),
-            row("B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 3, goals[1]),
-            row("peak force (N)", |v| v.peak_force, 1.0, 5, None),
-        ]
-    }
-
-    /// The quantities of its shape; none if that is not known.
-    pub fn shape_rows(&self) -> Vec<Row> {
-        let Some(ShapeComparison { device, f64_chain }) = self.shape else {
-            return Vec::new();
-        };
-        let row = |name, of: fn(&ShapeValues) -> f64, scale: f64, digits: usize| {
-            // A bead that found no ringing, or none there is, says 0.
-            let value = |shape: &ShapeValues| Some(of(shape)).filter(|value| *value != 0.0);
-            let cell = |shape: &ShapeValues| Some(format!("{:.digits$}", value(shape)? * scale));
-            let none = Some(String::new());
-            Row {
-                name,
-                cells: [cell(&device), none.clone(), none, cell(&f64_chain)],
-                off: value(&device)
-                    .zip(value(&f64_chain))
-                    .map(|(device, f64_chain)| device / f64_chain - 1.0),
-                goal: None,
-            }
-        };
-        vec![
-            row("width at half height (µs)", |shape| shape.width, 1e6, 2),
-            row("impulse (mN·s)", |shape| shape.impulse, 1e3, 4),
-            row("ringing (Hz)", |shape| shape.ring_frequency, 1.0, 1),
-            row("its decay (1/s)", |shape| shape.ring_decay, 1.0, 1),
-            row("so k is (kN/m)", |shape| shape.stiffness, 1e-3, 1),
-            row("and c (N·s/m)", |shape| shape.damping, 1.0, 2),
-        ]
-    }
-}
-
-/// A deviation in percent, signed, with a true minus.
-pub fn percent(part: f64) -> String {
-    format!("{:+.3} %", part * 100.0).replace('-', "−")
 }
 
 /// The shape of a strike: of the bead, and of the full chain.
@@ -249,7 +166,7 @@ pub struct Goal {
     pub absorbed_predicted: f64,
 }
 
-/// What the sensors delivered at one time, and what the chain did then.
+/// A value of a sensor, and the chain's at that time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensedPoint {
     /// Time since the striker hit, s.
@@ -316,7 +233,7 @@ impl FullChain {
         Self::of(scenario, &Arc::new(simulate_with_ring_down(scenario)?), bead)
     }
 
-    /// The same from a solution of `scenario`, [with ring-down](simulate_with_ring_down).
+    /// Takes a solution of `scenario`, [with ring-down](simulate_with_ring_down).
     ///
     /// # Errors
     /// The bead has no intruder, or no force reaches it.
@@ -352,7 +269,7 @@ impl FullChain {
         })
     }
 
-    /// What the bead should say of a strike.
+    /// The true results of a strike.
     pub(crate) fn truth(&self) -> Truth {
         self.truth
     }
@@ -362,7 +279,7 @@ impl FullChain {
         self.pulse
     }
 
-    /// Whether the chain is under a static load.
+    /// True if the chain is under a static load.
     pub(crate) fn is_loaded(&self) -> bool {
         self.solution.model().contact(self.bead).load > 0.0
     }
@@ -378,7 +295,7 @@ impl FullChain {
         Some(brought).filter(|brought| *brought > 0.0)
     }
 
-    /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where
+    /// That energy by a bead's force and the reduced chain behind it, as in estimate B, in f64, J. None where
     /// samples or settings are missing, the force left the range of the sensor, or the chain is under a load,
     /// which the reduced one is not.
     pub(crate) fn incident_by(&self, strike: &RecordedStrike) -> Option<f64> {
@@ -396,8 +313,8 @@ impl FullChain {
         Some(at(pulse.to)? - at(pulse.from)?).filter(|brought| *brought > 0.0)
     }
 
-    /// When the force at the bead's incoming contact rises through half of the main wave's height, s since
-    /// the striker hit.
+    /// The instant at which the force at the bead's incoming contact rises through half of the main wave's
+    /// height, s since the striker hit.
     pub(crate) fn front(&self) -> f64 {
         let mut force = during(&self.force);
         let (highest, time) = self.peak;
@@ -406,9 +323,10 @@ impl FullChain {
         // By halves, to the last bit or so: the force only rises there.
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
-            match force(middle) < half {
-                true => below = middle,
-                false => above = middle,
+            if force(middle) < half {
+                below = middle;
+            } else {
+                above = middle;
             }
         }
         above
@@ -592,7 +510,7 @@ fn whole(strike: &RecordedStrike) -> Option<&Settings> {
     strike.settings.as_ref().filter(|_| enough)
 }
 
-/// Whether the force left the range of its sensor.
+/// True if the force left the range of its sensor.
 pub(crate) fn force_railed(strike: &RecordedStrike) -> bool {
     strike.said.flags.has(StrikeFlags::FORCE_RAILED)
 }
@@ -627,9 +545,12 @@ fn beside(samples: &[f64], start: f64, rate: f64, quantity: &Curve) -> Vec<Sense
 /// A quantity of the chain over time; 0 outside the chain's run.
 fn during(quantity: &Curve) -> impl FnMut(f64) -> f64 {
     let mut quantity = quantity.clone();
-    move |time| match (0.0..=quantity.end()).contains(&time) {
-        true => quantity.at(time),
-        false => 0.0,
+    move |time| {
+        if (0.0..=quantity.end()).contains(&time) {
+            quantity.at(time)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -741,19 +662,6 @@ mod tests {
         // The wave brings energy, but the bead reckons with a chain without a load.
         assert!(chain.incident().is_some_and(|brought| brought > 0.0));
         assert_eq!(chain.incident_by(&recorded_strike()), None);
-    }
-
-    #[test]
-    fn what_was_not_found_is_a_dash() {
-        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
-        let mut comparison = chain.compare(&recorded_strike());
-        let shape = comparison.shape.as_mut().unwrap();
-        (shape.device.ring_frequency, shape.f64_chain.ring_frequency) = (0.0, 0.0);
-        let rows = comparison.shape_rows();
-        assert_eq!(rows[2].name, "ringing (Hz)");
-        assert_eq!((&rows[2].cells[0], &rows[2].cells[3]), (&None, &None));
-        assert_eq!(rows[2].off, None);
-        assert!(rows[0].off.unwrap().abs() < 0.01 && rows[0].cells[0].is_some());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What the unit tests of several files share.
+//! Recorded strikes for unit tests.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
     recorded(&Scenario::paper(), &Scenario::paper(), 1)
 }
 
-/// The same, a time in s after the first scan. `None` if the detector was not armed by then.
+/// A strike at a time in s after the first scan. `None` if the detector was not armed by then.
 pub(crate) fn recorded_after(lead_in: f64) -> Option<RecordedStrike> {
     static PAPER: LazyLock<Solution> = LazyLock::new(|| simulate_with_ring_down(&Scenario::paper()).unwrap());
     measured(&PAPER, &PAPER, 1, lead_in)
@@ -53,7 +53,7 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
     feed(&settings, &codes.scans, &mut strike).then_some(strike)
 }
 
-/// Whether the detector fired.
+/// True if the detector fired.
 fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) -> bool {
     let scans: Vec<Scan> = codes.iter().copied().map(Scan::new).collect();
     let collected = Collector::measure(settings, 1, &scans);

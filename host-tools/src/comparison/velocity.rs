@@ -15,7 +15,7 @@ use hertz_chain::Scenario;
 use serde::Serialize;
 
 use crate::bench::error::BenchError;
-use crate::comparison::spread::student;
+use crate::comparison::spread::mean_uncertainty;
 use crate::comparison::strike::FullChain;
 use crate::comparison::verdict::Echoes;
 use crate::recording::strikes::RecordedStrike;
@@ -41,9 +41,9 @@ pub struct FittedVelocity {
     pub uncertainty: f64,
     /// Standard deviation from strike to strike, m/s; none for one strike.
     pub scatter: Option<f64>,
-    /// How many strikes it was found from.
+    /// Number of strikes it was found from.
     pub strikes: usize,
-    /// What the scenario says, m/s.
+    /// The scenario's, m/s.
     pub scenario: f64,
 }
 
@@ -96,7 +96,7 @@ pub fn fit(
         let free = ratios.len() - 1;
         let scatter = (free > 0).then(|| (squares / free as f64).sqrt());
         let within = match scatter {
-            Some(scatter) => student(free) * scatter / count.sqrt(),
+            Some(scatter) => mean_uncertainty(scatter, ratios.len()),
             // Of one strike: from what is left of its noise.
             None => 2.0 * ratios[0].1,
         };

@@ -1,5 +1,4 @@
-//! Whether a recording agrees with the simulation: which of its strikes are judged, what must hold of them,
-//! and of the run as a whole.
+//! The verdict on a recording: the strikes that are judged, and the checks of the run as a whole.
 
 use std::collections::BTreeMap;
 
@@ -10,6 +9,7 @@ use hertz_chain::{Scenario, Solution};
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::RING_DOWN;
+use crate::comparison::report::count;
 use crate::comparison::run::last_statuses;
 use crate::comparison::spread::Spread;
 use crate::comparison::strike::FullChain;
@@ -18,13 +18,13 @@ use crate::recording::frames::Item;
 use crate::recording::received::Received;
 use crate::recording::strikes::RecordedStrike;
 
-/// Tells strikes from their echoes: waves that come again after a strike's window, as beads that parted meet
-/// again. What the simulation says of a strike does not hold for an echo.
+/// Separates strikes from their echoes: waves that come again after a strike's window, as beads that parted
+/// meet again. The simulation of a strike does not hold for an echo.
 #[derive(Debug, Clone)]
 pub struct Echoes {
-    /// When the strikers of an emulated run hit.
+    /// The truth of an emulated run, with the instants of its strikes.
     truth: Option<RunTruth>,
-    /// How long a strike is simulated, s.
+    /// Simulated time of a strike, s.
     lasts: f64,
     /// By address: the last strike that was none.
     last: BTreeMap<u8, Struck>,
@@ -34,13 +34,13 @@ pub struct Echoes {
 struct Struck {
     boot: (u8, Option<usize>),
     trigger_index: u64,
-    /// Which strike of the emulated run it was, from 0, if that is known.
+    /// Its number in the emulated run, from 0, if that is known.
     begun: Option<usize>,
 }
 
 impl Echoes {
-    /// Of strikes of this scenario. In an emulated run an echo is what comes before the striker hits again;
-    /// in another, what comes within the time for which a strike is simulated.
+    /// For strikes of this scenario. In an emulated run, a wave before the striker hits again is an echo; in
+    /// another, a wave within the simulated time of a strike.
     pub fn of(scenario: &Scenario, truth: Option<RunTruth>) -> Self {
         Self {
             truth,
@@ -49,7 +49,7 @@ impl Echoes {
         }
     }
 
-    /// Whether the next strike of the recording is an echo.
+    /// True if the next strike of the recording is an echo.
     pub fn has(&mut self, strike: &RecordedStrike) -> bool {
         // After a reset the indices begin anew and do not tell which strike it was.
         let truth = self.truth.as_ref().filter(|_| strike.nth_boot.unwrap_or(0) == 0);
@@ -116,7 +116,7 @@ pub fn other_length(
     })
 }
 
-/// ADC overruns that one bead told of, in all its boots.
+/// ADC overruns that one bead reported, in all its boots.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -126,10 +126,10 @@ pub fn overruns(received: &Received) -> Result<u64, RecordingError> {
     Ok(statuses.iter().map(|status| u64::from(status.overruns)).sum())
 }
 
-/// Part of the core that work on a strike may take.
+/// Greatest part of the core that a strike may take.
 const BUSY_MOST: f64 = 0.75;
 
-/// What must hold of the run as a whole.
+/// The checks of the run as a whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Soundness {
     /// Frames lost.
@@ -143,13 +143,13 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// From the counts of a recording, the overruns that the bead told of, and the emulator's report if it
+    /// From the counts of a recording, the overruns that the bead reported, and the emulator's report if it
     /// has one.
-    pub fn of(counters: &Counters, told: u64, emulator: Option<&EmulatorReport>) -> Self {
+    pub fn of(counters: &Counters, reported: u64, emulator: Option<&EmulatorReport>) -> Self {
         Self {
             lost: counters.lost,
             corrupt: counters.rejected.total(),
-            overruns: emulator.map_or(told, |emulator| emulator.overruns.max(told)),
+            overruns: emulator.map_or(reported, |emulator| emulator.overruns.max(reported)),
             instructions: emulator.and_then(|emulator| {
                 let total = emulator.instructions_per_sample.total?;
                 Some((total, emulator.instructions_available))
@@ -157,7 +157,7 @@ impl Soundness {
         }
     }
 
-    /// What is checked, its value, its goal, and whether that is met.
+    /// Each check: its name, value and goal, and true if the goal is met.
     pub fn rows(&self) -> Vec<(&'static str, String, String, bool)> {
         let counts = [
             ("frames lost", self.lost),
@@ -174,17 +174,17 @@ impl Soundness {
     }
 }
 
-/// The first check that said no, gravest first. `differs` is where a replay differs first, if one does.
+/// The first check that failed, gravest first. `differs` is the first difference of a replay.
 pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
     if let Some(what) = differs {
         return Some(format!("replay differs: {what}"));
     }
     let (lost, corrupt, overruns) = (soundness.lost, soundness.corrupt, soundness.overruns);
     if lost + corrupt > 0 {
-        return Some(format!("{lost} frames were lost and {corrupt} corrupt"));
+        return Some(format!("{} lost and {corrupt} corrupt", count(lost, "frame")));
     }
     if overruns > 0 {
-        return Some(format!("{overruns} overruns: samples are missing"));
+        return Some(format!("{}: samples are missing", count(overruns, "overrun")));
     }
     let busy = |(total, available): &(f64, f64)| *total > BUSY_MOST * available;
     if let Some((total, available)) = soundness.instructions.filter(busy) {
@@ -207,7 +207,8 @@ mod tests {
     use crate::bench::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
     use crate::comparison::testing::recorded_strike;
 
-    /// Which of strikes with these boots and trigger indices are echoes. A strike is simulated for 12 ms.
+    /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
+    /// ms.
     fn echoes(truth: Option<RunTruth>, strikes: &[(usize, u64)]) -> Vec<bool> {
         let mut echoes = Echoes::of(&Scenario::paper(), truth);
         let mut strike = recorded_strike();
@@ -243,7 +244,7 @@ mod tests {
         assert_eq!(echoes(Some(truth), &strikes), [false, false, true, false]);
     }
 
-    /// What is told of each host of a scenario, in the window that its settings would have.
+    /// The warnings for each host of a scenario, in the window that its settings would have.
     fn other_lengths(scenario: &Scenario) -> Vec<String> {
         let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
         let hosts = solution.model().intruders().iter().map(|one| one.bead);

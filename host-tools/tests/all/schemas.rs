@@ -263,10 +263,16 @@ fn results_of_the_image_hold_their_schemas() {
     );
     // The bead does not see the slower striker.
     let strikers = "--radii 0.0045 --velocity 0.003,0.45 --strikes 2";
-    hold("proof-accuracy", &format!("proof accuracy {SCENARIO} --bead 8 {strikers}"));
+    hold(
+        "proof-accuracy",
+        &format!("proof accuracy {SCENARIO} --bead 8 {strikers}"),
+    );
     // One sphere is measured, and one refused.
     let spheres = "--materials ptfe --diameters 0.002,0.02 --strikes 1";
-    hold("proof-spheres", &format!("proof spheres {SCENARIO} --bead 8 {spheres}"));
+    hold(
+        "proof-spheres",
+        &format!("proof spheres {SCENARIO} --bead 8 {spheres}"),
+    );
 }
 
 #[test]

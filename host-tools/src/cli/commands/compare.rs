@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bead_model::Settings;
 use clap::Args;
+use indicatif::ProgressBar;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -18,15 +20,16 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
-use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::replay::replay;
 use crate::comparison::spread::{Deviations, Spread};
-use crate::comparison::strike::{FullChain, Row, StrikeComparison};
+use crate::comparison::strike::{FullChain, StrikeComparison};
+use crate::comparison::strike_report::ComparedStrikes;
 use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Echoes, Soundness, failure, other_length, overruns};
 use crate::recording::file::{Bead, Part};
 use crate::recording::received::Received;
+use crate::recording::strikes::RecordedStrike;
 use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -182,14 +185,49 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             format: arguments.format,
         });
     }
-    let (mut scenario, text) = scenario(arguments.scenario.as_deref(), &received)?;
-    let mut recorded = received.strikes()?;
+    let outputs = Outputs {
+        report,
+        figures: arguments.figures.as_deref().zip(figures),
+    };
+    compare(arguments, &received, only, place, outputs)
+}
+
+/// The places of report and figures.
+struct Outputs<'a> {
+    report: Option<Target>,
+    figures: Option<(&'a Path, [Target; 2])>,
+}
+
+/// The strikes of a recording beside the simulation.
+struct Compared {
+    /// The first [`STRIKES_MOST`] of them.
+    strikes: Vec<StrikeComparison>,
+    deviations: Deviations,
+    /// Number of strikes, also of those that are not kept.
+    count: usize,
+    /// Number of echoes.
+    echoes: usize,
+    /// The first difference of a replay, also of an echo.
+    first_difference: Option<String>,
+    /// The settings of the first strike.
+    settings: Option<Settings>,
+}
+
+/// Compares the strikes of one bead with the simulation.
+fn compare(
+    arguments: &Arguments,
+    received: &Received,
+    asked: Option<usize>,
+    place: Option<usize>,
+    outputs: Outputs<'_>,
+) -> Result<(), Failure> {
+    let given = scenario(arguments.scenario.as_deref(), received)?;
+    let (mut scenario, text) = (given.scenario.clone(), &given.text);
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
-    let told = only.or(truth.as_ref().map(|truth| truth.bead)).or(place);
-    let bead = told.map_or_else(|| only_host(&scenario), Ok)?;
-    let mut echoes = Echoes::of(&scenario, truth);
-
+    let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
+    let bead = bead.map_or_else(|| only_host(&scenario), Ok)?;
+    let echoes = Echoes::of(&scenario, truth);
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let fitted = match arguments.velocity {
         None => None,
@@ -209,87 +247,62 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(note) = chain.note() {
         progress.suspend(|| output::note(format_args!("{note}")));
     }
-    let mut strikes: Vec<StrikeComparison> = Vec::new();
-    let mut settings = None;
-    let mut drawn = false;
-    // The energy goes with the square of the velocity.
-    let mut deviations = Deviations::within(fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity));
-    let (mut compared, mut again, mut differs) = (0, 0, None);
-    for strike in recorded.by_ref() {
-        if echoes.has(&strike) {
-            again += 1;
-            differs = differs.or_else(|| replay(&strike).first_difference);
-            continue;
-        }
-        compared += 1;
-        progress.set_message(format!("comparing strike {compared}"));
-        let mut comparison = chain.compare(&strike);
-        deviations.push(&comparison.deviation);
-        differs = differs.or_else(|| comparison.first_difference.clone());
-        if strikes.len() == STRIKES_MOST {
-            continue;
-        }
-        // The figures show the first strike that was received whole; the curves of others would fill the
-        // memory.
-        if drawn {
-            comparison.traces = None;
-        }
-        drawn |= comparison.traces.is_some();
-        settings = settings.or(strike.settings.filter(|_| strikes.is_empty()));
-        strikes.push(comparison);
-    }
+    let mut recorded = received.strikes()?;
+    let mut compared = beside(&chain, recorded.by_ref(), echoes, fitted.as_ref(), &progress);
     progress.finish_and_clear();
-    let heard = recorded.frames();
-    if strikes.is_empty() {
-        return Err(received.no_strike(heard).into());
+    let frames = recorded.frames();
+    if compared.strikes.is_empty() {
+        return Err(received.no_strike(frames).into());
     }
+    let settings = compared.settings;
     let length = settings.and_then(|of| other_length(&scenario, &solution, &chain, bead, of.window));
-    let left = (again > 0).then(|| echoes_left_out(&again.to_string()));
+    let left = (compared.echoes > 0).then(|| echoes_left_out(&compared.echoes.to_string()));
     for note in length.into_iter().chain(left) {
         output::note(format_args!("{note}"));
     }
-
-    if strikes.len() > 1 || fitted.is_some() {
-        strikes = strikes.into_iter().map(StrikeComparison::among_others).collect();
+    if compared.strikes.len() > 1 || fitted.is_some() {
+        compared.strikes = compared
+            .strikes
+            .into_iter()
+            .map(StrikeComparison::among_others)
+            .collect();
     }
-    let left_out = compared - strikes.len();
-    let spread = deviations.spread();
-    let soundness = Soundness::of(heard.counters(), overruns(&received)?, emulator.as_ref());
-    let failure = failure(differs.as_deref(), &soundness, &spread);
-    let mut made = report.as_ref().map_or(Ok(Vec::new()), |_| {
-        provenance::made(&received.path, provenance::scenario(&text))
+    let spread = compared.deviations.spread();
+    let soundness = Soundness::of(frames.counters(), overruns(received)?, emulator.as_ref());
+    let failure = failure(compared.first_difference.as_deref(), &soundness, &spread);
+    let made = outputs.report.as_ref().map_or(Ok(Vec::new()), |_| {
+        provenance::made(&received.path, provenance::scenario(text))
     })?;
-    made.extend(fitted.map(|fitted| ("striker's velocity", shown(&fitted))));
-    if left_out > 0 {
-        let of = format!("the first {STRIKES_MOST} of {compared}; the verdict is over all");
-        made.push(("strikes shown", of));
-    }
-    let page = Page {
+    let report = ComparedStrikes {
         title: &scenario.title,
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
         bead,
-        strikes: &strikes,
+        strikes: &compared.strikes,
+        left_out: compared.count - compared.strikes.len(),
         spread: &spread,
+        soundness: &soundness,
+        velocity: fitted.as_ref().map(shown),
         failure: failure.as_deref(),
-        counters: heard.counters(),
-        identity: heard.identity.as_ref(),
-        status: heard.status.as_ref(),
+        counters: frames.counters(),
+        identity: frames.identity.as_ref(),
+        status: frames.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
         made: &made,
-        scenario: &text,
+        scenario: text,
     };
-    if let Some(report) = &report {
-        report.write_bytes(page.html()?)?;
+    let shown = report.report();
+    if let Some(target) = &outputs.report {
+        target.write_bytes(shown.page()?)?;
     }
-    if let Some((directory, figures)) = arguments.figures.as_ref().zip(figures) {
-        write_figures(directory, &figures, &strikes)?;
+    if let Some((directory, figures)) = &outputs.figures {
+        write_figures(directory, figures, &compared.strikes)?;
     }
     let result = Report {
         bead,
         striker_velocity: fitted,
-        strikes: &strikes,
-        strikes_left_out: left_out,
+        strikes: &compared.strikes,
+        strikes_left_out: report.left_out,
         spread: &spread,
         frames_lost: soundness.lost,
         frames_corrupt: soundness.corrupt,
@@ -298,21 +311,60 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         pass: failure.is_none(),
         failure: failure.as_deref(),
     };
-    output::print(arguments.format, &result, || {
-        let mut parts = vec![table(&strikes, &spread, &soundness)];
-        parts.extend(fitted.map(|fitted| format!("striker's velocity: {}", shown(&fitted))));
-        if left_out > 0 {
-            parts.push(format!(
-                "{left_out} more strikes are not shown; means and scatter are over all {compared}"
-            ));
-        }
-        parts.join("\n\n")
-    })?;
-    failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+    output::print(arguments.format, &result, || shown.terminal())?;
+    given.end(failure)
 }
 
-/// What came from the one bead that is compared, and its place, if the recording knows it. Each bead of a row
-/// has a truth of its own.
+/// Holds each strike against the chain; echoes are only replayed.
+fn beside(
+    chain: &FullChain,
+    recorded: impl Iterator<Item = RecordedStrike>,
+    mut echoes: Echoes,
+    fitted: Option<&FittedVelocity>,
+    progress: &ProgressBar,
+) -> Compared {
+    // The energy goes with the square of the velocity.
+    let truth = fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity);
+    let mut compared = Compared {
+        strikes: Vec::new(),
+        deviations: Deviations::within(truth),
+        count: 0,
+        echoes: 0,
+        first_difference: None,
+        settings: None,
+    };
+    let mut drawn = false;
+    for strike in recorded {
+        if echoes.has(&strike) {
+            compared.echoes += 1;
+            let difference = &mut compared.first_difference;
+            *difference = difference.take().or_else(|| replay(&strike).first_difference);
+            continue;
+        }
+        compared.count += 1;
+        progress.set_message(format!("comparing strike {}", compared.count));
+        let mut comparison = chain.compare(&strike);
+        compared.deviations.push(&comparison.deviation);
+        if compared.first_difference.is_none() {
+            compared.first_difference = comparison.first_difference.clone();
+        }
+        if compared.strikes.len() == STRIKES_MOST {
+            continue;
+        }
+        // The figures show the first strike that was received whole; the curves of others would fill the
+        // memory.
+        if drawn {
+            comparison.traces = None;
+        }
+        drawn |= comparison.traces.is_some();
+        if compared.strikes.is_empty() {
+            compared.settings = strike.settings;
+        }
+        compared.strikes.push(comparison);
+    }
+    compared
+}
+
 /// Keeps the beads of these numbers alone.
 ///
 /// # Errors
@@ -332,6 +384,8 @@ fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The frames of the one bead that is compared, and its place if the recording knows it. Each bead of a row
+/// has a truth of its own.
 fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
     let beads = &received.recording.beads;
     let places: Vec<usize> = beads.iter().map(Bead::place).collect();
@@ -365,62 +419,4 @@ fn write_figures(
         figure.write_bytes(chart.standalone_svg()?)?;
     }
     Ok(())
-}
-
-fn table(strikes: &[StrikeComparison], spread: &[Spread; 2], soundness: &Soundness) -> String {
-    let mut rows = Vec::new();
-    for strike in strikes {
-        let (number, sample) = (strike.strike, strike.sample_index);
-        rows.push(vec![format!("strike {number}, sample {sample}")]);
-        rows.extend(strike.rows().map(cells));
-        let replay = output::either(strike.replay_identical, "identical", "differ");
-        rows.push(vec!["  bits of device and replay".to_owned(), replay]);
-        rows.extend(strike.shape_rows().into_iter().map(cells));
-        if !strike.flags.is_empty() {
-            rows.push(vec!["  flags".to_owned(), strike.flags.join(", ")]);
-        }
-    }
-    for spread in spread {
-        let (Some(within), Some(scatter)) = (spread.uncertainty, spread.scatter) else {
-            continue;
-        };
-        let mean = format!("{:+.3} ± {:.3} %", spread.mean * 100.0, within * 100.0);
-        let goals = [spread.goal, spread.scatter_goal].map(|goal| goal * 100.0);
-        let mut row = vec![format!("{}, mean of {} strikes", spread.estimate, spread.strikes)];
-        row.extend(["", "", "", ""].map(str::to_owned));
-        row.extend([mean, format!("{:.1} %", goals[0]), String::new()]);
-        rows.push(row);
-        let mut row = vec![format!("{}, scatter (rms)", spread.estimate)];
-        row.extend(["", "", "", ""].map(str::to_owned));
-        let met = output::either(spread.pass, "met", "missed");
-        row.extend([
-            format!("{:.3} %", scatter * 100.0),
-            format!("{:.1} %", goals[1]),
-            met,
-        ]);
-        rows.push(row);
-    }
-    for (name, value, goal, met) in soundness.rows() {
-        let mut row = vec![name.to_owned(), value];
-        row.resize(6, String::new());
-        row.extend([goal, output::either(met, "met", "missed")]);
-        rows.push(row);
-    }
-    let header = "| device | replay | f64, same samples | f64 chain | device off by | goal |";
-    output::table(header, rows)
-}
-
-fn cells(row: Row) -> Vec<String> {
-    let met = row.met().map(|met| output::either(met, "met", "missed"));
-    let goal = row.goal.map(|goal| format!("{:.1} %", goal * 100.0));
-    let off = row.off.map(|off| format!("{:+.3} %", off * 100.0));
-    let dash = || "-".to_owned();
-    let mut cells = vec![format!("  {}", row.name)];
-    cells.extend(row.cells.map(|cell| cell.unwrap_or_else(dash)));
-    cells.extend([
-        off.unwrap_or_else(dash),
-        goal.unwrap_or_default(),
-        met.unwrap_or_default(),
-    ]);
-    cells
 }

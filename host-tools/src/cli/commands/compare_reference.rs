@@ -10,14 +10,14 @@ use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::provenance::{made, sha256_of};
 use crate::cli::waveform_options::WaveformOptions;
-use crate::comparison::reference::{AgainstReference, compare};
-use crate::comparison::reference_page::{ReferencePage, absorbed_row, rows};
+use crate::comparison::reference::compare;
+use crate::comparison::reference_report::ComparedReference;
 use crate::comparison::replay::replay;
 use crate::recording::file::Part;
 use crate::recording::received::Received;
 use crate::tables::whole::Target;
 
-/// What is compared, and where the result goes.
+/// A strike and its reference, and the places of the results.
 pub(super) struct Request<'a> {
     pub(super) received: &'a Received,
     pub(super) reference: &'a Path,
@@ -30,7 +30,7 @@ pub(super) struct Request<'a> {
     pub(super) format: Format,
 }
 
-/// Correlations below this are told of.
+/// Correlation below which a note asks whether it is the same strike.
 const LITTLE: f64 = 0.5;
 
 /// The result as JSON.
@@ -112,26 +112,33 @@ pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
     let played = truth
         .and_then(|truth| truth.stimulus)
         .map(|file| file.sha256 == sha256);
-    if let Some(report) = &request.report {
-        let mut made = made(&received.path, ("reference, SHA-256", sha256.clone()))?;
-        if played == Some(true) {
-            made.push(("reference", "the waveform that was played to the bead".to_owned()));
+    let made = match &request.report {
+        None => Vec::new(),
+        Some(_) => {
+            let mut made = made(&received.path, ("reference, SHA-256", sha256.clone()))?;
+            if played == Some(true) {
+                made.push(("reference", "the waveform that was played to the bead".to_owned()));
+            }
+            made
         }
-        let name = |path: &Path| {
-            path.file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        };
-        let page = ReferencePage {
-            recording: &name(&received.path),
-            reference: &name(reference),
-            strike: strike.said.strike,
-            against: &against,
-            failure: failure.as_deref(),
-            made: &made,
-        };
-        report.write_bytes(page.html().map_err(Failure::from)?)?;
+    };
+    let name = |path: &Path| {
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let compared = ComparedReference {
+        recording: &name(&received.path),
+        reference: &name(reference),
+        strike: strike.said.strike,
+        against: &against,
+        failure: failure.as_deref(),
+        made: &made,
+    };
+    let shown = compared.report();
+    if let Some(target) = &request.report {
+        target.write_bytes(shown.page()?)?;
     }
     let result = Report {
         bead,
@@ -147,27 +154,6 @@ pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
         pass: failure.is_none(),
         failure: failure.as_deref(),
     };
-    output::print(request.format, &result, || table(&against, failure.is_none()))?;
+    output::print(request.format, &result, || shown.terminal())?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
-}
-
-fn table(against: &AgainstReference, identical: bool) -> String {
-    let mut all: Vec<Vec<String>> = Vec::new();
-    for (name, unit, aligned) in [
-        ("force", "N", &against.force),
-        ("acceleration", "m/s²", &against.acceleration),
-    ] {
-        if let Some(aligned) = aligned {
-            all.push(vec![name.to_owned()]);
-            let indented = rows(aligned, unit)
-                .into_iter()
-                .map(|[name, bead, reference, off]| vec![format!("  {name}"), bead, reference, off]);
-            all.extend(indented);
-        }
-    }
-    all.push(absorbed_row("A, measured (nJ)", &against.absorbed_measured).to_vec());
-    all.push(absorbed_row("B, predicted (nJ)", &against.absorbed_predicted).to_vec());
-    let bits = output::either(identical, "identical", "differ");
-    all.push(vec!["bits of device and replay".to_owned(), bits]);
-    output::table("| bead | reference | bead off by", all)
 }

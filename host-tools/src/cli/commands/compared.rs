@@ -1,4 +1,4 @@
-//! What both kinds of comparison begin with: the scenario, the striker's velocity, and how a page was made.
+//! The scenario and the striker's velocity, which all comparisons with a simulation begin with.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -7,14 +7,16 @@ use hertz_chain::Scenario;
 
 use crate::bench::sensed::load_scenario;
 use crate::cli::failure::Failure;
+use crate::cli::output;
+use crate::comparison::report::count;
 use crate::comparison::velocity::FittedVelocity;
 use crate::recording::file::Part;
 use crate::recording::received::Received;
 
-/// How fast the striker is.
+/// The striker's velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Velocity {
-    /// As the forces tell.
+    /// The one that gives the recorded forces.
     Fit,
     /// In m/s.
     Given(f64),
@@ -48,10 +50,7 @@ pub(super) fn shown(fitted: &FittedVelocity) -> String {
         scenario,
     } = fitted;
     let digits = (1.0 - uncertainty.max(1e-9).log10()).ceil().clamp(0.0, 9.0) as usize;
-    let from = match strikes {
-        1 => "1 strike".to_owned(),
-        _ => format!("{strikes} strikes"),
-    };
+    let from = count(*strikes as u64, "strike");
     let scatter = scatter.map(|scatter| format!(", which scatter by {scatter:.digits$} m/s"));
     format!(
         "{velocity:.digits$} ± {uncertainty:.digits$} m/s, fitted to the force of {from}{}; the scenario says {scenario} m/s",
@@ -59,23 +58,68 @@ pub(super) fn shown(fitted: &FittedVelocity) -> String {
     )
 }
 
-/// What is said of echoes: how many, and of which beads.
+/// A note about echoes: their number, and their beads.
 pub(super) fn echoes_left_out(which: &str) -> String {
     format!("echoes that are replayed, but not held against the chain, as a wave came again: {which}")
 }
 
-/// The scenario that is given, or the one in the recording.
-pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<(Scenario, String), Failure> {
-    if let Some(path) = given {
-        return Ok(load_scenario(path)?);
+/// A scenario that strikes are held against.
+pub(super) struct Given {
+    pub(super) scenario: Scenario,
+    /// The scenario, as its author wrote it.
+    pub(super) text: String,
+    /// A note if it is not the scenario of the recording.
+    other: Option<String>,
+}
+
+impl Given {
+    /// Ends a comparison: with its failure, or with a note where the scenario is not the recording's.
+    pub(super) fn end(&self, failure: Option<String>) -> Result<(), Failure> {
+        match (failure, &self.other) {
+            (None, None) => Ok(()),
+            (None, Some(note)) => {
+                output::note(format_args!("{note}"));
+                Ok(())
+            }
+            (Some(what), None) => Err(Failure::Verdict(what)),
+            (Some(what), Some(note)) => Err(Failure::Verdict(format!("{what}; {note}"))),
+        }
     }
+}
+
+/// The scenario that is given, or the one in the recording.
+pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Given, Failure> {
     let shown = received.path.display();
-    let text = received.recording.parts.get(&Part::Scenario).ok_or_else(|| {
-        Failure::input(format!(
-            "{shown} carries no scenario; say what was struck with --scenario S.toml"
-        ))
-    })?;
-    let text = String::from_utf8_lossy(text).into_owned();
-    let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
-    Ok((scenario, text))
+    let carried = received.recording.parts.get(&Part::Scenario).map(|text| {
+        let text = String::from_utf8_lossy(text).into_owned();
+        let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()));
+        scenario.map(|scenario| (scenario, text))
+    });
+    let Some(path) = given else {
+        let missing = format!("{shown} carries no scenario; say what was struck with --scenario S.toml");
+        let (scenario, text) = carried.ok_or_else(|| Failure::input(missing))??;
+        return Ok(Given {
+            scenario,
+            text,
+            other: None,
+        });
+    };
+    let (scenario, text) = load_scenario(path)?;
+    let is_other = carried.is_some_and(|carried| {
+        carried.is_ok_and(|(mut carried, _)| {
+            carried.title.clone_from(&scenario.title);
+            carried != scenario
+        })
+    });
+    let other = is_other.then(|| {
+        format!(
+            "{} is not the scenario that {shown} was recorded with; leave --scenario out to compare with that one",
+            path.display()
+        )
+    });
+    Ok(Given {
+        scenario,
+        text,
+        other,
+    })
 }

@@ -4,9 +4,10 @@ use crate::bench::emulation::RunTruth;
 use crate::bench::sensed::Truth;
 use crate::cli::output;
 use crate::comparison::given::Given;
+use crate::comparison::report::{DASH, EnergyUnit, percent, signed};
 use crate::comparison::run::{MeasuredStrike, RunReport};
 
-/// Of one bead.
+/// The tables of one bead.
 pub(super) fn table(report: &RunReport) -> String {
     let mut parts = vec![strikes(report), counts(report)];
     if !report.provoked.is_empty() {
@@ -26,95 +27,106 @@ pub(super) fn table(report: &RunReport) -> String {
     parts.join("\n\n")
 }
 
-const STRIKES: &str = "strike at sample | peak force (N) | truth | A measured (nJ) | B predicted (nJ) | truth \
-                       | A off | B off | replay | flags";
-
-fn strikes(report: &RunReport) -> String {
-    if report.played {
-        return output::table(PLAYED, report.measured().map(played_row));
+/// The headings of the strikes. A waveform that was played gives each estimate a value of its own.
+fn headings(unit: EnergyUnit, played: bool) -> String {
+    let unit = unit.symbol;
+    if played {
+        format!(
+            "strike at sample | peak force (N) | given | A measured ({unit}) | of the given | B predicted ({unit}) | of the given \
+             | A off | B off | replay | flags"
+        )
+    } else {
+        format!(
+            "strike at sample | peak force (N) | truth | A measured ({unit}) | B predicted ({unit}) | truth | A off | B off \
+             | replay | flags"
+        )
     }
     output::table(STRIKES, report.measured().map(strike_row))
 }
 
-const PLAYED: &str = "strike at sample | peak force (N) | given | A measured (nJ) | of the given | B predicted (nJ) \
-                      | of the given | A off | B off | replay | flags";
-
-/// A strike of a waveform that was played: each estimate beside what f64 makes of the waveform.
-fn played_row(strike: &MeasuredStrike) -> [String; 11] {
-    let given = |of: fn(&Given) -> Option<f64>| strike.given.as_ref().and_then(of);
-    let (peak, a, b) = (
-        given(|given| given.peak_force),
-        given(|given| given.absorbed_measured),
-        given(|given| given.absorbed_predicted),
-    );
-    let shown = |value: Option<f64>, scale: f64, digits: usize| {
-        value.map_or("-".to_owned(), |value| format!("{:.digits$}", value * scale))
-    };
-    let off = |joule: f64, given: Option<f64>| match given {
-        Some(given) if given > 0.0 => format!("{:+.3} %", (joule / given - 1.0) * 100.0),
-        _ => "-".to_owned(),
-    };
-    let flags = strike.flags.join(", ");
-    [
-        strike.sample_index.to_string(),
-        format!("{:.4}", strike.peak_force),
-        shown(peak, 1.0, 4),
-        format!("{:.2}", strike.absorbed_measured * 1e9),
-        shown(a, 1e9, 2),
-        format!("{:.2}", strike.absorbed_predicted * 1e9),
-        shown(b, 1e9, 2),
-        off(strike.absorbed_measured, a),
-        off(strike.absorbed_predicted, b),
-        output::either(strike.replay_identical, "identical", "differs"),
-        output::either(flags.is_empty(), "-", &flags),
-    ]
+/// The one unit of all energies of these strikes.
+fn energy_unit<'a>(strikes: impl IntoIterator<Item = &'a MeasuredStrike>) -> EnergyUnit {
+    EnergyUnit::of(strikes.into_iter().flat_map(|strike| {
+        let truth = strike.truth.map_or(0.0, |truth| truth.absorbed);
+        [strike.absorbed_measured, strike.absorbed_predicted, truth]
+    }))
 }
 
-fn strike_row(strike: &MeasuredStrike) -> [String; 10] {
-    let truth = |of: fn(&Truth) -> String| strike.truth.as_ref().map_or("echo".to_owned(), of);
-    let off = |joule: f64| match strike.truth {
-        Some(truth) => format!("{:+.3} %", (joule / truth.absorbed - 1.0) * 100.0),
-        None => "-".to_owned(),
-    };
-    let flags = strike.flags.join(", ");
-    [
-        strike.sample_index.to_string(),
-        format!("{:.4}", strike.peak_force),
-        truth(|truth| format!("{:.4}", truth.peak_force)),
-        format!("{:.2}", strike.absorbed_measured * 1e9),
-        format!("{:.2}", strike.absorbed_predicted * 1e9),
-        truth(|truth| format!("{:.2}", truth.absorbed * 1e9)),
-        off(strike.absorbed_measured),
-        off(strike.absorbed_predicted),
-        output::either(strike.replay_identical, "identical", "differs"),
-        output::either(flags.is_empty(), "-", &flags),
-    ]
+fn strikes(report: &RunReport) -> String {
+    let unit = energy_unit(report.measured());
+    let row = |strike| row(strike, unit, report.played);
+    output::table(&headings(unit, report.played), report.measured().map(row))
 }
 
-/// Of several beads: each with its truth and its report.
+/// A strike: its values beside the truth, or beside f64 estimates of the waveform that was played.
+fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
+    let [peak, a, b] = if played {
+        let given = |of: fn(&Given) -> Option<f64>| strike.given.as_ref().and_then(of);
+        [
+            given(|given| given.peak_force),
+            given(|given| given.absorbed_measured),
+            given(|given| given.absorbed_predicted),
+        ]
+    } else {
+        let truth = |of: fn(&Truth) -> f64| strike.truth.as_ref().map(of);
+        [
+            truth(|truth| truth.peak_force),
+            truth(|truth| truth.absorbed),
+            None,
+        ]
+    };
+    let unknown = if played { DASH } else { "echo" };
+    let known = |value: Option<String>| value.unwrap_or(unknown.to_owned());
+    let energy = |joules: f64| unit.number(joules, 2);
+    let off = |joules: f64, truth: Option<f64>| {
+        let truth = truth.filter(|truth| *truth > 0.0);
+        truth.map_or(DASH.to_owned(), |truth| percent(joules / truth - 1.0))
+    };
+    let (measured, predicted) = (strike.absorbed_measured, strike.absorbed_predicted);
+    let mut row = vec![
+        strike.sample_index.to_string(),
+        format!("{:.4}", strike.peak_force),
+        known(peak.map(|peak| format!("{peak:.4}"))),
+        energy(measured),
+    ];
+    if played {
+        row.extend([known(a.map(energy)), energy(predicted), known(b.map(energy))]);
+        row.extend([off(measured, a), off(predicted, b)]);
+    } else {
+        row.extend([energy(predicted), known(a.map(energy))]);
+        row.extend([off(measured, a), off(predicted, a)]);
+    }
+    let flags = strike.flags.join(", ");
+    row.push(output::either(strike.replay_identical, "identical", "differs"));
+    row.push(output::either(flags.is_empty(), DASH, &flags));
+    row
+}
+
+/// The table of several beads: each with its truth and its report.
 pub(super) fn table_of_several(beads: &[(RunTruth, RunReport)]) -> String {
+    let unit = energy_unit(beads.iter().flat_map(|(_, report)| report.measured()));
     let strikes = beads.iter().flat_map(|(truth, report)| {
         let bead = truth.bead.to_string();
         report.measured().map(move |strike| {
-            let mut row = vec![bead.clone()];
-            row.extend(strike_row(strike));
-            row
+            let mut cells = vec![bead.clone()];
+            cells.extend(row(strike, unit, report.played));
+            cells
         })
     });
-    let header = format!("bead | {STRIKES}");
+    let header = format!("bead | {}", headings(unit, false));
     let rows = beads.iter().map(|(truth, report)| {
         let frames = &report.frames;
         let busiest = report.instructions_per_sample.worst_block;
         [
             truth.bead.to_string(),
-            format!("{:+.3}", truth.clock_ppm),
+            signed(truth.clock_ppm, 3),
             format!("{:.6}", truth.began),
             frames.received.to_string(),
             frames.lost.to_string(),
             frames.corrupt.to_string(),
             report.overruns.to_string(),
             report.resets.to_string(),
-            busiest.map_or("-".to_owned(), |count| format!("{count:.1}")),
+            busiest.map_or(DASH.to_owned(), |count| format!("{count:.1}")),
         ]
     });
     let counts = "bead | crystal ppm | first scan at s | frames received | lost | corrupt | overruns | resets \
@@ -156,8 +168,8 @@ fn provoked(report: &RunReport) -> String {
         [
             provoked.fault.kind.name().to_owned(),
             provoked.fault.at.to_string(),
-            provoked.cause.map_or("-".to_owned(), |cause| cause.to_string()),
-            provoked.cause.map_or("-".to_owned(), |_| reported),
+            provoked.cause.map_or(DASH.to_owned(), |cause| cause.to_string()),
+            provoked.cause.map_or(DASH.to_owned(), |_| reported),
         ]
     });
     output::table("provoked | at (s) | to be reported as | reported", rows)
@@ -180,7 +192,7 @@ fn instructions(report: &RunReport) -> String {
         let part = |count: f64| format!("{:.1} %", count / report.instructions_available * 100.0);
         let [count, part] = match count {
             Some(count) => [format!("{count:.1}"), part(count)],
-            None => ["-", "-"].map(str::to_owned),
+            None => [DASH, DASH].map(str::to_owned),
         };
         [name.to_owned(), count, part]
     });

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::comparison::replay::replay;
+use crate::comparison::report::count;
 use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
@@ -50,11 +51,11 @@ struct Strike {
     first_difference: Option<String>,
 }
 
-/// Strikes that are shown at most, and strikes beyond these that differ.
+/// Number of strikes that are shown, and of strikes beyond these that differ.
 const SHOWN_MOST: u64 = 100_000;
 const DIFFER_MOST: u64 = 1000;
 
-/// The strikes that are shown: a recording may have any number, and memory has not.
+/// The strikes that are shown. A recording may have more than memory holds.
 #[derive(Default)]
 struct Shown {
     rows: Vec<Strike>,
@@ -70,9 +71,10 @@ impl Shown {
             self.first_difference = strike.first_difference.clone();
         }
         let shown = self.rows.len() as u64;
-        match shown < SHOWN_MOST || (!strike.identical && shown < SHOWN_MOST + DIFFER_MOST) {
-            true => self.rows.push(strike),
-            false => self.left_out += 1,
+        if shown < SHOWN_MOST || (!strike.identical && shown < SHOWN_MOST + DIFFER_MOST) {
+            self.rows.push(strike);
+        } else {
+            self.left_out += 1;
         }
     }
 }
@@ -121,8 +123,9 @@ fn table(strikes: &Shown) -> String {
     let mut table = output::table("strike | sample index | samples | chunks | replay", rows);
     if strikes.left_out > 0 {
         table += &format!(
-            "\n\n{} more strikes are not shown; {} of all strikes differ",
-            strikes.left_out, strikes.differ
+            "\n\n{} more not shown; {} of all strikes differ",
+            count(strikes.left_out, "strike"),
+            strikes.differ
         );
     }
     table

@@ -1,4 +1,4 @@
-//! When the wave came to each bead of a row, and how fast it went from one to the next.
+//! Arrivals of the wave at the beads of a row, and its speed from one to the next.
 //!
 //! # Design
 //! The wave comes when the force rises through half of its height ([`crate::recording::arrival`]). The time
@@ -24,7 +24,7 @@ pub struct Arrivals {
     pub speeds: Vec<Speed>,
 }
 
-/// When the wave came to a bead, s since the striker hit.
+/// Arrival of the wave at a bead, s since the striker hit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Arrival {
     /// The bead.
@@ -33,11 +33,11 @@ pub struct Arrival {
     pub device_s: f64,
     /// By the chain.
     pub f64_chain_s: f64,
-    /// How much later by the bead.
+    /// Delay by the bead.
     pub off_s: f64,
 }
 
-/// How fast the wave went from one bead to another.
+/// Speed of the wave from one bead to another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Speed {
     /// The bead that it came to first.
@@ -51,13 +51,13 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// How far the beads' speed is off, as a part of the chain's.
+    /// Deviation of the beads' speed, as a part of the chain's.
     pub fn off(&self) -> f64 {
         self.device / self.f64_chain - 1.0
     }
 }
 
-/// What two beads make of the way between them.
+/// The time of the wave between two beads.
 struct Way {
     length: f64,
     times: Vec<f64>,
@@ -119,7 +119,7 @@ impl Arrivals {
         self.beads.iter().find(|arrival| arrival.bead == bead)
     }
 
-    /// What has no place on the time in common.
+    /// A line for each bead that has no place on the time in common.
     pub(super) fn notes(&self, row: &Row) -> Vec<String> {
         let felt = row.members.iter().filter(|member| !member.felt.is_empty());
         if self.beads.is_empty() {
@@ -135,12 +135,13 @@ impl Arrivals {
         felt.filter(|member| self.at(member.bead).is_none())
             .map(|member| {
                 let bead = member.bead;
-                match member.felt.iter().any(|felt| felt.rise_drawn.is_some()) {
-                    true => format!(
+                if member.felt.iter().any(|felt| felt.rise_drawn.is_some()) {
+                    format!(
                         "bead {bead} is not on the common time: it has no two sync edges in common with the others; \
                          its arrival is not known"
-                    ),
-                    false => format!("bead {bead} has no strike with all its samples: its arrival is not known"),
+                    )
+                } else {
+                    format!("bead {bead} has no strike with all its samples: its arrival is not known")
                 }
             })
             .collect()

@@ -10,7 +10,7 @@ use crate::bench::sensed::simulate_with_ring_down;
 /// A chain and its motion.
 #[derive(Clone)]
 pub struct Chain {
-    /// What was struck.
+    /// The scenario.
     pub scenario: Scenario,
     /// Its motion, with ring-down.
     pub solution: Arc<Solution>,

@@ -16,15 +16,15 @@ pub struct RowComparison {
     pub strikes: usize,
     /// The beads, from the striker on.
     pub beads: Vec<BeadOfRow>,
-    /// When the wave came to them, and how fast it was.
+    /// Arrivals and speeds of the wave.
     pub arrivals: Arrivals,
     /// The energy along the row.
     pub energy: EnergyAlong,
-    /// What is missing, a line each.
+    /// Missing beads and values, a line each.
     pub notes: Vec<String>,
-    /// Whether every check passed.
+    /// True if every check passed.
     pub pass: bool,
-    /// The first check that said no.
+    /// The first check that failed.
     pub failure: Option<String>,
 }
 

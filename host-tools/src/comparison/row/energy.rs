@@ -30,7 +30,7 @@ use crate::comparison::row::strikes::Row;
 pub struct EnergyAlong {
     /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
     pub incident: Option<Pair>,
-    /// That bead.
+    /// The first bead that recorded.
     pub incident_at: Option<usize>,
     /// Who says so, on the device's side: `bead`, or `simulation`.
     pub incident_by: &'static str,
@@ -45,10 +45,10 @@ pub struct EnergyAlong {
     why: Option<&'static str>,
 }
 
-/// What is left after n intruders.
+/// The energy that n intruders leave.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct After {
-    /// How many intruders.
+    /// Number of intruders.
     pub n: usize,
     /// The bead of the last of them; none after 0.
     pub bead: Option<usize>,
@@ -103,7 +103,8 @@ impl<V: Copy> Sides<V> {
     }
 }
 
-/// What a host's intruder took, as a part of what came to the first bead: by A, by B, by the chain.
+/// The energy that a host's intruder took, as a part of the energy at the first bead: by A, by B, by the
+/// chain.
 struct Taken {
     bead: usize,
     measured: Option<[f64; 2]>,
@@ -185,8 +186,8 @@ impl EnergyAlong {
     }
 }
 
-/// What the bead at `place` took by A and by B, as a part of what came to the bead at `first`: the mean over
-/// the strikes that both felt.
+/// The energy that the bead at `place` took by A and by B, as a part of that at the bead at `first`: the mean
+/// over the strikes that both felt.
 fn share(row: &Row, first: usize, place: usize, came: impl Fn(&Felt) -> f64) -> Option<[f64; 2]> {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for strike in &row.strikes {
@@ -327,7 +328,7 @@ mod tests {
 
     #[test]
     fn hosts_before_the_first_that_recorded_count_by_the_simulation() {
-        // What came to bead 9 is the unit; the two before took a part of what came to bead 7.
+        // The energy at bead 9 is the unit; the two before took a part of the energy at bead 7.
         let mut taken = taken(&[false, false, true, true, true]);
         for one in &mut taken {
             one.f64_chain /= 0.81;

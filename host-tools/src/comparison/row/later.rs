@@ -14,10 +14,10 @@ use crate::comparison::strike::SensedPoint;
 
 /// Samples in a mean: odd.
 const SMOOTH: usize = 9;
-/// How far from the simulated wave the bead's may be, in samples.
+/// Greatest distance of the bead's wave from the simulated one, in samples.
 const NEAR: usize = 15;
 
-/// What counts as a wave.
+/// Conditions of a wave.
 #[derive(Clone, Copy)]
 struct Plain {
     /// Least height, as a part of the main one.
@@ -85,7 +85,7 @@ pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
     })
 }
 
-/// Where the values in a range are highest.
+/// The place of the highest value in a range.
 fn highest(values: &[f64], mut range: Range<usize>) -> Option<usize> {
     let first = range.next()?;
     Some(range.fold(
@@ -94,13 +94,13 @@ fn highest(values: &[f64], mut range: Range<usize>) -> Option<usize> {
     ))
 }
 
-/// Where the strongest wave after the main one is highest.
+/// The place of the top of the strongest wave after the main one.
 fn strongest(values: &[f64], main: usize, plain: Plain) -> Option<usize> {
     let later = waves(values, main, plain);
     later.into_iter().max_by(|a, b| values[*a].total_cmp(&values[*b]))
 }
 
-/// Where the waves after the main one are highest.
+/// The places of the tops of the waves after the main one.
 fn waves(values: &[f64], main: usize, plain: Plain) -> Vec<usize> {
     let (least, fall) = (plain.height * values[main], plain.fall);
     let mut waves = Vec::new();

@@ -1,4 +1,4 @@
-//! What came from one bead of a row, strike by strike.
+//! One bead of a row, strike by strike.
 
 use std::collections::BTreeSet;
 
@@ -28,21 +28,21 @@ const DRAWN_MOST: usize = 8;
 pub struct Felt {
     /// Its number since the bead's reset.
     pub number: u32,
-    /// What the bead said.
+    /// By the bead.
     pub device: Values,
     /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the
     /// sensor, samples are missing, or the chain is under a load.
     pub incident: Option<f64>,
-    /// When the striker hit, by the host's time and the simulated way of the wave, s.
+    /// The instant of the striker's hit, by the host's time and the simulated way of the wave, s.
     pub struck: Option<f64>,
-    /// When the force rose through half of its height, s on the time in common; none if it left the range of
-    /// the sensor.
+    /// The instant at which the force rose through half of its height, s on the time in common; none if it
+    /// left the range of the sensor.
     pub rise: Option<f64>,
-    /// The same on the time of [`Felt::traces`].
+    /// `rise` on the time of [`Felt::traces`].
     pub rise_drawn: Option<f64>,
     /// The strongest wave after the main one.
     pub later: Option<LaterWave>,
-    /// What was sensed, and what the chain did then.
+    /// Values of the sensors, and the chain's beside them.
     pub traces: Option<Traces>,
 }
 
@@ -73,7 +73,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// How far the bead is off, as a part of the chain's value.
+    /// Deviation of the bead, as a part of the chain's value.
     pub fn off(&self) -> f64 {
         self.device / self.f64_chain - 1.0
     }
@@ -106,9 +106,9 @@ pub struct BeadOfRow {
     pub spread: Vec<Spread>,
     /// Names of the flags of its strikes.
     pub flags: Vec<&'static str>,
-    /// Whether every strike replays to the same bits; none without a strike.
+    /// True if every strike replays to the same bits; none without a strike.
     pub replay_identical: Option<bool>,
-    /// Where the first that does not differs.
+    /// The first difference of a replay.
     pub first_difference: Option<String>,
     /// Frames lost.
     pub frames_lost: u64,
@@ -118,9 +118,9 @@ pub struct BeadOfRow {
     pub overruns: u64,
     /// Of an emulated run: instructions a sample while a strike was measured.
     pub instructions_per_sample: Option<f64>,
-    /// Whether every check passed.
+    /// True if every check passed.
     pub pass: bool,
-    /// The first that said no.
+    /// The first check that failed.
     pub failure: Option<String>,
 }
 
@@ -243,7 +243,7 @@ impl Member {
         })
     }
 
-    /// What it told, against the simulation.
+    /// Its results beside the simulation.
     pub fn told(&self) -> BeadOfRow {
         self.told.clone()
     }

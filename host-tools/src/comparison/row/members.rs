@@ -1,4 +1,4 @@
-//! Which beads of a recording belong to the row of a scenario.
+//! The beads of a recording that belong to the row of a scenario.
 
 use crate::comparison::row::chain::Chain;
 use crate::recording::file::{Bead, Part};
@@ -9,7 +9,7 @@ use crate::recording::received::Received;
 pub struct Place {
     /// Its place.
     pub bead: usize,
-    /// What came from it.
+    /// Its frames.
     pub received: Received,
 }
 

@@ -21,8 +21,8 @@ mod energy;
 mod later;
 mod member;
 mod members;
-mod page;
 mod pictures;
+mod report;
 mod strikes;
 
 pub use arrivals::{Arrival, Arrivals, Speed};
@@ -32,6 +32,6 @@ pub use energy::{After, EnergyAlong, Fit, Sides, Transmission};
 pub use later::{LaterWave, Wave};
 pub use member::{BeadOfRow, Felt, Member, Pair};
 pub use members::{Place, among};
-pub use page::Page;
 pub use pictures::{details, overview};
+pub use report::ComparedRow;
 pub use strikes::Row;

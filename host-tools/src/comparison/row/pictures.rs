@@ -12,7 +12,7 @@ use crate::comparison::strike::{SensedPoint, Traces};
 
 /// Beads beyond the first and the last of the row whose force is shown as simulated.
 const BEYOND: usize = 2;
-/// How far the highest curve reaches, in beads.
+/// Height of the highest curve, in beads.
 const HIGH: f64 = 1.9;
 /// Before the first arrival and after the last, s.
 const BEFORE: f64 = 0.35e-3;
@@ -165,9 +165,12 @@ fn simulated(
 
 /// Places with the mark that their simulated curve has: broad under what a bead sensed, thin elsewhere.
 fn marked(row: &Row, beads: impl IntoIterator<Item = usize>) -> Vec<(usize, Mark)> {
-    let mark = |bead: usize| match row.members.iter().any(|member| member.bead == bead) {
-        true => (bead, Mark::Broad),
-        false => (bead, Mark::Line),
+    let mark = |bead: usize| {
+        if row.members.iter().any(|member| member.bead == bead) {
+            (bead, Mark::Broad)
+        } else {
+            (bead, Mark::Line)
+        }
     };
     beads.into_iter().map(mark).collect()
 }

@@ -1,4 +1,4 @@
-//! What came from a row of beads, and which strikes of several beads are one.
+//! The strikes of a row of beads: the ones of several beads that are one.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::comparison::row::member::{Felt, Member};
 /// twice of it, and the host's time is within a millisecond for each.
 const SAME: f64 = 7.5e-3;
 
-/// What came from each bead, and which of it belongs to one strike.
+/// The beads of a row, and their strikes.
 pub struct Row {
     /// The beads, from the striker on.
     pub members: Vec<Member>,
@@ -23,14 +23,14 @@ impl Row {
         Self { members, strikes }
     }
 
-    /// What each bead told of a strike.
+    /// Each bead's record of a strike.
     pub(super) fn felt(&self, strike: &[Option<usize>]) -> Vec<Option<&Felt>> {
         let beads = self.members.iter().zip(strike);
         beads.map(|(member, at)| Some(&member.felt[(*at)?])).collect()
     }
 
-    /// When the striker hit, s on the time in common; none if fewer than two beads can tell. The differences
-    /// of the arrivals from the simulation then have the mean 0.
+    /// The instant of the striker's hit, s on the time in common; none if fewer than two beads can tell. The
+    /// differences of the arrivals from the simulation then have the mean 0.
     pub(super) fn zero(&self, strike: &[Option<usize>]) -> Option<f64> {
         let felt = self.felt(strike).into_iter().zip(&self.members);
         let late = felt.filter_map(|(felt, member)| Some(felt?.rise? - member.chain.front()));

@@ -1,11 +1,11 @@
-//! What a bead has to say of the faults of a run, and whether it said that, once, and nothing else.
+//! Checks that a bead reported each fault of a run exactly once.
 //!
 //! # Design
-//! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. So what
-//! is asked for follows from the run. The emulator tells when the bead was reset. Between two resets the bead
-//! surely takes notice, or it may, where a fault falls into its start or close to another one. A report is
-//! answered for by a fault of its cause at its time; one that no fault answers for is made up, and one that
-//! is surely due and did not come is missing. Times are in s after the first scan.
+//! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. The
+//! reports that are expected therefore follow from the run. The emulator says when the bead was reset.
+//! Between two resets a report is required, or only allowed where a fault falls into the bead's start or
+//! close to another fault. A report that no fault explains is spurious; a required one that did not come is
+//! missing. Times are in s after the first scan.
 
 use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::{Reset, ResetCause};
@@ -14,57 +14,57 @@ use crate::bench::faults::{Kind, Planned, supply};
 use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
 use crate::recording::frames::Frame;
 
-/// A report of a fault, as it left the bead.
+/// A fault that the bead reported.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
-    /// When its frame had left.
+pub struct FaultReport {
+    /// The time when its frame had left, s.
     pub at: f64,
-    /// What it says.
+    /// Its cause.
     pub cause: FaultCause,
     /// Its text.
     pub detail: String,
 }
 
-/// What a bead said in a run that has faults in it.
+/// The reports of a bead in a run with faults.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Heard {
-    /// The faults that it reported, in the order in which they came.
-    pub told: Vec<Told>,
-    /// When the result of each strike had left.
+pub struct FaultReports {
+    /// The faults, in the order of their frames.
+    pub faults: Vec<FaultReport>,
+    /// The times when the results of strikes had left, s.
     pub strikes: Vec<f64>,
 }
 
-impl Heard {
+impl FaultReports {
     /// From frames whose times are those of the run, in ns since the first scan.
     pub fn new(frames: &[Frame]) -> Self {
-        let mut heard = Self::default();
+        let mut reports = Self::default();
         for frame in frames {
             let at = frame.received_ns.unwrap_or(0) as f64 * 1e-9;
             match &frame.message {
-                Message::Fault(fault) => heard.told.push(Told {
+                Message::Fault(fault) => reports.faults.push(FaultReport {
                     at,
                     cause: fault.cause,
                     detail: fault.detail.as_str().to_owned(),
                 }),
-                Message::Strike(_) => heard.strikes.push(at),
+                Message::Strike(_) => reports.strikes.push(at),
                 _ => {}
             }
         }
-        heard
+        reports
     }
 }
 
-/// When a bead was reset, and when the run ended.
+/// The resets of a bead, and the end of the run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Life {
-    /// Each reset after power-up.
+pub struct ResetLog {
+    /// Each reset after power-up: time, s, and cause.
     pub resets: Vec<(f64, ResetCause)>,
-    /// The end.
+    /// The end, s.
     pub end: f64,
 }
 
-impl Life {
-    /// From what the emulator tells, in ns of virtual time.
+impl ResetLog {
+    /// From the emulator's resets, in ns of virtual time.
     pub fn new(resets: &[Reset], first_scan_ns: u64, end_ns: u64) -> Self {
         let seconds = |ns: u64| (ns as f64 - first_scan_ns as f64) * 1e-9;
         Self {
@@ -77,112 +77,120 @@ impl Life {
     }
 }
 
-/// What became of a fault.
+/// Outcome of an injected fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
-    /// The bead told of it.
-    Told,
-    /// It did not, and need not: another fault hid it, it was too short, or the run ended.
-    Untold,
-    /// It had to, and did not.
+pub enum Outcome {
+    /// The bead reported it.
+    Reported,
+    /// No report, and none was required: another fault hid it, it was too short, or the run ended.
+    Excused,
+    /// No report, though one was required.
     Missing,
 }
 
-/// The outcome for all faults of a run.
+/// The result of the check.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Answers {
-    /// What became of each fault, in their order.
-    pub fates: Vec<Fate>,
-    /// What is wrong, a line each: reports that are missing or made up, and resets that did not come or that
-    /// no fault explains.
+pub struct CheckedFaults {
+    /// The outcome of each fault, in their order.
+    pub outcomes: Vec<Outcome>,
+    /// Faults of the bead, a line each: reports that are missing or spurious, and resets that did not come or
+    /// that no fault explains.
     pub wrong: Vec<String>,
 }
 
-/// The watchdog resets a bead that hangs this long after it was last fed, s: 2 s.
+/// Longest time from a hang to the watchdog's reset, s. Its period is 2 s.
 const WATCHDOG: f64 = 2.05;
-/// From what breaks the interrupt of the DMA to the reset: that interrupt comes with each block, and 12 ms
-/// later if the converter has stopped meanwhile.
+/// Longest time from a fault of the DMA's interrupt to the reset, s. The interrupt comes with each block, and
+/// 12 ms later if the converter has stopped.
 const CRASH: f64 = 0.03;
-/// A port that is silent for so long is given up: at the earliest if nothing left for a second before, and at
-/// the latest.
+/// Time-out of a silent port, shortest and longest, s. It is short if nothing left for a second before.
 const GIVEN_UP: [f64; 2] = [0.5, 1.55];
-/// A converter that is silent is set up anew after this time.
+/// Time after which a silent converter is set up again, s.
 const SET_UP_ANEW: f64 = 0.015;
-/// A sensor's code that stands still is found after 50 to 60 ms of samples: never before, and surely.
+/// Shortest and longest time of samples in which a stuck code is found, s.
 const FOUND: [f64; 2] = [0.048, 0.065];
-/// What the bead has found leaves it within this time, behind the frames that wait.
+/// Longest time from a fault's discovery to the end of its frame, behind the frames that wait, s.
 const LEAVES: f64 = 0.1;
-/// A low supply is noticed if it lasts for this time, and is over when it has been good for 20 ms.
+/// Time after which a low supply is noticed, s.
 const NOTICED: f64 = 0.005;
+/// Shortest and longest time of a good supply after which a low one is over, s.
 const OVER: [f64; 2] = [0.015, 0.025];
-/// From a good supply to samples, and how long a supply has to be good for a start, and how long one waits
-/// for it.
+/// Time from a good supply to samples, s.
 const START: f64 = 0.045;
+/// Time that the supply has to be good before a start, s.
 const GOOD: f64 = 0.02;
+/// Longest wait for a good supply, s.
 const PATIENCE: f64 = 5.0;
-/// The supply is low below this, and good again above that, V (`firmware/src/supply.rs`).
+/// Thresholds of a low supply and of one that is good again, V (`firmware/src/supply.rs`).
 const LOW: [f64; 2] = [2.93, 3.03];
-/// From a strike to its result, s, and from the first samples to a detector that is armed.
+/// Time from a strike to its result, s.
 const MEASURED: f64 = 0.03;
+/// Time from the first samples to an armed detector, s.
 const ARMED: f64 = 0.02;
-/// A result leaves a line that is not behind within this time, s.
+/// Longest time from a result to the end of its frame on an idle line, s.
 const RESULT_LEAVES: f64 = 0.02;
-/// What takes no time, s: less than this, since times are rounded to ns.
+/// Greatest difference of two times that are the same, s: times are rounded to ns.
 const INSTANT: f64 = 1e-6;
-/// Codes this near to an end of the range are at the rail (`firmware/src/health.rs`).
+/// Codes between the end of the range and the rail (`firmware/src/health.rs`).
 const RAIL: u16 = 16;
 
-/// Holds what was said against the faults and strikes of a run. `rows` are the codes that the sensors gave,
-/// with the faults in them; `starts` are when the strikes began.
-pub fn answers(faults: &[Planned], rows: &[[u16; 4]], starts: &[f64], life: &Life, heard: &Heard) -> Answers {
-    let told = &heard.told;
-    let run = Faulty::new(faults, life);
+/// Checks the reports against the faults and strikes of a run. `rows` are the codes of the sensors, with the
+/// faults in them; `starts` are the times at which strikes began, s.
+pub fn check_reports(
+    faults: &[Planned],
+    rows: &[[u16; 4]],
+    starts: &[f64],
+    log: &ResetLog,
+    reports: &FaultReports,
+) -> CheckedFaults {
+    let reported = &reports.faults;
+    let run = FaultyRun::new(faults, log);
     let mut due = Vec::new();
     let mut wrong = Vec::new();
     run.resets(&mut due, &mut wrong);
     run.overruns(&mut due);
     run.supply(&mut due);
     run.sensors(rows, &mut due);
-    let (told_of, made_up) = matched(&due, told);
-    let mut fates = vec![Fate::Untold; faults.len()];
-    for (due, told) in due.iter().zip(told_of) {
+    let (came, spurious) = match_reports(&due, reported);
+    let mut outcomes = vec![Outcome::Excused; faults.len()];
+    for (due, came) in due.iter().zip(came) {
         for &fault in &due.faults {
-            fates[fault] = match fates[fault] {
-                Fate::Untold if told => Fate::Told,
-                Fate::Untold | Fate::Told if !told && due.surely => Fate::Missing,
-                fate => fate,
+            outcomes[fault] = match outcomes[fault] {
+                Outcome::Excused if came => Outcome::Reported,
+                Outcome::Excused | Outcome::Reported if !came && due.required => Outcome::Missing,
+                outcome => outcome,
             };
         }
-        if due.surely && !told {
+        if due.required && !came {
             wrong.push(format!("{due} was not reported"));
         }
     }
-    for at in made_up {
-        let Told { at, cause, detail } = &told[at];
+    for at in spurious {
+        let FaultReport { at, cause, detail } = &reported[at];
         let cause = cause.name().unwrap_or("a cause without a name");
         wrong.push(format!(
             "{cause} ({detail}) was reported at {at:.4} s, and nothing provoked it"
         ));
     }
-    wrong.extend(run.lost(starts, &heard.strikes));
-    Answers { fates, wrong }
+    wrong.extend(run.lost(starts, &reports.strikes));
+    CheckedFaults { outcomes, wrong }
 }
 
-/// A report that is due, or may be.
+/// A report that is required, or allowed.
 #[derive(Debug)]
-struct Due {
-    /// One of these.
+struct ExpectedReport {
+    /// The causes, one of which it has.
     causes: Vec<FaultCause>,
-    /// What is over, of a recovery.
+    /// The cause that is over, of a recovery.
     over: Option<FaultCause>,
     from: f64,
     until: f64,
-    surely: bool,
-    /// The faults that it is of.
+    required: bool,
+    /// The faults that it is about.
     faults: Vec<usize>,
 }
 
-impl std::fmt::Display for Due {
+impl std::fmt::Display for ExpectedReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let names: Vec<_> = self.causes.iter().filter_map(|cause| cause.name()).collect();
         write!(f, "{}", names.join(" or "))?;
@@ -193,70 +201,71 @@ impl std::fmt::Display for Due {
     }
 }
 
-/// Which of the reports that are due came, and the reports that nothing answers for.
-fn matched(due: &[Due], told: &[Told]) -> (Vec<bool>, Vec<usize>) {
+/// True for each expected report that came; and the places of the reports that nothing explains.
+fn match_reports(due: &[ExpectedReport], reported: &[FaultReport]) -> (Vec<bool>, Vec<usize>) {
     let mut came = vec![false; due.len()];
-    let mut made_up = Vec::new();
-    for (number, told) in told.iter().enumerate() {
+    let mut spurious = Vec::new();
+    for (number, reported) in reported.iter().enumerate() {
         // A strike that a fault cut follows from that fault.
-        if told.cause == FaultCause::StrikeCut {
+        if reported.cause == FaultCause::StrikeCut {
             continue;
         }
-        let fits = |due: &Due| {
-            due.causes.contains(&told.cause)
-                && (due.from..=due.until).contains(&told.at)
-                && due.over.is_none_or(|over| over.name() == Some(&told.detail))
+        let fits = |due: &ExpectedReport| {
+            due.causes.contains(&reported.cause)
+                && (due.from..=due.until).contains(&reported.at)
+                && due.over.is_none_or(|over| over.name() == Some(&reported.detail))
         };
         let open = (0..due.len()).filter(|&at| !came[at] && fits(&due[at]));
-        // What is surely due comes first, and of that what is due soonest.
+        // A required report first, and the most urgent of these.
         let first = open.min_by(|&a, &b| {
             let [a, b] = [&due[a], &due[b]];
-            b.surely.cmp(&a.surely).then(a.until.total_cmp(&b.until))
+            b.required.cmp(&a.required).then(a.until.total_cmp(&b.until))
         });
         match first {
             Some(at) => came[at] = true,
-            None => made_up.push(number),
+            None => spurious.push(number),
         }
     }
-    (came, made_up)
+    (came, spurious)
 }
 
-/// A boot: when it began, from when on it may take samples and surely does, and when the bead stops or is
-/// reset.
+/// A boot.
 #[derive(Debug, Clone, Copy)]
 struct Boot {
     began: f64,
-    may: f64,
-    surely: f64,
-    /// The first fault of it that ends in a reset, if that may work.
-    dying: f64,
+    /// The earliest time of its first sample, s.
+    earliest: f64,
+    /// The latest time of its first sample, s.
+    latest: f64,
+    /// The time of the first fault that may end it, s.
+    fatal: f64,
     end: f64,
 }
 
 /// A run with its faults.
-struct Faulty<'a> {
+struct FaultyRun<'a> {
     faults: &'a [Planned],
-    life: &'a Life,
+    log: &'a ResetLog,
     boots: Vec<Boot>,
-    /// From when to when nothing leaves the port.
+    /// Intervals in which nothing leaves the port, s.
     stalls: Vec<[f64; 2]>,
-    /// From when to when the supply is low.
+    /// Intervals of a low supply, s.
     low: Vec<[f64; 2]>,
 }
 
-impl<'a> Faulty<'a> {
-    fn new(faults: &'a [Planned], life: &'a Life) -> Self {
+impl<'a> FaultyRun<'a> {
+    fn new(faults: &'a [Planned], log: &'a ResetLog) -> Self {
         let mut run = Self {
             faults,
-            life,
+            log,
             boots: Vec::new(),
             stalls: stalls(faults),
             low: low(faults),
         };
-        for number in 0..=life.resets.len() {
-            let began = number.checked_sub(1).map(|before| life.resets[before].0);
-            let end = life.resets.get(number).map_or(life.end, |(at, _)| *at);
-            let (may, surely) = match began {
+        for number in 0..=log.resets.len() {
+            let began = number.checked_sub(1).map(|before| log.resets[before].0);
+            let end = log.resets.get(number).map_or(log.end, |(at, _)| *at);
+            let (earliest, latest) = match began {
                 // The first scan is at 0.
                 None => (0.0, 0.0),
                 Some(began) => (began + GOOD, run.good_since(began) + START),
@@ -269,23 +278,22 @@ impl<'a> Faulty<'a> {
                 } else {
                     CRASH
                 };
-                crashes(fault.kind) && fault.at >= may && (0.0..=within).contains(&took)
+                crashes(fault.kind) && fault.at >= earliest && (0.0..=within).contains(&took)
             });
-            let dying = fatal.map(|fault| fault.at).fold(end, f64::min);
+            let fatal = fatal.map(|fault| fault.at).fold(end, f64::min);
             let began = began.unwrap_or(f64::NEG_INFINITY);
             run.boots.push(Boot {
                 began,
-                may,
-                surely,
-                dying,
+                earliest,
+                latest,
+                fatal,
                 end,
             });
         }
         run
     }
 
-    /// When a start that began at a time finds that the supply has been good for long enough, or waits no
-    /// more.
+    /// The time at which a start has seen a good supply for long enough, or waits no more, s.
     fn good_since(&self, began: f64) -> f64 {
         let mut good = began;
         for [from, to] in &self.low {
@@ -302,7 +310,7 @@ impl<'a> Faulty<'a> {
         &self.boots[number.unwrap_or(0)]
     }
 
-    /// When a report that is made at a time has left at the latest.
+    /// The latest time at which a report of `time` has left, s.
     fn leaves(&self, time: f64) -> f64 {
         let mut leaves = time + LEAVES;
         for [from, to] in &self.stalls {
@@ -313,9 +321,9 @@ impl<'a> Faulty<'a> {
         leaves
     }
 
-    /// Whether a report that is made in a boot at a time leaves before the bead is reset.
+    /// True if a report of `time` leaves before the boot ends.
     fn survives(&self, boot: &Boot, time: f64) -> bool {
-        self.leaves(time) < boot.dying.min(boot.end)
+        self.leaves(time) < boot.fatal.min(boot.end)
     }
 
     fn stalled(&self, from: f64, to: f64) -> f64 {
@@ -326,16 +334,16 @@ impl<'a> Faulty<'a> {
         within.fold(0.0, f64::max)
     }
 
-    /// Faults that end in a reset, and what the next boot tells of them.
-    fn resets(&self, due: &mut Vec<Due>, wrong: &mut Vec<String>) {
-        for (number, &(at, cause)) in self.life.resets.iter().enumerate() {
+    /// Faults that end in a reset, and the reports of the next boot.
+    fn resets(&self, due: &mut Vec<ExpectedReport>, wrong: &mut Vec<String>) {
+        for (number, &(at, cause)) in self.log.resets.iter().enumerate() {
             let boot = self.boots[number];
             let (mut of, mut causes) = (Vec::new(), Vec::new());
             for (index, fault) in self.faults.iter().enumerate() {
                 let within = |[soonest, latest]: [f64; 2]| {
                     fault.at >= boot.began && (fault.at + soonest..=fault.at + latest).contains(&at)
                 };
-                let (told, did) = match fault.kind {
+                let (reported, did) = match fault.kind {
                     Kind::PowerCut => (
                         None,
                         cause == ResetCause::PowerCut && (fault.at - at).abs() < 1e-3,
@@ -361,7 +369,7 @@ impl<'a> Faulty<'a> {
                 };
                 if did {
                     of.push(index);
-                    causes.extend(told);
+                    causes.extend(reported);
                 }
             }
             if of.is_empty() {
@@ -374,29 +382,29 @@ impl<'a> Faulty<'a> {
                 continue;
             }
             let next = self.boots[number + 1];
-            // It is told when the start is done, and again with what is told every second if the line was
-            // busy.
-            let until = self.leaves(next.surely);
-            due.push(Due {
+            // It is reported when the start is done, and again with the frames of every second if the line
+            // was busy.
+            let until = self.leaves(next.latest);
+            due.push(ExpectedReport {
                 causes,
                 over: None,
                 from: at,
                 until,
-                surely: until + LEAVES < next.dying.min(next.end),
+                required: until + LEAVES < next.fatal.min(next.end),
                 faults: of,
             });
         }
         for fault in self.faults {
             let boot = self.boot_at(fault.at);
             // A converter that is being set up anew has no DMA stream to fail.
-            let sampling = boot.surely <= fault.at && !self.set_up_anew(fault.at);
+            let sampling = boot.latest <= fault.at && !self.set_up_anew(fault.at);
             let within = match fault.kind {
                 Kind::PowerCut => 1e-3,
                 Kind::Hang if sampling => WATCHDOG + CRASH,
                 kind if crashes(kind) && sampling => CRASH,
                 _ => continue,
             };
-            if boot.end > fault.at + within && (boot.dying >= fault.at || fault.kind == Kind::PowerCut) {
+            if boot.end > fault.at + within && (boot.fatal >= fault.at || fault.kind == Kind::PowerCut) {
                 let kind = fault.kind.name();
                 wrong.push(format!(
                     "{kind} at {} s ended in no reset within {within} s",
@@ -411,8 +419,8 @@ impl<'a> Faulty<'a> {
     fn silences(&self, wrong: &mut Vec<String>) {
         for boot in &self.boots {
             for [from, to] in &self.stalls {
-                let from = from.max(boot.surely);
-                let silent = to.min(boot.dying) - from;
+                let from = from.max(boot.latest);
+                let silent = to.min(boot.fatal) - from;
                 if silent > GIVEN_UP[1] {
                     wrong.push(format!(
                         "a port that was silent from {from:.4} s on for {silent:.4} s was not given up"
@@ -422,7 +430,7 @@ impl<'a> Faulty<'a> {
         }
     }
 
-    /// Whether the converter may be without a DMA stream at a time.
+    /// True if the converter may have no DMA stream at a time.
     fn set_up_anew(&self, time: f64) -> bool {
         let overruns = self.faults.iter().filter(|fault| fault.kind == Kind::AdcOverrun);
         overruns
@@ -430,8 +438,8 @@ impl<'a> Faulty<'a> {
             .any(|fault| (fault.at..fault.at + SET_UP_ANEW).contains(&time))
     }
 
-    /// Overruns: each is told, but of two that are close one may be the other's.
-    fn overruns(&self, due: &mut Vec<Due>) {
+    /// Overruns: each is reported, but two that are close may have one report.
+    fn overruns(&self, due: &mut Vec<ExpectedReport>) {
         for (index, fault) in self.faults.iter().enumerate() {
             if fault.kind != Kind::AdcOverrun {
                 continue;
@@ -444,18 +452,18 @@ impl<'a> Faulty<'a> {
                     && (fault_of_other.at - fault.at).abs() < 2.0 * SET_UP_ANEW
             });
             let made = fault.at + SET_UP_ANEW;
-            due.push(Due {
+            due.push(ExpectedReport {
                 causes: vec![FaultCause::AdcOverrun],
                 over: None,
                 from: fault.at,
-                until: self.leaves(made).max(self.leaves(boot.surely)),
-                surely: alone && boot.surely <= fault.at && self.survives(boot, made),
+                until: self.leaves(made).max(self.leaves(boot.latest)),
+                required: alone && boot.latest <= fault.at && self.survives(boot, made),
                 faults: vec![index],
             });
         }
     }
 
-    fn supply(&self, due: &mut Vec<Due>) {
+    fn supply(&self, due: &mut Vec<ExpectedReport>) {
         let faults: Vec<usize> = (0..self.faults.len())
             .filter(|&at| self.faults[at].kind == Kind::Supply)
             .collect();
@@ -463,14 +471,14 @@ impl<'a> Faulty<'a> {
             let within = self
                 .low
                 .iter()
-                .map(|[from, to]| [from.max(boot.may), to.min(boot.dying.min(boot.end))]);
+                .map(|[from, to]| [from.max(boot.earliest), to.min(boot.fatal.min(boot.end))]);
             let within: Vec<_> = within.filter(|[from, to]| from < to).collect();
             for (number, [from, to]) in within.iter().enumerate() {
                 let since = number
                     .checked_sub(1)
                     .map_or(f64::INFINITY, |before| from - within[before][1]);
                 let until_next = within.get(number + 1).map_or(f64::INFINITY, |next| next[0] - to);
-                let noticed = from.max(boot.surely);
+                let noticed = from.max(boot.latest);
                 let causes = faults.iter().copied().filter(|&at| {
                     let fault = &self.faults[at];
                     let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
@@ -478,25 +486,24 @@ impl<'a> Faulty<'a> {
                 });
                 let causes: Vec<usize> = causes.collect();
                 let lasts = to - noticed >= NOTICED;
-                let told = since > OVER[0];
-                if told {
-                    due.push(Due {
+                if since > OVER[0] {
+                    due.push(ExpectedReport {
                         causes: vec![FaultCause::SupplyLow],
                         over: None,
                         from: *from,
                         until: self.leaves(noticed + NOTICED),
-                        surely: lasts && since > OVER[1] && self.survives(boot, noticed + NOTICED),
+                        required: lasts && since > OVER[1] && self.survives(boot, noticed + NOTICED),
                         faults: causes,
                     });
                 }
                 if until_next > OVER[0] && *to < boot.end {
-                    let over = to.max(boot.surely) + OVER[1];
-                    due.push(Due {
+                    let over = to.max(boot.latest) + OVER[1];
+                    due.push(ExpectedReport {
                         causes: vec![FaultCause::Recovered],
                         over: Some(FaultCause::SupplyLow),
                         from: *to,
                         until: self.leaves(over),
-                        surely: lasts && until_next > OVER[1] && self.survives(boot, over),
+                        required: lasts && until_next > OVER[1] && self.survives(boot, over),
                         faults: Vec::new(),
                     });
                 }
@@ -504,8 +511,8 @@ impl<'a> Faulty<'a> {
         }
     }
 
-    /// What the codes tell: a sensor that stands still, or lies at a rail, for long enough.
-    fn sensors(&self, rows: &[[u16; 4]], due: &mut Vec<Due>) {
+    /// Sensors whose codes stand still or lie at a rail for long enough.
+    fn sensors(&self, rows: &[[u16; 4]], due: &mut Vec<ExpectedReport>) {
         let causes = [
             [FaultCause::ForceStuck, FaultCause::ForceRailed],
             [FaultCause::AccelerationStuck, FaultCause::AccelerationRailed],
@@ -519,30 +526,30 @@ impl<'a> Faulty<'a> {
                 });
                 let of: Vec<usize> = of.map(|(index, _)| index).collect();
                 for boot in &self.boots {
-                    let end = boot.dying.min(boot.end);
+                    let end = boot.fatal.min(boot.end);
                     let sampled = |from: f64| to.min(end) - from - self.gaps(from, to.min(end));
-                    let (may, surely) = (from.max(boot.may), from.max(boot.surely));
-                    if to.min(boot.end) - may < FOUND[0] {
+                    let (earliest, latest) = (from.max(boot.earliest), from.max(boot.latest));
+                    if to.min(boot.end) - earliest < FOUND[0] {
                         continue;
                     }
-                    let found = surely + FOUND[1] + self.gaps(surely, surely + 2.0 * FOUND[1]);
-                    let lasts = sampled(surely) >= FOUND[1];
-                    due.push(Due {
+                    let found = latest + FOUND[1] + self.gaps(latest, latest + 2.0 * FOUND[1]);
+                    let lasts = sampled(latest) >= FOUND[1];
+                    due.push(ExpectedReport {
                         causes: vec![cause],
                         over: None,
-                        from: may + FOUND[0],
+                        from: earliest + FOUND[0],
                         until: self.leaves(found),
-                        surely: lasts && self.survives(boot, found),
+                        required: lasts && self.survives(boot, found),
                         faults: of.clone(),
                     });
                     if to < boot.end {
                         let over = to + SET_UP_ANEW * f64::from(u8::from(self.set_up_anew(to))) + NOTICED;
-                        due.push(Due {
+                        due.push(ExpectedReport {
                             causes: vec![FaultCause::Recovered],
                             over: Some(cause),
                             from: to,
                             until: self.leaves(over),
-                            surely: lasts && self.survives(boot, over),
+                            required: lasts && self.survives(boot, over),
                             faults: Vec::new(),
                         });
                     }
@@ -551,7 +558,7 @@ impl<'a> Faulty<'a> {
         }
     }
 
-    /// Strikes that no fault was near, and of which no result came.
+    /// Strikes without a result, though no fault was near.
     fn lost(&self, starts: &[f64], results: &[f64]) -> Vec<String> {
         let mut results = results.to_vec();
         let mut lost = Vec::new();
@@ -567,10 +574,10 @@ impl<'a> Faulty<'a> {
         lost
     }
 
-    /// Whether a bead surely sees and tells a strike that begins at a time.
+    /// True if the bead has to measure and report a strike that begins at a time.
     fn is_undisturbed(&self, start: f64) -> bool {
         let boot = self.boot_at(start);
-        let runs = boot.surely + ARMED <= start && self.survives(boot, start + MEASURED);
+        let runs = boot.latest + ARMED <= start && self.survives(boot, start + MEASURED);
         let near = |fault: &Planned| {
             let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
             match fault.kind {
@@ -585,7 +592,7 @@ impl<'a> Faulty<'a> {
         runs && !self.faults.iter().any(near)
     }
 
-    /// How long no samples were taken between two times because of overruns, at most.
+    /// Longest time without samples between two times because of overruns, s.
     fn gaps(&self, from: f64, to: f64) -> f64 {
         let overruns = self.faults.iter().filter(|fault| fault.kind == Kind::AdcOverrun);
         let within = overruns.filter(|fault| (from - SET_UP_ANEW..to).contains(&fault.at));
@@ -593,13 +600,13 @@ impl<'a> Faulty<'a> {
     }
 }
 
-/// Whether a fault of this kind breaks the interrupt or the stream that samples come by.
+/// True for the kinds that break the interrupt or the stream of the samples.
 fn crashes(kind: Kind) -> bool {
     use Kind::{AdcDmaError, Hang, HardFault, Panic, StackOverflow};
     matches!(kind, AdcDmaError | Panic | HardFault | Hang | StackOverflow)
 }
 
-/// From when to when nothing leaves the port: a later stall may only make one longer.
+/// Intervals in which nothing leaves the port: a later stall may only make one longer.
 fn stalls(faults: &[Planned]) -> Vec<[f64; 2]> {
     let stalls = faults.iter().filter(|fault| fault.kind == Kind::UartStall);
     merged(stalls.map(|fault| [fault.at, fault.at + fault.duration.unwrap_or(f64::INFINITY)]))
@@ -618,7 +625,7 @@ fn merged(times: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     all
 }
 
-/// From when to when the supply is low, as the emulator puts it.
+/// Intervals in which the emulator's supply is low.
 fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
     let (mut low, mut since) = (Vec::new(), None);
     for (at, volts) in supply(faults) {
@@ -635,8 +642,8 @@ fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
     low
 }
 
-/// Where the codes of a sensor, at one gain or both, stand still or lie at a rail for long enough to be
-/// found: whether at a rail, and from when to when.
+/// Intervals, s, in which the codes of a sensor stand still or lie at a rail for long enough to be found; and
+/// true for those at a rail.
 fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
     let rail = |code: u16| match code {
         code if code < RAIL => Some(0),
@@ -657,9 +664,10 @@ fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
         };
         let many = codes[from..].iter().take_while(stays).count();
         if many >= least {
-            let ends = match from + many == codes.len() {
-                true => f64::INFINITY,
-                false => seconds(from + many),
+            let ends = if from + many == codes.len() {
+                f64::INFINITY
+            } else {
+                seconds(from + many)
             };
             found.push((railed.is_some(), [seconds(from), ends]));
         }
@@ -673,19 +681,29 @@ mod tests {
     use super::*;
     use crate::bench::faults::{parse, provoke};
 
-    /// What is wrong with a run of 2 s with these faults, resets and reports, and 19 strikes that were all
+    /// Checks a run of 2 s with these faults, resets and reports, and 19 strikes that were all
     /// measured.
-    fn wrong(faults: &str, resets: &[(f64, ResetCause)], told: &[(f64, FaultCause, &str)]) -> Vec<String> {
+    fn wrong(
+        faults: &str,
+        resets: &[(f64, ResetCause)],
+        reported: &[(f64, FaultCause, &str)],
+    ) -> Vec<String> {
         let strikes = (1..20).map(|strike| 0.1 * f64::from(strike));
-        run(faults, resets, told, strikes.map(|start| start + 0.02).collect()).wrong
+        run(
+            faults,
+            resets,
+            reported,
+            strikes.map(|start| start + 0.02).collect(),
+        )
+        .wrong
     }
 
     fn run(
         faults: &str,
         resets: &[(f64, ResetCause)],
-        told: &[(f64, FaultCause, &str)],
+        reported: &[(f64, FaultCause, &str)],
         strikes: Vec<f64>,
-    ) -> Answers {
+    ) -> CheckedFaults {
         let text: String = faults
             .split(';')
             .map(|fault| {
@@ -699,21 +717,21 @@ mod tests {
         let mut stimulus = stm32f405_qemu::Run::new("none");
         stimulus.stimulus = (0..200_000u32).map(|row| [1000 + (row % 7) as u16; 4]).collect();
         provoke(&faults, &mut stimulus);
-        let life = Life {
+        let log = ResetLog {
             resets: resets.to_vec(),
             end: 2.0,
         };
-        let told = told.iter().map(|(at, cause, detail)| Told {
+        let reported = reported.iter().map(|(at, cause, detail)| FaultReport {
             at: *at,
             cause: *cause,
             detail: (*detail).to_owned(),
         });
-        let heard = Heard {
-            told: told.collect(),
+        let reports = FaultReports {
+            faults: reported.collect(),
             strikes,
         };
         let starts: Vec<f64> = (1..20).map(|strike| 0.1 * f64::from(strike)).collect();
-        answers(&faults, &stimulus.stimulus, &starts, &life, &heard)
+        check_reports(&faults, &stimulus.stimulus, &starts, &log, &reports)
     }
 
     /// The only line.
@@ -728,7 +746,7 @@ mod tests {
     use ResetCause::{PowerCut, Software};
 
     #[test]
-    fn a_fault_is_told_once_in_its_time() {
+    fn a_fault_is_reported_once_in_its_time() {
         let overrun = "adc_overrun 0.5";
         assert_eq!(wrong(overrun, &[], &[(0.513, AdcOverrun, "")]), [""; 0]);
         let missing = wrong(overrun, &[], &[]);
@@ -749,17 +767,17 @@ mod tests {
 
     #[test]
     fn a_reset_needs_its_fault_and_a_fault_its_reset() {
-        let told = [(0.56, HardFault, "CFSR")];
+        let reported = [(0.56, HardFault, "CFSR")];
         let fault = "hard_fault 0.5";
-        assert_eq!(wrong(fault, &[(0.502, Software)], &told), [""; 0]);
+        assert_eq!(wrong(fault, &[(0.502, Software)], &reported), [""; 0]);
         let none = wrong(fault, &[], &[]);
         assert!(
             only(&none).starts_with("hard_fault at 0.5 s ended in no reset"),
             "{none:?}"
         );
-        let two = wrong(fault, &[(0.502, Software), (1.0, Software)], &told);
+        let two = wrong(fault, &[(0.502, Software), (1.0, Software)], &reported);
         assert!(only(&two).contains("reset at 1.0000 s"), "{two:?}");
-        let other = wrong(fault, &[(0.502, ResetCause::Watchdog)], &told);
+        let other = wrong(fault, &[(0.502, ResetCause::Watchdog)], &reported);
         assert!(
             other.iter().any(|line| line.contains("nothing explains it")),
             "{other:?}"
@@ -778,23 +796,26 @@ mod tests {
             &[(1.96, Watchdog, "")],
             Vec::new(),
         );
-        assert_eq!((&late.wrong[..], &late.fates[..]), (&[][..], &[Fate::Told][..]));
+        assert_eq!(
+            (&late.wrong[..], &late.outcomes[..]),
+            (&[][..], &[Outcome::Reported][..])
+        );
     }
 
     #[test]
-    fn what_another_fault_hides_need_not_be_told_and_may_be() {
+    fn what_another_fault_hides_need_not_be_reported_and_may_be() {
         // While the bead starts again after the panic, nothing overruns.
         let faults = "panic 0.5; adc_overrun 0.51";
         let resets = [(0.502, Software)];
-        for told in [
+        for reported in [
             &[(0.56, Panic, "")][..],
             &[(0.56, Panic, ""), (0.57, AdcOverrun, "")],
         ] {
-            assert_eq!(wrong(faults, &resets, told), [""; 0]);
+            assert_eq!(wrong(faults, &resets, reported), [""; 0]);
         }
-        let fates = run(faults, &resets, &[(0.56, Panic, "")], Vec::new()).fates;
-        assert_eq!(fates, [Fate::Told, Fate::Untold]);
-        // Of two that end one boot, one is told.
+        let outcomes = run(faults, &resets, &[(0.56, Panic, "")], Vec::new()).outcomes;
+        assert_eq!(outcomes, [Outcome::Reported, Outcome::Excused]);
+        // Of two that end one boot, one is reported.
         let faults = "panic 0.5; hard_fault 0.501";
         assert_eq!(wrong(faults, &resets, &[(0.56, HardFault, "")]), [""; 0]);
         assert_eq!(wrong(faults, &resets, &[]).len(), 1);
@@ -803,18 +824,18 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_is_told_of_by_how_long_it_stood_still_and_when_it_is_over() {
-        let told = |recovered: &'static str| [(0.56, ForceStuck, ""), (0.7, Recovered, recovered)];
+    fn a_stuck_sensor_is_reported_and_so_is_its_recovery() {
+        let reported = |recovered: &'static str| [(0.56, ForceStuck, ""), (0.7, Recovered, recovered)];
         let long = "force_stuck 0.5 duration=0.2";
-        assert_eq!(wrong(long, &[], &told("force_stuck")), [""; 0]);
-        assert_eq!(wrong(long, &[], &told("force_railed")).len(), 2);
-        assert_eq!(wrong(long, &[], &told("force_stuck")[..1]).len(), 1);
+        assert_eq!(wrong(long, &[], &reported("force_stuck")), [""; 0]);
+        assert_eq!(wrong(long, &[], &reported("force_railed")).len(), 2);
+        assert_eq!(wrong(long, &[], &reported("force_stuck")[..1]).len(), 1);
         assert_eq!(wrong("force_stuck 0.5 duration=0.04", &[], &[]), [""; 0]);
         let short = wrong("force_stuck 0.5 duration=0.04", &[], &[(0.54, ForceStuck, "")]);
         assert!(only(&short).contains("nothing provoked it"), "{short:?}");
         // At a rail for a while in between, it is another fault.
         let within = "force_stuck 0.3 duration=0.5; force_railed 0.4 duration=0.3";
-        let told = [
+        let reported = [
             (0.36, ForceStuck, ""),
             (0.4, Recovered, "force_stuck"),
             (0.46, ForceRailed, ""),
@@ -822,16 +843,16 @@ mod tests {
             (0.76, ForceStuck, ""),
             (0.8, Recovered, "force_stuck"),
         ];
-        assert_eq!(wrong(within, &[], &told), [""; 0]);
-        assert_eq!(wrong(within, &[], &told[..5]).len(), 1);
+        assert_eq!(wrong(within, &[], &reported), [""; 0]);
+        assert_eq!(wrong(within, &[], &reported[..5]).len(), 1);
     }
 
     #[test]
     fn a_supply_that_dips_again_at_once_is_one_fault() {
         let dips = "supply 0.5 volts=2.7 duration=0.01; supply 0.515 volts=2.5 duration=0.01";
-        let told = [(0.502, SupplyLow, ""), (0.546, Recovered, "supply_low")];
-        assert_eq!(wrong(dips, &[], &told), [""; 0]);
-        assert!(wrong(dips, &[], &told[..1]).len() == 1);
+        let reported = [(0.502, SupplyLow, ""), (0.546, Recovered, "supply_low")];
+        assert_eq!(wrong(dips, &[], &reported), [""; 0]);
+        assert!(wrong(dips, &[], &reported[..1]).len() == 1);
         assert_eq!(wrong("supply 0.5 volts=3.0 duration=0.01", &[], &[]), [""; 0]);
     }
 
@@ -852,11 +873,14 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_port_is_given_up_after_a_second_and_a_half_and_told_of_when_it_speaks() {
+    fn a_silent_port_is_given_up_after_a_second_and_a_half_and_reported_when_it_speaks() {
         let stall = "uart_stall 0.1 duration=1.6";
-        let told = [(1.75, Panic, "transmission hangs")];
+        let reported = [(1.75, Panic, "transmission hangs")];
         let reset = [(1.4, Software)];
-        assert_eq!(run(stall, &reset, &told, Vec::new()).fates, [Fate::Told]);
+        assert_eq!(
+            run(stall, &reset, &reported, Vec::new()).outcomes,
+            [Outcome::Reported]
+        );
         let none = run(stall, &[], &[], Vec::new()).wrong;
         assert!(
             none.iter().any(|line| line.contains("was not given up")),
