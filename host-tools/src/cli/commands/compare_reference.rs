@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::provenance::{made, sha256_of};
 use crate::cli::waveform_options::WaveformOptions;
-use crate::comparison::reference::compare;
+use crate::comparison::reference::{AgainstReference, compare};
 use crate::comparison::reference_report::ComparedReference;
 use crate::comparison::replay::replay;
 use crate::recording::file::Part;

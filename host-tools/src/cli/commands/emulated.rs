@@ -41,7 +41,6 @@ fn headings(unit: EnergyUnit, played: bool) -> String {
              | replay | flags"
         )
     }
-    output::table(STRIKES, report.measured().map(strike_row))
 }
 
 /// The one unit of all energies of these strikes.
