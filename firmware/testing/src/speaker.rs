@@ -63,8 +63,8 @@ impl Speaker {
         }
     }
 
-    /// Says its identity and its settings, as after a reset, then measures these scans, the first of which has the
-    /// index 1. Gives the number of strikes.
+    /// Says its identity and its settings, as after a reset, then measures these scans, the first of which
+    /// has the index 1. Gives the number of strikes.
     pub fn measure(
         &mut self,
         settings: &bead_model::Settings,

@@ -40,8 +40,8 @@ const GAP_NS: u64 = 1_000_000;
 const PAUSE: Duration = Duration::from_millis(100);
 /// With a pace: interval between two steps of time.
 const BEAT: Duration = Duration::from_millis(10);
-/// With a pace: greatest delay of the image's time. More is dropped, since a computer that is too slow, or stood
-/// still, could never catch up.
+/// With a pace: greatest delay of the image's time. More is dropped, since a computer that is too slow, or
+/// stood still, could never catch up.
 const BEHIND: Duration = Duration::from_secs(1);
 /// Interval between two polls for a new connection, or for a request to stop.
 const IDLE: Duration = Duration::from_millis(50);
@@ -262,8 +262,8 @@ fn advice(address: &Address, error: &io::Error) -> String {
     }
 }
 
-/// Serves the programs that connect, until `stop`. They share the bead's line: each receives all that the bead
-/// sends, and the bead receives from each.
+/// Serves the programs that connect, until `stop`. They share the bead's line: each receives all that the
+/// bead sends, and the bead receives from each.
 ///
 /// # Errors
 /// QEMU fails.
@@ -378,8 +378,8 @@ fn send(programs: &mut Vec<Program>) {
     });
 }
 
-/// Waits until each program has read its bytes, so that a slow one loses nothing. A program that reads nothing at
-/// all is disconnected, so that it does not hold up the others.
+/// Waits until each program has read its bytes, so that a slow one loses nothing. A program that reads
+/// nothing at all is disconnected, so that it does not hold up the others.
 fn wait_for_readers(
     programs: &mut Vec<Program>,
     mut let_in: impl FnMut(&mut Vec<Program>),

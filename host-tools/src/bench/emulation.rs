@@ -16,7 +16,7 @@ use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::image;
-use crate::bench::playback::Playback;
+use crate::bench::playback::{Again, Playback};
 use crate::bench::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
@@ -24,8 +24,8 @@ use crate::waveform::Waveform;
 
 /// Flash address at which the image finds settings that a probe wrote (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
-/// Quiet time after the last strike, s: the bead sends its status every second. The noise goes on, since a sensor
-/// without noise counts as broken.
+/// Quiet time after the last strike, s: the bead sends its status every second. The noise goes on, since a
+/// sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
 
 /// Longest run, s of the bead's time. Its codes take 2.4 MB a second.
@@ -66,8 +66,8 @@ pub struct RunTruth {
     /// Intervals in which others held the trigger line low, in s as `sync_edges`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub line_low: Vec<[f64; 2]>,
-    /// The waveform at the sensors, if it was not a strike of the chain. `truth` then has its highest force, and the
-    /// energy that f64 estimates give around that, from the acceleration if the waveform has one.
+    /// The waveform at the sensors, if it was not a strike of the chain. `truth` then has its highest force,
+    /// and the energy that f64 estimates give around that, from the acceleration if the waveform has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stimulus: Option<StimulusFile>,
 }
@@ -135,8 +135,8 @@ impl Ran {
 }
 
 impl Ran {
-    /// Records the bytes that were sent. A run of bytes has the time of its last byte: true time since the first
-    /// triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
+    /// Records the bytes that were sent. A run of bytes has the time of its last byte: true time since the
+    /// first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -230,7 +230,8 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s. A recording leaves it out, so that equal runs have equal files.
+    /// Time that the run took on this computer, s. A recording leaves it out, so that equal runs have equal
+    /// files.
     #[serde(default, skip_serializing)]
     pub real_seconds: f64,
     /// The image's own log.
@@ -301,9 +302,6 @@ pub struct Emulation {
     image: PathBuf,
 }
 
-/// Digitises the same signal with the noise of another seed.
-pub(super) type Again = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>;
-
 impl Emulation {
     /// A bead [alone](Placed::alone): derives its settings and digitises its sensors.
     ///
@@ -328,7 +326,8 @@ impl Emulation {
         )
     }
 
-    /// Derives the settings of a bead and digitises its sensors. `timing` is on the time that all beads share.
+    /// Derives the settings of a bead and digitises its sensors. `timing` is on the time that all beads
+    /// share.
     ///
     /// # Errors
     /// The bead has no intruder, or no settings fit it.
@@ -439,7 +438,8 @@ impl Emulation {
         })
     }
 
-    /// Adds edges at the sync input, at these times in s on the time that all beads share, up to the end of the codes.
+    /// Adds edges at the sync input, at these times in s on the time that all beads share, up to the end of
+    /// the codes.
     pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
         self.sync_until(edges, self.seconds());
     }
@@ -452,8 +452,8 @@ impl Emulation {
         self.truth.sync_edges = on.collect();
     }
 
-    /// Lets others hold the trigger line low in these intervals, in s on the time that all beads share, while the bead
-    /// is on.
+    /// Lets others hold the trigger line low in these intervals, in s on the time that all beads share, while
+    /// the bead is on.
     pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
         let (began, seconds) = (self.truth.began, self.seconds());
         let own = low.into_iter().map(|times| times.map(|time| time - began));
@@ -625,7 +625,8 @@ fn failure(outcome: &Outcome) -> Option<String> {
     }
 }
 
-/// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is left out.
+/// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is
+/// left out.
 fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
     let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);

@@ -85,7 +85,8 @@ const GIVEN_UP: f64 = 1.5;
 /// Time-out of the watchdog, s.
 const WATCHDOG: f64 = 2.0;
 
-/// Most faults of a run. A fault of a sensor changes the stimulus to its end, so many of them take long to prepare.
+/// Most faults of a run. A fault of a sensor changes the stimulus to its end, so many of them take long to
+/// prepare.
 const MOST: usize = 10_000;
 
 impl Kind {

@@ -1,6 +1,9 @@
 //! Codes of a run that goes on without end: the same strikes again and again, each time with other noise.
 
-use crate::bench::emulation::Again;
+use std::sync::Arc;
+
+/// Digitises the same signal with the noise of another seed.
+pub(super) type Again = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>;
 
 /// Codes at the converter, without end.
 pub(super) struct Playback {
@@ -48,8 +51,6 @@ impl Playback {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
 
     #[test]

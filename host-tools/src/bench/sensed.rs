@@ -54,8 +54,8 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     })
 }
 
-/// Distance within which other intruders change the ringing of a bead within a window, in beads: a wave goes there
-/// and back in 6 ms.
+/// Distance within which other intruders change the ringing of a bead within a window, in beads: a wave goes
+/// there and back in 6 ms.
 const NEAR: usize = 8;
 
 /// The intruders around a bead. Those of its followers count for estimate B if they are like that of the
@@ -228,7 +228,8 @@ impl Timing {
         self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// Start of each strike as a fractional sample index, by a clock with `rate` seconds in a true second. Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+    /// Start of each strike as a fractional sample index, by a clock with `rate` seconds in a true second.
+    /// Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
     pub fn starts(&self, rate: f64) -> Vec<f64> {
         let index = |number| 1.0 + self.start(number) * rate * f64::from(SAMPLE_RATE_HZ);
         (0..self.strikes).map(index).collect()
@@ -272,8 +273,8 @@ pub struct Sensed<F = Curve> {
 }
 
 impl Sensed<Trace> {
-    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform does not
-    /// have stays at rest.
+    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform
+    /// does not have stays at rest.
     pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
         Self {
             timing,

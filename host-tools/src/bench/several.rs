@@ -153,8 +153,8 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
 /// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
 const LINE_DELAY: u64 = 600;
 
-/// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a strike
-/// of its own, and none whose window would reach back into that.
+/// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a
+/// strike of its own, and none whose window would reach back into that.
 fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     let history = emulation.settings.window.history;
     let own: Vec<_> = ran

@@ -5,7 +5,6 @@ use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 
-use crate::cli::schemas::describe;
 use crate::recording::fields::{Content, described};
 use crate::recording::json::SCHEMA_VERSION;
 use crate::recording::physical::Physical;
@@ -29,8 +28,8 @@ pub(super) fn of_identity() -> Value {
     schema
 }
 
-/// The schema of the answer to `status`: the bodies of several frames. A bead of an earlier version does not send
-/// the last two.
+/// The schema of the answer to `status`: the bodies of several frames. A bead of an earlier version does not
+/// send the last two.
 pub(super) fn of_reports() -> Value {
     let mut properties = Map::new();
     for kind in [Kind::Status, Kind::Health, Kind::Link] {
@@ -53,8 +52,8 @@ fn generator() -> SchemaGenerator {
     SchemaSettings::draft2020_12().for_serialize().into_generator()
 }
 
-/// The schema of a frame as [`Frame::json`](crate::recording::frames::Frame::json) shows it, with what `decode` and
-/// `record` add.
+/// The schema of a frame as [`Frame::json`](crate::recording::frames::Frame::json) shows it, with what
+/// `decode` and `record` add.
 fn frame(kind: Kind, generator: &mut SchemaGenerator) -> Value {
     let Value::Object(mut properties) = json!({
         "kind": { "const": kind.name() },
@@ -144,5 +143,27 @@ fn of_content(content: &Content<'_>) -> Value {
             json!({ "type": "array", "items": { "type": "array", "items": whole() } })
         }
         Content::Group(of, _) => json!({ "anyOf": [object(fields(of), &[]), { "type": "null" }] }),
+    }
+}
+
+/// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
+pub(super) fn describe(schema: &mut Value, command: &str) {
+    schema["title"] = format!("Output of `bead {command}` as JSON").into();
+    if let Some(item) = schema.pointer("/items/$ref").and_then(Value::as_str) {
+        let item = item.trim_start_matches('#').to_owned();
+        let object = schema
+            .pointer_mut(&item)
+            .expect("a reference leads to a definition");
+        add_version(object);
+    } else {
+        add_version(schema);
+    }
+}
+
+/// Adds `schema_version` to the schema of an object.
+fn add_version(object: &mut Value) {
+    object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
+    if let Value::Array(required) = &mut object["required"] {
+        required.push("schema_version".into());
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! An output never takes the place of an input, of another kind of file, or of anything but a file. It takes
-//! the place of a file of its own kind only with `--overwrite`. All this is known before the work begins, and so
-//! is whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or not
-//! there, and two programs that write one name do not lose a result.
+//! the place of a file of its own kind only with `--overwrite`. All this is known before the work begins, and
+//! so is whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or
+//! not there, and two programs that write one name do not lose a result.
 
 use std::fs::{self, File};
 use std::io::Read;

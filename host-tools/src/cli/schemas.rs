@@ -5,16 +5,15 @@ use std::collections::BTreeMap;
 use bead_wire::Kind;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::cli::commands::{
     command, compare, compare_reference, compare_row, emulate, fetch, optimise, proof, recover, replay,
     settings, simulate, sweep_cluster, sweep_work,
 };
-use crate::cli::frame_schemas;
+use crate::cli::frame_schemas::{self, describe};
 use crate::comparison::run::RunReport;
 use crate::recording::clock::ClockComparison;
-use crate::recording::json::SCHEMA_VERSION;
 
 /// The schema of each result by its name, which is that of a file in docs/schemas.
 pub fn of_results() -> BTreeMap<&'static str, Value> {
@@ -69,33 +68,11 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     ])
 }
 
-/// The schema of what `bead COMMAND` prints, with the version that [`print_json`](super::output::print_json) puts
-/// into each object.
+/// The schema of what `bead COMMAND` prints, with the version that [`print_json`](super::output::print_json)
+/// puts into each object.
 pub fn of<T: JsonSchema>(command: &str) -> Value {
     let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
     let mut schema = Value::from(generator.into_root_schema_for::<T>());
     describe(&mut schema, command);
     schema
-}
-
-/// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
-pub(super) fn describe(schema: &mut Value, command: &str) {
-    schema["title"] = format!("Output of `bead {command}` as JSON").into();
-    if let Some(item) = schema.pointer("/items/$ref").and_then(Value::as_str) {
-        let item = item.trim_start_matches('#').to_owned();
-        let object = schema
-            .pointer_mut(&item)
-            .expect("a reference leads to a definition");
-        add_version(object);
-    } else {
-        add_version(schema);
-    }
-}
-
-/// Adds `schema_version` to the schema of an object.
-fn add_version(object: &mut Value) {
-    object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
-    if let Value::Array(required) = &mut object["required"] {
-        required.push("schema_version".into());
-    }
 }

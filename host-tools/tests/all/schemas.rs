@@ -1,7 +1,7 @@
 //! The published JSON schemas in docs/schemas are those of the types, and what commands print holds them.
 //!
-//! After a change that is meant: `SCHEMAS=overwrite cargo test --release -p absorber-bead --test all schemas::`, and a
-//! new `schema_version` if a key went away or means something else.
+//! After a change that is meant: `SCHEMAS=overwrite cargo test --release -p absorber-bead --test all
+//! schemas::`, and a new `schema_version` if a key went away or means something else.
 
 use std::collections::BTreeSet;
 use std::fs;

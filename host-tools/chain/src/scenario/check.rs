@@ -7,12 +7,12 @@ use super::read::{InputError, TomlFile, read_text};
 use super::tables::Scenario;
 
 impl Scenario {
-    /// Tables that a scenario file may hold for the programs around a simulation: the front end and the clocks of
-    /// the beads. They are passed over here.
+    /// Tables that a scenario file may hold for the programs around a simulation: the front end and the
+    /// clocks of the beads. They are passed over here.
     pub const OTHER_TABLES: [&str; 2] = ["front_end", "clock"];
 
-    /// Reads and checks a scenario; `file` is its name in messages. [`OTHER_TABLES`](Self::OTHER_TABLES) are passed
-    /// over.
+    /// Reads and checks a scenario; `file` is its name in messages. [`OTHER_TABLES`](Self::OTHER_TABLES) are
+    /// passed over.
     ///
     /// # Errors
     /// [`InputError`] with file, line, key, what is wrong and what would do.

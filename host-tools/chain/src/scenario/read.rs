@@ -80,8 +80,8 @@ impl std::error::Error for InputError {}
 /// Length of the longest text that is read, bytes. A device such as /dev/zero has no end.
 const LONGEST: u64 = 16 << 20;
 
-/// The text of a file, or of standard input for `-`; `wanted` names it in the advice if it cannot be read, such as
-/// `a scenario file in TOML`. No more than 16 MiB is read of anything.
+/// The text of a file, or of standard input for `-`; `wanted` names it in the advice if it cannot be read,
+/// such as `a scenario file in TOML`. No more than 16 MiB is read of anything.
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read, is longer, or is no text.
@@ -211,8 +211,8 @@ impl<'a> TomlFile<'a> {
         }
     }
 
-    /// Splits the file at its tables: the text without the top-level keys of these names, and the text of these keys
-    /// alone. Lines keep their numbers in both.
+    /// Splits the file at its tables: the text without the top-level keys of these names, and the text of
+    /// these keys alone. Lines keep their numbers in both.
     pub fn split(&self, names: &[&str]) -> (String, String) {
         let lines: Vec<&str> = self.text.split_inclusive('\n').collect();
         let line_of = |at: usize| self.text[..at].matches('\n').count();

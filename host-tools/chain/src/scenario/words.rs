@@ -1,7 +1,7 @@
 //! Plain words in place of serde's own in errors of TOML files.
 
-/// An error of serde in plain words: texts, numbers, lists and tables in place of Rust's types. A message that
-/// is not of a known form stays as it is.
+/// An error of serde in plain words: texts, numbers, lists and tables in place of Rust's types. A message
+/// that is not of a known form stays as it is.
 pub fn plain_words(message: &str) -> String {
     let of_field = |text: &str| {
         text.strip_prefix('`')

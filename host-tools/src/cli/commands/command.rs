@@ -123,8 +123,8 @@ pub(crate) struct Done {
     outcome: &'static str,
 }
 
-/// The bodies of the frames that answer the request `status`, as JSON. Those that a bead of an earlier version does
-/// not send are null.
+/// The bodies of the frames that answer the request `status`, as JSON. Those that a bead of an earlier
+/// version does not send are null.
 #[derive(Serialize)]
 struct Reports<'a> {
     status: &'a Value,

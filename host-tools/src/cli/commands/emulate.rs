@@ -149,7 +149,8 @@ enum Noise {
     Off,
 }
 
-/// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a second.
+/// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a
+/// second.
 const LONGEST: f64 = 1200.0;
 /// Default time between sync edges with several beads, s.
 const SYNC_OF_SEVERAL: f64 = 0.1;
