@@ -8,6 +8,7 @@ use crate::recording::fields::{Content, described, entries};
 use crate::recording::json::hex;
 use crate::recording::physical::{KEYS, Key, Physical};
 use crate::recording::strikes::RecordedStrike;
+use crate::tables::unit::Unit;
 use crate::tables::{Cell, Column, Kind};
 
 /// The table's columns, and what the settings that were seen last give: they rarely change.
@@ -132,19 +133,11 @@ fn settings() -> impl Iterator<Item = &'static Key> {
 }
 
 fn settings_column(key: &Key) -> String {
-    let unit = match key.unit {
-        "" => "",
-        "kg" => "_kg",
-        "s" => "_s",
-        "N" => "_n",
-        "Hz" => "_hz",
-        "m/s²" => "_mps2",
-        "N/m" => "_n_per_m",
-        "N·s/m" => "_n_s_per_m",
-        "N/m^1.5" => "_n_per_m1p5",
-        other => unreachable!("{other} has no name for columns"),
-    };
-    format!("settings_{}{unit}", key.path.replace('.', "_"))
+    let name = key.path.replace('.', "_");
+    match Unit::of_symbol(key.unit) {
+        Some(unit) => format!("settings_{name}_{}", unit.ending),
+        None => format!("settings_{name}"),
+    }
 }
 
 /// Adds the columns of a body with these fields, and their values in it, under the keys of its JSON.

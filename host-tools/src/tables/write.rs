@@ -23,7 +23,7 @@ pub struct Writer<'a>(Form<'a>);
 
 enum Form<'a> {
     Parquet(Box<Parquet<'a>>),
-    Csv(csv::Writer<&'a mut File>),
+    Csv(Box<csv::Writer<&'a mut File>>),
 }
 
 impl<'a> Writer<'a> {
@@ -51,7 +51,7 @@ impl<'a> Writer<'a> {
     pub fn csv(file: &'a mut File, columns: &[Column]) -> anyhow::Result<Self> {
         let mut out = csv::Writer::from_writer(file);
         out.write_record(columns.iter().map(|column| &column.name))?;
-        Ok(Self(Form::Csv(out)))
+        Ok(Self(Form::Csv(Box::new(out))))
     }
 
     /// Appends a row, with a cell for each column.

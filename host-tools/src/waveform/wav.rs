@@ -172,27 +172,24 @@ mod tests {
         std::fs::write(path, bytes).unwrap();
     }
 
-    /// The chunk that tells the form: of so many bytes a sample, with what follows its first 16 bytes.
-    fn told(tag: u16, bytes: u16, bits: u16, more: &[u8]) -> Vec<u8> {
+    /// A chunk `fmt ` of samples of `bytes` bytes, with `more` behind its first 16 bytes.
+    fn form(tag: u16, bytes: u16, bits: u16, more: &[u8]) -> Vec<u8> {
         let rate = 48_000_u32;
-        let mut told = [tag, 1].map(u16::to_le_bytes).as_flattened().to_vec();
-        told.extend(
-            [rate, rate * u32::from(bytes)]
-                .map(u32::to_le_bytes)
-                .as_flattened(),
-        );
-        told.extend([bytes, bits].map(u16::to_le_bytes).as_flattened());
-        told.extend(more);
-        told
+        let mut form = [tag, 1].map(u16::to_le_bytes).as_flattened().to_vec();
+        let rates = [rate, rate * u32::from(bytes)].map(u32::to_le_bytes);
+        form.extend(rates.as_flattened());
+        form.extend([bytes, bits].map(u16::to_le_bytes).as_flattened());
+        form.extend(more);
+        form
     }
 
-    /// What makes a form extensible: valid bits, channels, and that it is PCM.
+    /// The end of an extensible form: valid bits, channels, and PCM.
     fn valid(bits: u8) -> Vec<u8> {
         let pcm = b"\x01\0\0\0\0\0\x10\0\x80\0\0\xaa\0\x38\x9b\x71";
         [&[22, 0, bits, 0, 4, 0, 0, 0], &pcm[..]].concat()
     }
 
-    /// The pulse as whole numbers of so many bytes, whose highest bits are valid.
+    /// The pulse as whole numbers of `bytes` bytes.
     fn samples(bytes: usize) -> Vec<u8> {
         let sample = |n: i32| {
             let value = 0.5 * (-(f64::from(n - 100) / 20.0).powi(2)).exp();
@@ -218,13 +215,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drop.wav");
         for (bytes, bits) in [(4, 24), (4, 32), (3, 20), (2, 16)] {
-            let form = told(EXTENSIBLE, bytes, 8 * bytes, &valid(bits));
+            let form = form(EXTENSIBLE, bytes, 8 * bytes, &valid(bits));
             let samples = samples(bytes.into());
             of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &samples)]);
             is_the_pulse(&path);
         }
         // Without that, a form of 18 bytes.
-        let form = told(PCM, 4, 32, &[0, 0]);
+        let form = form(PCM, 4, 32, &[0, 0]);
         of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &samples(4))]);
         is_the_pulse(&path);
     }
@@ -233,7 +230,7 @@ mod tests {
     fn other_chunks_and_streams_of_unknown_length_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drop.wav");
-        let (form, samples) = (told(PCM, 2, 16, &[]), samples(2));
+        let (form, samples) = (form(PCM, 2, 16, &[]), samples(2));
         for note in [
             (b"note", 3, &b"abc\0"[..]),
             (b"note", 3, &b"abc"[..]),
@@ -251,37 +248,38 @@ mod tests {
             of_chunks(&path, &[chunk(b"fmt ", &form), (b"data", length, &cut)]);
             is_the_pulse(&path);
         }
-        let says = || {
-            Waveform::read(&path, &of("1:500N"), None)
+        let refused = |chunks: &[(&[u8; 4], u32, &[u8])], message: &str| {
+            of_chunks(&path, chunks);
+            let error = Waveform::read(&path, &of("1:500N"), None)
                 .unwrap_err()
-                .to_string()
+                .to_string();
+            assert!(error.contains(message), "{error}");
         };
-        of_chunks(&path, &[chunk(b"fmt ", &form), (b"data", 402, &samples)]);
-        assert!(says().contains("is a damaged WAV file"), "{}", says());
-        of_chunks(&path, &[chunk(b"fmt ", &form)]);
-        assert!(
-            says().contains("ends before its samples; save it again"),
-            "{}",
-            says()
+        refused(
+            &[chunk(b"fmt ", &form), (b"data", 402, &samples)],
+            "is a damaged WAV file",
         );
-        of_chunks(&path, &[chunk(b"data", &samples), chunk(b"fmt ", &form)]);
-        assert!(says().contains("is a damaged WAV file"), "{}", says());
+        refused(&[chunk(b"fmt ", &form)], "ends before its samples; save it again");
+        refused(
+            &[chunk(b"data", &samples), chunk(b"fmt ", &form)],
+            "is a damaged WAV file",
+        );
     }
 
     #[test]
-    fn samples_that_are_not_read_are_told_as_such() {
+    fn other_forms_of_samples_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drop.wav");
         for form in [
-            told(FLOAT, 8, 64, &[0, 0]),
-            told(EXTENSIBLE, 8, 64, &valid(64)),
+            form(FLOAT, 8, 64, &[0, 0]),
+            form(EXTENSIBLE, 8, 64, &valid(64)),
             // Where in the four bytes?
-            told(PCM, 4, 24, &[]),
-            told(EXTENSIBLE, 4, 24, &valid(24)),
-            told(6, 1, 8, &[0, 0]),
-            told(PCM, 0, 16, &[]),
-            told(PCM, 2, 0, &[]),
-            told(EXTENSIBLE, 4, 32, &[]),
+            form(PCM, 4, 24, &[]),
+            form(EXTENSIBLE, 4, 24, &valid(24)),
+            form(6, 1, 8, &[0, 0]),
+            form(PCM, 0, 16, &[]),
+            form(PCM, 2, 0, &[]),
+            form(EXTENSIBLE, 4, 32, &[]),
         ] {
             of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &[0; 1600])]);
             let why = Waveform::read(&path, &of("1:500N"), None)
