@@ -61,7 +61,7 @@ fn long_names_and_values_are_told_by_their_beginning() {
     );
     let line = complaint("\"printed\"", &format!("{long:?}"));
     assert!(
-        line.starts_with("s.toml:10: chain.contact_force: unknown variant `nnnn"),
+        line.starts_with("s.toml:10: chain.contact_force: `nnnn"),
         "{line}"
     );
     assert!(
