@@ -105,7 +105,7 @@ struct Outlet {
     /// The block that it fills after that.
     next: &'static Codes,
     epoch: u32,
-    /// Whether the block before this one was lost.
+    /// True if the block before this one was lost.
     losing: bool,
 }
 

@@ -66,9 +66,10 @@ pub(crate) fn config(crystal: bool) -> Config {
         freq: Hertz(CRYSTAL_HZ),
         mode: HseMode::Oscillator,
     });
-    let (source, hz) = match crystal {
-        true => (PllSource::HSE, CRYSTAL_HZ),
-        false => (PllSource::HSI, INTERNAL_HZ),
+    let (source, hz) = if crystal {
+        (PllSource::HSE, CRYSTAL_HZ)
+    } else {
+        (PllSource::HSI, INTERNAL_HZ)
     };
     config.rcc.pll_src = source;
     config.rcc.pll = Some(Pll {

@@ -30,7 +30,7 @@ use crate::block::{CHANNELS, CODES, Codes};
 use crate::clocks::ADC_HZ;
 use crate::sample_clock::SAMPLE_RATE_HZ;
 
-/// How long a channel is connected to the sampling capacitor.
+/// Time that a channel is connected to the sampling capacitor.
 const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
 /// One conversion, 1285 ns.
 pub(crate) const CONVERSION_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
@@ -199,7 +199,7 @@ impl<'a> Scanning<'a> {
         ((blocks * CODES as u32 - left) / CHANNELS as u32).into()
     }
 
-    /// Whether the converter has lost a conversion (RM0090 section 13.8.1).
+    /// Returns `true` if the converter has lost a conversion (RM0090 section 13.8.1).
     pub(crate) fn overran(&self) -> bool {
         ADC1.sr().read().ovr()
     }

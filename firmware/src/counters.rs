@@ -87,7 +87,7 @@ pub(crate) fn update_link(change: impl FnOnce(&mut Link)) {
 /// Counts of what was passed over and refused.
 static GUARD: Mutex<CriticalSectionRawMutex, RefCell<Option<Guard>>> = Mutex::new(RefCell::new(None));
 
-/// What was passed over and refused, at one moment.
+/// Takes the counts of skipped and refused requests at one moment.
 pub(crate) fn guard() -> Guard {
     GUARD.lock(|cell| cell.borrow().unwrap_or_default())
 }

@@ -19,7 +19,7 @@ use crate::health::{Stillness, Watch};
 use crate::line::{Told, TriggerLine};
 use crate::{handover, keep, load, outbox, raw, report, settings};
 
-/// Whether the meter is to look for strikes.
+/// True while the detector is armed.
 static ARMED: AtomicBool = AtomicBool::new(true);
 
 /// Switches the search for strikes on or off, from the next block on. A strike that is being measured is

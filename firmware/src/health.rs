@@ -1,4 +1,4 @@
-//! Whether sensors and supply can be believed.
+//! Health of the sensors and the supply.
 //!
 //! # Design
 //! Every [`STEP`]th scan of a block is checked, which costs four instructions a sample. The codes of a
@@ -39,7 +39,7 @@ const HIGH: u16 = 0xFF0;
 /// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// What [`SPANS`] spans say about a sensor.
+/// Verdict of [`SPANS`] spans on a sensor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Verdict {
     Good,
@@ -265,7 +265,7 @@ impl Watch {
     }
 }
 
-/// Whether the codes of a sensor stand still in the window of a strike.
+/// Detector of a sensor whose codes stand still in the window of a strike.
 ///
 /// # Design
 /// Noise moves the code, and for how long it may rest is seen before the trigger. A rest after it that is
@@ -292,7 +292,7 @@ struct Rest {
 const GROUP: usize = 32;
 /// Least rest that is told, in groups: 1.28 ms.
 const LEAST: u16 = 4;
-/// How many times longer it is than before the trigger.
+/// Ratio of a suspicious rest to the longest one before the trigger.
 const TIMES: u16 = 6;
 
 impl Stillness {
@@ -316,7 +316,7 @@ impl Stillness {
         self.seen += scans.len() as u16;
     }
 
-    /// Whether a sensor stood still in the window.
+    /// Returns `true` if a sensor stood still in the window.
     pub(crate) fn found(&self) -> bool {
         let still = |rest: &Rest| rest.most[1] >= LEAST.max(TIMES * rest.most[0]);
         self.sensors.iter().any(still)

@@ -135,7 +135,7 @@ pub(crate) fn find(boot: u32, strike: u32) -> Option<Again> {
     Some(Again { boot, strike, cursor })
 }
 
-/// How far a strike was sent again.
+/// Progress of a strike that is sent again.
 pub(crate) enum Sent {
     Some,
     All,

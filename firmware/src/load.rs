@@ -1,4 +1,4 @@
-//! What the work on a block costs, by the core's cycle counter.
+//! Cost of the work on a block, by the core's cycle counter.
 
 use core::cell::Cell;
 

@@ -26,7 +26,7 @@ use crate::{counters, trace};
 
 /// Bytes that the window of a strike needs.
 static WINDOW: AtomicUsize = AtomicUsize::new(0);
-/// How long a request waits for that.
+/// Time that a request waits for room.
 const PATIENCE: Duration = Duration::from_millis(20);
 
 static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
@@ -51,12 +51,12 @@ pub(crate) fn push(message: impl Into<Message>) {
     queue(&mut Packed::new(), &message.into(), KEPT);
 }
 
-/// The same for a message of a strike: it is still in `packed` then.
+/// Pushes a message of a strike. The message stays in `packed`.
 pub(crate) fn push_packed(packed: &mut Packed, message: impl Into<Message>) {
     queue(packed, &message.into(), KEPT);
 }
 
-/// The same for a piece of a window, which comes by the dozen: `packed` is room to work in.
+/// Pushes a piece of a window, of which there are dozens. `packed` is working space.
 pub(crate) fn push_piece(packed: &mut Packed, chunk: &Chunk) {
     let whole = chunk.pack(packed, address(), trace::boot() as u8);
     put(packed, whole, KEPT);
@@ -120,7 +120,7 @@ pub(crate) fn room() -> usize {
     free().saturating_sub(KEPT)
 }
 
-/// Whether the window of a strike, which needs so many bytes, finds room.
+/// Returns `true` if there is room for the window of a strike, which needs `window` bytes.
 pub(crate) fn has_room(window: usize) -> bool {
     WINDOW.store(window, Ordering::Relaxed);
     room() >= window

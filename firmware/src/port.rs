@@ -56,7 +56,7 @@ pub(crate) fn open(
     (transmitter, Receiver::new(rx, rx_dma))
 }
 
-/// What came in.
+/// The receiving half of the port.
 pub(crate) struct Receiver {
     _pin: Flex<'static>,
     _stream: Peri<'static, peripherals::DMA2_CH2>,

@@ -11,7 +11,7 @@ use crate::{counters, outbox, settings, stack};
 /// A host that starts to listen gets all of them within this time.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// What start-up found wrong: causes, each with a line about it.
+/// Faults found at start-up: each cause with a line about it.
 pub(crate) type Found = heapless::Vec<(FaultCause, &'static str), 3>;
 
 /// Reports for ever.

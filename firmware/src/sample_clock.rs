@@ -91,7 +91,7 @@ impl SampleClock {
         }
     }
 
-    /// What `count` makes of the number of triggers so far, if this is the time between a scan and the next
+    /// Calls `count` with the number of triggers so far, if this is the time between a scan and the next
     /// trigger.
     pub(crate) fn between_scans<T>(&self, count: impl FnOnce(u64) -> T) -> Option<T> {
         critical_section::with(|_| {

@@ -1,4 +1,4 @@
-//! How deep the stack has been, and a fence where it ends.
+//! Depth of the stack so far, and a fence at its end.
 //!
 //! # Design
 //! The stack has the core-coupled memory for itself: no DMA and no variable is there, and below its start
@@ -47,7 +47,7 @@ pub(crate) fn close_fence(mpu: &mut MPU) {
     cortex_m::asm::isb();
 }
 
-/// Whether a fault at this address, or with this stack pointer, came from the stack.
+/// Returns `true` if a fault at this address, or with this stack pointer, came from the stack.
 pub(crate) fn overflown(address: usize) -> bool {
     (fence()..fence() + FENCE).contains(&address)
 }

@@ -59,7 +59,7 @@ pub(crate) fn watch() {
     });
 }
 
-/// Whether the detector finds the supply low.
+/// Returns `true` if the detector finds the supply low.
 pub(crate) fn is_low() -> bool {
     PWR.csr1().read().pvdo()
 }

@@ -1,4 +1,4 @@
-//! What a boot that ended in a fault leaves for the next boot, and the number of the boot.
+//! The record that a boot ended by a fault leaves for the next boot, and the number of the boot.
 //!
 //! # Design
 //! A panic or a hard fault writes its place and its cause into RAM that a reset does not change (region KEPT
@@ -31,7 +31,7 @@ pub(crate) struct Boot {
     /// The last fault that ended a boot since power-up, and how many boots ended in one.
     pub(crate) last: Option<Left>,
     pub(crate) faults: u32,
-    /// How many boots in a row, up to this one, ended in a fault before they were [`proven`].
+    /// Number of boots in a row, up to this one, that ended in a fault before they were [`proven`].
     pub(crate) failed: u32,
     /// Frames that the boot before had made and not completely sent.
     pub(crate) frames_lost: u32,
@@ -134,7 +134,7 @@ pub(crate) fn keep_waiting(frames: u32) {
     region::write_waiting(Waiting::new(frames));
 }
 
-/// How many frames wait. It is not part of the record, since it changes with every frame.
+/// Number of waiting frames. It is not part of the record, since it changes with every frame.
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct Waiting {
@@ -174,7 +174,7 @@ struct Kept {
     faults: u32,
     failed: u32,
     written: u32,
-    /// What ended the last boot that ended in a fault: [`NONE`], or a number of [`CAUSES`].
+    /// Cause of the last boot that ended in a fault: [`NONE`], or a number of [`CAUSES`].
     cause: u32,
     fault_boot: u32,
     pc: u32,
@@ -327,7 +327,7 @@ impl Kept {
     }
 }
 
-/// Whether this boot is ending.
+/// True once this boot is ending.
 static ENDING: AtomicBool = AtomicBool::new(false);
 
 /// Writes the record of this boot's end and resets.
@@ -364,9 +364,10 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     // code, so it has a cause of its own.
     let message = info.message();
     let text = Detail::new(format_args!("{message}"));
-    let cause = match text.as_str().starts_with("DMA: error") {
-        true => FaultCause::DmaError,
-        false => FaultCause::Panic,
+    let cause = if text.as_str().starts_with("DMA: error") {
+        FaultCause::DmaError
+    } else {
+        FaultCause::Panic
     };
     match info.location() {
         Some(at) => {

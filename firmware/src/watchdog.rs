@@ -74,9 +74,10 @@ pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>, sampling: 
         } else {
             silent += 1;
             if silent == SILENCE {
-                match !came && sampling {
-                    true => panic!("no samples arrive"),
-                    false => panic!("transmission hangs"),
+                if !came && sampling {
+                    panic!("no samples arrive")
+                } else {
+                    panic!("transmission hangs")
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: the paper's strike on bead 8, through the flash image in QEMU.
+//! Code that the end-to-end tests share: the paper's strike on bead 8, through the flash image in QEMU.
 //!
 //! The tests need the image and the overlay; `cargo xtask test` builds both before it runs them.
 
@@ -25,7 +25,7 @@ pub const HOST: usize = 8;
 /// Quiet before the first strike, s.
 pub const LEAD_IN: f64 = 0.02;
 
-/// How long a start waits for the supply before it does anything, s.
+/// Time that a start waits for the supply before it does anything, s.
 pub const SUPPLY_WAIT: f64 = 0.0202;
 
 /// The root of the workspace.
@@ -193,13 +193,13 @@ pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
     })
 }
 
-/// What one run said.
+/// Frames of a run.
 pub struct Heard {
     /// Bytes that left the bead's port.
     pub stream: Vec<u8>,
     /// The frames in them.
     pub frames: Vec<Frame>,
-    /// What the decoder counted.
+    /// Counts of the decoder.
     pub counters: Counters,
 }
 
@@ -272,7 +272,7 @@ impl Heard {
         (reply.outcome, reply.detail.as_str().to_owned())
     }
 
-    /// What the bead sent within 30 ms before its reply to a request: what was asked for.
+    /// Returns the messages sent within 30 ms before the reply to a request: the data requested.
     ///
     /// # Panics
     /// There is not exactly one reply.
@@ -431,11 +431,11 @@ impl Requests {
     }
 }
 
-/// What came of a run that got requests.
+/// Outcome of a run with requests.
 pub struct Answered {
-    /// What the emulator saw.
+    /// Outcome from the emulator.
     pub outcome: Outcome,
-    /// What the bead said.
+    /// Frames from the bead.
     pub heard: Heard,
     /// The codes that it was given: row `i` is scan `i + 1`.
     pub rows: Vec<[u16; 4]>,

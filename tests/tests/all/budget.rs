@@ -1,4 +1,4 @@
-//! What a sample costs, and what the image takes, against the committed table of `docs/budget.md`.
+//! Cost of a sample and size of the image, against the committed table of `docs/budget.md`.
 
 use std::fs;
 use std::path::PathBuf;

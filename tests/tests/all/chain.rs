@@ -65,7 +65,7 @@ fn record(path: &Path, ran: &[(Emulation, Ran)]) {
     writer.finish().unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// What `bead compare` makes of the recording.
+/// Compares the recording as `bead compare` does.
 fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowComparison {
     let received = Received::open(path).unwrap_or_else(|error| panic!("{error}"));
     let chain = Chain {

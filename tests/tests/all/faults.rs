@@ -1,4 +1,4 @@
-//! What goes wrong is survived, reported and counted, and a strike that comes 50 ms later is measured.
+//! A fault is survived, reported and counted, and a strike 50 ms later is measured.
 
 use std::fs;
 
@@ -59,7 +59,7 @@ impl Survived {
         self.heard.faults().map(|fault| fault.detail.as_str()).collect()
     }
 
-    /// How often the light changed.
+    /// Number of changes of the light.
     fn light(&self) -> u64 {
         let pin = self.outcome.pins.iter().find(|pin| pin.name == "PC13");
         pin.map_or(0, |pin| pin.edges)
@@ -71,7 +71,7 @@ impl Survived {
         self.assert_last_strike_is_measured_with(StrikeFlags::NONE);
     }
 
-    /// The same, with these flags.
+    /// Checks that the last strike is measured with these flags.
     fn assert_last_strike_is_measured_with(&self, flags: StrikeFlags) {
         let strike = self
             .strikes
@@ -120,7 +120,7 @@ impl Survived {
     }
 }
 
-/// What a bead says whose sensors and supply are good.
+/// Health report of a bead whose sensors and supply are good.
 fn sound() -> Health {
     Health {
         supply_mv: 3300,

@@ -62,7 +62,7 @@ fn store_with(counter: u64) -> Vault<StoreFlash> {
     vault
 }
 
-/// What the store of a run holds at its end.
+/// Returns the key in the store at the end of a run.
 fn secret(answered: &Answered) -> Option<([u8; 16], u64)> {
     let (_, bytes) = &answered.outcome.flash;
     let vault = Vault::new(Store::open(StoreFlash::holding(bytes.clone()), STORE_RANGE).0);

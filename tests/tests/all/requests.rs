@@ -1,5 +1,4 @@
-//! What a host requests of the image: done, or refused by name; and whatever it sends, strikes are measured
-//! as if it had not.
+//! Requests of a host are carried out or refused by name, and strikes are measured as if none had come.
 
 use std::sync::LazyLock;
 

@@ -9,11 +9,10 @@ use bead::recording::strikes::Strikes;
 use bead_tests::paper_at;
 use bead_wire::{Message, Status, StrikeFlags};
 
-/// How long, in s of the bead's time.
+/// Length of the soak, s of the bead's time.
 const HOURS: f64 = 5.0 * 3600.0;
 
-/// What an interrupt takes of the stack, with the registers of the floating-point unit and what its handler
-/// needs, bytes.
+/// Stack of an interrupt, with the registers of the floating-point unit and the handler's own, bytes.
 const INTERRUPT: u32 = 256;
 
 #[test]

@@ -7,7 +7,8 @@ use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 /// Bytes closed below the stack: `FENCE` of the image's `stack.rs`.
 const FENCE: u32 = 8192;
-/// What an interrupt pushes by itself, with the registers of the floating-point unit (PM0214 section 2.3.7).
+/// Bytes that an interrupt pushes by itself, with the registers of the floating-point unit (PM0214 section
+/// 2.3.7).
 const EXCEPTION_FRAME: u32 = 104;
 
 /// By how many bytes an instruction lowers the stack pointer, and how many halfwords it has (ARMv7-M ARM,
@@ -98,9 +99,10 @@ fn no_function_of_the_image_steps_over_the_fence_below_the_stack() {
         let first = function.address() & !1;
         let (mut at, mut frame) = (first, 0);
         while at < first + function.size() {
-            let (lower, length) = match is_data(at) {
-                true => (0, 1),
-                false => lowers([halfword(at), halfword(at + 2)]),
+            let (lower, length) = if is_data(at) {
+                (0, 1)
+            } else {
+                lowers([halfword(at), halfword(at + 2)])
             };
             frame += lower;
             at += 2 * length as u64;

@@ -1,4 +1,4 @@
-//! How the image starts: on a slow supply, with a crystal that fails, and what holds from then on.
+//! Start of the image: on a slow supply, and with a crystal that fails.
 
 use std::fs;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use stm32f405_qemu::{Fault, FaultKind, Poke, ResetCause};
 const MS: u64 = 1_000_000;
 /// Address of the settings store.
 const STORE: u32 = 0x080C_0000;
-/// How long the supply has to be good before anything is done, in ns.
+/// Time that the supply has to be good before anything is done, ns.
 const GOOD: u64 = 20 * MS;
 
 /// A run without a strike.
