@@ -212,8 +212,8 @@ mod tests {
                 sequence,
                 sample_index: 0,
             };
-            let gap = crate::message::gap::example();
-            let frame = crate::encode(&header, &gap.into(), &mut buffer).unwrap_or_default();
+            let gap = crate::Message::draw(crate::Kind::Gap, &mut || 5);
+            let frame = crate::encode(&header, &gap, &mut buffer).unwrap_or_default();
             bytes += frame.len() as u64;
             decoder.feed(frame, |_| {});
             assert_eq!(decoder.counters().frames, u64::from(sequence) + 1);

@@ -12,8 +12,6 @@ mod decoder;
 mod deframer;
 mod edge;
 mod frame;
-#[cfg(test)]
-mod golden;
 mod message;
 mod names;
 mod payload;

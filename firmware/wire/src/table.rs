@@ -128,12 +128,6 @@ macro_rules! messages {
             }
             longest
         };
-
-        /// One message of each kind with its golden frame, in hexadecimal digits.
-        #[cfg(test)]
-        pub(crate) fn examples() -> std::vec::Vec<(Message, &'static str)> {
-            std::vec![$(($name::example().into(), $name::GOLDEN)),*]
-        }
     };
 }
 pub(crate) use messages;

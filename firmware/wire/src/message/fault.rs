@@ -65,16 +65,3 @@ body! {
         pub detail: Detail,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Fault {
-    Fault {
-        cause: FaultCause::HardFault,
-        boot: 1,
-        pc: 0x0800_1234,
-        detail: "CFSR 0x00008200: bus fault at 0x4001_2400 \u{2026}".into(),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030502040302010c0b01020a01013a070101b4a480402d4346535220307830303030383230303a20627573206661756c74206174203078343030315f3234303020e280a6368f5b4600";

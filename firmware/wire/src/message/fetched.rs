@@ -21,22 +21,3 @@ body! {
         pub body: Inner,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Fetched {
-    Fetched {
-        boot: 2,
-        strike: 300,
-        part: 22,
-        parts: 24,
-        frame_kind: 6,
-        body: Inner::filled_by(|room| {
-            room[..8].copy_from_slice(b"\x07BEAD\x01\x00\xff");
-            8
-        }),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a031802040302010c0b01020a01010f0702ac021618060807424541440106ff50f782a000";

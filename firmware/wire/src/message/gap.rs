@@ -12,15 +12,3 @@ body! {
         pub end_index: u64,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Gap {
-    Gap {
-        epoch: 3,
-        first_index: 41_200,
-        end_index: 42_371,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031502040302010c0b01020a01010d0703f0c10283cb02ef38678b00";

@@ -31,24 +31,3 @@ body! {
         pub refused_late: u32,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Guard {
-    Guard {
-        strikes_passed_over: 300,
-        strikes_still: 1,
-        boots_failed: 2,
-        refused_too_soon: 3,
-        keyed: true,
-        counter: 5_000_000_000,
-        signed: 70_000,
-        refused_unsigned: 4,
-        refused_forged: 5,
-        refused_replayed: 6,
-        refused_late: 7,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a031702040302010c0b01020a01011807ac020102030180e497d012f0a2040405060775b785b000";

@@ -44,21 +44,3 @@ bits! {
         5 "crystal_failed" CRYSTAL_FAILED,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Health {
-    Health {
-        frames_lost_by_reset: 5,
-        strikes_cut: 1,
-        force_stuck: 0,
-        force_railed: 2,
-        acceleration_stuck: 300,
-        acceleration_railed: 0,
-        supply_low: 70_000,
-        supply_mv: 3_291,
-        standing: Standing::FORCE_RAILED.with(Standing::SUPPLY_LOW),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030702040302010c0b01020a0101040705010402ac020bf0a204db1912ea25825d00";

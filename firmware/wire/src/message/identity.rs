@@ -49,19 +49,3 @@ bits! {
         7 "low_power" LOW_POWER,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Identity {
-    Identity {
-        firmware: "0.1.0".into(),
-        git: "v0.1.0-3-g0123456-dirty".into(),
-        uid: *b"\x30\x00\x2a\x00\x0e\x51\x33\x35\x39\x30\x37\x31",
-        boot: 0x1_0002,
-        reset_cause: ResetCauses::from_bits(0x14),
-        sample_rate_hz: 100_000,
-        channels: 4,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030102040302010c0b01020a0101210705302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d060460f395a500";

@@ -14,16 +14,3 @@ body! {
         pub bytes: u32,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Kept {
-    Kept {
-        boot: 2,
-        strike: 300,
-        parts: 24,
-        bytes: 3_912,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031902040302010c0b01020a01010c0702ac0218c81e075e234700";

@@ -18,17 +18,3 @@ body! {
         pub detail: Detail,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> LastFault {
-    LastFault {
-        faults: 300,
-        cause: FaultCause::Panic,
-        boot: 1,
-        pc: 0x0800_1234,
-        detail: "no samples arrive (watchdog.rs:54)".into(),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031602040302010c0b01020a01010407ac022d01b4a48040226e6f2073616d706c65732061727269766520287761746368646f672e72733a3534293bbde0bf00";

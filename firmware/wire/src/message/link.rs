@@ -37,27 +37,3 @@ body! {
         pub raw_dropped: u64,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Link {
-    Link {
-        bytes: 5_000_000_000,
-        requests: 12,
-        overruns: 1,
-        line_errors: 2,
-        rejected_too_long: 300,
-        rejected_cobs: 4,
-        rejected_too_short: 5,
-        rejected_crc: 70_000,
-        rejected_version: 6,
-        rejected_kind: 7,
-        rejected_body: 8,
-        rejected_trailing: 9,
-        raw_sent: 580_000,
-        raw_dropped: 420_000,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a031202040302010c0b01020a01011f0780e497d0120c0102ac020405f0a20406070809a0b323a0d1194622427300";

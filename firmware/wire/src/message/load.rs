@@ -16,16 +16,3 @@ body! {
         pub period_cycles: u32,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Load {
-    Load {
-        blocks: 500,
-        worst_cycles: 161_234,
-        mean_cycles: 20_001,
-        period_cycles: 336_000,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031402040302010c0b01020a01011107f403d2eb09a19c0180c114e870371a00";

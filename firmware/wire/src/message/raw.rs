@@ -13,14 +13,3 @@ body! {
         pub codes: Codes<PIECE>,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Raw {
-    Raw {
-        first_index: 41_168,
-        codes: Codes::pack([[0x123, 0xABC], [0, 0xFFF]]).unwrap(),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031102040302010c0b01020a01010907d0c1020623c1ab07f0ff139970b500";

@@ -59,16 +59,3 @@ body! {
         pub detail: Detail,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Reply {
-    Reply {
-        request: 0xA1B2,
-        outcome: Outcome::SampleRate,
-        detail: "for 50000 Hz".into(),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a031002040302010c0b01020a01011707b2c302060c666f7220353030303020487a108d0d3a00";

@@ -39,15 +39,3 @@ body! {
         pub value: u32,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> SelfTest {
-    SelfTest {
-        check: Check::Stack,
-        passed: true,
-        value: 80_600,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a031302040302010c0b01020a01010b070501d8f504fc06d33d00";

@@ -10,13 +10,3 @@ body! {
         pub block: Block,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Settings {
-    Settings {
-        block: Block::try_from(&b"BEAD\x01\x00\xff"[..]).unwrap(),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030602040302010c0b01020a0101080707424541440106ff2fa4ef5400";

@@ -42,24 +42,3 @@ impl Shape {
         (self.arrival.bits() != 0).then(|| self.first_index as f64 + self.arrival.samples())
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Shape {
-    Shape {
-        strike: 3,
-        first_index: 41_168,
-        arrival: Samples::from_bits(11_862_016),
-        width: Samples::from_bits(2_437_939),
-        impulse: Impulse::from_bits(15_269_888),
-        ring_frequency: Frequency::from_bits(110_426_521),
-        ring_decay: Decay::from_bits(114_589_696),
-        force_gains: None,
-        acceleration_gains: Some(GainMatch {
-            deviation: Fraction::from_bits(-655),
-            uncertainty: Fraction::from_bits(721),
-        }),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030802040302010c0b01020a01011a0703d0c1028080d405b3e694018080c80e99f3d3348080d2360a019d0aa20b100dbb2100";

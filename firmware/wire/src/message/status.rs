@@ -46,24 +46,3 @@ body! {
         pub armed: bool,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Status {
-    Status {
-        uptime_ms: 5_000_000_000,
-        epoch: 1,
-        samples: 500_000_000_000,
-        strikes: 3,
-        overruns: 0,
-        blocks_dropped: 200,
-        frames_dropped_queue_full: 70_000,
-        frames_dropped_too_long: 0,
-        stack_free_min: 2_048,
-        settings_source: SettingsSource::FlashRefused,
-        armed: true,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a030202040302010c0b01020a01010f0780e497d012018090cad2c60e0306c801f0a2040980100201dd2ac55b00";

@@ -79,27 +79,3 @@ impl StrikeFlags {
     /// Flags of a window that the force did not open. They are no doubts.
     pub const FROM_OUTSIDE: Self = Self::TRIGGERED_BY_LINE.with(Self::TRIGGERED_ON_REQUEST);
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Strike {
-    Strike {
-        strike: 3,
-        first_index: 41_168,
-        trigger_index: 41_200,
-        samples: 400,
-        peak_force: Force::from_bits(412_345),
-        peak_index: 41_207,
-        acceleration_max: Acceleration::from_bits(12_713_984),
-        acceleration_min: Acceleration::from_bits(-9_876_543),
-        absorbed_measured: Energy::from_bits(13_919_900_000),
-        absorbed_predicted: Energy::from_bits(13_921_000_000),
-        incident_energy: Energy::from_bits(-1),
-        absorbed_fraction: Fraction::from_bits(13_107),
-        noise_energy: Energy::from_bits(77_000),
-        force_noise: Force::from_bits(328),
-        flags: StrikeFlags::from_bits(0x8001),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030302040302010c0b01020a0101330703d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc6701e6cc0190b309900581800244e7f5ec00";

@@ -20,17 +20,3 @@ body! {
         pub missed: u32,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Sync {
-    Sync {
-        edge: 11,
-        index: 41_168,
-        clocks: 839,
-        clocks_per_sample: 840,
-        missed: 300,
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str = "000a030902040302010c0b01020a010110070bd0c102c706c806ac0278bebcf300";

@@ -25,19 +25,3 @@ body! {
         pub absorbed_predicted: Energy,
     }
 }
-
-#[cfg(test)]
-pub(crate) fn example() -> Waveform {
-    Waveform {
-        strike: 3,
-        first_index: 41_168,
-        codes: Codes::pack([[0x123, 0xABC], [0, 0xFFF]]).unwrap(),
-        wide: Codes::pack([[0x080, 0x800], [0x081, 0x801], [0x082, 0x802], [0x083, 0x803]]).unwrap(),
-        absorbed_measured: Energy::from_bits(-64),
-        absorbed_predicted: Energy::from_bits(64),
-    }
-}
-
-#[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "000a030402040302010c0b01020a01010a0703d0c1020623c1ab05f0ff0c8012808110808220808330807f800143de479e00";

@@ -3,6 +3,8 @@
 mod common;
 mod frames;
 #[cfg(not(miri))]
+mod golden;
+#[cfg(not(miri))]
 mod page;
 mod requests;
 mod streams;

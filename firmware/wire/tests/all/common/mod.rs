@@ -12,7 +12,7 @@ pub(crate) const fn most(number: usize) -> usize {
 }
 
 /// Random bits from a seed (SplitMix64, Steele et al. 2014).
-fn bits(seed: u64) -> impl FnMut() -> u64 {
+pub(crate) fn bits(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed;
     move || {
         state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -1,0 +1,230 @@
+//! Fields and bytes of every message and every request, held by `golden.txt`.
+//!
+//! If a test here fails, a body has changed: the order, the name, the type or the bound of a field, or a list.
+//! - A list may grow at its end, and a new kind or request may come: `GOLDEN=overwrite cargo test --release -p
+//!   bead-wire golden` writes the file anew. Lines are added, and none goes.
+//! - Anything else breaks recordings and old beads. A changed body gets a new number and a file of its own; a
+//!   changed header is a new version of the protocol.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::{env, fs};
+
+use crate::common::bits;
+use bead_wire::{
+    Block, Codes, Decoder, Energy, FaultCause, Field, FieldDoc, FieldKind, Force, Fraction, GainMatch,
+    Header, Impulse, Key, Kind, MAX_BLOCK, MAX_FRAME, MAX_REQUEST, Message, Packed, Request, RequestDecoder,
+    Samples, StrikeFlags, Text, Ticket, encode, encode_request,
+};
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
+
+const HEADER: Header = Header {
+    address: 7,
+    boot: 2,
+    sequence: 0x0102_0304,
+    sample_index: 0x0A_0000_0B0C,
+};
+/// Number of each request.
+const NUMBER: u16 = 0xA1B2;
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A line for each field with its form and its longest form in bytes, and for each entry of its list.
+fn described(fields: &[FieldDoc], indent: &str) -> String {
+    let mut text = String::new();
+    for field in fields {
+        text += &format!("{indent}{}: {}, {}\n", field.name, field.form, field.longest);
+        match field.kind {
+            FieldKind::Name(names) | FieldKind::Set(names) => {
+                for (number, name, _) in names {
+                    text += &format!("{indent}  {number} {name}\n");
+                }
+            }
+            FieldKind::Quantity(unit) => {
+                text += &format!(
+                    "{indent}  2^-{} {:e} {}\n",
+                    unit.fraction_bits, unit.scale, unit.symbol
+                );
+            }
+            FieldKind::Group(fields) => text += &described(fields, &format!("{indent}  ")),
+            _ => {}
+        }
+    }
+    text
+}
+
+/// Draws with bits of zeros, of ones, and of two seeds.
+fn each<T>(draw: impl Fn(&mut dyn FnMut() -> u64) -> T) -> [T; 4] {
+    [
+        draw(&mut || 0),
+        draw(&mut || u64::MAX),
+        draw(&mut bits(1)),
+        draw(&mut bits(2)),
+    ]
+}
+
+/// The frame of a message, as a line. It is read to the same message.
+fn frame(message: &Message) -> String {
+    let mut buffer = [0; MAX_FRAME];
+    let sent = encode(&HEADER, message, &mut buffer).unwrap();
+    let mut read = Vec::new();
+    Decoder::new().feed(sent, |result| read.push(result.unwrap()));
+    assert_eq!(read.len(), 1);
+    assert_eq!((read[0].header, &read[0].message), (HEADER, message));
+    format!("  {}\n", hex(sent))
+}
+
+/// The frame of a request, as a line. It is read to the same request.
+fn request(request: &Request) -> String {
+    let mut buffer = [0; MAX_REQUEST];
+    let sent = encode_request(HEADER.address, NUMBER, request, &mut buffer).unwrap();
+    let mut decoder = RequestDecoder::new();
+    let read: Vec<_> = sent.iter().filter_map(|byte| decoder.push(*byte)).collect();
+    let [Ok(read)] = &read[..] else { panic!("{read:?}") };
+    assert_eq!((read.address, read.number), (HEADER.address, NUMBER));
+    assert_eq!(read.request.as_ref(), Ok(request));
+    format!("  {}\n", hex(sent))
+}
+
+/// Requests signed with a known key for a known bead.
+fn signed() -> String {
+    let key = Key::new(*b"sixteen bytes ok").unwrap();
+    let uid = b"\x30\x00\x2a\x00\x0e\x51\x33\x35\x39\x30\x37\x31";
+    let ticket = Ticket {
+        counter: 300,
+        boot: 2,
+        until: 5_000_000,
+    };
+    let requests = [Request::Arm, Request::SetKey { key: [0x5A; 16] }];
+    let lines = requests.map(|inner| request(&inner.signed(&key, uid, HEADER.address, NUMBER, ticket)));
+    format!("signed arm and set key\n{}", lines.concat())
+}
+
+fn today() -> String {
+    let mut text = String::new();
+    for &kind in Kind::ALL {
+        text += &format!(
+            "{} {}\n{}",
+            kind as u8,
+            kind.name(),
+            described(kind.fields(), "  ")
+        );
+        let drawn = each(|random| Message::draw(kind, random));
+        text += &drawn.each_ref().map(frame).concat();
+    }
+    for &(number, name, _, fields) in Request::LIST {
+        text += &format!("{number} {name}\n{}", described(fields, "  "));
+        let drawn = each(|random| Request::draw(number, random).unwrap());
+        // Requests without a body are always the same.
+        let lines = drawn.each_ref().map(request);
+        text += &if fields.is_empty() {
+            lines[0].clone()
+        } else {
+            lines.concat()
+        };
+    }
+    text + &signed()
+}
+
+#[test]
+fn fields_and_bytes_of_messages_and_requests_are_those_of_the_golden_file() {
+    let today = today();
+    if env::var_os("GOLDEN").is_some_and(|value| value == "overwrite") {
+        fs::write(FILE, today).unwrap();
+        return;
+    }
+    let golden = fs::read_to_string(FILE).unwrap();
+    for (line, (then, now)) in (1..).zip(golden.lines().zip(today.lines())) {
+        assert_eq!(
+            then, now,
+            "line {line} of golden.txt; tests/all/golden.rs says what to do"
+        );
+    }
+    assert_eq!(
+        golden.lines().count(),
+        today.lines().count(),
+        "the end of golden.txt"
+    );
+}
+
+/// The longest body is the sum over its fields, so each form of a field is tried with its longest values.
+#[test]
+fn the_longest_form_of_each_field_is_as_long_as_stated() {
+    fn longest<F: Field>(values: &[F]) {
+        let mut buffer = [0; 300];
+        let lengths = values
+            .iter()
+            .map(|value| postcard::to_slice(value, &mut buffer).unwrap().len());
+        assert_eq!(lengths.max(), Some(F::LONGEST), "{}", F::FORM);
+    }
+    // In zigzag order the lowest number is the longest.
+    longest(&[u8::MAX]);
+    longest(&[u16::MAX]);
+    longest(&[u32::MAX]);
+    longest(&[u64::MAX]);
+    longest(&[true]);
+    longest(&[[0xFF_u8; 12]]);
+    longest(&[Force::from_bits(i32::MIN)]);
+    longest(&[Energy::from_bits(i64::MIN)]);
+    longest(&[Impulse::from_bits(i64::MIN)]);
+    longest(&[Samples::from_bits(u32::MAX)]);
+    longest(&[FaultCause::Unknown(u8::MAX)]);
+    longest(&[Text::<24>::new(format_args!("{:x>99}", ""))]);
+    longest(&[Text::<96>::new(format_args!("{:x>99}", ""))]);
+    longest(&[Block::try_from(&[1; MAX_BLOCK][..]).unwrap()]);
+    longest(&[Codes::<96>::pack([[1, 2]; 32]).unwrap()]);
+    longest(&[Codes::<102>::pack([[1, 2]; 34]).unwrap()]);
+    longest(&[StrikeFlags::from_bits(u16::MAX)]);
+    longest(&[Some(GainMatch {
+        deviation: Fraction::from_bits(i32::MIN),
+        uncertainty: Fraction::from_bits(i32::MIN),
+    })]);
+    for &kind in Kind::ALL {
+        assert_eq!(
+            kind.longest(),
+            kind.fields().iter().map(|field| field.longest).sum::<usize>()
+        );
+    }
+}
+
+#[test]
+fn every_kind_has_a_name_and_fields_and_no_number_of_a_request() {
+    for &kind in Kind::ALL {
+        assert_eq!(Kind::from_byte(kind as u8), Some(kind));
+        assert!((kind as u8) < 64);
+        let mut names = Vec::new();
+        let message = Message::draw(kind, &mut || 0);
+        bead_wire::Fields::each(&message, &mut |field, _| names.push(field.name));
+        assert!(kind.fields().iter().map(|field| field.name).eq(names));
+    }
+}
+
+/// Frames of version 2, whose header ends before the address.
+#[test]
+fn the_frames_of_version_2_are_read_as_those_of_address_0() {
+    let rows = include_str!("../v2.txt")
+        .lines()
+        .filter(|line| !line.starts_with('#'));
+    for line in rows {
+        let (name, digits) = line.split_once(' ').unwrap();
+        let sent: Vec<u8> = (0..digits.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap())
+            .collect();
+        let mut read = Vec::new();
+        Decoder::new().feed(&sent, |result| read.push(result.unwrap()));
+        let [frame] = &read[..] else {
+            panic!("{name}: {read:?}")
+        };
+        assert_eq!((frame.version, frame.message.kind().name()), (2, name));
+        assert_eq!(frame.header, Header { address: 0, ..HEADER });
+        let mut payload = [0; MAX_FRAME];
+        let length = cobs::decode(&sent[1..], &mut payload).unwrap();
+        let mut packed = Packed::new();
+        packed.pack(0, HEADER.boot, &frame.message).unwrap();
+        assert_eq!(packed.content(), (payload[1], &payload[15..length - 4]), "{name}");
+    }
+}
