@@ -9,7 +9,7 @@ use bead::recording::clock::{Live, Segments, Tracker};
 use bead::recording::frames::{Frame, Frames, Item, Piece};
 use bead::recording::received::LastSaid;
 use bead::recording::signal::Signal;
-use bead::recording::strikes::{Known, RecordedStrike, Strikes, sent_again};
+use bead::recording::strikes::{FetchedNames, GivenSettings, RecordedStrike, Strikes};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_wire::Message;
@@ -78,8 +78,10 @@ pub fn check(bytes: &[u8]) {
     let all: Vec<Frame> = frames().filter_map(Item::frame).collect();
     clocks(&all);
 
-    let again = sent_again(all.iter().cloned());
-    let recorded = Strikes::new(LastSaid::new(frames()), Known::default()).knowing(again);
+    let mut fetched = FetchedNames::default();
+    all.iter().for_each(|frame| fetched.push(frame));
+    let recorded =
+        Strikes::new(LastSaid::new(frames()), GivenSettings::default()).with_fetched(fetched.finish());
     let mut rows = table::Strikes::default();
     let width = rows.columns().len();
     for (id, strike) in (0..).zip(recorded) {

@@ -1,330 +1,240 @@
-//! Which strikes of a bead are missing, and what to ask it for.
+//! Lost strikes of a bead, and the requests that fetch them.
 //!
 //! # Design
-//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost on the way can be
-//! fetched, as long as newer ones have not taken its place. [`Gaps`] sees every frame of one bead and says
-//! when there is something to ask. It asks for nothing while nothing is missing.
+//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost can be fetched, as long
+//! as newer ones have not taken its place. [`Gaps`] takes every frame of one bead and gives the requests. It
+//! gives none while nothing is missing.
 //!
-//! Strikes are wanted from the first one on that anything was heard of, or else from the first status on:
-//! those before were measured before anybody listened. What is missing of this boot is known from the
-//! numbers: of strikes that came, and of the status. Of boots before, only the bead knows: after a reset, or
-//! after the line was gone, it is asked for the list of what it keeps.
+//! Strikes are wanted from the first one on of which a frame came, or else from the first status on: those before
+//! were measured before anybody listened. The numbers of the strikes that came, and the count in the status, show
+//! what is missing of this boot. Only the bead knows of boots before: after a reset, and after the line was gone,
+//! it is asked for the list of what it keeps.
 //!
-//! After a power cycle a bead keeps nothing and counts its boots anew, so strikes have the same names again.
-//! What is known of a name is therefore forgotten when a boot of that number begins.
+//! [`Assembly`] says which strikes came whole, and which boots begin with a restart.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
-use bead_wire::{Arrival, Fetched, MAX_REQUEST, Message, Outcome, Request, encode_request};
+use bead_wire::{Arrival, MAX_REQUEST, Message, Outcome, Request, encode_request};
 
-use crate::recording::again::{Again, Whole};
+use crate::recording::assembly::{Assembled, Assembly, Event, Restart};
 use crate::recording::frames::Frame;
 
 /// A strike whose frames should have come by now is missing after this time: ten times its frames' time on
 /// the line.
 const OVERDUE: Duration = Duration::from_millis(200);
-/// A reply may take so long.
+/// Time-out of a reply.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// So often is the same thing asked.
+/// Number of times that a request is sent.
 const ATTEMPTS: u32 = 5;
-/// Most strikes whose frames come at once.
-const COMING: usize = 64;
-/// Most strikes that are asked for at a time: a bead keeps no more.
+/// Number of counts of strikes that wait until they are due.
+const COUNTS: usize = 64;
+/// Number of strikes that are asked for at a time. A bead keeps no more.
 const WANTED: usize = 64;
-/// Most strikes that are remembered.
+/// Number of lost strikes that are remembered.
 const REMEMBERED: usize = 4096;
 
 /// A strike: low byte of the boot, and number in it.
 type Name = (u8, u32);
 
-/// The newest 4096 of the names that it was given. The oldest give way and not the least: after a power cycle
-/// new names are less than those before.
-#[derive(Debug)]
-pub struct Newest<T> {
-    names: BTreeSet<T>,
-    /// From the oldest to the newest.
-    order: VecDeque<T>,
-}
-
-impl<T> Default for Newest<T> {
-    fn default() -> Self {
-        Self {
-            names: BTreeSet::new(),
-            order: VecDeque::new(),
-        }
-    }
-}
-
-impl<T: Copy + Ord> Newest<T> {
-    /// Takes a name. Whether it was not there.
-    pub fn insert(&mut self, name: T) -> bool {
-        let is_new = self.names.insert(name);
-        if is_new {
-            self.order.push_back(name);
-        }
-        if self.order.len() > REMEMBERED
-            && let Some(oldest) = self.order.pop_front()
-        {
-            self.names.remove(&oldest);
-        }
-        is_new
-    }
-
-    /// Whether it is there.
-    pub fn contains(&self, name: T) -> bool {
-        self.names.contains(&name)
-    }
-
-    /// Leaves out some of them.
-    pub fn forget(&mut self, which: impl Fn(T) -> bool) {
-        self.names.retain(|name| !which(*name));
-        self.order.retain(|name| !which(*name));
-    }
-}
-
-/// What is known of a strike whose frames come.
-#[derive(Clone, Debug, Default)]
-struct Coming {
-    /// Scans that came, without a gap from the first on; `None` after a gap.
-    scans: Option<u64>,
-    next_index: u64,
-    /// Scans of the window, once the strike frame came.
-    samples: Option<u64>,
-    shape: bool,
-}
-
-/// What the bead was asked and has not answered.
+/// A request that the bead has not answered.
 #[derive(Clone, Debug)]
 struct Asked {
     number: u16,
     request: Request,
     since: Instant,
     attempts: u32,
-    /// Whether frames were lost since.
+    /// True if frames were lost since.
     lost: bool,
 }
 
-/// Keeps count of one bead's strikes.
+/// The lost strikes of one bead.
 #[derive(Debug)]
 pub struct Gaps {
     address: u8,
-    boot: Option<u8>,
-    /// Its whole number, as its identity says.
+    /// Low byte of the boot number.
+    boot: u8,
+    /// The whole number, by the identity.
     boot_number: Option<u32>,
-    /// The first strike that is wanted, in the boot that was heard first.
+    assembly: Assembly,
+    /// The first strike that is wanted, in the first boot of which a frame came.
     from: Option<Name>,
-    /// Strikes of this boot that are known to be, and those whose frames should have come.
-    found: u32,
+    /// Number of strikes of this boot, and of those whose frames should have come.
+    count: u32,
     due: u32,
-    /// All strikes of this boot below this one are here or gone.
+    /// All strikes of this boot below this one came, or are lost.
     settled: u32,
-    /// How many strikes were known to be, and since when, until they are due.
-    pending: VecDeque<(u32, Instant)>,
-    coming: BTreeMap<u32, Coming>,
-    whole: Newest<Name>,
-    /// Strikes that the bead does not keep, and how many there were in all.
-    gone: Newest<Name>,
+    /// Counts of strikes, each with the time when it was first known, until they are due.
+    counts: VecDeque<(u32, Instant)>,
+    /// Strikes that the bead does not keep, and the number of all of them.
+    gone: BTreeMap<u8, BTreeSet<u32>>,
     gone_count: u64,
-    /// Strikes that are to be fetched, by their whole boot numbers; how often each was sent.
+    /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was sent.
     wanted: BTreeMap<(u32, u32), u32>,
+    /// True while the list of what the bead keeps is to be asked for.
     list: bool,
-    /// How often it was asked for in vain.
+    /// Number of times that it was asked for in vain.
     lists: u32,
-    again: Again,
     asked: Option<Asked>,
     next_number: u16,
-    /// Not before.
-    rest_until: Option<Instant>,
+    /// No request before this time.
+    pause_until: Option<Instant>,
     fetched: u64,
 }
 
 impl Gaps {
-    /// Of the bead with this address; nothing of it was heard yet.
+    /// Lost strikes of the bead with this address, of which no frame came yet.
     pub fn new(address: u8) -> Self {
         Self {
             address,
-            boot: None,
+            boot: 0,
             boot_number: None,
+            assembly: Assembly::default(),
             from: None,
-            found: 0,
+            count: 0,
             due: 0,
             settled: 0,
-            pending: VecDeque::new(),
-            coming: BTreeMap::new(),
-            whole: Newest::default(),
-            gone: Newest::default(),
+            counts: VecDeque::new(),
+            gone: BTreeMap::new(),
             gone_count: 0,
             wanted: BTreeMap::new(),
             list: false,
             lists: 0,
-            again: Again::default(),
             asked: None,
             // Other programs count from somewhere else.
             next_number: 0x4000,
-            rest_until: None,
+            pause_until: None,
             fetched: 0,
         }
     }
 
-    /// The line was gone and is back: there may be strikes that nobody has heard of.
-    pub fn came_back(&mut self) {
+    /// Notes that the line was gone and is back: strikes may have been lost of which no frame came.
+    pub fn reconnect(&mut self) {
         self.list = self.from.is_some();
         self.lists = 0;
         self.asked = None;
     }
 
-    /// Strikes that were fetched.
+    /// Number of strikes that were fetched.
     pub fn fetched(&self) -> u64 {
         self.fetched
     }
 
-    /// Strikes that are known to be missing: the bead no longer keeps them, or never measured them.
+    /// Number of strikes that are lost: the bead no longer keeps them, or never measured them.
     pub fn gone(&self) -> u64 {
         self.gone_count
     }
 
-    /// Takes a frame of the bead. Gives a strike that was missing and is whole with it.
-    pub fn note(&mut self, frame: &Frame, now: Instant) -> Option<Whole> {
-        let boot = frame.header.boot;
-        let is_other = self.boot.replace(boot).is_some_and(|before| before != boot);
-        if is_other || matches!(frame.arrival, Arrival::Restart { .. }) {
-            self.restart(boot);
-        }
+    /// Takes the next frame of the bead, at this time. Gives the fetched strike whose last frame it is.
+    pub fn push(&mut self, frame: &Frame, now: Instant) -> Option<Assembled> {
+        self.boot = frame.header.boot;
         if let (Some(asked), Arrival::Next { lost: 1.. }) = (&mut self.asked, frame.arrival) {
             asked.lost = true;
         }
+        let mut fetched = None;
+        for event in self.assembly.push(frame) {
+            match event {
+                Event::Restart(restart) => self.restart(restart),
+                Event::Whole(assembled) => {
+                    let strike = &assembled.strike;
+                    self.find((strike.boot, strike.said.strike));
+                    if let Some(copy) = assembled.fetched {
+                        self.wanted.remove(&(copy.boot, strike.said.strike));
+                        self.fetched += 1;
+                        fetched = Some(*assembled);
+                    }
+                }
+                Event::Gap(_) => {}
+            }
+        }
         match &frame.message {
             Message::Identity(identity) => self.boot_number = Some(identity.boot),
-            Message::Status(status) => {
-                self.from.get_or_insert((boot, status.strikes));
-                self.find(status.strikes, now);
-            }
-            Message::Waveform(waveform) => {
-                self.from.get_or_insert((boot, waveform.strike));
-                self.find(waveform.strike.saturating_add(1), now);
-                self.make_room();
-                let coming = self.coming.entry(waveform.strike).or_insert_with(|| Coming {
-                    scans: Some(0),
-                    next_index: waveform.first_index,
-                    ..Coming::default()
-                });
-                if waveform.first_index != coming.next_index {
-                    coming.scans = None;
-                }
-                let length = waveform.codes.len() as u64;
-                coming.scans = coming.scans.map(|scans| scans + length);
-                coming.next_index = waveform.first_index.saturating_add(length);
-            }
-            Message::Strike(strike) => {
-                self.from.get_or_insert((boot, strike.strike));
-                self.find(strike.strike.saturating_add(1), now);
-                self.make_room();
-                let coming = self.coming.entry(strike.strike).or_default();
-                coming.samples = Some(strike.samples.into());
-            }
-            Message::Shape(shape) => {
-                self.from.get_or_insert((boot, shape.strike));
-                self.find(shape.strike.saturating_add(1), now);
-                self.make_room();
-                self.coming.entry(shape.strike).or_default().shape = true;
-                self.settle(boot, shape.strike);
-            }
+            Message::Status(status) => self.note_count(status.strikes, status.strikes, now),
+            Message::Waveform(waveform) => self.note_strike(waveform.strike, now),
+            Message::Strike(strike) => self.note_strike(strike.strike, now),
+            Message::Shape(shape) => self.note_strike(shape.strike, now),
             Message::Kept(kept) => self.want(kept.boot, kept.strike),
-            Message::Fetched(fetched) => return self.take(fetched),
-            Message::Reply(reply) => self.answered(reply.request, reply.outcome, now),
+            Message::Reply(reply) => self.answer(reply.request, reply.outcome, now),
             _ => {}
         }
-        None
+        fetched
     }
 
-    /// The bead was reset, and a boot with this low byte begins.
-    fn restart(&mut self, boot: u8) {
-        self.coming.clear();
-        (self.found, self.due, self.settled) = (0, 0, 0);
-        self.pending.clear();
+    fn restart(&mut self, restart: Restart) {
+        (self.count, self.due, self.settled) = (0, 0, 0);
+        self.counts.clear();
         self.boot_number = None;
         if let Some((first, from)) = &mut self.from
-            && *first == boot
+            && restart.begins(*first)
         {
             *from = 0;
         }
-        self.whole.forget(|(of, _)| of == boot);
-        self.gone.forget(|(of, _)| of == boot);
+        self.gone.retain(|boot, _| !restart.begins(*boot));
         let before = self.wanted.len();
-        self.wanted.retain(|&(of, _), _| of as u8 != boot);
+        self.wanted.retain(|&(boot, _), _| !restart.begins(boot as u8));
         self.gone_count += (before - self.wanted.len()) as u64;
-        self.again = Again::default();
-        self.came_back();
+        self.reconnect();
     }
 
-    /// There are so many strikes in this boot.
-    fn find(&mut self, strikes: u32, now: Instant) {
-        if strikes <= self.found {
+    /// Notes a frame of a strike of this boot.
+    fn note_strike(&mut self, number: u32, now: Instant) {
+        self.note_count(number, number.saturating_add(1), now);
+    }
+
+    /// Notes that this boot has `count` strikes. If nothing was known of the bead before, they are wanted from the
+    /// number `from` on.
+    fn note_count(&mut self, from: u32, count: u32, now: Instant) {
+        self.from.get_or_insert((self.boot, from));
+        if count <= self.count {
             return;
         }
-        self.found = strikes;
+        self.count = count;
         self.fall_due(now);
-        match self.pending.len() {
-            ..COMING => self.pending.push_back((strikes, now)),
+        if self.counts.len() < COUNTS {
+            self.counts.push_back((count, now));
+        } else if let Some(last) = self.counts.back_mut() {
             // So many come at once that some are due a little early.
-            _ => self.pending[COMING - 1].0 = strikes,
+            last.0 = count;
         }
     }
 
-    /// Notes whose frames should have come.
+    /// Notes the strikes whose frames should have come by now.
     fn fall_due(&mut self, now: Instant) {
-        while let Some((found, _)) = self
-            .pending
+        while let Some((count, _)) = self
+            .counts
             .pop_front_if(|(_, since)| now.duration_since(*since) >= OVERDUE)
         {
-            self.due = found;
+            self.due = count;
         }
     }
 
-    /// Makes room for one more strike whose frames come. One that gives way is fetched later.
-    fn make_room(&mut self) {
-        while self.coming.len() >= COMING {
-            self.coming.pop_first();
+    /// Notes that a strike is here, also if it was given up.
+    fn find(&mut self, (boot, number): Name) {
+        if let Some(gone) = self.gone.get_mut(&boot) {
+            self.gone_count -= u64::from(gone.remove(&number));
         }
     }
 
-    /// All frames of a strike should have come.
-    fn settle(&mut self, boot: u8, strike: u32) {
-        let is_whole = self
-            .coming
-            .remove(&strike)
-            .is_some_and(|coming| coming.shape && coming.samples.is_some() && coming.scans == coming.samples);
-        if is_whole {
-            self.remember((boot, strike));
+    /// Gives up a strike.
+    fn give_up(&mut self, (boot, number): (u32, u32)) {
+        self.wanted.remove(&(boot, number));
+        let gone = self.gone.entry(boot as u8).or_default();
+        self.gone_count += u64::from(gone.insert(number));
+        while gone.len() > REMEMBERED {
+            gone.pop_first();
         }
     }
 
-    fn remember(&mut self, name: Name) {
-        self.whole.insert(name);
-        if self.gone.contains(name) {
-            self.gone.forget(|other| other == name);
-            self.gone_count -= 1;
-        }
-    }
-
-    /// It is not to be had.
-    fn give_up(&mut self, (boot, strike): (u32, u32)) {
-        self.wanted.remove(&(boot, strike));
-        self.gone_count += u64::from(self.gone.insert((boot as u8, strike)));
-    }
-
-    /// Whether a strike is one that this recording is to have.
-    fn is_of_interest(&self, name: Name) -> bool {
-        let (boot, strike) = name;
+    /// True if a strike belongs into this recording and is not here.
+    fn is_wanted(&self, (boot, number): Name) -> bool {
         let since = self
             .from
-            .is_some_and(|(first, from)| boot != first || strike >= from);
-        since && !self.whole.contains(name)
+            .is_some_and(|(first, from)| boot != first || number >= from);
+        since && !self.assembly.is_whole(self.address, boot, number)
     }
 
     fn want(&mut self, boot: u32, strike: u32) {
-        if !self.is_of_interest((boot as u8, strike)) || self.wanted.contains_key(&(boot, strike)) {
+        if !self.is_wanted((boot as u8, strike)) || self.wanted.contains_key(&(boot, strike)) {
             return;
         }
         if self.wanted.len() < WANTED {
@@ -338,19 +248,7 @@ impl Gaps {
         }
     }
 
-    fn take(&mut self, frame: &Fetched) -> Option<Whole> {
-        let whole = self.again.take(self.address, frame)?;
-        let name = (whole.boot as u8, whole.strike.strike);
-        self.wanted.remove(&(whole.boot, whole.strike.strike));
-        if self.whole.contains(name) {
-            return None;
-        }
-        self.remember(name);
-        self.fetched += 1;
-        Some(whole)
-    }
-
-    fn answered(&mut self, number: u16, outcome: Outcome, now: Instant) {
+    fn answer(&mut self, number: u16, outcome: Outcome, now: Instant) {
         let Some(asked) = self.asked.take_if(|asked| asked.number == number) else {
             return;
         };
@@ -380,13 +278,13 @@ impl Gaps {
                 if *sent == ATTEMPTS {
                     self.give_up((boot, strike));
                 }
-                self.rest_until = Some(now + OVERDUE);
+                self.pause_until = Some(now + OVERDUE);
             }
-            _ => self.rest_until = Some(now + OVERDUE),
+            _ => self.pause_until = Some(now + OVERDUE),
         }
     }
 
-    /// The strikes of this boot that should have come and did not, by its whole number.
+    /// The strikes of this boot whose frames should have come and did not, by its whole number.
     fn missing(&mut self) -> Vec<(u32, u32)> {
         let (Some(number), Some((first, from))) = (self.boot_number, self.from) else {
             return Vec::new();
@@ -394,8 +292,8 @@ impl Gaps {
         let boot = number as u8;
         let from = if boot == first { from } else { 0 };
         let is_missing = |strike: u32| {
-            let name = (boot, strike);
-            !self.whole.contains(name) && !self.gone.contains(name)
+            let is_gone = self.gone.get(&boot).is_some_and(|gone| gone.contains(&strike));
+            !is_gone && !self.assembly.is_whole(self.address, boot, strike)
         };
         let from = from.max(self.settled);
         let missing = (from..self.due).filter(|&strike| is_missing(strike));
@@ -404,12 +302,12 @@ impl Gaps {
         missing
     }
 
-    /// The bytes to send to the bead now, if there is something to ask. Called often.
+    /// The bytes of the next request, if one is due. To be called often.
     pub fn next(&mut self, now: Instant) -> Option<Vec<u8>> {
-        if self.rest_until.is_some_and(|until| now < until) {
+        if self.pause_until.is_some_and(|until| now < until) {
             return None;
         }
-        self.rest_until = None;
+        self.pause_until = None;
         if let Some(asked) = &mut self.asked {
             if now.duration_since(asked.since) < PATIENCE {
                 return None;
@@ -420,7 +318,7 @@ impl Gaps {
             }
             // It does not answer. What it is asked for stays wanted.
             self.asked = None;
-            self.rest_until = Some(now + 10 * PATIENCE);
+            self.pause_until = Some(now + 10 * PATIENCE);
             return None;
         }
         self.fall_due(now);
@@ -482,7 +380,7 @@ mod tests {
         }
 
         fn says(&mut self, boot: u8, arrival: Arrival, message: impl Into<Message>) {
-            self.gaps.note(&Frame::of(0, boot, arrival, message), self.now);
+            self.gaps.push(&Frame::of(0, boot, arrival, message), self.now);
         }
 
         fn begins(&mut self, boot: u8, arrival: Arrival) {
@@ -630,8 +528,7 @@ mod tests {
             bead.now += Duration::from_millis(1);
             bead.result(0, number);
         }
-        assert!(bead.gaps.pending.len() <= COMING, "{}", bead.gaps.pending.len());
-        assert!(bead.gaps.coming.len() <= COMING, "{}", bead.gaps.coming.len());
+        assert!(bead.gaps.counts.len() <= COUNTS, "{}", bead.gaps.counts.len());
         // None of them is forgotten.
         assert_eq!(bead.refuses(0).len(), 1000);
         assert_eq!(bead.gaps.gone(), 1000);
@@ -640,7 +537,7 @@ mod tests {
     #[test]
     fn a_list_that_is_too_long_is_asked_for_again_when_there_is_room() {
         let mut bead = Bead::new(5);
-        bead.gaps.came_back();
+        bead.gaps.reconnect();
         let (request, what) = bead.asked().unwrap();
         assert_eq!(what, Request::ListKept);
         bead.keeps(5, 0..100);

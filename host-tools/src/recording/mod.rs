@@ -1,8 +1,9 @@
 //! What is kept: files of received bytes, and the frames, strikes and clocks in them.
 
-pub mod again;
 pub mod arrival;
+pub mod assembly;
 pub mod clock;
+mod fetched;
 pub mod fields;
 pub mod file;
 pub mod frames;
@@ -13,4 +14,5 @@ pub mod protobuf;
 pub mod raw;
 pub mod received;
 pub mod signal;
+pub mod strike;
 pub mod strikes;

@@ -11,7 +11,7 @@ use crate::recording::file::{Bead, Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
 use crate::recording::note::note;
 use crate::recording::raw;
-use crate::recording::strikes::{Known, Strikes, sent_again};
+use crate::recording::strikes::{GivenSettings, Strikes};
 use crate::tables::printable::beginning;
 
 /// Characters of what is wrong with a part of a recording.
@@ -72,18 +72,14 @@ impl Received {
     pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
         let given = |parts: &BTreeMap<Part, Arc<[u8]>>| Settings::decode(parts.get(&Part::Settings)?).ok();
         let beads = self.recording.beads.iter();
-        let known = Known {
+        let given = GivenSettings {
             of: beads
                 .filter_map(|bead| Some((bead.origin.address, given(&bead.parts)?)))
                 .collect(),
             any: given(&self.recording.parts),
         };
-        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), known);
-        if !self.recording.has_fetched {
-            return Ok(strikes);
-        }
-        let frames = self.recording.frames()?.filter_map(Item::frame);
-        Ok(strikes.knowing(sent_again(frames)))
+        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), given);
+        Ok(strikes.with_fetched(self.recording.fetched.clone()))
     }
 
     /// Why there was no strike in what was heard: the check that was asked for has nothing to check.

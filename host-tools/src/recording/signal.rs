@@ -14,7 +14,7 @@ use bead_model::{Pair, Scan, Settings};
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
 
-use crate::recording::strikes::ScanCodes;
+use crate::recording::strike::ScanCodes;
 
 /// The signals of a window, a value for each of its scans.
 #[derive(Clone, Debug, PartialEq)]

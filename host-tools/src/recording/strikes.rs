@@ -1,201 +1,32 @@
-//! The strikes of a recording: each with its samples, the bead's result, and the settings in force.
+//! The strikes of a recording, one after another.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
 
-use bead_model::Scan;
-use bead_model::layout::WINDOW_MAX;
 use bead_model::settings::Settings;
-use bead_wire::{Arrival, Energy, Message, REORDER, Shape, Strike, Waveform};
+use bead_wire::{Arrival, Message};
 
-use crate::recording::again::{Again, Whole};
+use crate::recording::assembly::{Assembly, Event};
+use crate::recording::fetched::FetchedFrames;
 use crate::recording::frames::Frame;
-
-/// Energies as they stood after a run of samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Chunk {
-    /// Samples of the window up to the end of this chunk.
-    pub end: usize,
-    /// Estimate A.
-    pub absorbed_measured: Energy,
-    /// Estimate B.
-    pub absorbed_predicted: Energy,
-}
-
-/// The codes of one scan: force, then acceleration, at either gain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ScanCodes {
-    /// At the high gain.
-    pub sensitive: [u16; 2],
-    /// At the low gain, where they had a part in the estimates.
-    pub wide: Option<[u16; 2]>,
-}
-
-impl ScanCodes {
-    /// The codes as the bead had them. Codes that had no part in the estimates are 0.
-    pub fn scan(&self) -> Scan {
-        let ([force, acceleration], [force_wide, acceleration_wide]) =
-            (self.sensitive, self.wide.unwrap_or_default());
-        Scan::new([force, force_wide, acceleration, acceleration_wide])
-    }
-}
-
-/// One strike as it was received.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RecordedStrike {
-    /// Address of the bead that was struck.
-    pub address: u8,
-    /// The low byte of its boot number.
-    pub boot: u8,
-    /// Which of the bead's boots that were received it is of, from 0: after a power cycle the low byte is the
-    /// same again. None of a strike that was fetched later, which only tells the byte.
-    pub nth_boot: Option<usize>,
-    /// Its unique device id; none before its identity came.
-    pub uid: Option<[u8; 12]>,
-    /// Scans a second, in hertz, by its last identity before the strike.
-    pub sample_rate_hz: Option<u32>,
-    /// When the host received the strike frame, in ns since 1970, if that is known. It is not of a strike
-    /// that was fetched later.
-    pub received_ns: Option<u64>,
-    /// What the bead said of it.
-    pub said: Strike,
-    /// What it said of its shape, if that was received.
-    pub shape: Option<Shape>,
-    /// The window's codes from its start up to the first gap.
-    pub scans: Vec<ScanCodes>,
-    /// The chunks that they came in.
-    pub chunks: Vec<Chunk>,
-    /// The settings in force, if any were received.
-    pub settings: Option<Settings>,
-}
-
-impl RecordedStrike {
-    /// A strike of which no samples were received yet.
-    pub fn new(address: u8, said: Strike) -> Self {
-        Self {
-            address,
-            boot: 0,
-            nth_boot: None,
-            uid: None,
-            sample_rate_hz: None,
-            received_ns: None,
-            said,
-            shape: None,
-            scans: Vec::new(),
-            chunks: Vec::new(),
-            settings: None,
-        }
-    }
-
-    /// A strike that was sent once more.
-    fn from_whole(address: u8, whole: Whole) -> Self {
-        let mut strike = Self {
-            boot: whole.boot as u8,
-            shape: Some(whole.shape),
-            settings: Settings::decode(whole.settings.block.bytes()).ok(),
-            ..Self::new(address, whole.strike)
-        };
-        for waveform in &whole.waveforms {
-            strike.push(waveform);
-        }
-        strike
-    }
-
-    /// Scans a second, Hz: as the bead's identity said, else as the settings hold for.
-    pub fn rate(&self) -> Option<u32> {
-        let of_settings = self.settings.map(|settings| settings.sample_rate_hz);
-        self.sample_rate_hz.or(of_settings).filter(|rate| *rate > 0)
-    }
-
-    /// Samples of the window that were not received, or came after a gap.
-    pub fn missing(&self) -> usize {
-        usize::from(self.said.samples).saturating_sub(self.scans.len())
-    }
-
-    /// Appends the samples of a waveform frame. One without samples is not taken: no bead sends it.
-    pub fn push(&mut self, waveform: &Waveform) {
-        if waveform.codes.is_empty() {
-            return;
-        }
-        push_scans(&mut self.scans, waveform);
-        self.chunks.push(Chunk {
-            end: self.scans.len(),
-            absorbed_measured: waveform.absorbed_measured,
-            absorbed_predicted: waveform.absorbed_predicted,
-        });
-    }
-}
-
-/// Appends the scans of a waveform frame to those before it.
-pub(crate) fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
-    let sensitive = waveform.codes.iter();
-    let mut wide = waveform.wide.iter();
-    // The codes at the low gain begin with the two scans before those of the frame, or are not there.
-    let before = wide.len().saturating_sub(sensitive.len());
-    let before: Vec<_> = wide.by_ref().take(before).collect();
-    for (scan, wide) in scans.iter_mut().rev().zip(before.into_iter().rev()) {
-        scan.wide = Some(wide);
-    }
-    let wide = wide.map(Some).chain(std::iter::repeat(None));
-    let codes = sensitive.zip(wide);
-    scans.extend(codes.map(|(sensitive, wide)| ScanCodes { sensitive, wide }));
-}
-
-/// A frame that comes this many frames too late counts as lost.
-const SETTLED: i64 = REORDER as i64;
-/// Greatest number of strikes that wait: for frames that are late, for the first settings of their boot, or
-/// for their strike frame. A bead that never sends either, or whose strikes count down, must not fill the
-/// memory.
-const WAITING: usize = 64;
-
-/// What a bead sent since its last reset and is not yet part of a strike that was handed on.
-#[derive(Debug, Clone, Default)]
-struct Boot {
-    frames: Count,
-    numbers: Count,
-    /// By the number of their frame, as settings may change between two strikes.
-    settings: BTreeMap<i64, Settings>,
-    /// By the number of the strike.
-    waveforms: BTreeMap<i64, Vec<Waveform>>,
-    shapes: BTreeMap<i64, Shape>,
-    /// Each with the number of its frame, in the order of the strikes; without samples yet.
-    strikes: BTreeMap<i64, (i64, RecordedStrike)>,
-    uid: Option<[u8; 12]>,
-}
-
-/// Numbers that go on where those of the wire begin anew: after 2^32 frames, which a full line sends in 24
-/// days.
-#[derive(Debug, Clone, Copy, Default)]
-struct Count(Option<i64>);
-
-impl Count {
-    /// A number of the wire as the one of its kind that is nearest to the number before.
-    fn of(&mut self, number: u32) -> i64 {
-        let whole = match self.0 {
-            None => number.into(),
-            // The lower half of the last number is what the wire had.
-            Some(last) => last.saturating_add(i64::from(number.wrapping_sub(last as u32).cast_signed())),
-        };
-        self.0 = Some(whole);
-        whole
-    }
-}
+pub use crate::recording::strike::{Chunk, RecordedStrike, ScanCodes};
 
 /// Settings that beads were given, for boots whose settings frames are all lost.
 #[derive(Debug, Clone, Default)]
-pub struct Known {
+pub struct GivenSettings {
     /// By address.
     pub of: BTreeMap<u8, Settings>,
     /// For all others.
     pub any: Option<Settings>,
 }
 
-impl Known {
+impl GivenSettings {
     fn at(&self, address: u8) -> Option<Settings> {
         self.of.get(&address).copied().or(self.any)
     }
 }
 
-impl From<Option<Settings>> for Known {
+impl From<Option<Settings>> for GivenSettings {
     fn from(any: Option<Settings>) -> Self {
         Self {
             any,
@@ -207,169 +38,92 @@ impl From<Option<Settings>> for Known {
 /// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
 pub type Name = (u8, u8, u32, u64);
 
-/// Most strikes of a bead of which it is remembered that they were handed on whole.
-const REMEMBERED: usize = 1 << 16;
-
-fn name(address: u8, boot: u8, strike: &Strike) -> Name {
-    (address, boot, strike.strike, strike.first_index)
+fn name(strike: &RecordedStrike) -> Name {
+    (
+        strike.address,
+        strike.boot,
+        strike.said.strike,
+        strike.said.first_index,
+    )
 }
 
-/// The strikes that were sent once more in `frames`, and came whole.
-pub fn sent_again(frames: impl IntoIterator<Item = Frame>) -> BTreeSet<Name> {
-    let mut again = Again::default();
-    let whole = |frame: Frame| match &frame.message {
-        Message::Fetched(fetched) => {
-            let address = frame.header.address;
-            let whole = again.take(address, fetched)?;
-            Some(name(address, whole.boot as u8, &whole.strike))
-        }
-        _ => None,
-    };
-    frames.into_iter().filter_map(whole).collect()
-}
-
-/// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
-/// strikes of the newest frames of each bead.
-#[derive(Debug, Clone)]
-pub struct Strikes<I> {
-    frames: I,
-    known: Known,
+/// Collects the names of the strikes that are fetched in the frames of a line.
+#[derive(Clone, Debug, Default)]
+pub struct FetchedNames {
     /// By address.
-    boots: HashMap<u8, Boot>,
-    ready: VecDeque<RecordedStrike>,
-    again: Again,
-    /// Strikes that come once more, further on.
-    to_come: BTreeSet<Name>,
-    /// By address: strikes that were handed on whole.
-    whole: HashMap<u8, BTreeSet<Name>>,
-    /// By address: restarts so far.
-    restarts: HashMap<u8, usize>,
+    frames: BTreeMap<u8, FetchedFrames>,
+    names: BTreeSet<Name>,
 }
 
-impl<I: Iterator<Item = Frame>> Strikes<I> {
-    /// The strikes in `frames`. `known` are settings that the bead was given; they serve for a boot whose
-    /// settings frames are all lost.
-    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: impl Into<Known>) -> Self {
-        Self {
-            frames: frames.into_iter(),
-            known: known.into(),
-            boots: HashMap::new(),
-            ready: VecDeque::new(),
-            again: Again::default(),
-            to_come: BTreeSet::new(),
-            whole: HashMap::new(),
-            restarts: HashMap::new(),
+impl FetchedNames {
+    /// Takes the next frame.
+    pub fn push(&mut self, frame: &Frame) {
+        let address = frame.header.address;
+        match frame.arrival {
+            Arrival::Duplicate => return,
+            Arrival::Restart { .. } => _ = self.frames.remove(&address),
+            _ => {}
+        }
+        if let Message::Fetched(fetched) = &frame.message {
+            let strike = self.frames.entry(address).or_default().push(address, fetched);
+            self.names.extend(strike.as_ref().map(name));
         }
     }
 
-    /// The same, if it is known which strikes come once more ([`sent_again`]): of a strike that is missing a
-    /// part where it came first, only the second copy is handed on.
-    pub fn knowing(self, sent_again: BTreeSet<Name>) -> Self {
+    /// The names of all strikes of which a fetched copy came.
+    pub fn finish(self) -> BTreeSet<Name> {
+        self.names
+    }
+}
+
+/// The strikes in frames, an iterator. Each strike comes once: a fetched one in place of a copy that lacks a part. Memory:
+/// the newest strikes of each bead.
+#[derive(Debug, Clone)]
+pub struct Strikes<I> {
+    frames: I,
+    given: GivenSettings,
+    /// Strikes that are fetched further on.
+    fetched: Arc<BTreeSet<Name>>,
+    assembly: Assembly,
+    ready: VecDeque<RecordedStrike>,
+}
+
+impl<I: Iterator<Item = Frame>> Strikes<I> {
+    /// The strikes in `frames`. A strike of a boot whose settings frames are all lost gets the `given` settings.
+    pub fn new(frames: impl IntoIterator<IntoIter = I>, given: impl Into<GivenSettings>) -> Self {
         Self {
-            to_come: sent_again,
+            frames: frames.into_iter(),
+            given: given.into(),
+            fetched: Arc::default(),
+            assembly: Assembly::default(),
+            ready: VecDeque::new(),
+        }
+    }
+
+    /// Leaves out copies with a missing part of strikes that are `fetched` further on ([`FetchedNames`]).
+    #[must_use]
+    pub fn with_fetched(self, fetched: impl Into<Arc<BTreeSet<Name>>>) -> Self {
+        Self {
+            fetched: fetched.into(),
             ..self
         }
     }
 
-    /// Hands strikes on, each once.
-    fn hand_on(&mut self, strikes: Vec<RecordedStrike>) {
-        for strike in strikes {
-            let name = name(strike.address, strike.boot, &strike.said);
-            let is_whole = strike.missing() == 0 && strike.shape.is_some();
-            let whole = self.whole.entry(strike.address).or_default();
-            if whole.contains(&name) || !is_whole && self.to_come.contains(&name) {
-                continue;
-            }
-            if is_whole {
-                whole.insert(name);
-                while whole.len() > REMEMBERED {
-                    whole.pop_first();
-                }
-            }
-            self.ready.push_back(strike);
-        }
-    }
-
-    /// Where the frames come from.
+    /// The frames that are still to come.
     pub fn frames(&self) -> &I {
         &self.frames
     }
 
-    fn take(&mut self, frame: Frame) {
-        let address = frame.header.address;
-        match frame.arrival {
-            Arrival::Restart { .. } => {
-                let boot = self.boots.remove(&address).unwrap_or_default();
-                self.hand_on(boot.end(self.known.at(address)));
-                *self.restarts.entry(address).or_default() += 1;
-                if frame.header.boot == 0 {
-                    // After a power cycle strikes have the same names again.
-                    self.whole.remove(&address);
-                }
+    fn strike(&self, event: Event) -> Option<RecordedStrike> {
+        let mut strike = match event {
+            Event::Restart(_) => return None,
+            Event::Whole(assembled) => assembled.strike,
+            Event::Gap(assembled) => {
+                Some(assembled.strike).filter(|strike| !self.fetched.contains(&name(strike)))?
             }
-            Arrival::Duplicate => return,
-            _ => {}
-        }
-        if let Message::Fetched(fetched) = &frame.message {
-            if let Some(whole) = self.again.take(address, fetched) {
-                let uid = self.boots.get(&address).and_then(|boot| boot.uid);
-                let strike = RecordedStrike {
-                    uid,
-                    sample_rate_hz: frame.sample_rate_hz,
-                    ..RecordedStrike::from_whole(address, whole)
-                };
-                self.hand_on(vec![strike]);
-            }
-            return;
-        }
-        let boot = self.boots.entry(address).or_default();
-        let newest = boot.frames.of(frame.header.sequence);
-        match frame.message {
-            Message::Settings(settings) => {
-                let settings = Settings::decode(settings.block.bytes()).ok();
-                // Settings come every second and rarely change.
-                let is_new = settings.as_ref() != boot.settings.last_entry().as_ref().map(|last| last.get());
-                let settings = settings.filter(|_| is_new);
-                boot.settings.extend(settings.map(|settings| (newest, settings)));
-                while boot.settings.len() > WAITING {
-                    boot.settings.pop_first();
-                }
-            }
-            Message::Identity(identity) => boot.uid = Some(identity.uid),
-            Message::Waveform(waveform) => {
-                let number = boot.numbers.of(waveform.strike);
-                let waveforms = boot.waveforms.entry(number).or_default();
-                if waveforms.len() < usize::from(WINDOW_MAX) {
-                    waveforms.push(waveform);
-                }
-                while boot.waveforms.len() > WAITING {
-                    boot.waveforms.pop_first();
-                }
-            }
-            Message::Strike(strike) => {
-                let recorded = RecordedStrike {
-                    boot: frame.header.boot,
-                    nth_boot: Some(self.restarts.get(&address).copied().unwrap_or_default()),
-                    uid: boot.uid,
-                    sample_rate_hz: frame.sample_rate_hz,
-                    received_ns: frame.received_ns,
-                    ..RecordedStrike::new(address, strike)
-                };
-                boot.strikes
-                    .insert(boot.numbers.of(strike.strike), (newest, recorded));
-            }
-            Message::Shape(shape) => {
-                boot.shapes.insert(boot.numbers.of(shape.strike), shape);
-                while boot.shapes.len() > WAITING {
-                    boot.shapes.pop_first();
-                }
-            }
-            _ => {}
-        }
-        if frame.arrival != Arrival::Late {
-            let settled = boot.settled(newest, self.known.at(address));
-            self.hand_on(settled);
-        }
+        };
+        strike.settings = strike.settings.or(self.given.at(strike.address));
+        Some(strike)
     }
 }
 
@@ -381,79 +135,26 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
             if let Some(strike) = self.ready.pop_front() {
                 return Some(strike);
             }
-            match self.frames.next() {
-                Some(frame) => self.take(frame),
-                None => {
-                    let mut boots: Vec<_> = self.boots.drain().collect();
-                    boots.sort_by_key(|(address, _)| *address);
-                    for (address, boot) in boots {
-                        self.hand_on(boot.end(self.known.at(address)));
-                    }
-                    return self.ready.pop_front();
-                }
-            }
+            let events = match self.frames.next() {
+                Some(frame) => self.assembly.push(&frame),
+                None => Some(self.assembly.end()).filter(|events| !events.is_empty())?,
+            };
+            let strikes: Vec<_> = events
+                .into_iter()
+                .filter_map(|event| self.strike(event))
+                .collect();
+            self.ready.extend(strikes);
         }
-    }
-}
-
-impl Boot {
-    /// The strikes that are complete at the frame with the number `newest`.
-    fn settled(&mut self, newest: i64, known: Option<Settings>) -> Vec<RecordedStrike> {
-        let mut settled = Vec::new();
-        while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
-            let is_settled = newest - told > SETTLED && !self.settings.is_empty();
-            if !is_settled && self.strikes.len() <= WAITING {
-                break;
-            }
-            settled.extend(self.assemble(strike, known));
-        }
-        settled
-    }
-
-    /// All strikes that are left.
-    fn end(mut self, known: Option<Settings>) -> Vec<RecordedStrike> {
-        let strikes: Vec<i64> = self.strikes.keys().copied().collect();
-        strikes
-            .into_iter()
-            .filter_map(|strike| self.assemble(strike, known))
-            .collect()
-    }
-
-    /// Takes one strike out, and everything before it.
-    fn assemble(&mut self, strike: i64, known: Option<Settings>) -> Option<RecordedStrike> {
-        let (told, mut recorded) = self.strikes.remove(&strike)?;
-        let said = recorded.said;
-        recorded.shape = self.shapes.remove(&strike);
-        recorded.settings = self.settings_before(told).or(known);
-        let mut waveforms = self.waveforms.remove(&strike).unwrap_or_default();
-        waveforms.sort_by_key(|waveform| waveform.first_index);
-        for waveform in &waveforms {
-            if Some(waveform.first_index) != said.first_index.checked_add(recorded.scans.len() as u64) {
-                break;
-            }
-            recorded.push(waveform);
-        }
-        // Parts of strikes before this one have lost their strike frame.
-        self.waveforms = self.waveforms.split_off(&strike);
-        self.shapes = self.shapes.split_off(&strike);
-        Some(recorded)
-    }
-
-    /// The last settings before a frame. If those frames are all lost, the first settings after it, as
-    /// settings rarely change. Settings before these are forgotten.
-    fn settings_before(&mut self, sequence: i64) -> Option<Settings> {
-        if let Some((&told, &settings)) = self.settings.range(..sequence).next_back() {
-            self.settings = self.settings.split_off(&told);
-            return Some(settings);
-        }
-        self.settings.first_key_value().map(|(_, settings)| *settings)
     }
 }
 
 /// The strikes in `frames`: see [`Strikes`].
-pub fn assemble(frames: Vec<Frame>, known: Option<Settings>) -> Vec<RecordedStrike> {
-    let sent_again = sent_again(frames.iter().cloned());
-    Strikes::new(frames, known).knowing(sent_again).collect()
+pub fn assemble(frames: Vec<Frame>, given: Option<Settings>) -> Vec<RecordedStrike> {
+    let mut fetched = FetchedNames::default();
+    frames.iter().for_each(|frame| fetched.push(frame));
+    Strikes::new(frames, given)
+        .with_fetched(fetched.finish())
+        .collect()
 }
 
 #[cfg(test)]
@@ -462,7 +163,7 @@ mod tests {
     use crate::recording::frames::decode;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
     use bead_model::settings::BLOCK_MAX;
-    use bead_wire::{Block, Header, Kind, MAX_FRAME, encode};
+    use bead_wire::{Block, Header, Kind, MAX_FRAME, Strike, encode};
 
     #[test]
     fn a_strike_has_the_settings_told_last_before_it_also_where_numbers_begin_anew() {
@@ -496,71 +197,6 @@ mod tests {
             told,
             [(7, 0, Some(0)), (7, 0, Some(1)), (7, 1, Some(2)), (8, 0, Some(0))]
         );
-    }
-
-    #[test]
-    fn strikes_that_count_down_and_settings_that_change_wait_in_bounded_room() {
-        let count = 1000_u32;
-        let Message::Strike(said) = drawn(Kind::Strike) else {
-            panic!("a strike");
-        };
-        let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        let mut strikes = Strikes::new([], None);
-        for number in 0..count {
-            settings.window.threshold = 50 + number as u16 % 2;
-            let mut block = [0; BLOCK_MAX];
-            let length = settings.encode(&mut block).unwrap();
-            let block = Block::try_from(&block[..length]).unwrap();
-            let mut told = Frame::of(0, 0, Arrival::Next { lost: 0 }, bead_wire::Settings { block });
-            told.header.sequence = number;
-            Strikes::take(&mut strikes, told);
-            assert!(strikes.boots[&0].settings.len() <= WAITING);
-        }
-        for number in (0..count).rev() {
-            let strike = Strike {
-                strike: number,
-                ..said
-            };
-            let mut told = Frame::of(0, 0, Arrival::Next { lost: 0 }, strike);
-            told.header.sequence = 2 * count - number;
-            Strikes::take(&mut strikes, told);
-            assert!(strikes.boots[&0].strikes.len() <= WAITING);
-        }
-        assert_eq!(strikes.count(), count as usize);
-    }
-
-    #[test]
-    fn strikes_of_one_bead_make_those_of_no_other_forgotten_and_a_power_cycle_only_its_own() {
-        let Message::Strike(strike) = drawn(Kind::Strike) else {
-            panic!("a strike");
-        };
-        let Message::Shape(shape) = drawn(Kind::Shape) else {
-            panic!("a shape");
-        };
-        let whole = |address: u8, number: u32| RecordedStrike {
-            shape: Some(shape),
-            ..RecordedStrike::new(
-                address,
-                Strike {
-                    strike: number,
-                    ..strike
-                },
-            )
-        };
-        let mut strikes = Strikes::new([], None);
-        let is_new = |strikes: &mut Strikes<_>, strike: RecordedStrike| {
-            strikes.hand_on(vec![strike]);
-            strikes.ready.drain(..).count() == 1
-        };
-        assert!(is_new(&mut strikes, whole(0, 5)));
-        let mut numbers = 0..=REMEMBERED as u32;
-        assert!(numbers.all(|number| is_new(&mut strikes, whole(9, number))));
-        assert_eq!(strikes.whole[&9].len(), REMEMBERED);
-        assert!(!is_new(&mut strikes, whole(0, 5)));
-        let restart = Frame::of(9, 0, Arrival::Restart { lost: 0 }, drawn(Kind::Health));
-        Strikes::take(&mut strikes, restart);
-        assert!(is_new(&mut strikes, whole(9, 7)));
-        assert!(!is_new(&mut strikes, whole(0, 5)));
     }
 
     /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first`

@@ -13,7 +13,7 @@ use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::Conversation;
-use crate::recording::again::Again;
+use crate::recording::assembly::{Assembly, Event};
 use crate::recording::file::{About, Writer};
 use crate::recording::frames::Frame;
 
@@ -190,7 +190,7 @@ fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
 /// The frames of a strike, each of which came once at least.
 fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
     let (boot, strike) = (kept.boot, kept.strike);
-    let mut again = Again::default();
+    let mut assembly = Assembly::default();
     let mut frames = Vec::new();
     for _ in 0..ATTEMPTS {
         let answer = bead.request(&Request::Fetch { boot, strike })?;
@@ -204,13 +204,16 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
             _ => return Err(answer.refusal().into()),
         }
         for frame in answer.frames {
-            let whole = match &frame.message {
-                // What was asked for before may still come.
-                Message::Fetched(fetched) if (fetched.boot, fetched.strike) == (boot, strike) => {
-                    again.take(frame.header.address, fetched).is_some()
-                }
-                _ => continue,
-            };
+            // What was asked for before may still come.
+            let is_its = matches!(&frame.message, Message::Fetched(fetched)
+                if (fetched.boot, fetched.strike) == (boot, strike));
+            if !is_its {
+                continue;
+            }
+            let whole = assembly
+                .push(&frame)
+                .iter()
+                .any(|event| matches!(event, Event::Whole(_)));
             frames.push(frame);
             if whole {
                 return Ok(frames);

@@ -18,7 +18,7 @@ use std::thread::{self, ScopedJoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{iter, panic};
 
-use bead_wire::{Arrival, Counters, Fault, Header, Message, Strike};
+use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 
@@ -28,11 +28,11 @@ use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::printer::Printer;
-use crate::line::gaps::{Gaps, Newest};
+use crate::line::gaps::Gaps;
 use crate::line::listener::{End, Listener, Shared};
 use crate::line::port::{Address, Port, all_serial};
 use crate::line::queue::{Closed, Queue};
-use crate::recording::again::Whole;
+use crate::recording::assembly::Assembled;
 use crate::recording::clock::{Live, Segment};
 use crate::recording::file::{About, Lane, Origin, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item, Reader};
@@ -364,8 +364,6 @@ struct Recorder {
     /// By port and address.
     gaps: BTreeMap<(usize, u8), Gaps>,
     fetch: bool,
-    /// Strikes that were printed, by port, address, boot and number.
-    printed: Newest<(usize, u8, u8, u32)>,
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
     format: Format,
@@ -424,7 +422,6 @@ impl Recorder {
             strikes: 0,
             gaps: BTreeMap::new(),
             fetch: !arguments.no_fetch,
-            printed: Newest::default(),
             from_the_future: None,
             format: arguments.format,
             printer: Printer::new(format!("listening to {names}")),
@@ -476,7 +473,7 @@ impl Recorder {
             match queue.pop(LOOK_EVERY) {
                 Ok(Some((source, _, bytes))) if bytes.is_empty() => {
                     let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
-                    of_port.for_each(|(_, gaps)| gaps.came_back());
+                    of_port.for_each(|(_, gaps)| gaps.reconnect());
                 }
                 Ok(Some((source, received, bytes))) => {
                     let since = received.duration_since(self.opened);
@@ -551,7 +548,6 @@ impl Recorder {
             live,
             strikes,
             gaps,
-            printed,
             from_the_future,
             format,
             printer,
@@ -570,24 +566,21 @@ impl Recorder {
             let gaps = gaps
                 .entry((source, address))
                 .or_insert_with(|| Gaps::new(address));
-            if let Arrival::Restart { .. } = frame.arrival {
-                // After a power cycle strikes have the same names again.
-                let begun = (source, address, frame.header.boot);
-                printed.forget(|(source, address, boot, _)| (source, address, boot) == begun);
+            let fetched = gaps.push(&frame, now);
+            let is_known = fetched
+                .as_ref()
+                .and_then(|strike| strike.fetched)
+                .is_some_and(|copy| copy.before.result);
+            if is_known {
+                return;
             }
-            let fetched = gaps.note(&frame, now);
-            let is_fetched = fetched.is_some();
-            let frame = fetched.map_or(frame.clone(), |whole| said_again(&frame, whole));
+            let suffix = if fetched.is_some() { ", fetched" } else { "" };
+            let frame = fetched.map_or(frame.clone(), |strike| as_measured(&frame, &strike));
             let line = match &frame.message {
                 Message::Strike(strike) => {
-                    let is_new = printed.insert((source, address, frame.header.boot, strike.strike));
-                    if is_fetched && !is_new {
-                        return;
-                    }
                     *strikes += 1;
                     from.strikes += 1;
-                    let fetched = if is_fetched { ", fetched" } else { "" };
-                    strike_line(&frame, strike) + fetched
+                    strike_line(&frame, strike) + suffix
                 }
                 Message::Fault(fault) => fault_line(fault),
                 _ => return,
@@ -619,14 +612,11 @@ impl Recorder {
     }
 }
 
-/// The strike frame of a strike that was fetched, as if it had come when it was measured.
-fn said_again(frame: &Frame, whole: Whole) -> Frame {
+/// The strike frame of a fetched strike.
+fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
     Frame {
-        header: Header {
-            boot: whole.boot as u8,
-            ..frame.header
-        },
-        message: whole.strike.into(),
+        header: fetched.header,
+        message: fetched.strike.said.into(),
         ..frame.clone()
     }
 }

@@ -1,6 +1,6 @@
 //! Reads recordings, piece by piece.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -8,7 +8,8 @@ use crate::recording::file::about::{About, Origin, Part};
 use crate::recording::file::error::RecordingError;
 use crate::recording::file::found::{Found, Lanes, OfBead};
 use crate::recording::file::walk::{State, Walk};
-use crate::recording::frames::{Frames, Piece};
+use crate::recording::frames::{Frames, Item, Piece};
+use crate::recording::strikes::{FetchedNames, Name};
 
 /// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,8 +27,8 @@ pub struct Recording {
     pub runs_missing: u64,
     /// Whether this is all.
     pub state: State,
-    /// Whether there are strikes in it that were fetched.
-    pub(in crate::recording) has_fetched: bool,
+    /// The strikes that were fetched.
+    pub(in crate::recording) fetched: Arc<BTreeSet<Name>>,
     lanes: Arc<Lanes>,
     /// The bead that is looked at, if it is one of several.
     only: Option<u8>,
@@ -71,16 +72,9 @@ impl Recording {
     }
 
     fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
-        // The bytes of a frame begin with a length of COBS, the version, and the kind.
-        let fetched = |piece: &Piece| {
-            piece.bytes.get(1..3) == Some(&[bead_wire::VERSION, bead_wire::Kind::Fetched as u8])
-        };
-        let mut has_fetched = false;
-        let mut pieces = Pieces::open(path, damaged, Lanes::default())?;
-        pieces.by_ref().for_each(|piece| has_fetched |= fetched(&piece));
+        let (mut pieces, mut fetched) = Self::pass(path, damaged, Lanes::default())?;
         if pieces.found.knew_too_late() {
-            pieces = Pieces::open(path, damaged, pieces.found.lanes)?;
-            pieces.by_ref().for_each(|piece| has_fetched |= fetched(&piece));
+            (pieces, fetched) = Self::pass(path, damaged, pieces.found.lanes)?;
         }
         let Pieces { found, walk, .. } = pieces;
         let (runs, runs_missing) = found.counts(None);
@@ -108,10 +102,20 @@ impl Recording {
             runs,
             runs_missing,
             state: walk.state,
-            has_fetched,
+            fetched: Arc::new(fetched.finish()),
             lanes: Arc::new(found.lanes),
             only: None,
         })
+    }
+
+    /// Reads a file through.
+    fn pass(path: &Path, damaged: bool, lanes: Lanes) -> Result<(Pieces, FetchedNames), RecordingError> {
+        let mut pieces = Pieces::open(path, damaged, lanes)?;
+        let mut fetched = FetchedNames::default();
+        Frames::new(pieces.by_ref())
+            .filter_map(Item::frame)
+            .for_each(|frame| fetched.push(&frame));
+        Ok((pieces, fetched))
     }
 
     /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
@@ -127,7 +131,7 @@ impl Recording {
             runs: bead.runs,
             runs_missing: bead.runs_missing,
             state: self.state.clone(),
-            has_fetched: self.has_fetched,
+            fetched: Arc::clone(&self.fetched),
             lanes: Arc::clone(&self.lanes),
             only: Some(bead.origin.address),
         }

@@ -8,7 +8,7 @@ use mcap::McapResult;
 use mcap::records::MessageHeader;
 
 use crate::recording::file::about::Origin;
-use crate::recording::file::channels::{Channels, Said};
+use crate::recording::file::channels::{ChannelMessage, Channels};
 use crate::recording::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
 use crate::recording::file::times::Clock;
 use crate::recording::frames::{Item, Reader};
@@ -75,9 +75,9 @@ impl Stream {
         self.bytes
     }
 
-    /// Whether no strike is on its way.
-    pub(super) fn rests(&self) -> bool {
-        self.channels.rest()
+    /// True if no strike is on its way.
+    pub(super) fn is_idle(&self) -> bool {
+        self.channels.are_idle()
     }
 
     pub(super) fn counters(&self) -> &Counters {
@@ -101,7 +101,7 @@ impl Stream {
         if let Some(received_ns) = received_ns {
             self.clock.receive(received_ns);
         }
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         for byte in bytes {
             let Self {
                 reader,
@@ -117,7 +117,7 @@ impl Stream {
                         clock.sample_rate_hz = identity.sample_rate_hz;
                     }
                     clock.tick(frame.header.sample_index, frame.arrival);
-                    said.extend(channels.take(frame));
+                    messages.extend(channels.push(frame));
                 }
                 sink(item);
             });
@@ -131,13 +131,11 @@ impl Stream {
                     self.noise.append(&mut self.run);
                     self.noise.push(0);
                 }
-                0 => self.end(mcap)?,
-                _ if self.run.len() == LONGEST_RUN => self.end(mcap)?,
+                0 => self.end_run(mcap)?,
+                _ if self.run.len() == LONGEST_RUN => self.end_run(mcap)?,
                 _ => {}
             }
-            for Said { channel, data } in said.drain(..) {
-                self.message(mcap, channel, self.written.wrapping_sub(1), &data)?;
-            }
+            self.write_messages(mcap, messages.drain(..))?;
         }
         self.end_noise(mcap)?;
         if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
@@ -166,10 +164,29 @@ impl Stream {
     }
 
     /// Writes the run that has come so far.
-    pub(super) fn end<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    fn end_run<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
         self.end_noise(mcap)?;
         let run = std::mem::take(&mut self.run);
         self.put(mcap, run)
+    }
+
+    /// Writes all that waits, for no more bytes come.
+    pub(super) fn end<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        self.end_run(mcap)?;
+        let messages = self.channels.end();
+        self.write_messages(mcap, messages)
+    }
+
+    /// Writes messages for other programs, with the number of the last run.
+    fn write_messages<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        messages: impl IntoIterator<Item = ChannelMessage>,
+    ) -> McapResult<()> {
+        let number = self.written.wrapping_sub(1);
+        messages
+            .into_iter()
+            .try_for_each(|ChannelMessage { channel, data }| self.message(mcap, channel, number, &data))
     }
 
     /// Writes a run, or several with delimiters between them.

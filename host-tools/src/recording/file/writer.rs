@@ -229,7 +229,7 @@ impl Writer {
         if age < after && self.index() < LONGEST_INDEX {
             return Ok(None);
         }
-        if !self.streams.iter().all(Stream::rests) && age < after.saturating_add(PATIENCE) {
+        if !self.streams.iter().all(Stream::is_idle) && age < after.saturating_add(PATIENCE) {
             return Ok(None);
         }
         let target = self.target.clone().replacing(false);

@@ -1,0 +1,120 @@
+//! A strike as it was received: the bead's result, the samples, and the settings in force.
+
+use bead_model::Scan;
+use bead_model::settings::Settings;
+use bead_wire::{Energy, Shape, Strike, Waveform};
+
+/// Energies as they stood after a run of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chunk {
+    /// Number of samples of the window up to the end of this chunk.
+    pub end: usize,
+    /// Estimate A.
+    pub absorbed_measured: Energy,
+    /// Estimate B.
+    pub absorbed_predicted: Energy,
+}
+
+/// ADC codes of one scan: force, then acceleration, at either gain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ScanCodes {
+    /// At the high gain.
+    pub sensitive: [u16; 2],
+    /// At the low gain, where they had a part in the estimates.
+    pub wide: Option<[u16; 2]>,
+}
+
+impl ScanCodes {
+    /// The codes as the bead had them. Codes that had no part in the estimates are 0.
+    pub fn scan(&self) -> Scan {
+        let ([force, acceleration], [force_wide, acceleration_wide]) =
+            (self.sensitive, self.wide.unwrap_or_default());
+        Scan::new([force, force_wide, acceleration, acceleration_wide])
+    }
+}
+
+/// A strike as it was received.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedStrike {
+    /// Address of the bead that was struck.
+    pub address: u8,
+    /// Low byte of the boot number of the bead.
+    pub boot: u8,
+    /// Number of the boot among those that were received of this bead, from 0: after a power cycle the low byte is
+    /// the same again. `None` for a fetched strike, whose frames only have the byte.
+    pub nth_boot: Option<usize>,
+    /// Unique device id of the bead, `None` before its identity came.
+    pub uid: Option<[u8; 12]>,
+    /// Scans a second, Hz, by the last identity of the bead before the strike.
+    pub sample_rate_hz: Option<u32>,
+    /// Receive time of the strike frame, ns since 1970. `None` if it is unknown, and for a fetched strike.
+    pub received_ns: Option<u64>,
+    /// The bead's result.
+    pub said: Strike,
+    /// The bead's measures of its shape, if they were received.
+    pub shape: Option<Shape>,
+    /// Codes of the window from its start up to the first gap.
+    pub scans: Vec<ScanCodes>,
+    /// The chunks that the codes came in.
+    pub chunks: Vec<Chunk>,
+    /// The settings in force, if any were received.
+    pub settings: Option<Settings>,
+}
+
+impl RecordedStrike {
+    /// A strike of which no samples were received yet.
+    pub fn new(address: u8, said: Strike) -> Self {
+        Self {
+            address,
+            boot: 0,
+            nth_boot: None,
+            uid: None,
+            sample_rate_hz: None,
+            received_ns: None,
+            said,
+            shape: None,
+            scans: Vec::new(),
+            chunks: Vec::new(),
+            settings: None,
+        }
+    }
+
+    /// Scans a second, Hz: as the bead's identity said, else as the settings hold for.
+    pub fn rate(&self) -> Option<u32> {
+        let of_settings = self.settings.map(|settings| settings.sample_rate_hz);
+        self.sample_rate_hz.or(of_settings).filter(|rate| *rate > 0)
+    }
+
+    /// Number of samples of the window that were not received, or came after a gap.
+    pub fn missing(&self) -> usize {
+        usize::from(self.said.samples).saturating_sub(self.scans.len())
+    }
+
+    /// Appends the samples of a waveform frame. A frame without samples, which no bead sends, is ignored.
+    pub fn push(&mut self, waveform: &Waveform) {
+        if waveform.codes.is_empty() {
+            return;
+        }
+        push_scans(&mut self.scans, waveform);
+        self.chunks.push(Chunk {
+            end: self.scans.len(),
+            absorbed_measured: waveform.absorbed_measured,
+            absorbed_predicted: waveform.absorbed_predicted,
+        });
+    }
+}
+
+/// Appends the scans of a waveform frame to those before it.
+fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
+    let sensitive = waveform.codes.iter();
+    let mut wide = waveform.wide.iter();
+    // The codes at the low gain begin with the two scans before those of the frame, or are not there.
+    let before = wide.len().saturating_sub(sensitive.len());
+    let before: Vec<_> = wide.by_ref().take(before).collect();
+    for (scan, wide) in scans.iter_mut().rev().zip(before.into_iter().rev()) {
+        scan.wide = Some(wide);
+    }
+    let wide = wide.map(Some).chain(std::iter::repeat(None));
+    let codes = sensitive.zip(wide);
+    scans.extend(codes.map(|(sensitive, wide)| ScanCodes { sensitive, wide }));
+}
