@@ -12,7 +12,7 @@
 //! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
 //! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
 //! | [`waveform`] | force and acceleration over time from files of other instruments |
-//! | [`mod@line`] | ports, and conversations with a bead |
+//! | [`mod@line`] | ports, conversations with a bead, and the recorder |
 //! | [`recording`] | files of received bytes, their frames, strikes and clocks |
 //! | [`tables`] | Parquet, CSV, units, printable text, files that appear whole |
 

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::bench::emulation::{Emulation, Placed, Ran};
 use crate::bench::error::BenchError;
-use crate::recording::file::{Lane, RecordingError, Writer};
+use crate::recording::file::{BeadIndex, RecordingError, Writer};
 
 /// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
@@ -187,22 +187,22 @@ fn deaf_to_line(strike: &Strike, history: u16) -> Range<f64> {
     strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE
 }
 
-/// Records what all beads sent, each in its lane, in the order of time.
+/// Records the bytes of all beads, in the order of time.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(ran: &[(Lane, &Ran, f64)], writer: &mut Writer) -> Result<(), RecordingError> {
+pub fn write(ran: &[(BeadIndex, &Ran, f64)], writer: &mut Writer) -> Result<(), RecordingError> {
     let mut pieces: Vec<_> = ran
         .iter()
-        .flat_map(|(lane, ran, began)| {
+        .flat_map(|(bead, ran, began)| {
             let zero_ns = (began * 1e9).round() as u64;
-            ran.pieces(zero_ns).map(move |(at, bytes)| (at, *lane, bytes))
+            ran.pieces(zero_ns).map(move |(at, bytes)| (at, *bead, bytes))
         })
         .collect();
     // Of pieces at one time, the first bead's is first.
     pieces.sort_by_key(|(at, ..)| *at);
-    for (at, lane, bytes) in pieces {
-        writer.write_of(lane, bytes, Some(at), |_| {})?;
+    for (at, bead, bytes) in pieces {
+        writer.write_of(bead, bytes, Some(at), |_| {})?;
     }
     Ok(())
 }

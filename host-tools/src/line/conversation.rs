@@ -25,19 +25,19 @@ use bead_wire::{
 };
 
 use crate::line::port::{Address, Port, PortError};
-use crate::line::seen::Seen;
+use crate::line::silence::Evidence;
 use crate::recording::frames::{Frame, Reader};
 
-/// How often a request is sent before the bead counts as silent.
+/// Number of times that a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
-/// When one bead has replied, another one's reply to the same request may come so much later: a bead whose
-/// line is busy holds a reply back for 20 ms, and a network may do so too.
+/// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a reply back
+/// for 20 ms, and a network may do so too.
 const OTHERS: Duration = Duration::from_millis(200);
 /// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the
 /// memory. The frames of an answer are the last ones before its reply, and far fewer.
 const FRAMES: usize = 4096;
 
-/// Why a conversation fails. The message is one line: what, why, what next.
+/// An error of a conversation. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
     /// The port does not open.
@@ -46,9 +46,9 @@ pub enum LineError {
     /// The port fails or goes away.
     #[error("{what}: {source}")]
     Gone {
-        /// What was tried.
+        /// The action that failed.
         what: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// No answer comes, or not all of it.
@@ -77,22 +77,22 @@ pub struct Conversation {
     patience: Duration,
     key: Option<Key>,
     identity: Option<Identity>,
-    seen: Seen,
+    evidence: Evidence,
 }
 
-/// What a bead answered.
+/// The answer of a bead.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// What the bead sent after the first copy of the request, without the reply. Of thousands, the newest.
+    /// Frames of the bead after the first copy of the request, without the reply. Of thousands, the newest.
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
     /// The address of the bead that replied.
     pub address: u8,
-    /// Whether a frame of the bead was lost before one of these or before the reply. What was lost before the
-    /// first frame of a conversation is unknown.
+    /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first frame of
+    /// a conversation are unknown.
     pub lost: bool,
-    /// Whether every bead on the line was asked, and something came damaged: replies of several collide.
+    /// True if every bead on the line was asked, and something came damaged: replies of several collide.
     collided: bool,
 }
 
@@ -103,9 +103,10 @@ impl Answer {
     /// No frame is wanted: it was lost.
     pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
-            let next = match self.collided {
-                true => "ask again, and if several beads share the line, one of them: --address N",
-                false => "ask again",
+            let next = if self.collided {
+                "ask again, and if several beads share the line, one of them: --address N"
+            } else {
+                "ask again"
             };
             LineError::Silent(format!(
                 "the bead at address {} replied, but its {what} was lost on the way; {next}",
@@ -114,7 +115,7 @@ impl Answer {
         })
     }
 
-    /// What the bead refused, and why.
+    /// The refusal, with its reason.
     pub fn refusal(&self) -> LineError {
         let Reply { outcome, detail, .. } = &self.reply;
         let name = outcome.to_string().replace('_', " ");
@@ -123,9 +124,10 @@ impl Answer {
             _ => "",
         };
         let who = format!("the bead at address {} refused: {name}", self.address);
-        LineError::Refused(match detail.as_str().is_empty() {
-            true => who,
-            false => format!("{who}; {}{next}", detail.as_str()),
+        LineError::Refused(if detail.as_str().is_empty() {
+            who
+        } else {
+            format!("{who}; {}{next}", detail.as_str())
         })
     }
 }
@@ -150,7 +152,7 @@ impl Conversation {
             patience,
             key: None,
             identity: None,
-            seen: Seen::default(),
+            evidence: Evidence::default(),
         })
     }
 
@@ -159,7 +161,7 @@ impl Conversation {
         self.key = key;
     }
 
-    /// Whether this key is the bead's: asks it to do something that changes nothing, signed.
+    /// Asks the bead, signed, to do something that changes nothing. True if this key is the bead's.
     ///
     /// # Errors
     /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have
@@ -231,7 +233,7 @@ impl Conversation {
         })
     }
 
-    /// Asks for `request`: sends what `sealed` makes of it for its number and each attempt.
+    /// Sends a request until a reply comes. `sealed` makes the copy for its number and each attempt.
     fn ask(&mut self, request: &Request, sealed: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
         let asked = self.asked;
         // By these a bead may get another address, under which it replies. The number of the request is its
@@ -243,7 +245,7 @@ impl Conversation {
         }
         let number = self.next;
         self.next = self.next.wrapping_add(1);
-        self.seen.begin();
+        self.evidence.begin();
         let rejected = self.reader.counters().rejected.total();
         let mut frames = VecDeque::new();
         for attempt in 0..ATTEMPTS {
@@ -277,7 +279,7 @@ impl Conversation {
                 }
                 if moves {
                     // Its frames under the address before are no other bead's.
-                    self.seen.only(address);
+                    self.evidence.note_alone(address);
                 }
                 frames.retain(|frame| frame.header.address == address);
                 let mut arrivals = frames.iter().map(|frame| frame.arrival).chain([arrival]);
@@ -297,7 +299,7 @@ impl Conversation {
 
     /// Refuses where a bead was to be alone, and frames of several came.
     fn is_alone(&self) -> Result<(), LineError> {
-        match self.seen.several().filter(|_| self.asked == ANY) {
+        match self.evidence.several().filter(|_| self.asked == ANY) {
             Some(beads) => Err(LineError::Several(format!(
                 "beads at the addresses {beads} are at {}, and this is for one of them: name it, by --address N",
                 self.line
@@ -378,17 +380,17 @@ impl Conversation {
                 .port
                 .read(&mut buffer)
                 .map_err(|source| gone(format!("{} went away", self.line), source))?;
-            let (behind, seen, asked) = (&mut self.behind, &mut self.seen, self.asked);
+            let (behind, evidence, asked) = (&mut self.behind, &mut self.evidence, self.asked);
             self.reader.feed(&buffer[..length], None, |item| {
-                behind.extend(item.frame().inspect(|frame| seen.note(frame, asked)));
+                behind.extend(item.frame().inspect(|frame| evidence.note(frame, asked)));
             });
         }
     }
 
-    /// Why there is no reply, as far as the received bytes tell.
+    /// The error for a missing reply, with its reason as far as the received bytes show it.
     fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
-        let why = self.seen.why(self.asked, self.reader.counters());
+        let why = self.evidence.explain(self.asked, self.reader.counters());
         LineError::Silent(format!(
             "no reply{} at {} within {seconds:.1} s; {why}",
             match self.addressed() {
@@ -399,7 +401,7 @@ impl Conversation {
         ))
     }
 
-    /// Which bead is asked, for a message.
+    /// Names the bead that is asked, in a message.
     fn addressed(&self) -> String {
         match self.asked {
             ANY => String::new(),

@@ -354,10 +354,8 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::{
-        Codes, Energy, Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Shape, Status, Strike,
-        Waveform,
-    };
+    use crate::recording::assembly::one_sample_strike;
+    use bead_wire::{Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Status};
 
     const NEXT: Arrival = Arrival::Next { lost: 0 };
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
@@ -407,37 +405,15 @@ mod tests {
 
         /// The result of a strike, and nothing else of it.
         fn result(&mut self, boot: u8, number: u32) {
-            let Message::Strike(strike) = Message::draw(Kind::Strike, &mut || 0) else {
-                panic!("a strike");
-            };
-            let strike = Strike {
-                strike: number,
-                samples: 1,
-                ..strike
-            };
-            self.says(boot, NEXT, strike);
+            let [_, result, _] = one_sample_strike(number, 0);
+            self.says(boot, NEXT, result);
         }
 
         /// All frames of a strike.
         fn strike(&mut self, boot: u8, number: u32) {
-            let waveform = Waveform {
-                strike: number,
-                first_index: 0,
-                codes: Codes::pack([[1, 2]]).unwrap(),
-                wide: Codes::default(),
-                absorbed_measured: Energy::from_bits(0),
-                absorbed_predicted: Energy::from_bits(0),
-            };
-            self.says(boot, NEXT, waveform);
-            self.result(boot, number);
-            let Message::Shape(shape) = Message::draw(Kind::Shape, &mut || 0) else {
-                panic!("a shape");
-            };
-            let shape = Shape {
-                strike: number,
-                ..shape
-            };
-            self.says(boot, NEXT, shape);
+            for message in one_sample_strike(number, 0) {
+                self.says(boot, NEXT, message);
+            }
         }
 
         /// It lists these strikes of an earlier boot.

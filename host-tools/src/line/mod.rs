@@ -1,4 +1,4 @@
-//! The line to a bead: ports, and conversations over them.
+//! The line to a bead: ports, conversations over them, and the recorder.
 
 pub mod conversation;
 pub mod gaps;
@@ -6,5 +6,6 @@ pub mod key;
 pub mod listener;
 pub mod port;
 pub mod queue;
+pub mod recorder;
 
-mod seen;
+mod silence;

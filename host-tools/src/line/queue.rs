@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The number of a port, when the last of the bytes came, and the bytes received there. No bytes say that the
-/// port is there again after it was gone.
-pub type Heard = (usize, Instant, Vec<u8>);
+/// Index of a port, receive time of the last of the bytes, and the bytes. An empty piece means that the port is back
+/// after it was away.
+pub type PortBytes = (usize, Instant, Vec<u8>);
 
-/// A queue of received bytes with an upper bound. Who fills it waits while it is full: the sender at the
-/// other end of a socket then waits too, and a serial line loses bytes, which its frames show.
+/// A queue of received bytes with an upper bound. While it is full, `push` waits: the sender at the other end of a
+/// socket then waits too, and a serial line loses bytes, which shows in its frames.
 pub struct Queue {
     most: usize,
     state: Mutex<State>,
@@ -18,17 +18,17 @@ pub struct Queue {
 
 #[derive(Default)]
 struct State {
-    pieces: VecDeque<Heard>,
-    /// Of the pieces, with what keeping them costs.
+    pieces: VecDeque<PortBytes>,
+    /// Bytes of the pieces, and of the room that each takes beside them.
     bytes: usize,
     closed: bool,
 }
 
-/// What a piece costs beside its bytes.
-const PIECE: usize = size_of::<Heard>() + 16;
+/// Bytes that a piece takes beside its own.
+const PIECE: usize = size_of::<PortBytes>() + 16;
 
 impl Queue {
-    /// A queue of at most about `most` bytes.
+    /// An empty queue for at most about `most` bytes.
     pub fn new(most: usize) -> Self {
         Self {
             most,
@@ -42,7 +42,7 @@ impl Queue {
     }
 
     /// Appends a piece. Waits while the queue is full; false if it is closed.
-    pub fn push(&self, piece: Heard) -> bool {
+    pub fn push(&self, piece: PortBytes) -> bool {
         let cost = piece.2.len() + PIECE;
         let mut state = self.state();
         while state.bytes > 0 && state.bytes + cost > self.most && !state.closed {
@@ -61,7 +61,7 @@ impl Queue {
     ///
     /// # Errors
     /// [`Closed`]: the queue is closed and empty.
-    pub fn pop(&self, patience: Duration) -> Result<Option<Heard>, Closed> {
+    pub fn pop(&self, patience: Duration) -> Result<Option<PortBytes>, Closed> {
         let deadline = Instant::now() + patience;
         let mut state = self.state();
         loop {
@@ -84,7 +84,7 @@ impl Queue {
         }
     }
 
-    /// Takes nothing more. What is in it can still be taken out.
+    /// Closes the queue: nothing more goes in, and what is in it can still be taken out.
     pub fn close(&self) {
         self.state().closed = true;
         self.changed.notify_all();
@@ -102,7 +102,7 @@ mod tests {
 
     const AT_ONCE: Duration = Duration::ZERO;
 
-    fn piece(byte: u8) -> Heard {
+    fn piece(byte: u8) -> PortBytes {
         (0, Instant::now(), vec![byte; 1000])
     }
 

@@ -538,12 +538,45 @@ impl Register {
     }
 }
 
+/// The window of one sample, the result and the shape of a strike that begins at this index.
+#[cfg(test)]
+pub(crate) fn one_sample_strike(number: u32, first_index: u64) -> [Message; 3] {
+    use bead_wire::{Codes, Energy, Kind};
+
+    let [Message::Strike(strike), Message::Shape(shape)] =
+        [Kind::Strike, Kind::Shape].map(|kind| Message::draw(kind, &mut || 0))
+    else {
+        panic!("a strike and a shape");
+    };
+    let waveform = Waveform {
+        strike: number,
+        first_index,
+        codes: Codes::pack([[1, 2]]).unwrap(),
+        wide: Codes::default(),
+        absorbed_measured: Energy::from_bits(0),
+        absorbed_predicted: Energy::from_bits(0),
+    };
+    let strike = Strike {
+        strike: number,
+        first_index,
+        samples: 1,
+        ..strike
+    };
+    let shape = Shape {
+        strike: number,
+        first_index,
+        ..shape
+    };
+    [waveform.into(), strike.into(), shape.into()]
+}
+
 #[cfg(test)]
 mod tests {
+    use super::one_sample_strike as strike;
     use super::*;
     use bead_model::design::{Bead as PaperBead, Capture, FrontEnd, derive};
     use bead_model::settings::BLOCK_MAX;
-    use bead_wire::{Block, Codes, Energy, Inner, Kind, Packed};
+    use bead_wire::{Block, Inner, Kind, Packed};
 
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
     const NEXT: Arrival = Arrival::Next { lost: 0 };
@@ -555,35 +588,6 @@ mod tests {
         let length = settings.encode(&mut block).unwrap();
         let block = Block::try_from(&block[..length]).unwrap();
         bead_wire::Settings { block }.into()
-    }
-
-    /// The window of one sample, the result and the shape of a strike that begins at this index.
-    fn strike(number: u32, first_index: u64) -> [Message; 3] {
-        let [Message::Strike(strike), Message::Shape(shape)] =
-            [Kind::Strike, Kind::Shape].map(|kind| Message::draw(kind, &mut || 0))
-        else {
-            panic!("a strike and a shape");
-        };
-        let waveform = Waveform {
-            strike: number,
-            first_index,
-            codes: Codes::pack([[1, 2]]).unwrap(),
-            wide: Codes::default(),
-            absorbed_measured: Energy::from_bits(0),
-            absorbed_predicted: Energy::from_bits(0),
-        };
-        let strike = Strike {
-            strike: number,
-            first_index,
-            samples: 1,
-            ..strike
-        };
-        let shape = Shape {
-            strike: number,
-            first_index,
-            ..shape
-        };
-        [waveform.into(), strike.into(), shape.into()]
     }
 
     /// The fetched frames of a strike.

@@ -1,4 +1,4 @@
-//! Raw bytes as a bead sent them, in a file or a pipe.
+//! Raw bytes of a bead in a file.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -7,18 +7,18 @@ use std::path::Path;
 use crate::recording::file::RecordingError;
 use crate::recording::frames::decode;
 
-/// Bytes that are looked at to tell what a file is.
+/// Number of bytes that show the kind of a file.
 const HEAD: u64 = 256 * 1024;
-/// Bytes that are read at once.
+/// Number of bytes that are read at once.
 const BLOCK: usize = 64 * 1024;
 
-/// How many frames there are in the first bytes of a file; none if it cannot be read.
+/// Number of frames in the first 256 KiB of a file, 0 if it cannot be read.
 pub fn frames_in(path: &Path) -> u64 {
     let mut head = Vec::new();
     if !path.is_file() {
         return 0;
     }
-    // What cannot be read has no frames.
+    // A file that cannot be read has no frames.
     let _ = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
     decode(&head).1.frames
 }

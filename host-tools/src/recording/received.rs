@@ -1,4 +1,4 @@
-//! What came from a bead: the frames and strikes of a recording, and the bead's last identity and status.
+//! The frames and strikes of a recording, and the bead's last identity and status.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,29 +14,29 @@ use crate::recording::raw;
 use crate::recording::strikes::{GivenSettings, Strikes};
 use crate::tables::printable::beginning;
 
-/// Characters of what is wrong with a part of a recording.
+/// Number of characters that are shown of an error in an attachment.
 const WHY_MOST: usize = 200;
 
 /// A recording and where it is.
 #[derive(Debug, Clone)]
 pub struct Received {
-    /// Where it came from.
+    /// Path of the file.
     pub path: PathBuf,
     /// The recording.
     pub recording: Recording,
 }
 
 impl Received {
-    /// Opens a recording. Standard error says what is missing of it.
+    /// Opens a recording. A line on standard error says what is missing in it.
     ///
     /// # Errors
     /// The file cannot be read or is no recording.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let recording = Recording::open(path).map_err(|error| match error {
-            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Raw(path.to_owned()),
             RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => {
                 RecordingError::NoBeginning(path.to_owned())
             }
+            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Raw(path.to_owned()),
             error => error,
         })?;
         if let Some(warning) = recording.warning() {
@@ -48,7 +48,7 @@ impl Received {
         })
     }
 
-    /// What came from one of its beads.
+    /// The recording of one of its beads.
     pub fn of(&self, bead: &Bead) -> Self {
         Self {
             path: self.path.clone(),
@@ -56,7 +56,7 @@ impl Received {
         }
     }
 
-    /// What came from each of its beads; from all of them, if it is a recording of one line.
+    /// The recordings of each of its beads, or this one if it is of one line.
     pub fn each(&self) -> Vec<Self> {
         let of = |recording| Self {
             path: self.path.clone(),
@@ -82,7 +82,7 @@ impl Received {
         Ok(strikes.with_fetched(self.recording.fetched.clone()))
     }
 
-    /// Why there was no strike in what was heard: the check that was asked for has nothing to check.
+    /// The error of a recording in whose frames no strike came.
     pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
         let (path, frames) = (self.path.clone(), heard.counters().frames);
         match heard.from_the_future.clone() {
@@ -109,7 +109,7 @@ impl Received {
     }
 }
 
-/// Frames on their way, and the last identity and status among them.
+/// An iterator over frames that keeps the last identity and status among them.
 pub struct LastSaid<I> {
     frames: Frames<I>,
     /// The last identity so far.
@@ -121,7 +121,7 @@ pub struct LastSaid<I> {
 }
 
 impl<I: Iterator<Item = Piece>> LastSaid<I> {
-    /// Frames on their way.
+    /// Frames whose last identity and status are kept.
     pub fn new(frames: Frames<I>) -> Self {
         Self {
             frames,
@@ -131,7 +131,7 @@ impl<I: Iterator<Item = Piece>> LastSaid<I> {
         }
     }
 
-    /// What was received so far, refused and lost.
+    /// Counts of the frames so far: received, refused and lost.
     pub fn counters(&self) -> &Counters {
         self.frames.counters()
     }

@@ -56,7 +56,7 @@ impl Arguments {
     }
 }
 
-/// What every MCAP file begins with (MCAP specification, "Magic").
+/// First bytes of every MCAP file (MCAP specification, "Magic").
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {

@@ -1,4 +1,4 @@
-//! `bead fetch`: the strikes that a bead keeps, listed, or to a recording.
+//! `bead fetch`: lists the strikes that a bead keeps, or writes them to a recording.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -32,9 +32,9 @@ Examples:
   bead fetch --port /dev/ttyUSB0 --out kept.mcap
   bead fetch --port /dev/ttyUSB0 --boot 3 17 18 --out two.mcap";
 
-/// How often a strike is asked for whose frames are lost on the way, or while strikes take the line.
+/// Number of requests for a strike whose frames are lost on the way, or while strikes take the line.
 const ATTEMPTS: u32 = 5;
-/// How often the list is asked for while frames are lost: it is short.
+/// Number of requests for the list while frames are lost. It is short.
 const LISTS: u32 = 20;
 
 /// Arguments of `bead fetch`.
@@ -187,7 +187,7 @@ fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
     )))
 }
 
-/// The frames of a strike, each of which came once at least.
+/// Fetches a strike. Gives its frames, each at least once.
 fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
     let (boot, strike) = (kept.boot, kept.strike);
     let mut assembly = Assembly::default();

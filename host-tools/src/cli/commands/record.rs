@@ -1,24 +1,12 @@
-//! `bead record`: what beads send, to one recording.
-//!
-//! # Design
-//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before
-//! it costs a byte; a paused reader of standard output costs lines there and nothing else. The threads end at
-//! `--duration`, at a signal, or when all ports have gone away for good. In each case all that they read is
-//! recorded.
-//!
-//! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
+//! `bead record`: records what beads send in one file, and prints their strikes.
 
 use std::collections::BTreeMap;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Sender};
-use std::thread::{self, ScopedJoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use std::{iter, panic};
+use std::time::{Duration, SystemTime};
 
-use bead_wire::{Arrival, Counters, Fault, Message, Strike};
+use bead_wire::{Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 
@@ -28,14 +16,12 @@ use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::printer::Printer;
-use crate::line::gaps::Gaps;
-use crate::line::listener::{End, Listener, Shared};
+use crate::line::listener::End;
 use crate::line::port::{Address, Port, all_serial};
-use crate::line::queue::{Closed, Queue};
-use crate::recording::assembly::Assembled;
+use crate::line::recorder::{Observer, Options, Recorded, RecordedPort, Recorder};
 use crate::recording::clock::{Live, Segment};
-use crate::recording::file::{About, Lane, Origin, RecordingError, Writer};
-use crate::recording::frames::{Frame, Item, Reader};
+use crate::recording::file::RecordingError;
+use crate::recording::frames::Frame;
 use crate::tables::printable::one_line;
 use crate::tables::whole::Target;
 
@@ -98,7 +84,7 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-/// A time, s, that may be 0.
+/// Parses a time, s, that may be 0.
 fn wait(text: &str) -> Result<Duration, String> {
     match text.parse() {
         Ok(0.0) => Ok(Duration::ZERO),
@@ -106,26 +92,20 @@ fn wait(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// The longest time of a file: the memory that a recording takes grows with it.
+/// Longest time of a file: the memory that a recording takes grows with it.
 const DAY: Duration = Duration::from_secs(86_400);
 
-/// A time, s, of one second to a day.
+/// Parses a time, s, of one second to a day.
 fn split(text: &str) -> Result<Duration, String> {
     let time = output::seconds(text)?;
-    match (Duration::from_secs(1)..=DAY).contains(&time) {
-        true => Ok(time),
-        false => Err("from 1 to 86400 s, a day".to_owned()),
+    if (Duration::from_secs(1)..=DAY).contains(&time) {
+        Ok(time)
+    } else {
+        Err("from 1 to 86400 s, a day".to_owned())
     }
 }
 
-/// So often is it looked at whether there is something to ask a bead.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Received bytes that may wait for the disk: minutes of a serial line.
-const QUEUE: usize = 32 << 20;
-/// Bytes that are kept of a port from which no frame has come yet.
-const UNKNOWN: usize = 64 << 10;
-
-/// What `--port` names.
+/// Argument of `--port`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Choice {
     /// Every serial port that opens.
@@ -148,8 +128,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
     let mut target = arguments.target(started)?;
     let (addresses, ports): (Vec<_>, Vec<_>) = arguments.open()?.into_iter().unzip();
-    let mut recorder = loop {
-        match Recorder::new(arguments, &addresses, &target, started) {
+    let names: Vec<_> = addresses.iter().map(Address::to_string).collect();
+    let is_of_several = addresses.len() > 1;
+    let mut lines = Lines {
+        is_of_several,
+        format: arguments.format,
+        printer: Printer::new(format!("listening to {}", names.join(", "))),
+    };
+    let note = |line: String| output::note(format_args!("{line}"));
+    let options = arguments.options();
+    let recorder = loop {
+        let notes = arguments.notes(started, &addresses);
+        match Recorder::new(&target, &addresses, options, notes, &mut lines, &note) {
             // Another program began a recording in the same second.
             Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
             recorder => break recorder?,
@@ -159,114 +149,95 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "the disk was too slow to complete the recording; what came is in {}.partial, for `bead recover`",
         target.path().display()
     ));
-    let queue = Queue::new(QUEUE);
-    let shared = Shared {
-        stop: &stop,
-        deadline: arguments
-            .duration
-            .and_then(|duration| recorder.opened.checked_add(duration)),
-        wait: arguments.wait,
-        alive: Mutex::new(Instant::now()),
-        queue: &queue,
-    };
-    let (asks, asked): (Vec<_>, Vec<_>) = addresses.iter().map(|_| mpsc::channel()).unzip();
-    let listeners = addresses.iter().zip(asked).enumerate();
-    let listeners = listeners.map(|(source, (address, asks))| Listener {
-        source,
-        address,
-        baud: arguments.baud,
-        asks,
-        shared: &shared,
-    });
-    let left = AtomicUsize::new(addresses.len());
-    let (heard, kept) = thread::scope(|scope| {
-        let (left, queue) = (&left, &queue);
-        let threads: Vec<_> = listeners
-            .zip(ports)
-            .map(|(listener, port)| {
-                scope.spawn(move || {
-                    let _end = AtEnd(|| {
-                        if left.fetch_sub(1, Ordering::Relaxed) == 1 {
-                            queue.close();
-                        }
-                    });
-                    listener.listen(port, |line| output::note(format_args!("{line}")))
-                })
-            })
-            .collect();
-        let kept = {
-            let _end = AtEnd(|| {
-                queue.close();
-                stop.store(true, Ordering::Relaxed);
-            });
-            recorder.keep(queue, &asks)
-        };
-        let join = |thread: ScopedJoinHandle<'_, End>| {
-            thread.join().unwrap_or_else(|cause| panic::resume_unwind(cause))
-        };
-        (threads.into_iter().map(join).collect::<Vec<_>>(), kept)
-    });
-    let seconds = recorder.opened.elapsed().as_secs_f64();
-    let beads = recorder.beads();
-    let several = recorder.is_of_several();
-    let partial = recorder.writer.partial_path().display().to_string();
-    let kept = kept.and_then(|()| recorder.writer.finish());
-    let finished = kept.map_err(|error| {
-        Failure::input(format!(
-            "{error}; what came before is kept in {partial}, for `bead recover`"
-        ))
-    })?;
-    let counters = finished.counters;
-    let printed = recorder.printer.finish();
-
-    let asked = asked_again(&recorder.gaps);
-    recorder.complete.push(finished.path);
-    let files: Vec<_> = recorder
-        .complete
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
-    let result = format!(
-        "{}: {}{asked}",
-        files.join(", "),
-        summary(&counters, recorder.strikes, seconds)
-    );
-    if several {
-        for line in beads {
-            output::note(format_args!("{line}"));
-        }
+    let recorded = recorder.run(ports, &stop).map_err(Failure::input)?;
+    let printed = lines.printer.finish();
+    if is_of_several {
+        recorded.ports.iter().map(port_line).for_each(note);
     }
-    let (mut gone, mut away) = (Vec::new(), Vec::new());
-    for (address, end) in addresses.iter().zip(heard) {
-        match end {
+    let summary = summary(&recorded);
+    let mut gone = Vec::new();
+    let mut away = Vec::new();
+    for port in &recorded.ports {
+        match &port.end {
             End::Stopped => {}
-            End::Away(reason) => away.push(format!("{address} went away ({reason})")),
-            End::Gone(reason) => gone.push(format!("{address} went away ({reason})")),
+            End::Away(reason) => away.push(format!("{} went away ({reason})", port.address)),
+            End::Gone(reason) => gone.push(format!("{} went away ({reason})", port.address)),
         }
     }
     if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
         return Err(Failure::device(format!(
-            "{}: all that came before is in {result}; plug it in or start it again, and record to another file",
+            "{}: all that came before is in {summary}; plug it in or start it again, and record to another file",
             gone.join(", ")
         )));
     }
     for line in gone.iter().chain(&away) {
-        output::note(format_args!("{line} and was not back at the end"));
+        note(format!("{line} and was not back at the end"));
     }
-    let lines = [
-        Some(result),
-        Some(clock_lines(&recorder.live)).filter(|lines| !lines.is_empty()),
-        recorder.from_the_future,
-    ];
-    for line in lines.into_iter().flatten() {
-        output::note(format_args!("{line}"));
-    }
+    let clocks = Some(clock_lines(&recorded.clocks)).filter(|lines| !lines.is_empty());
+    let lines = [Some(summary), clocks, recorded.from_the_future];
+    lines.into_iter().flatten().for_each(note);
     printed?;
-    advice(&counters).map_or(Ok(()), |advice| Err(Failure::device(advice)))
+    advice(&recorded.counters).map_or(Ok(()), |advice| Err(Failure::device(advice)))
+}
+
+/// Prints the strikes and faults of a recording. If standard output fails or pauses, the recording goes on.
+struct Lines {
+    is_of_several: bool,
+    format: Format,
+    printer: Printer,
+}
+
+impl Observer for Lines {
+    fn message(&mut self, frame: &Frame, received_ns: u64, is_fetched: bool) {
+        let line = match &frame.message {
+            Message::Strike(strike) => strike_line(frame, strike) + if is_fetched { ", fetched" } else { "" },
+            Message::Fault(fault) => fault_line(fault),
+            _ => return,
+        };
+        self.printer.line(match self.format {
+            Format::Json => {
+                let mut json = frame.json();
+                json["received"] = rfc3339(received_ns as i64).into();
+                json.to_string()
+            }
+            Format::Table if self.is_of_several => format!("bead {}: {line}", frame.header.address),
+            Format::Table => line,
+        });
+    }
+
+    fn progress(&mut self, counters: &Counters, strikes: u64) {
+        self.printer.status(|| {
+            format!(
+                "{} frames, {} lost, {} corrupt, {strikes} strikes",
+                counters.frames,
+                counters.lost,
+                counters.rejected.total()
+            )
+        });
+    }
 }
 
 impl Arguments {
-    /// Where the recording goes. A name of the date is one that no file has yet, finished or not.
+    fn options(&self) -> Options {
+        Options {
+            baud: self.baud,
+            duration: self.duration,
+            split: self.split,
+            wait: self.wait,
+            fetch: !self.no_fetch,
+        }
+    }
+
+    /// Notes in the recording, by name.
+    fn notes(&self, started: DateTime<Utc>, addresses: &[Address]) -> BTreeMap<String, String> {
+        let is_serial = |address: &Address| matches!(address, Address::Serial(_));
+        let baud = addresses.iter().any(is_serial).then_some(self.baud);
+        let baud = baud.map(|baud| ("baud".to_owned(), baud.to_string()));
+        let started = ("started".to_owned(), started.to_rfc3339());
+        [started].into_iter().chain(baud).collect()
+    }
+
+    /// The file of the recording. A name of the date is one that no file has yet, finished or not.
     fn target(&self, started: DateTime<Utc>) -> Result<Target, Failure> {
         let given = |out: &Path| place::target(out, Kind::Recording, &[], self.overwrite);
         if let Some(out) = &self.out {
@@ -317,307 +288,22 @@ impl Arguments {
     }
 }
 
-/// Does something at the end of a block, also of one that panics: who waits for it would wait for ever.
-struct AtEnd<F: Fn()>(F);
-
-impl<F: Fn()> Drop for AtEnd<F> {
-    fn drop(&mut self) {
-        self.0();
-    }
-}
-
-/// What became of strikes that did not come whole, if there were any.
-fn asked_again(gaps: &BTreeMap<(usize, u8), Gaps>) -> String {
-    let fetched: u64 = gaps.values().map(Gaps::fetched).sum();
-    let gone: u64 = gaps.values().map(Gaps::gone).sum();
-    match (fetched, gone) {
-        (0, 0) => String::new(),
-        _ => format!("; {fetched} strikes fetched, {gone} not to be had"),
-    }
-}
-
-/// A port that is recorded.
-struct Source {
-    address: Address,
-    /// Where its bytes go; none in a recording of one, and before its bead is known.
-    lane: Option<Lane>,
-    /// What came before its bead was known, and what looks for a frame in it.
-    before: Vec<(u64, Vec<u8>)>,
-    reader: Reader,
-    /// Its bead's address is another's.
-    refused: bool,
-    bead: Option<u8>,
-    strikes: u64,
-}
-
-struct Recorder {
-    writer: Writer,
-    split: Duration,
-    /// Files that are complete.
-    complete: Vec<PathBuf>,
-    sources: Vec<Source>,
-    live: Live,
-    opened: Instant,
-    /// The same in ns since 1970.
-    opened_ns: u64,
-    strikes: u64,
-    /// By port and address.
-    gaps: BTreeMap<(usize, u8), Gaps>,
-    fetch: bool,
-    /// See [`Frame::from_the_future`].
-    from_the_future: Option<String>,
-    format: Format,
-    /// If standard output fails or pauses, the recording goes on.
-    printer: Printer,
-}
-
-impl Recorder {
-    /// A recorder of ports that were opened just now.
-    fn new(
-        arguments: &Arguments,
-        addresses: &[Address],
-        target: &Target,
-        started: DateTime<Utc>,
-    ) -> Result<Self, RecordingError> {
-        let opened = Instant::now();
-        // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
-        // bead's drift.
-        let opened_ns = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .map_or(0, |since| since.as_nanos() as u64);
-        let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
-        if addresses
-            .iter()
-            .any(|address| matches!(address, Address::Serial(_)))
-        {
-            notes.insert("baud".into(), arguments.baud.to_string());
-        }
-        let names: Vec<_> = addresses.iter().map(Address::to_string).collect();
-        let names = names.join(", ");
-        let about = About {
-            source: names.clone(),
-            notes,
-            ..About::default()
-        };
-        let source = |address: &Address| Source {
-            address: address.clone(),
-            lane: None,
-            before: Vec::new(),
-            reader: Reader::default(),
-            refused: false,
-            bead: None,
-            strikes: 0,
-        };
-        Ok(Self {
-            writer: match addresses {
-                [_] => Writer::create(target, &about)?,
-                _ => Writer::create_for_several(target, &about)?,
-            },
-            split: arguments.split,
-            complete: Vec::new(),
-            sources: addresses.iter().map(source).collect(),
-            live: Live::default(),
-            opened,
-            opened_ns,
-            strikes: 0,
-            gaps: BTreeMap::new(),
-            fetch: !arguments.no_fetch,
-            from_the_future: None,
-            format: arguments.format,
-            printer: Printer::new(format!("listening to {names}")),
-        })
-    }
-
-    fn is_of_several(&self) -> bool {
-        self.sources.len() > 1
-    }
-
-    /// A line for each port of several: whose it is, and what was lost there.
-    fn beads(&self) -> Vec<String> {
-        let line = |source: &Source| match (source.bead, source.lane) {
-            (Some(bead), Some(lane)) => {
-                let counters = self.writer.counters_of(lane);
-                format!(
-                    "bead {bead} at {}: {} strikes, {} frames; {} lost, {} corrupt, {} restarts",
-                    source.address,
-                    source.strikes,
-                    counters.frames,
-                    counters.lost,
-                    counters.rejected.total(),
-                    counters.restarts
-                )
-            }
-            (Some(bead), None) => format!(
-                "{} was not recorded: its bead has the address {bead}, as another; give it another: bead settings \
-                 set address=N",
-                source.address
-            ),
-            (None, _) => format!(
-                "{}: no frame came; is there a bead, and does --baud match?",
-                source.address
-            ),
-        };
-        self.sources.iter().map(line).collect()
-    }
-
-    /// Records what comes until the queue is closed, and asks for what is missing.
-    fn keep(&mut self, queue: &Queue, asks: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
-        loop {
-            if let Some(path) = self.writer.split(self.split)? {
-                output::note(format_args!(
-                    "{} is complete; the recording goes on",
-                    path.display()
-                ));
-                self.complete.push(path);
-            }
-            match queue.pop(LOOK_EVERY) {
-                Ok(Some((source, _, bytes))) if bytes.is_empty() => {
-                    let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
-                    of_port.for_each(|(_, gaps)| gaps.reconnect());
-                }
-                Ok(Some((source, received, bytes))) => {
-                    let since = received.duration_since(self.opened);
-                    let received_ns = self.opened_ns + since.as_nanos() as u64;
-                    self.take(source, bytes, received_ns)?;
-                }
-                Ok(None) => self.writer.flush_in_time()?,
-                Err(Closed) => return Ok(()),
-            }
-            if self.fetch {
-                let now = Instant::now();
-                for ((source, _), gaps) in &mut self.gaps {
-                    if let Some(request) = gaps.next(now) {
-                        // A port that has gone away for good takes nothing.
-                        let _ = asks[*source].send(request);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Takes bytes from a port: at once, or when it is known whose they are.
-    fn take(&mut self, source: usize, bytes: Vec<u8>, received_ns: u64) -> Result<(), RecordingError> {
-        let several = self.is_of_several();
-        let from = &mut self.sources[source];
-        if !several || from.lane.is_some() {
-            return self.keep_piece(source, &bytes, received_ns);
-        }
-        if from.refused {
-            return Ok(());
-        }
-        from.reader.feed(&bytes, None, |item| {
-            let address = item.frame().map(|frame| frame.header.address);
-            from.bead = from.bead.or(address);
-        });
-        from.before.push((received_ns, bytes));
-        let waiting = |from: &Source| from.before.iter().map(|(_, bytes)| bytes.len()).sum::<usize>();
-        while waiting(from) > UNKNOWN {
-            from.before.remove(0);
-        }
-        let Some(address) = from.bead else { return Ok(()) };
-        let before = std::mem::take(&mut from.before);
-        let origin = Origin {
-            address,
-            port: Some(from.address.to_string()),
-            clock: Some("host".to_owned()),
-            ..Origin::default()
-        };
-        match self.writer.join(&origin) {
-            Ok(lane) => from.lane = Some(lane),
-            Err(error @ RecordingError::SameAddress(_)) => {
-                from.refused = true;
-                output::note(format_args!(
-                    "{}: {error}; it is not recorded, the others are",
-                    from.address
-                ));
-                return Ok(());
-            }
-            Err(error) => return Err(error),
-        }
-        for (received_ns, bytes) in before {
-            self.keep_piece(source, &bytes, received_ns)?;
-        }
-        Ok(())
-    }
-
-    fn keep_piece(&mut self, source: usize, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
-        let several = self.is_of_several();
-        let Self {
-            writer,
-            sources,
-            live,
-            strikes,
-            gaps,
-            from_the_future,
-            format,
-            printer,
-            ..
-        } = self;
-        let from = &mut sources[source];
-        let now = Instant::now();
-        let take = |item: Item| {
-            let Item::Frame(frame) = item else { return };
-            live.push(&frame);
-            *from_the_future = frame.from_the_future().or(from_the_future.take());
-            if frame.arrival == Arrival::Duplicate {
-                return;
-            }
-            let address = frame.header.address;
-            let gaps = gaps
-                .entry((source, address))
-                .or_insert_with(|| Gaps::new(address));
-            let fetched = gaps.push(&frame, now);
-            let is_known = fetched
-                .as_ref()
-                .and_then(|strike| strike.fetched)
-                .is_some_and(|copy| copy.before.result);
-            if is_known {
-                return;
-            }
-            let suffix = if fetched.is_some() { ", fetched" } else { "" };
-            let frame = fetched.map_or(frame.clone(), |strike| as_measured(&frame, &strike));
-            let line = match &frame.message {
-                Message::Strike(strike) => {
-                    *strikes += 1;
-                    from.strikes += 1;
-                    strike_line(&frame, strike) + suffix
-                }
-                Message::Fault(fault) => fault_line(fault),
-                _ => return,
-            };
-            printer.line(match format {
-                Format::Json => {
-                    let mut json = frame.json();
-                    json["received"] = rfc3339(received_ns as i64).into();
-                    json.to_string()
-                }
-                Format::Table if several => format!("bead {address}: {line}"),
-                Format::Table => line,
-            });
-        };
-        match from.lane {
-            Some(lane) => writer.write_of(lane, bytes, Some(received_ns), take)?,
-            None => writer.write(bytes, Some(received_ns), take)?,
-        }
-        let counters = writer.counters();
-        printer.status(|| {
-            format!(
-                "{} frames, {} lost, {} corrupt, {strikes} strikes",
-                counters.frames,
-                counters.lost,
-                counters.rejected.total()
-            )
-        });
-        Ok(())
-    }
-}
-
-/// The strike frame of a fetched strike.
-fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
-    Frame {
-        header: fetched.header,
-        message: fetched.strike.said.into(),
-        ..frame.clone()
+/// A line for a port of several: its bead, and what was lost there.
+fn port_line(port: &RecordedPort) -> String {
+    let RecordedPort { address, strikes, .. } = port;
+    match (port.bead, &port.counters) {
+        (Some(bead), Some(counters)) => format!(
+            "bead {bead} at {address}: {strikes} strikes, {} frames; {} lost, {} corrupt, {} restarts",
+            counters.frames,
+            counters.lost,
+            counters.rejected.total(),
+            counters.restarts
+        ),
+        (Some(bead), None) => format!(
+            "{address} was not recorded: its bead has the address {bead}, as another; give it another: bead settings \
+             set address=N"
+        ),
+        (None, _) => format!("{address}: no frame came; is there a bead, and does --baud match?"),
     }
 }
 
@@ -646,19 +332,37 @@ fn fault_line(fault: &Fault) -> String {
     format!("fault in boot {}: {}{separator}{detail}", fault.boot, fault.cause)
 }
 
-fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
+/// One line about the files of a recording and their content.
+fn summary(recorded: &Recorded) -> String {
+    let Recorded {
+        counters,
+        strikes,
+        fetched,
+        gone,
+        ..
+    } = recorded;
+    let files: Vec<_> = recorded
+        .files
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    let lost = match (fetched, gone) {
+        (0, 0) => String::new(),
+        _ => format!("; {fetched} strikes fetched, {gone} not to be had"),
+    };
     format!(
-        "{strikes} strikes, {} frames in {} bytes and {seconds:.1} s; {} lost, {} corrupt, {} restarts",
+        "{}: {strikes} strikes, {} frames in {} bytes and {:.1} s; {} lost, {} corrupt, {} restarts{lost}",
+        files.join(", "),
         counters.frames,
         counters.bytes,
+        recorded.duration.as_secs_f64(),
         counters.lost,
         counters.rejected.total(),
         counters.restarts
     )
 }
 
-/// How each bead's clock runs since its last restart, a line each, where the recording is long enough to
-/// tell.
+/// The drift of each bead's clock since its last restart, a line each, where the recording is long enough.
 fn clock_lines(live: &Live) -> String {
     let line = |segment: &Segment| {
         let fit = segment.fit()?;
@@ -678,7 +382,7 @@ fn clock_lines(live: &Live) -> String {
         .join("\nbead: ")
 }
 
-/// What to check when no frame came.
+/// A hint for a recording without a frame.
 fn advice(counters: &Counters) -> Option<&'static str> {
     match counters {
         Counters { frames: 1.., .. } => None,
@@ -736,7 +440,7 @@ mod tests {
                     sequence: second as u32,
                     sample_index: 100_000 * second,
                 },
-                arrival: Arrival::Next { lost: 0 },
+                arrival: bead_wire::Arrival::Next { lost: 0 },
                 sample_rate_hz: Some(100_000),
                 // A bead that is fast by 50 ppm, and frames up to 30 us late.
                 received_ns: Some(second * 999_950_002 + second * 7919 % 30_011),

@@ -1,4 +1,4 @@
-//! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
+//! `bead recover`: makes a whole recording of one that is cut or damaged.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -20,9 +20,8 @@ use crate::tables::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \
-that is attached. Behind a damaged place the next record is looked for. What is missing is said, also a \
-strike whose samples came and whose result did not; each frame is still checked by its own CRC. The file \
-itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+that is attached. In a damaged place every frame is found by its own CRC. What is missing is said, also a \
+strike whose samples came and whose result did not. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
 
 Exit status 0 also if something is missing, 2 if there is nothing to recover.
 
@@ -119,27 +118,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     })
 }
 
-/// What was recovered, and what is missing.
+/// A recovered recording, and what is missing in it.
 struct Recovered {
     finished: Finished,
     missing: u64,
     state: State,
-    open: Open,
+    open: OpenStrikes,
 }
 
-/// Strikes that a bead keeps open at most: one is sent while the next is measured. More are of forged frames.
+/// Greatest number of strikes without a result at a time: one is sent while the next is measured. More are forged.
 const OPEN_MOST: usize = 16;
 
-/// Strikes whose samples came, and whose result did not.
+/// Counts strikes whose samples came, and whose result did not.
 #[derive(Default)]
-struct Open {
+struct OpenStrikes {
     /// By the bead's address.
     strikes: BTreeMap<u8, BTreeSet<u32>>,
-    /// Those that a restart or more samples have put an end to.
+    /// Number of strikes whose result can come no more, after a restart or many others.
     ended: u64,
 }
 
-impl Open {
+impl OpenStrikes {
     fn push(&mut self, item: Item) {
         let Item::Frame(frame) = item else { return };
         let open = self.strikes.entry(frame.header.address).or_default();
@@ -148,7 +147,7 @@ impl Open {
             open.clear();
         }
         match frame.message {
-            // One that comes late may be of a strike that was told.
+            // A late one may be of a strike whose result came.
             Message::Waveform(waveform) if !matches!(frame.arrival, Arrival::Late | Arrival::Duplicate) => {
                 open.insert(waveform.strike);
                 if open.len() > OPEN_MOST {
@@ -161,7 +160,7 @@ impl Open {
         }
     }
 
-    /// How many there were.
+    /// Number of strikes without a result.
     fn count(&self) -> u64 {
         self.ended + self.strikes.values().map(|open| open.len() as u64).sum::<u64>()
     }
@@ -200,7 +199,7 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         State::Damaged(damage) => damage.to_string(),
     };
     about.notes.insert("recovered_from".into(), how);
-    let mut open = Open::default();
+    let mut open = OpenStrikes::default();
     let several = !recording.beads.is_empty();
     let begin = if several {
         Writer::create_for_several
@@ -211,18 +210,18 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
-        let mut lanes = BTreeMap::new();
+        let mut beads = BTreeMap::new();
         for bead in &recording.beads {
-            let lane = writer.join(&bead.origin)?;
+            let index = writer.join(&bead.origin)?;
             for (part, data) in &bead.parts {
-                writer.attach_to(lane, *part, data)?;
+                writer.attach_to(index, *part, data)?;
             }
-            lanes.insert(bead.origin.address, lane);
+            beads.insert(bead.origin.address, index);
         }
         for piece in recording.pieces()? {
             let (bytes, received_ns) = (&piece.bytes, piece.received_ns);
-            match piece.bead.and_then(|address| lanes.get(&address)) {
-                Some(lane) => writer.write_of(*lane, bytes, received_ns, |item| open.push(item))?,
+            match piece.bead.and_then(|address| beads.get(&address)) {
+                Some(bead) => writer.write_of(*bead, bytes, received_ns, |item| open.push(item))?,
                 None if several => {}
                 None => writer.write(bytes, received_ns, |item| open.push(item))?,
             }
@@ -243,7 +242,7 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         source: "raw bytes".to_owned(),
         ..About::default()
     };
-    let mut open = Open::default();
+    let mut open = OpenStrikes::default();
     let finished = write(Writer::create(target, &about)?, |writer| {
         raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;

@@ -1,17 +1,17 @@
-//! What a recording is of, and what may be attached to it.
+//! The description of a recording, and its attachments.
 
 use std::collections::BTreeMap;
 
-/// What a recording is of.
+/// The description of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct About {
-    /// Where the bytes came from: a port, or the emulator.
+    /// The source of the bytes: a port, or the emulator.
     pub source: String,
     /// Build id or git description of the firmware's ELF, where it is known.
     pub firmware: Option<String>,
     /// Scans a second, in hertz, until an identity frame says otherwise; with 0 times are 0 until then.
     pub sample_rate_hz: u32,
-    /// Anything else worth keeping, by name.
+    /// Other notes, by name.
     pub notes: BTreeMap<String, String>,
 }
 
@@ -36,16 +36,16 @@ impl About {
     }
 }
 
-/// A bead of a recording with several: whose bytes they are, and where they came from.
+/// A bead of a recording with several, and the source of its bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// The bead's address, by which it is known in the recording.
+    /// Address of the bead, which names it in the recording.
     pub address: u8,
     /// Its place in the chain, if that is known.
     pub bead: Option<usize>,
     /// The port that its bytes came from.
     pub port: Option<String>,
-    /// What the times of receipt count: `host` or `emulator`.
+    /// Clock of the receive times: `host` or `emulator`.
     pub clock: Option<String>,
 }
 
@@ -74,16 +74,16 @@ impl Origin {
     }
 }
 
-/// What may be attached to a recording, each part once for all, and once for each bead of several.
+/// An attachment of a recording: each part once for all, and once for each bead of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The settings block that the bead was given.
     Settings,
     /// The scenario, as its author wrote it.
     Scenario,
-    /// What the emulator measured of the run, JSON.
+    /// The emulator's measures of the run, JSON.
     EmulatorReport,
-    /// What the full chain says of the strike, JSON.
+    /// The strike by the simulated chain, JSON.
     Truth,
 }
 

@@ -1,21 +1,22 @@
-//! Why a recording cannot be written or read.
+//! Errors of recordings.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
+use bead_wire::VERSION;
 use mcap::McapError;
 
-/// Why a recording cannot be written or read.
+/// An error of writing or reading a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The system refused.
     #[error("cannot {action} {path}: {source}")]
     File {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
-        /// On what.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The file could not be written as MCAP.
@@ -23,71 +24,89 @@ pub enum RecordingError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the library said.
+        /// The error of the library.
         source: McapError,
     },
     /// Another program has begun a recording of this name.
     #[error("another program is recording to {0}; give the output another name")]
     Busy(PathBuf),
-    /// Nothing is in the file.
+    /// The file is empty.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
-    /// There is no file, but something else of that name.
+    /// The path is not that of a file.
     #[error("{0} is a directory, a device or a pipe; give the file of a recording")]
     NoFile(PathBuf),
-    /// The file is something else.
+    /// The file is no MCAP file.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
-    /// The file has frames, but is no recording.
+    /// The file has the raw bytes of a bead.
     #[error("{0} has raw bytes as a bead sent them; make a recording of it: bead recover {0}")]
     Raw(PathBuf),
-    /// The beginning is not a recording's, and there are records of one in it.
+    /// The file has records of a recording, and does not begin as one.
     #[error(
         "{0} does not begin as a recording does, and its beginning may be damaged; try: bead recover {0}"
     )]
     NoBeginning(PathBuf),
-    /// An MCAP file, but not of a bead: what it is instead.
+    /// The MCAP file has no frames of a bead. The text names its channels and its writer.
     #[error(
         "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
          `bead emulate`"
     )]
     NotOurs(PathBuf, String),
-    /// A recording without a strike: a check has nothing to check.
+    /// Another program has compressed the chunks of the recording.
+    #[error(
+        "the chunks of {0} are compressed with {1}; write it without compression: mcap decompress {0} -o whole.mcap"
+    )]
+    Compressed(PathBuf, String),
+    /// All frames in the recording are of another version of the protocol.
+    #[error(
+        "{path} has frames of version {version} of the protocol, written by {writer}, and this program reads version \
+         {VERSION}; use the program that wrote it"
+    )]
+    OtherProtocol {
+        /// The file.
+        path: PathBuf,
+        /// Version of the frames.
+        version: u8,
+        /// Name and version of the program that wrote the file.
+        writer: String,
+    },
+    /// The recording has no strike, so a check has nothing to check.
     #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
     NoStrike {
         /// The file.
         path: PathBuf,
-        /// Frames in it.
+        /// Number of frames in it.
         frames: u64,
     },
-    /// A recording without a strike that this program can read.
+    /// The recording has no strike that this program can read.
     #[error("{path}: {who}")]
     FromTheFuture {
         /// The file.
         path: PathBuf,
-        /// Who sent it, and what to do.
+        /// The bead that sent it, and what to do.
         who: String,
     },
     /// Two beads in one recording cannot be told apart.
     #[error("two beads have the address {0}; give one of them another: bead settings set address=N")]
     SameAddress(u8),
-    /// Clocks of these recordings cannot be compared.
+    /// The clocks of these recordings cannot be compared.
     #[error("{0}")]
     Clock(String),
-    /// An attachment that this version did not write.
+    /// An attachment cannot be read.
     #[error("{path}: cannot read its {part}; record it again: {why}")]
     Part {
         /// The file.
         path: PathBuf,
         /// Name of the attachment.
         part: &'static str,
-        /// What is wrong with it.
+        /// The reason.
         why: String,
     },
 }
 
 impl RecordingError {
-    /// The system refused to do `action` on `path`.
+    /// Makes the error of an `action` on `path` that the system refused.
     pub(super) fn refused(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
         move |source| Self::File {
             action,
@@ -96,12 +115,12 @@ impl RecordingError {
         }
     }
 
-    /// The system refused to read `path`.
+    /// Makes the error of a `path` that the system refused to read.
     pub(in crate::recording) fn unread(path: &Path) -> impl Fn(io::Error) -> Self {
         Self::refused("read", path)
     }
 
-    /// The library failed to write `path`.
+    /// Makes the error of a `path` that the library failed to write.
     pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
         move |error| {
             let path = path.to_owned();

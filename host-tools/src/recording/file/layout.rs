@@ -7,19 +7,20 @@ pub(super) const TOPIC: &str = "frames";
 pub(super) const ENCODING: &str = "bead-wire";
 pub(super) const RECEIVED: &str = "received";
 pub(super) const RECEIVED_ENCODING: &str = "bead-received";
-/// The number of the first channel that the library gives.
-pub(super) const FIRST_CHANNEL: u16 = 1;
 pub(super) const METADATA: &str = "recording";
 /// Bytes after which a chunk is closed. The writer keeps some 800 bytes of each for the index at the end:
 /// many short chunks would fill the memory. Nothing more is lost in a crash, as each flush closes one too.
 pub(super) const CHUNK: u64 = 256 * 1024;
-/// Longest time for which received bytes wait before they go to the system.
+/// Longest time that received bytes wait before they go to the system.
 pub(super) const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of 256 KiB here and
+/// of some MB by other programs, and attachments much below this.
+pub(super) const RECORD_MOST: usize = 32 << 20;
 /// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the
 /// memory.
 pub(super) const LONGEST_RUN: usize = 64 * 1024;
 
-/// What stands before the address of a bead in the names of its channels and attachments.
+/// Prefix of the address of a bead in the names of its channels and attachments.
 const BEAD: &str = "bead/";
 
 /// The name of a channel or an attachment: of one bead among several, by its address, or of the whole
@@ -31,7 +32,7 @@ pub(super) fn name_of(bead: Option<u8>, name: &str) -> Cow<'_, str> {
     }
 }
 
-/// Whose channel or attachment a name is of, and its name without that.
+/// The address of the bead whose channel or attachment this is, and the name without it.
 pub(super) fn bead_of(name: &str) -> (Option<u8>, &str) {
     let of_bead = || {
         let (address, rest) = name.strip_prefix(BEAD)?.split_once('/')?;

@@ -4,10 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bead_wire::VERSION;
+
 use crate::recording::file::about::{About, Origin, Part};
+use crate::recording::file::contents::{BeadChannels, BeadParts, Contents};
 use crate::recording::file::error::RecordingError;
-use crate::recording::file::found::{Found, Lanes, OfBead};
-use crate::recording::file::walk::{State, Walk};
+use crate::recording::file::records::{Records, State};
 use crate::recording::frames::{Frames, Item, Piece};
 use crate::recording::strikes::{FetchedNames, Name};
 
@@ -15,107 +17,113 @@ use crate::recording::strikes::{FetchedNames, Name};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
     path: PathBuf,
-    /// What it is of.
+    /// Description of the recording.
     pub about: Arc<About>,
     /// Its attachments: those of all beads.
     pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// The beads, by their addresses, if it is a recording of several.
     pub beads: Vec<Bead>,
-    /// Runs of bytes between two delimiters; what is no frame may stand together in one.
+    /// Number of runs of bytes between two delimiters. Runs that are no frames may stand together in one.
     pub runs: u64,
-    /// Runs that are missing: their numbers are.
+    /// Number of runs that are missing, by the numbers of the others.
     pub runs_missing: u64,
-    /// Whether this is all.
+    /// Completeness of the file.
     pub state: State,
     /// The strikes that were fetched.
     pub(in crate::recording) fetched: Arc<BTreeSet<Name>>,
-    lanes: Arc<Lanes>,
-    /// The bead that is looked at, if it is one of several.
+    channels: Arc<BeadChannels>,
+    /// Address of the bead whose bytes are read, if it is one of several.
     only: Option<u8>,
 }
 
 /// A bead of a recording with several.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bead {
-    /// Which one, and where its bytes came from.
+    /// Its address, and where its bytes came from.
     pub origin: Origin,
     /// Its own attachments.
     pub parts: BTreeMap<Part, Arc<[u8]>>,
-    /// Its runs of bytes.
+    /// Number of its runs of bytes.
     pub runs: u64,
-    /// Those of them that are missing.
+    /// Number of its runs that are missing.
     pub runs_missing: u64,
 }
 
 impl Bead {
-    /// Its place in the chain; as far as nothing else is known, that is its address.
+    /// Its place in the chain, its address if no place is known.
     pub fn place(&self) -> usize {
         self.origin.bead.unwrap_or(self.origin.address.into())
     }
 }
 
 impl Recording {
-    /// Reads a file once, whole or cut short: what it is of, its attachments, and how much of it is there.
+    /// Reads a file, whole or cut short.
     ///
     /// # Errors
-    /// The file cannot be read, or is no recording. One cut short or damaged is no error: see [`State`].
+    /// The file cannot be read, is no recording, has compressed chunks, or has only frames of a later version of the
+    /// protocol. One cut short or damaged is no error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         Self::read(path, false)
     }
 
-    /// The same of a file whose beginning may be damaged too.
+    /// Reads a file whose beginning may be damaged too.
     ///
     /// # Errors
-    /// The file cannot be read, or nothing in it is of a recording.
+    /// As [`open`](Self::open), and nothing in the file is of a recording.
     pub fn salvage(path: &Path) -> Result<Self, RecordingError> {
         Self::read(path, true)
     }
 
     fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
-        let (mut pieces, mut fetched) = Self::pass(path, damaged, Lanes::default())?;
-        if pieces.found.knew_too_late() {
-            (pieces, fetched) = Self::pass(path, damaged, pieces.found.lanes)?;
+        let mut first = Summary::read(path, damaged, BeadChannels::default())?;
+        if first.contents.knew_too_late() {
+            first = Summary::read(path, damaged, first.contents.channels)?;
         }
-        let Pieces { found, walk, .. } = pieces;
-        let (runs, runs_missing) = found.counts(None);
-        if !found.has_frames() && (walk.state == State::Whole || walk.salvages && runs == 0) {
-            return Err(RecordingError::NotOurs(path.to_owned(), found.stranger()));
+        let Summary {
+            contents,
+            state,
+            fetched,
+            known_frames,
+        } = first;
+        let (runs, runs_missing) = contents.counts(None);
+        if !contents.has_frames() && (state == State::Whole || damaged) {
+            return Err(RecordingError::NotOurs(path.to_owned(), contents.describe()));
         }
-        let bead = |(address, of): (&u8, &OfBead)| {
-            let (runs, runs_missing) = found.counts(Some(*address));
+        if let Some(version) = contents
+            .version
+            .filter(|version| *version > VERSION && known_frames == 0)
+        {
+            return Err(RecordingError::OtherProtocol {
+                path: path.to_owned(),
+                version,
+                writer: contents.writer(),
+            });
+        }
+        let bead = |(address, bead): (&u8, &BeadParts)| {
+            let (runs, runs_missing) = contents.counts(Some(*address));
             let unnamed = || Origin {
                 address: *address,
                 ..Origin::default()
             };
             Bead {
-                origin: of.origin.clone().unwrap_or_else(unnamed),
-                parts: of.parts.clone(),
+                origin: bead.origin.clone().unwrap_or_else(unnamed),
+                parts: bead.parts.clone(),
                 runs,
                 runs_missing,
             }
         };
         Ok(Self {
             path: path.to_owned(),
-            beads: found.beads.iter().map(bead).collect(),
-            about: Arc::new(found.about),
-            parts: found.parts,
+            beads: contents.beads.iter().map(bead).collect(),
+            about: Arc::new(contents.about),
+            parts: contents.parts,
             runs,
             runs_missing,
-            state: walk.state,
-            fetched: Arc::new(fetched.finish()),
-            lanes: Arc::new(found.lanes),
+            state,
+            fetched: Arc::new(fetched),
+            channels: Arc::new(contents.channels),
             only: None,
         })
-    }
-
-    /// Reads a file through.
-    fn pass(path: &Path, damaged: bool, lanes: Lanes) -> Result<(Pieces, FetchedNames), RecordingError> {
-        let mut pieces = Pieces::open(path, damaged, lanes)?;
-        let mut fetched = FetchedNames::default();
-        Frames::new(pieces.by_ref())
-            .filter_map(Item::frame)
-            .for_each(|frame| fetched.push(&frame));
-        Ok((pieces, fetched))
     }
 
     /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
@@ -132,7 +140,7 @@ impl Recording {
             runs_missing: bead.runs_missing,
             state: self.state.clone(),
             fetched: Arc::clone(&self.fetched),
-            lanes: Arc::clone(&self.lanes),
+            channels: Arc::clone(&self.channels),
             only: Some(bead.origin.address),
         }
     }
@@ -150,7 +158,7 @@ impl Recording {
     /// # Errors
     /// The file cannot be read.
     pub fn pieces(&self) -> Result<Pieces, RecordingError> {
-        let pieces = Pieces::open(&self.path, true, Lanes::clone(&self.lanes))?;
+        let pieces = Pieces::open(&self.path, true, BeadChannels::clone(&self.channels))?;
         Ok(Pieces {
             only: self.only,
             ..pieces
@@ -165,7 +173,7 @@ impl Recording {
         self.pieces().map(Frames::new)
     }
 
-    /// One line that says what is missing; none for a whole recording.
+    /// One line that says what is missing, `None` for a whole recording.
     pub fn warning(&self) -> Option<String> {
         let runs = self.runs;
         match &self.state {
@@ -188,32 +196,65 @@ impl Recording {
     }
 }
 
-/// The runs of bytes in a recording, each with its delimiter, the time of its receipt and its bead. Memory: a
-/// chunk of the file, and the runs of one piece of bytes of each bead.
+/// What one pass through a file finds.
+struct Summary {
+    contents: Contents,
+    state: State,
+    fetched: BTreeSet<Name>,
+    /// Number of frames of a version of the protocol that this program knows.
+    known_frames: u64,
+}
+
+impl Summary {
+    fn read(path: &Path, damaged: bool, channels: BeadChannels) -> Result<Self, RecordingError> {
+        let mut pieces = Pieces::open(path, damaged, channels)?;
+        let mut fetched = FetchedNames::default();
+        let mut known_frames = 0;
+        for frame in Frames::new(pieces.by_ref()).filter_map(Item::frame) {
+            known_frames += u64::from(frame.version <= VERSION);
+            fetched.push(&frame);
+        }
+        let Pieces {
+            contents, records, ..
+        } = pieces;
+        if let Some(by) = records.compression {
+            return Err(RecordingError::Compressed(path.to_owned(), by));
+        }
+        Ok(Self {
+            contents,
+            state: records.state,
+            fetched: fetched.finish(),
+            known_frames,
+        })
+    }
+}
+
+/// The runs of bytes in a recording, each with its delimiter, its receive time and its bead. Memory: a chunk of the
+/// file, and the runs of one piece of bytes of each bead.
 pub struct Pieces {
-    walk: Walk,
-    found: Found,
+    records: Records,
+    contents: Contents,
     only: Option<u8>,
 }
 
 impl Pieces {
-    /// Of a file; its beginning may be `damaged` too.
-    pub(super) fn open(path: &Path, damaged: bool, lanes: Lanes) -> Result<Self, RecordingError> {
+    /// The runs in a file; its beginning may be `damaged` too.
+    pub(super) fn open(path: &Path, damaged: bool, channels: BeadChannels) -> Result<Self, RecordingError> {
         Ok(Self {
-            walk: Walk::open(path, damaged)?,
-            found: Found::knowing(lanes),
+            records: Records::open(path, damaged)?,
+            contents: Contents::with_channels(channels),
             only: None,
         })
     }
 
-    fn any(&mut self) -> Option<Piece> {
+    fn next_of_any(&mut self) -> Option<Piece> {
         loop {
-            if let Some(piece) = self.found.ready.pop_front() {
+            if let Some(piece) = self.contents.ready.pop_front() {
                 return Some(piece);
             }
-            if !self.walk.step(&mut self.found) {
-                self.found.end();
-                return self.found.ready.pop_front();
+            if !self.records.step(&mut self.contents) {
+                self.contents.end();
+                return self.contents.ready.pop_front();
             }
         }
     }
@@ -224,7 +265,7 @@ impl Iterator for Pieces {
 
     fn next(&mut self) -> Option<Piece> {
         loop {
-            let piece = self.any()?;
+            let piece = self.next_of_any()?;
             if self.only.is_none() || piece.bead == self.only {
                 return Some(piece);
             }

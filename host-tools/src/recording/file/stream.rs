@@ -1,4 +1,4 @@
-//! What one bead sent, on its way into a recording.
+//! The bytes of one bead on their way into a recording.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -13,10 +13,10 @@ use crate::recording::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_E
 use crate::recording::file::times::Clock;
 use crate::recording::frames::{Item, Reader};
 
-/// The channels of one bead, and what is not yet written to them. In a recording of one line, of all its
-/// beads.
+/// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line, those of all
+/// its beads.
 pub(super) struct Stream {
-    /// Which it is, if it is one of several.
+    /// The bead, if it is one of several.
     origin: Option<Origin>,
     channel: u16,
     received: u16,
@@ -26,7 +26,7 @@ pub(super) struct Stream {
     noise: Vec<u8>,
     reader: Reader,
     clock: Clock,
-    /// Messages, and bytes in them, in this file.
+    /// Number of messages in this file, and of bytes in them.
     pub(super) written: u32,
     bytes: u64,
 }
@@ -56,8 +56,8 @@ impl Stream {
         })
     }
 
-    /// Adds its channels to the file that follows. Everything that is not written yet goes there; noise must
-    /// be [ended](Self::end_noise) before.
+    /// Adds its channels to the file that follows. Bytes that are not written yet go there; noise must be
+    /// [ended](Self::end_noise) before.
     pub(super) fn go_on<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
         (self.channel, self.received) = add_channels(mcap, self.origin.as_ref())?;
         self.channels.go_on(mcap, self.bead())?;
@@ -70,7 +70,7 @@ impl Stream {
         self.origin.as_ref().map(|origin| origin.address)
     }
 
-    /// Bytes that it has in this file.
+    /// Number of its bytes in this file.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -126,7 +126,7 @@ impl Stream {
             }
             match *byte {
                 0 if self.run.is_empty() => {}
-                // What is no frame stands together: each message costs some 50 bytes.
+                // Runs that are no frames stand together, as each message costs some 50 bytes.
                 0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
                     self.noise.append(&mut self.run);
                     self.noise.push(0);
@@ -157,8 +157,6 @@ impl Stream {
 
     /// Writes the runs that are no frames.
     pub(super) fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
-        // The reader puts a delimiter behind each message.
-        self.noise.pop();
         let noise = std::mem::take(&mut self.noise);
         self.put(mcap, noise)
     }
@@ -166,7 +164,10 @@ impl Stream {
     /// Writes the run that has come so far.
     fn end_run<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
         self.end_noise(mcap)?;
-        let run = std::mem::take(&mut self.run);
+        let mut run = std::mem::take(&mut self.run);
+        if !run.is_empty() {
+            run.push(0);
+        }
         self.put(mcap, run)
     }
 
@@ -189,7 +190,7 @@ impl Stream {
             .try_for_each(|ChannelMessage { channel, data }| self.message(mcap, channel, number, &data))
     }
 
-    /// Writes a run, or several with delimiters between them.
+    /// Writes runs, each with the delimiter behind it. So a search of a damaged file finds each frame.
     fn put<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>, run: Vec<u8>) -> McapResult<()> {
         if run.is_empty() {
             return Ok(());

@@ -2,19 +2,18 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::found::Lanes;
+use super::contents::BeadChannels;
 use super::layout::{LONGEST_RUN, TOPIC};
 use super::read::Pieces;
 use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::tables::whole::Target;
-use bead_wire::{Block, Decoder, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
-use lz4_flex::frame::{BlockSize, FrameEncoder, FrameInfo};
+use bead_wire::{Block, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
 use tempfile::TempDir;
 
 fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
@@ -74,8 +73,19 @@ fn runs(stream: &[u8]) -> Vec<Vec<u8>> {
         .collect()
 }
 
+/// The frames among the runs.
+fn frames(stream: &[u8]) -> Vec<Vec<u8>> {
+    let is_frame = |run: &Vec<u8>| {
+        crate::recording::frames::decode(&[&run[..], &[0]].concat())
+            .1
+            .frames
+            == 1
+    };
+    runs(stream).into_iter().filter(is_frame).collect()
+}
+
 fn pieces(path: &Path) -> Pieces {
-    Pieces::open(path, false, Lanes::default()).unwrap()
+    Pieces::open(path, false, BeadChannels::default()).unwrap()
 }
 
 /// The runs in a recording, without their delimiters.
@@ -112,7 +122,7 @@ fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
     recorded_in(stream, 33)
 }
 
-/// The same of a stream that came in pieces of this length, of which the writer flushed some hundred at a
+/// A finished recording of a stream that came in pieces of this length, of which the writer flushed some hundred at a
 /// time.
 fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
@@ -143,9 +153,10 @@ fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
         writer.write(piece, Some(n), |_| {}).unwrap();
         expected.extend((before..writer.streams[0].written).map(|_| Some(n)));
     }
-    // What is never ended by a delimiter has no time.
     writer.finish().unwrap();
-    expected.push(None);
+    // The last run, which no delimiter ended, came with the last piece.
+    let last = stream.chunks(97).count() as u64 - 1;
+    expected.push(Some(1_700_000_000_000_000_000 + last));
     let found: Vec<_> = pieces(&path).map(|piece| piece.received_ns).collect();
     assert_eq!(found, expected);
     let (_folder, path, _) = recorded(&stream);
@@ -167,27 +178,6 @@ fn a_recording_gives_back_every_byte_between_delimiters() {
     assert!(!recording.parts.contains_key(&Part::Truth));
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), 1, "only the finished file is left: {left:?}");
-}
-
-#[test]
-fn what_is_decoded_from_a_recording_is_what_was_decoded_live() {
-    let stream = stream(50);
-    let (_folder, path, _) = recorded(&stream);
-    let mut live = Decoder::new();
-    let (mut frames, mut again) = (Vec::new(), Vec::new());
-    live.feed(&stream, |result| {
-        frames.extend(result.ok().map(|frame| frame.header))
-    });
-    let mut replayed = Recording::open(&path).unwrap().frames().unwrap();
-    again.extend(
-        replayed
-            .by_ref()
-            .filter_map(Item::frame)
-            .map(|frame| frame.header),
-    );
-    assert_eq!(frames.len(), 100);
-    assert_eq!(frames, again);
-    assert_eq!(replayed.counters().lost, live.counters().lost);
 }
 
 #[test]
@@ -224,7 +214,8 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
                 .windows(run.len())
                 .position(|window| window == run)
                 .unwrap();
-            from += at + run.len();
+            // With its delimiter.
+            from += at + run.len() + 1;
             from
         })
         .collect();
@@ -239,31 +230,11 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
             panic!("cut at {cut}: {:?}", recording.state)
         };
         assert!(!runs_whole || whole == runs.len());
+        assert!(
+            runs_whole || cut < file.len() - 1,
+            "only the end of the index is cut"
+        );
         assert!(recording.warning().unwrap().contains(&whole.to_string()));
-    }
-}
-
-#[test]
-fn a_recording_cut_in_its_index_has_lost_no_frame() {
-    let (_folder, path, file) = recorded(&stream(20));
-    fs::write(&path, &file[..file.len() - 1]).unwrap();
-    assert_eq!(
-        Recording::open(&path).unwrap().state,
-        State::CutShort { runs_whole: true }
-    );
-}
-
-#[test]
-fn a_damaged_byte_anywhere_is_noticed_and_survived() {
-    let (_folder, path, file) = recorded(&stream(8));
-    for at in mcap::MAGIC.len()..file.len() {
-        let mut damaged = file.clone();
-        damaged[at] ^= 0x55;
-        put(&path, &damaged).unwrap();
-        match Recording::open(&path) {
-            Ok(recording) => assert_ne!(recording.state, State::Whole, "byte {at}"),
-            Err(error) => panic!("byte {at}: {error}"),
-        }
     }
 }
 
@@ -289,13 +260,8 @@ fn behind_a_damaged_sector_the_recording_goes_on() {
     const SECTOR: usize = 512;
     let stream = stream(300);
     let (_folder, path, file) = recorded(&stream);
-    let sent = runs(&stream);
-    let shortest = sent
-        .iter()
-        .map(Vec::len)
-        .filter(|length| *length > 40)
-        .min()
-        .unwrap();
+    let sent = frames(&stream);
+    let shortest = sent.iter().map(Vec::len).min().unwrap();
     for byte in [0xFF, 0x00, 0x05, 0x06] {
         for at in (0..file.len() - SECTOR).step_by(SECTOR) {
             let mut damaged = file.clone();
@@ -304,17 +270,17 @@ fn behind_a_damaged_sector_the_recording_goes_on() {
             let (recording, sound) = salvaged(&path, &sent);
             let lost = sent.len() - sound;
             assert_ne!(recording.state, State::Whole, "{byte:#x} at {at}");
-            // Those in the sector, one on each of its sides, and one whose length the sector ended in.
-            assert!(lost <= SECTOR / shortest + 3, "{byte:#x} at {at}: {lost} lost");
+            // Those in the sector, and one on each of its sides.
+            assert!(lost <= SECTOR / shortest + 2, "{byte:#x} at {at}: {lost} lost");
         }
     }
 }
 
 #[test]
-fn a_flipped_byte_costs_at_most_a_frame_or_two() {
+fn a_flipped_byte_costs_at_most_one_frame() {
     let stream = stream(60);
     let (_folder, path, file) = recorded(&stream);
-    let sent = runs(&stream);
+    let sent = frames(&stream);
     // Every byte of the head, of the first messages and of the end; some of the rest.
     let edge = 1500;
     let some = (edge..file.len() - edge).step_by(29);
@@ -325,11 +291,10 @@ fn a_flipped_byte_costs_at_most_a_frame_or_two() {
         let (recording, sound) = salvaged(&path, &sent);
         assert_ne!(recording.state, State::Whole, "byte {at}");
         assert!(
-            sound + 2 >= sent.len(),
-            "byte {at}: {sound} of {}: {:?} {:?}",
+            sound + 1 >= sent.len(),
+            "byte {at}: {sound} of {}: {:?}",
             sent.len(),
             recording.state,
-            &file[at.saturating_sub(40)..at + 40]
         );
     }
 }
@@ -338,114 +303,141 @@ fn a_flipped_byte_costs_at_most_a_frame_or_two() {
 fn a_damaged_recording_says_where_and_how_much_is_missing() {
     let stream = stream(300);
     let (_folder, path, file) = recorded(&stream);
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    let chunk = &summary.chunk_indexes[1];
+    let begin = chunk.chunk_start_offset as usize;
     let mut damaged = file.clone();
-    damaged[8192..8192 + 2000].fill(0);
+    damaged[begin + 3000..begin + 5000].fill(0);
     put(&path, &damaged).unwrap();
-    let (recording, sound) = salvaged(&path, &runs(&stream));
+    let (recording, sound) = salvaged(&path, &frames(&stream));
     let State::Damaged(damage) = &recording.state else {
         panic!("{:?}", recording.state)
     };
-    assert_eq!(damage.places, 1);
-    assert!((8000..8300).contains(&damage.first.unwrap()), "{damage}");
-    assert!((1900..2300).contains(&damage.bytes), "{damage}");
-    // A run that is damaged itself is there.
+    assert_eq!((damage.places, damage.first), (1, Some(begin as u64)));
+    assert!((1900..2400).contains(&damage.bytes), "{damage}");
     let missing = recording.runs_missing as usize;
-    let lost = runs(&stream).len() - sound;
-    assert!(missing <= lost && lost <= missing + 1, "{missing} {lost}");
+    assert_eq!(missing, frames(&stream).len() - sound);
     let said = recording.warning().unwrap();
+    assert!(said.contains(&format!("{missing} before the last")), "{said}");
+}
+
+#[test]
+fn what_is_attached_and_received_behind_damage_is_read() {
+    let stream = stream(300);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("timed.mcap");
+    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
+    for (n, piece) in (1_000_000..).zip(stream.chunks(97)) {
+        writer.write(piece, Some(n), |_| {}).unwrap();
+        writer.flush().unwrap();
+    }
+    writer.attach(Part::Truth, b"{}").unwrap();
+    writer.finish().unwrap();
+    let times = |path: &Path| -> BTreeMap<Vec<u8>, Option<u64>> {
+        pieces(path)
+            .map(|piece| (piece.bytes, piece.received_ns))
+            .collect()
+    };
+    let (sound, mut file) = (times(&path), fs::read(&path).unwrap());
+    // The length of a chunk, and a byte in the records of another one.
+    let chunks = mcap::Summary::read(&file).unwrap().unwrap().chunk_indexes;
+    file[chunks[50].chunk_start_offset as usize + 2] ^= 1;
+    file[chunks[90].chunk_start_offset as usize + 100] ^= 1;
+    put(&path, &file).unwrap();
+    let recording = Recording::open(&path).unwrap();
+    assert_eq!(*recording.parts[&Part::Truth], *b"{}");
+    assert!(matches!(&recording.state, State::Damaged(damage) if damage.places == 2));
+    let damaged = times(&path);
     assert!(
-        said.contains(&format!("{} before the last", recording.runs_missing)),
-        "{said}"
+        damaged.len() + 3 >= sound.len(),
+        "{} of {}",
+        damaged.len(),
+        sound.len()
+    );
+    assert!(
+        damaged
+            .iter()
+            .all(|(run, time)| sound.get(run).is_none_or(|sound| sound == time))
     );
 }
 
-/// Heads of records and of chunks that go on for megabytes: a chunk in each chunk, and channels in each
-/// other.
+/// Heads of records that go on for megabytes, each within the one before or behind a byte that is none.
 #[test]
-fn a_file_that_seems_to_hold_far_more_than_it_has_is_given_up() {
+fn a_file_that_seems_to_hold_far_more_than_it_has_is_read_in_time() {
     let (_folder, path, bytes) = recorded(&stream(20));
     let sound = &bytes[..bytes.len() / 2];
-    let head = |opcode: u8, length: usize| [&[opcode][..], &(length as u64).to_le_bytes()].concat();
     let size: usize = 8 << 20;
-    let mut channels = sound.to_vec();
-    while channels.len() < size {
-        channels.extend(head(4, size / 2));
-        channels.push(0);
-    }
-    let mut chunks = sound.to_vec();
-    while chunks.len() + 100 < size {
+    let record = |opcode: u8, length: usize| [&[opcode][..], &(length as u64).to_le_bytes()].concat();
+    let chunk = |length: usize| {
+        let number = (length as u64).to_le_bytes();
         // Two times, the size, a CRC, no name of a compression, the size again.
-        let records = size - chunks.len() - 9 - 40;
-        let length = (records as u64).to_le_bytes();
-        chunks.extend(head(6, records + 40));
-        chunks.extend([&[0; 16][..], &length, &[1; 4], &[0; 4], &length].concat());
-    }
-    chunks.resize(size, 0);
-    // Chunks of a byte each, for which the library clears four megabytes.
-    let mut packed = sound.to_vec();
-    let info = FrameInfo::new().block_size(BlockSize::Max4MB);
-    let mut encoder = FrameEncoder::with_frame_info(info, Vec::new());
-    encoder.write_all(&[0]).unwrap();
-    let chunk = compressed("lz4", 1, &encoder.finish().unwrap());
-    packed.extend(chunk.repeat(400));
-    for bytes in [channels, chunks, packed] {
+        [
+            &record(6, length + 40)[..],
+            &[0; 16],
+            &number,
+            &[1; 4],
+            &[0; 4],
+            &number,
+        ]
+        .concat()
+    };
+    let message = |length: usize| [&record(5, length)[..], &[1, 0], &[0; 20]].concat();
+    type Head<'a> = &'a dyn Fn(usize) -> Vec<u8>;
+    let heads: [(Head<'_>, usize); 6] = [
+        (&|left| record(4, left / 2), 0),
+        (&|left| message(left.saturating_sub(9)), 0),
+        (&|left| chunk(left.saturating_sub(49)), 0),
+        // Behind the end of the file.
+        (&|left| chunk(left + 1), 0),
+        (&|_| chunk(1), 2),
+        (&|_| chunk(0), 1),
+    ];
+    for (n, (head, behind)) in heads.into_iter().enumerate() {
+        let mut bytes = sound.to_vec();
+        while bytes.len() < size {
+            bytes.extend(head(size - bytes.len()));
+            bytes.extend(std::iter::repeat_n(0xFF, behind));
+        }
         fs::write(&path, &bytes).unwrap();
-        let recording = Recording::salvage(&path).unwrap();
-        let said = recording.warning().unwrap_or_default();
-        assert!(said.contains("far more than it has bytes"), "{said}");
+        let started = std::time::Instant::now();
+        let handed: usize = Recording::salvage(&path)
+            .unwrap()
+            .pieces()
+            .unwrap()
+            .map(|piece| piece.bytes.len())
+            .sum();
+        let took = started.elapsed();
+        assert!(handed <= bytes.len(), "{n}: {handed} of {} bytes", bytes.len());
+        assert!(took < Duration::from_secs(20), "{n}: {took:?}");
     }
 }
 
-/// A chunk whose records, of so many bytes, are compressed.
-fn compressed(by: &str, uncompressed: usize, packed: &[u8]) -> Vec<u8> {
-    let length = |length: usize| (length as u64).to_le_bytes();
-    [
-        &[6][..],
-        &length(40 + by.len() + packed.len()),
-        &[0; 16],
-        &length(uncompressed),
-        // No CRC.
-        &[0; 4],
-        &(by.len() as u32).to_le_bytes(),
-        by.as_bytes(),
-        &length(packed.len()),
-        packed,
-    ]
-    .concat()
-}
-
-/// A hundred of them were kept, of 31 MB each: 3 GB of 106 kB.
+/// The library slices the data of an attachment without a look at its length.
 #[test]
-fn attachments_in_compressed_chunks_are_not_kept() {
-    let (_folder, path, mut bytes) = recorded(&stream(20));
+fn an_attachment_that_is_too_short_for_its_own_length_is_damage() {
+    let (_folder, path, bytes) = recorded(&stream(5));
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
     let attachment = [
-        &[9, 56, 0, 0, 0, 0, 0, 0, 0][..],
-        &[0; 16],
-        &12_u32.to_le_bytes(),
-        b"settings.bin",
-        &1_u32.to_le_bytes(),
-        b"x",
+        &[0; 16][..],
+        &text("settings.bin"),
+        &text("x"),
         &7_u64.to_le_bytes(),
-        b"another",
-        // No CRC.
-        &[0; 4],
     ]
     .concat();
-    let kept = |bytes: &[u8]| {
-        fs::write(&path, bytes).unwrap();
-        Recording::open(&path).unwrap().parts.remove(&Part::Settings)
-    };
-    let behind_the_magic = mcap::MAGIC.len();
-    let put = |bytes: &mut Vec<u8>, record: &[u8]| {
-        bytes.splice(behind_the_magic..behind_the_magic, record.to_vec());
-    };
-    let before = kept(&bytes);
-    let packed =
-        ruzstd::encoding::compress_to_vec(&attachment[..], ruzstd::encoding::CompressionLevel::Fastest);
-    put(&mut bytes, &compressed("zstd", attachment.len(), &packed));
-    assert_eq!(kept(&bytes), before);
-    put(&mut bytes, &attachment);
-    assert_eq!(kept(&bytes).as_deref(), Some(&b"another"[..]));
+    for length in 0..=attachment.len() {
+        let record = [&[9][..], &(length as u64).to_le_bytes(), &attachment[..length]].concat();
+        let mut bytes = bytes.clone();
+        let at = mcap::MAGIC.len();
+        bytes.splice(at..at, record);
+        fs::write(&path, &bytes).unwrap();
+        let recording = Recording::open(&path).unwrap();
+        assert!(
+            matches!(recording.state, State::Damaged(_)),
+            "{length}: {:?}",
+            recording.state
+        );
+        assert_eq!(recording.parts.get(&Part::Settings), None);
+    }
 }
 
 #[test]
@@ -461,12 +453,13 @@ fn five_gigabytes_of_nothing_are_passed_over() {
     sparse
         .write_all_at(&file[middle..], middle as u64 + hole)
         .unwrap();
-    let (recording, sound) = salvaged(&path, &runs(&stream));
+    let (recording, sound) = salvaged(&path, &frames(&stream));
     let State::Damaged(damage) = &recording.state else {
         panic!("{:?}", recording.state)
     };
-    assert!(damage.bytes.abs_diff(hole) < 1000, "{damage}");
-    assert!(sound + 2 >= runs(&stream).len(), "{sound}");
+    // Beside the frames, a chunk has the schemas of channels.
+    assert!(damage.bytes.abs_diff(hole) < 20_000, "{damage}");
+    assert!(sound + 1 >= frames(&stream).len(), "{sound}");
 }
 
 #[test]
@@ -638,39 +631,32 @@ fn other_files_are_refused_by_what_they_are() {
         "{told}"
     );
     assert!(told.len() < 600, "{} bytes", told.len());
+    // All of its frames are of a version of the protocol to come.
+    let mut later = mcap::WriteOptions::new()
+        .compression(None)
+        .library("bead 9.9")
+        .create(io::Cursor::new(Vec::new()))
+        .unwrap();
+    let version = BTreeMap::from([("version".to_owned(), "9".to_owned())]);
+    let channel_id = later.add_channel(0, TOPIC, "bead-wire", &version).unwrap();
+    let header = mcap::records::MessageHeader {
+        channel_id,
+        sequence: 0,
+        log_time: 0,
+        publish_time: 0,
+    };
+    later.write_to_known_channel(&header, b"\x03\x09\x01\0").unwrap();
+    later.finish().unwrap();
+    let said = refused(&later.into_inner().into_inner()).to_string();
+    assert!(
+        said.contains("version 9 of the protocol, written by `bead 9.9`") && said.contains("use the program"),
+        "{said}"
+    );
     fs::remove_file(&path).unwrap();
     assert!(matches!(
         Recording::open(&path),
         Err(RecordingError::File { action: "read", .. })
     ));
-}
-
-#[test]
-fn messages_within_messages_are_not_handed_on_again_and_again() {
-    let record = |opcode: u8, length: usize, data: &[u8]| {
-        [&[opcode][..], &(length as u64).to_le_bytes(), data].concat()
-    };
-    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
-    let channel = [&[1, 0, 0, 0][..], &text(TOPIC), &text("bead-wire"), &text("")].concat();
-    let head = [mcap::MAGIC, &record(4, channel.len(), &channel)].concat();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("nested.mcap");
-    // Longer than any message of the writer, and not.
-    for length in [400_000, 100_000] {
-        let mut inside = Vec::new();
-        for number in 0..1000_u32 {
-            let left = length - inside.len() - 9;
-            let message = [&[1, 0][..], &number.to_le_bytes(), &[0; 16]].concat();
-            inside.extend(record(5, left, &message));
-        }
-        inside.resize(length, 0x91);
-        // All of them end where a record begins that is cut.
-        let cut = record(5, 1 << 24, &[1, 0]);
-        fs::write(&path, [&head[..], &inside, &cut, &[0; 20]].concat()).unwrap();
-        let handed: usize = pieces(&path).map(|piece| piece.bytes.len()).sum();
-        assert!(handed > length / 2, "{handed} of {length} bytes");
-        assert!(handed < 5 * length / 2, "{handed} of {length} bytes");
-    }
 }
 
 /// Three beads with addresses 7, 8 and 200, whose pieces come in turn.
@@ -685,8 +671,8 @@ fn recorded_of_three(path: &Path) -> Vec<(u8, Vec<u8>)> {
                 port: Some(format!("/dev/ttyACM{address}")),
                 clock: None,
             };
-            let lane = writer.join(&origin).unwrap();
-            writer.attach_to(lane, Part::Settings, &[address]).unwrap();
+            let bead = writer.join(&origin).unwrap();
+            writer.attach_to(bead, Part::Settings, &[address]).unwrap();
             let stream: Vec<u8> = (0..60)
                 .flat_map(|n| {
                     let header = Header {
@@ -701,14 +687,14 @@ fn recorded_of_three(path: &Path) -> Vec<(u8, Vec<u8>)> {
                         .to_vec()
                 })
                 .collect();
-            (lane, address, stream)
+            (bead, address, stream)
         })
         .into();
     for at in (0..streams[0].2.len()).step_by(50) {
-        for (n, (lane, _, stream)) in streams.iter().enumerate() {
+        for (n, (bead, _, stream)) in streams.iter().enumerate() {
             let piece = &stream[at..stream.len().min(at + 50)];
             let time = 1_000_000 + 1000 * at as u64 + n as u64;
-            writer.write_of(*lane, piece, Some(time), |_| {}).unwrap();
+            writer.write_of(*bead, piece, Some(time), |_| {}).unwrap();
         }
     }
     writer.finish().unwrap();
@@ -776,7 +762,7 @@ fn a_second_bead_with_the_same_address_is_refused() {
 }
 
 #[test]
-fn a_flipped_byte_in_a_recording_of_several_costs_at_most_a_frame_or_two() {
+fn a_flipped_byte_in_a_recording_of_several_costs_at_most_one_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("three.mcap");
     recorded_of_three(&path);
@@ -791,6 +777,6 @@ fn a_flipped_byte_in_a_recording_of_several_costs_at_most_a_frame_or_two() {
         let pieces = recording.pieces().unwrap();
         let sound = pieces.filter(|piece| sent.contains(&piece.bytes[..piece.bytes.len() - 1]));
         let sound = sound.count();
-        assert!(sound + 2 >= sent.len(), "byte {at}: {sound} of {}", sent.len());
+        assert!(sound + 1 >= sent.len(), "byte {at}: {sound} of {}", sent.len());
     }
 }

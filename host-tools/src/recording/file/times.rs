@@ -6,13 +6,13 @@ use bead_wire::Arrival;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Clock {
     pub(super) sample_rate_hz: u32,
-    /// Of the bead since its reset.
+    /// Time of the bead since its reset.
     pub(super) bead: u64,
-    /// Of the recording.
+    /// Log time of the recording.
     pub(super) log: u64,
     /// Log time at the bead's reset.
     pub(super) reset: u64,
-    /// Whether log times are those of the host.
+    /// True if log times are those of the host.
     pub(super) received: bool,
 }
 
@@ -29,7 +29,7 @@ impl Clock {
         }
     }
 
-    /// What follows was received at this time of the host.
+    /// Sets the receive time of what follows.
     pub(super) fn receive(&mut self, received_ns: u64) {
         self.received = true;
         self.log = self.log.max(received_ns);

@@ -19,7 +19,7 @@ use crate::tables::whole::Target;
 
 type Mcap = mcap::Writer<BufWriter<File>>;
 
-/// Writes a recording while it comes.
+/// A recording that is being written.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
 pub struct Writer {
@@ -34,9 +34,9 @@ pub struct Writer {
     flushes: u64,
 }
 
-/// A bead's place in a recording that is being written.
+/// Index of a bead in a recording that is being written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lane(usize);
+pub struct BeadIndex(usize);
 
 impl Writer {
     /// Begins a recording of one line, that will be called as `target` says.
@@ -71,7 +71,7 @@ impl Writer {
     ///
     /// # Errors
     /// A bead with this address is in it already, or the file cannot be written.
-    pub fn join(&mut self, origin: &Origin) -> Result<Lane, RecordingError> {
+    pub fn join(&mut self, origin: &Origin) -> Result<BeadIndex, RecordingError> {
         let taken = |stream: &Stream| stream.bead() == Some(origin.address);
         if self.streams.iter().any(taken) {
             return Err(RecordingError::SameAddress(origin.address));
@@ -79,12 +79,12 @@ impl Writer {
         self.begin_stream(Some(origin))
     }
 
-    fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<Lane, RecordingError> {
+    fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<BeadIndex, RecordingError> {
         let begun = Stream::begin(&mut self.mcap, origin, self.about.sample_rate_hz);
         let stream = begun.and_then(|stream| self.mcap.flush().map(|()| stream));
         let stream = stream.map_err(RecordingError::unwritten(&self.partial))?;
         self.streams.push(stream);
-        Ok(Lane(self.streams.len() - 1))
+        Ok(BeadIndex(self.streams.len() - 1))
     }
 
     /// Attaches a part of the whole recording. Parts that are known beforehand should be attached first, so
@@ -101,10 +101,9 @@ impl Writer {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn attach_to(&mut self, lane: Lane, part: Part, data: &[u8]) -> Result<(), RecordingError> {
-        let stream = &self.streams[lane.0];
-        let (bead, log_time) = (stream.bead(), stream.log_time());
-        self.put_attachment(bead, log_time, part, data)
+    pub fn attach_to(&mut self, bead: BeadIndex, part: Part, data: &[u8]) -> Result<(), RecordingError> {
+        let stream = &self.streams[bead.0];
+        self.put_attachment(stream.bead(), stream.log_time(), part, data)
     }
 
     fn put_attachment(
@@ -127,7 +126,7 @@ impl Writer {
     }
 
     /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it
-    /// is known. Hands on the frames and the rejects in them.
+    /// is known. Hands the frames and the rejects in them to `sink`.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -144,38 +143,38 @@ impl Writer {
             self.streams.iter().all(|stream| stream.bead().is_none()),
             "bytes of no bead"
         );
-        self.write_of(Lane(0), bytes, received_ns, sink)
+        self.write_of(BeadIndex(0), bytes, received_ns, sink)
     }
 
-    /// The same for one bead among several.
+    /// Records bytes of one bead among several.
     ///
     /// # Errors
     /// The file cannot be written.
     ///
     /// # Panics
-    /// The lane is that of another recording.
+    /// The index is that of another recording.
     pub fn write_of(
         &mut self,
-        lane: Lane,
+        bead: BeadIndex,
         bytes: &[u8],
         received_ns: Option<u64>,
         sink: impl FnMut(Item),
     ) -> Result<(), RecordingError> {
-        self.streams[lane.0]
+        self.streams[bead.0]
             .write(&mut self.mcap, bytes, received_ns, sink)
             .map_err(RecordingError::unwritten(&self.partial))?;
         self.flush_in_time()
     }
 
-    /// Gives what has waited for a second to the system; a recording to which nothing comes needs that too.
+    /// Gives bytes that have waited for a second to the system. To be called also while nothing comes.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn flush_in_time(&mut self) -> Result<(), RecordingError> {
-        match self.flushed.elapsed() >= FLUSH_EVERY {
-            true => self.flush(),
-            false => Ok(()),
+        if self.flushed.elapsed() >= FLUSH_EVERY {
+            self.flush()?;
         }
+        Ok(())
     }
 
     /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
@@ -196,12 +195,12 @@ impl Writer {
         all.fold(Counters::default(), |sum, one| sum.and(one))
     }
 
-    /// The same of one bead among several.
+    /// Counts of one bead among several.
     ///
     /// # Panics
-    /// The lane is that of another recording.
-    pub fn counters_of(&self, lane: Lane) -> &Counters {
-        self.streams[lane.0].counters()
+    /// The index is that of another recording.
+    pub fn counters_of(&self, bead: BeadIndex) -> &Counters {
+        self.streams[bead.0].counters()
     }
 
     /// The name until the recording is finished.

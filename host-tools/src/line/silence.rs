@@ -1,4 +1,4 @@
-//! What a bead tells of its line while nobody gets a reply from it.
+//! The reason why a request gets no reply, from what else comes on the line.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -7,22 +7,22 @@ use bead_wire::{ANY, Counters, Link, Message};
 
 use crate::recording::frames::Frame;
 
-/// What came in while a reply was waited for.
+/// Evidence from the frames that come while a reply is awaited.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct Evidence {
     /// Addresses of the beads that sent anything since the first request.
     beads: BTreeSet<u8>,
-    /// The first and the last count of what the bead received.
+    /// First and last count of what the bead received.
     links: Option<[Link; 2]>,
-    /// The first and the last number of strikes.
+    /// First and last number of strikes.
     strikes: Option<[u32; 2]>,
-    /// Its newest boot, and how often that changed.
+    /// Newest boot, and number of its changes.
     boot: Option<u8>,
     restarts: u32,
 }
 
-impl Seen {
-    /// Another request is sent.
+impl Evidence {
+    /// Begins with another request. The addresses stay.
     pub(super) fn begin(&mut self) {
         *self = Self {
             beads: std::mem::take(&mut self.beads),
@@ -30,12 +30,12 @@ impl Seen {
         };
     }
 
-    /// All that was heard came from one bead. It has this address now.
-    pub(super) fn only(&mut self, address: u8) {
+    /// Notes that all frames came from one bead, which has this address now.
+    pub(super) fn note_alone(&mut self, address: u8) {
         self.beads = BTreeSet::from([address]);
     }
 
-    /// The addresses of the beads that were heard, if there are several.
+    /// The addresses of the beads, if frames of several came.
     pub(super) fn several(&self) -> Option<String> {
         (self.beads.len() > 1).then(|| self.addresses())
     }
@@ -71,8 +71,8 @@ impl Seen {
         }
     }
 
-    /// Why there is no reply, as far as the bead itself tells.
-    pub(super) fn why(&self, asked: u8, counters: &Counters) -> String {
+    /// Explains why there is no reply, as far as the bead's own counts show it.
+    pub(super) fn explain(&self, asked: u8, counters: &Counters) -> String {
         let mut said = match (counters.bytes, counters.frames) {
             (0, _) => {
                 return "nothing came at all: is it powered, and its PA9 wired to the adapter's receive pin?"
@@ -161,7 +161,7 @@ mod tests {
 
     /// What is said after these messages, the boot of each before it.
     fn said(messages: &[(u8, Message)]) -> String {
-        let mut seen = Seen::default();
+        let mut seen = Evidence::default();
         let mut bytes = Vec::new();
         for (sequence, (boot, message)) in (0..).zip(messages) {
             let header = Header {
@@ -174,7 +174,7 @@ mod tests {
         }
         let (frames, counters) = crate::recording::frames::decode(&bytes);
         frames.iter().for_each(|frame| seen.note(frame, ANY));
-        seen.why(ANY, &counters)
+        seen.explain(ANY, &counters)
     }
 
     fn link(bytes: u64, requests: u32, rejected_crc: u32) -> Message {
