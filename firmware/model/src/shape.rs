@@ -47,8 +47,9 @@ const RING_MEANS: u32 = 12;
 /// %.
 const RING_SIGNAL: f32 = 1000.0;
 
-/// The shape of a window, but for its number and its gains. A value that the window does not tell is 0. The force is highest at the sample `peak`, the ringing is
-/// over at the sample `ring_end`; `noise` is its mean square, (m/s²)²; `expected` is its frequency, Hz.
+/// The shape of a window, but for its number and its gains. A value that the window does not tell is 0. The
+/// force is highest at the sample `peak`, the ringing is over at the sample `ring_end`; `noise` is its mean
+/// square, (m/s²)²; `expected` is its frequency, Hz.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
@@ -182,8 +183,8 @@ impl WindowRecord {
         }
     }
 
-    /// SensedForce and acceleration of the samples so far. A sample is known one sample later, so the last one is
-    /// missing.
+    /// SensedForce and acceleration of the samples so far. A sample is known one sample later, so the last
+    /// one is missing.
     pub fn samples(&self) -> impl Iterator<Item = (SensedForce, SensedAcceleration)> + '_ {
         let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
         forces.iter().copied().zip(accelerations.iter().copied())

@@ -16,7 +16,8 @@ pub struct PowerCutFlash<const SECTOR: usize> {
     pub power_left: Option<u32>,
     /// State of the generator that draws the contents of a word or sector after a cut; not 0.
     pub seed: u32,
-    /// Reads before one that returns each bit inverted, as under a flickering supply. `None` for no such read.
+    /// Reads before one that returns each bit inverted, as under a flickering supply. `None` for no such
+    /// read.
     pub misread_after: Option<u32>,
     /// Erases that fail before one succeeds.
     pub refused_erases: u32,

@@ -1,3 +1,5 @@
+//! The example of docs/library.md.
+
 use bead_wire::Decoder;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

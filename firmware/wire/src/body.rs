@@ -9,7 +9,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::quantity::Unit;
+use crate::unit::Unit;
 
 /// Value of one field. [`FieldDoc::kind`] says what it stands for.
 #[derive(Clone, Copy)]

@@ -98,7 +98,8 @@ macro_rules! names {
 }
 pub(crate) use names;
 
-/// Declares a set of bits over an integer. A row has the number of the bit, its name in JSON and its constant.
+/// Declares a set of bits over an integer. A row has the number of the bit, its name in JSON and its
+/// constant.
 macro_rules! bits {
     (
         $(#[doc = $about:literal])*

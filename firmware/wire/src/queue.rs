@@ -14,8 +14,8 @@ use crate::message::Kind;
 
 /// Bytes of a bead's queue: the windows of three strikes, about 3.6 KB each.
 pub const OUTBOX: usize = 13 * 1024;
-/// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for everything that a request can
-/// ask for, and for the frames of every second.
+/// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for everything that a request
+/// can ask for, and for the frames of every second.
 pub const KEPT: usize = 2048;
 
 /// Bytes before a record.

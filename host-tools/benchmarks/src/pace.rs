@@ -1,4 +1,5 @@
-//! Compares the portable program, which finds its vectors when it starts, with one compiled for this processor.
+//! Compares the portable program, which finds its vectors when it starts, with one compiled for this
+//! processor.
 
 use std::path::Path;
 use std::process::Command;

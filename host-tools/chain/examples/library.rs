@@ -1,3 +1,5 @@
+//! The example of docs/library.md.
+
 use hertz_chain::{Scenario, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,3 +1,5 @@
+//! The example of docs/library.md.
+
 use stm32f405_qemu::Run;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -7,9 +7,9 @@ use vcd::{TimescaleUnit, Value, Writer};
 use crate::outcome::Outcome;
 
 impl Outcome {
-    /// Returns the levels of the output pins over time as a value change dump with steps of 1 ns, for a viewer
-    /// such as GTKWave or PulseView. Every pin starts low. The dump has no pins unless the run recorded them
-    /// ([`Run::record_pins`](crate::Run::record_pins)).
+    /// Returns the levels of the output pins over time as a value change dump with steps of 1 ns, for a
+    /// viewer such as GTKWave or PulseView. Every pin starts low. The dump has no pins unless the run
+    /// recorded them ([`Run::record_pins`](crate::Run::record_pins)).
     pub fn vcd(&self) -> String {
         let mut text = Vec::new();
         self.write_vcd(&mut text)

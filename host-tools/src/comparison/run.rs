@@ -76,8 +76,8 @@ pub struct ProvokedFault {
     pub cause: Option<FaultCause>,
     /// True if it was reported.
     pub reported: bool,
-    /// True if no report is required because of other faults: the bead was starting, hung, or was reset before
-    /// it could.
+    /// True if no report is required because of other faults: the bead was starting, hung, or was reset
+    /// before it could.
     pub excused: bool,
 }
 

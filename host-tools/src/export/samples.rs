@@ -1,5 +1,5 @@
-//! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in SI
-//! units by the bead's own code ([`Signal`]); the codes stand beside it.
+//! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in
+//! SI units by the bead's own code ([`Signal`]); the codes stand beside it.
 
 use std::sync::Arc;
 

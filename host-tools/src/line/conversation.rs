@@ -30,8 +30,8 @@ use crate::recording::frames::{Frame, Reader};
 
 /// Number of times that a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
-/// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a reply back
-/// for 20 ms, and a network may do so too.
+/// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a
+/// reply back for 20 ms, and a network may do so too.
 const OTHERS: Duration = Duration::from_millis(200);
 /// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the
 /// memory. The frames of an answer are the last ones before its reply, and far fewer.
@@ -89,8 +89,8 @@ pub struct Answer {
     pub reply: Reply,
     /// The address of the bead that replied.
     pub address: u8,
-    /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first frame of
-    /// a conversation are unknown.
+    /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first
+    /// frame of a conversation are unknown.
     pub lost: bool,
     /// True if every bead on the line was asked, and something came damaged: replies of several collide.
     collided: bool,

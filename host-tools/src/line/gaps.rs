@@ -1,14 +1,14 @@
 //! Lost strikes of a bead, and the requests that fetch them.
 //!
 //! # Design
-//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost can be fetched, as long
-//! as newer ones have not taken its place. [`Gaps`] takes every frame of one bead and gives the requests. It
-//! gives none while nothing is missing.
+//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost can be fetched, as
+//! long as newer ones have not taken its place. [`Gaps`] takes every frame of one bead and gives the
+//! requests. It gives none while nothing is missing.
 //!
-//! Strikes are wanted from the first one on of which a frame came, or else from the first status on: those before
-//! were measured before anybody listened. The numbers of the strikes that came, and the count in the status, show
-//! what is missing of this boot. Only the bead knows of boots before: after a reset, and after the line was gone,
-//! it is asked for the list of what it keeps.
+//! Strikes are wanted from the first one on of which a frame came, or else from the first status on: those
+//! before were measured before anybody listened. The numbers of the strikes that came, and the count in the
+//! status, show what is missing of this boot. Only the bead knows of boots before: after a reset, and after
+//! the line was gone, it is asked for the list of what it keeps.
 //!
 //! [`Assembly`] says which strikes came whole, and which boots begin with a restart.
 
@@ -69,7 +69,8 @@ pub struct Gaps {
     /// Strikes that the bead does not keep, and the number of all of them.
     gone: BTreeMap<u8, BTreeSet<u32>>,
     gone_count: u64,
-    /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was sent.
+    /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was
+    /// sent.
     wanted: BTreeMap<(u32, u32), u32>,
     /// True while the list of what the bead keeps is to be asked for.
     list: bool,
@@ -181,8 +182,8 @@ impl Gaps {
         self.note_count(number, number.saturating_add(1), now);
     }
 
-    /// Notes that this boot has `count` strikes. If nothing was known of the bead before, they are wanted from the
-    /// number `from` on.
+    /// Notes that this boot has `count` strikes. If nothing was known of the bead before, they are wanted
+    /// from the number `from` on.
     fn note_count(&mut self, from: u32, count: u32, now: Instant) {
         self.from.get_or_insert((self.boot, from));
         if count <= self.count {

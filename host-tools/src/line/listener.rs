@@ -19,7 +19,8 @@ pub struct Shared<'a> {
     pub stop: &'a AtomicBool,
     /// The listeners end at this time.
     pub deadline: Option<Instant>,
-    /// Time for which every port may be away before the listeners give up. If it is 0, all end when one goes away.
+    /// Time for which every port may be away before the listeners give up. If it is 0, all end when one goes
+    /// away.
     pub wait: Duration,
     /// Time when a port was last there.
     pub alive: Mutex<Instant>,
@@ -69,8 +70,8 @@ pub struct Listener<'a> {
 }
 
 impl Listener<'_> {
-    /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note` takes a line
-    /// when it goes, and one when bytes come again; an empty piece in the queue stands before those.
+    /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note` takes
+    /// a line when it goes, and one when bytes come again; an empty piece in the queue stands before those.
     pub fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
         let Self { address, shared, .. } = self;
         // Why the port went away, until bytes come again.
@@ -123,8 +124,8 @@ impl Listener<'_> {
         }
     }
 
-    /// Opens the port, on a thread of its own: a name or a server may keep it waiting much longer than a recording
-    /// has that is to end.
+    /// Opens the port, on a thread of its own: a name or a server may keep it waiting much longer than a
+    /// recording has that is to end.
     fn open(&self) -> Option<Port> {
         let (done, opened) = mpsc::channel();
         let (address, baud) = (self.address.clone(), self.baud);

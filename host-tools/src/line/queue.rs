@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Index of a port, receive time of the last of the bytes, and the bytes. An empty piece means that the port is back
-/// after it was away.
+/// Index of a port, receive time of the last of the bytes, and the bytes. An empty piece means that the port
+/// is back after it was away.
 pub type PortBytes = (usize, Instant, Vec<u8>);
 
-/// A queue of received bytes with an upper bound. While it is full, `push` waits: the sender at the other end of a
-/// socket then waits too, and a serial line loses bytes, which shows in its frames.
+/// A queue of received bytes with an upper bound. While it is full, `push` waits: the sender at the other end
+/// of a socket then waits too, and a serial line loses bytes, which shows in its frames.
 pub struct Queue {
     most: usize,
     state: Mutex<State>,

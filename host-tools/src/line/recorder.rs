@@ -1,9 +1,9 @@
 //! Records the beads at several ports in one file, and fetches the strikes that are lost on the way.
 //!
 //! # Design
-//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before it
-//! costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In each
-//! case all that they read is recorded.
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before
+//! it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
+//! each case all that they read is recorded.
 //!
 //! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
 
@@ -216,8 +216,8 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Records the ports, in the order of their addresses, until `stop` is true, the time is over, or no port is
-    /// left.
+    /// Records the ports, in the order of their addresses, until `stop` is true, the time is over, or no port
+    /// is left.
     ///
     /// # Errors
     /// A file cannot be written. The bytes that came before stay under its temporary name.
@@ -431,7 +431,8 @@ fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
     }
 }
 
-/// Does something at the end of a block, also of one that panics: a thread that waits for it would wait for ever.
+/// Does something at the end of a block, also of one that panics: a thread that waits for it would wait for
+/// ever.
 struct AtEnd<F: Fn()>(F);
 
 impl<F: Fn()> Drop for AtEnd<F> {

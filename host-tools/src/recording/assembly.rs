@@ -1,26 +1,28 @@
 //! Strikes, put together from the frames of their beads.
 //!
 //! # Design
-//! A strike has several frames: its window in waveform frames, its result, and its shape. Frames may be lost or
-//! late, and a bead may be reset between them. A strike that was lost can be fetched: the bead sends each of its
-//! frames again inside a [`Fetched`] frame. [`Assembly`] takes every frame of a line and hands on strikes and
-//! restarts. The reader of recordings, their channels for other programs, and the recorder all use it.
+//! A strike has several frames: its window in waveform frames, its result, and its shape. Frames may be lost
+//! or late, and a bead may be reset between them. A strike that was lost can be fetched: the bead sends each
+//! of its frames again inside a [`Fetched`] frame. [`Assembly`] takes every frame of a line and hands on
+//! strikes and restarts. The reader of recordings, their channels for other programs, and the recorder all
+//! use it.
 //!
-//! **Order.** The strikes of a boot are handed on by their numbers. A strike is due when all of its frames are
-//! here and no frame before it is missing, or else when a missing frame counts as lost, [`REORDER`] frames later.
-//! It also waits for the first settings of its boot, but never behind more than [`WAITING`] strikes. A restart and
-//! the end of the frames hand on the rest.
+//! **Order.** The strikes of a boot are handed on by their numbers. A strike is due when all of its frames
+//! are here and no frame before it is missing, or else when a missing frame counts as lost, [`REORDER`]
+//! frames later. It also waits for the first settings of its boot, but never behind more than [`WAITING`]
+//! strikes. A restart and the end of the frames hand on the rest.
 //!
 //! **Names.** The name of a strike is the low byte of its boot and its number in it. Of each bead's newest
-//! [`REMEMBERED`] strikes the assembly remembers which parts came, and hands on a fetched copy only of a strike that did not
-//! come whole.
+//! [`REMEMBERED`] strikes the assembly remembers which parts came, and hands on a fetched copy only of a
+//! strike that did not come whole.
 //!
-//! **Restarts.** A bead counts its boots from 0 at power-up, and in one byte they begin again after 256 resets,
-//! so names come again. When a bead restarts, the names of all boots are forgotten that may have begun since its last
-//! frame: from the boot after the last one up to the new one, around 256. After a power cycle these include boot
-//! 0 to the new one; if the byte is the same as before, they are all. The names of other boots stay, as a bead keeps its last
-//! strikes over a reset. One case cannot be seen from the byte: a power cycle, and then so many resets in silence
-//! that the number is higher than before. There the index of the first sample tells two strikes apart.
+//! **Restarts.** A bead counts its boots from 0 at power-up, and in one byte they begin again after 256
+//! resets, so names come again. When a bead restarts, the names of all boots are forgotten that may have
+//! begun since its last frame: from the boot after the last one up to the new one, around 256. After a power
+//! cycle these include boot 0 to the new one; if the byte is the same as before, they are all. The names of
+//! other boots stay, as a bead keeps its last strikes over a reset. One case cannot be seen from the byte: a
+//! power cycle, and then so many resets in silence that the number is higher than before. There the index of
+//! the first sample tells two strikes apart.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -34,8 +36,8 @@ use crate::recording::strike::RecordedStrike;
 
 /// A frame that comes this many frames too late counts as lost.
 const SETTLED: i64 = REORDER as i64;
-/// Greatest number of strikes and of settings of a bead that wait. A bead that never sends a result or settings,
-/// or whose strikes count down, must not fill the memory.
+/// Greatest number of strikes and of settings of a bead that wait. A bead that never sends a result or
+/// settings, or whose strikes count down, must not fill the memory.
 const WAITING: usize = 64;
 /// Number of strikes of a bead whose names are remembered.
 const REMEMBERED: usize = 4096;
@@ -56,7 +58,8 @@ pub enum Event {
 pub struct Assembled {
     /// The strike.
     pub strike: RecordedStrike,
-    /// Header of the strike frame. For a fetched strike, that of its last fetched frame, with the boot of the strike.
+    /// Header of the strike frame. For a fetched strike, that of its last fetched frame, with the boot of the
+    /// strike.
     pub header: Header,
     /// `None` for a strike that came when it was measured.
     pub fetched: Option<FetchedCopy>,
@@ -102,8 +105,8 @@ pub struct Restart {
 }
 
 impl Restart {
-    /// True if the boot with this low byte may have begun since the last frame before the restart, so that its
-    /// strikes are not those known by the same names.
+    /// True if the boot with this low byte may have begun since the last frame before the restart, so that
+    /// its strikes are not those known by the same names.
     pub fn begins(self, boot: u8) -> bool {
         // From the boot after the last one, which is 0 here, to the new one.
         let after = |boot: u8| boot.wrapping_sub(self.before).wrapping_sub(1);
@@ -144,8 +147,8 @@ impl Assembly {
         events
     }
 
-    /// True if every part of a strike came. It is named by the address of its bead, the low byte of its boot, and its
-    /// number.
+    /// True if every part of a strike came. It is named by the address of its bead, the low byte of its boot,
+    /// and its number.
     pub fn is_whole(&self, address: u8, boot: u8, number: u32) -> bool {
         let bead = self.beads.get(&address);
         bead.is_some_and(|bead| bead.register.parts(boot, number) == Parts::ALL)
@@ -322,7 +325,8 @@ impl Bead {
         self.note_window(strike);
     }
 
-    /// Takes a frame of a fetched strike, and gives the strike if that was the last one and the strike is not here.
+    /// Takes a frame of a fetched strike, and gives the strike if that was the last one and the strike is not
+    /// here.
     fn push_fetched(&mut self, frame: &Frame, fetched: &Fetched) -> Option<Event> {
         let address = frame.header.address;
         let strike = self.fetched.push(address, fetched)?;
@@ -441,8 +445,8 @@ impl Bead {
         })
     }
 
-    /// The last settings before a frame. If those frames are all lost, the first settings after it, as settings rarely
-    /// change. Settings before these are forgotten.
+    /// The last settings before a frame. If those frames are all lost, the first settings after it, as
+    /// settings rarely change. Settings before these are forgotten.
     fn settings_before(&mut self, frame: i64) -> Option<Settings> {
         if let Some((&last, &settings)) = self.settings.range(..frame).next_back() {
             self.settings = self.settings.split_off(&last);
@@ -452,8 +456,8 @@ impl Bead {
     }
 }
 
-/// Numbers that go on where those of the wire begin again at 0: after 2^32 frames, which a full line sends in 24
-/// days.
+/// Numbers that go on where those of the wire begin again at 0: after 2^32 frames, which a full line sends in
+/// 24 days.
 #[derive(Clone, Copy, Debug, Default)]
 struct Unwrapped(Option<i64>);
 
@@ -498,8 +502,8 @@ impl Register {
             .map_or(Parts::default(), |entry| entry.parts)
     }
 
-    /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike gives
-    /// way.
+    /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike
+    /// gives way.
     fn entry(&mut self, boot: u8, number: u32, first_index: u64) -> &mut Entry {
         if self.get(boot, number).is_none() {
             while self.length >= REMEMBERED {

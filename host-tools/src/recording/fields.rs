@@ -4,7 +4,8 @@
 //! [`entries`] walks over a message, [`described`] over the description of its fields; both give the same
 //! keys in the same order. The rules of names stand here alone:
 //!
-//! - A quantity is in its SI unit, which ends the key: `peak_force_n`. Its bits are beside it: `peak_force_raw`.
+//! - A quantity is in its SI unit, which ends the key: `peak_force_n`. Its bits are beside it:
+//!   `peak_force_raw`.
 //! - A number with a name, and a set of names, have the number beside them: `cause`, `cause_raw`.
 //! - The index of a sample has the bead's time beside it: `first_index`, `first_time_s`.
 

@@ -254,8 +254,8 @@ mod tests {
         let shape = |bits| Shape::draw(&mut || bits);
         let frame = Frame::of(0, 0, Arrival::First, shape(0));
         let length = |bits| message(&frame, &shape(bits)).len();
-        // Without a sample rate arrival and width are absent as well. Ringing and decay are a key of two bytes
-        // and a double each.
+        // Without a sample rate arrival and width are absent as well. Ringing and decay are a key of two
+        // bytes and a double each.
         assert_eq!(length(2) - length(0), 2 * (2 + 8));
     }
 }

@@ -40,8 +40,8 @@ pub struct RecordedStrike {
     pub address: u8,
     /// Low byte of the boot number of the bead.
     pub boot: u8,
-    /// Number of the boot among those that were received of this bead, from 0: after a power cycle the low byte is
-    /// the same again. `None` for a fetched strike, whose frames only have the byte.
+    /// Number of the boot among those that were received of this bead, from 0: after a power cycle the low
+    /// byte is the same again. `None` for a fetched strike, whose frames only have the byte.
     pub nth_boot: Option<usize>,
     /// Unique device id of the bead, `None` before its identity came.
     pub uid: Option<[u8; 12]>,

@@ -76,8 +76,8 @@ impl FetchedNames {
     }
 }
 
-/// The strikes in frames, an iterator. Each strike comes once: a fetched one in place of a copy that lacks a part. Memory:
-/// the newest strikes of each bead.
+/// The strikes in frames, an iterator. Each strike comes once: a fetched one in place of a copy that lacks a
+/// part. Memory: the newest strikes of each bead.
 #[derive(Debug, Clone)]
 pub struct Strikes<I> {
     frames: I,
@@ -89,7 +89,8 @@ pub struct Strikes<I> {
 }
 
 impl<I: Iterator<Item = Frame>> Strikes<I> {
-    /// The strikes in `frames`. A strike of a boot whose settings frames are all lost gets the `given` settings.
+    /// The strikes in `frames`. A strike of a boot whose settings frames are all lost gets the `given`
+    /// settings.
     pub fn new(frames: impl IntoIterator<IntoIter = I>, given: impl Into<GivenSettings>) -> Self {
         Self {
             frames: frames.into_iter(),

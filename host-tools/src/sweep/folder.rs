@@ -1,8 +1,8 @@
 //! A plan on disk, with a part for each finished chunk.
 //!
 //! # Design
-//! `plan.toml` holds the whole sweep with its scenario, so a folder may be copied to another machine. A part is
-//! a Parquet file that gets its name when it is complete, and notes its plan and chunk: the parts are the
+//! `plan.toml` holds the whole sweep with its scenario, so a folder may be copied to another machine. A part
+//! is a Parquet file that gets its name when it is complete, and notes its plan and chunk: the parts are the
 //! journal. Any number of programs may compute chunks of one folder, even the same chunks, since their bytes
 //! are equal.
 
@@ -61,8 +61,8 @@ pub const MOST_CHUNKS: u64 = 99_999;
 const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
-    /// Makes a folder for a plan of `chunks` chunks, but no more than points or [`MOST_CHUNKS`]. A folder that
-    /// holds the plan already is opened as it is.
+    /// Makes a folder for a plan of `chunks` chunks, but no more than points or [`MOST_CHUNKS`]. A folder
+    /// that holds the plan already is opened as it is.
     ///
     /// # Errors
     /// It holds another plan or other files, or cannot be made.

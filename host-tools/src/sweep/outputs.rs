@@ -90,8 +90,8 @@ impl Outputs {
         [self.peaks.as_slice(), &self.arrivals].concat()
     }
 
-    /// The cells of a run, one for each of the [`columns`](Self::columns); null for a bead or contact that the
-    /// chain does not have.
+    /// The cells of a run, one for each of the [`columns`](Self::columns); null for a bead or contact that
+    /// the chain does not have.
     pub fn cells(&self, outcome: &EnsembleOutcome) -> Vec<Cell> {
         let (end, model) = (outcome.end(), outcome.model());
         let (absorbed, injected) = (outcome.absorbed(), outcome.injected());

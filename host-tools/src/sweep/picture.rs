@@ -5,10 +5,11 @@ use std::path::Path;
 use anyhow::Context;
 use hertz_charts::{COLUMN, Chart, Ink, Map, Mark, Panel, Series};
 
+use crate::sweep::column::Column;
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
 use crate::sweep::side::{Cells, Quantity, Side, ends};
-use crate::sweep::view::{Column, Form, Layout, MOST_POINTS, Place, View};
+use crate::sweep::view::{Form, Layout, MOST_POINTS, Place, View};
 use crate::tables::{Cell, Reader};
 
 /// Greatest value that is drawn: differences of two stay finite.

@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use hertz_charts::{Axis as ChartAxis, Scale};
 
 use crate::sweep::axis::{Along, Values};
+use crate::sweep::column::Column;
 use crate::sweep::plan::Plan;
-use crate::sweep::view::Column;
 use crate::tables::printable::{beginning, one_line};
 use crate::tables::unit::Unit;
 use crate::tables::{Cell, Kind};

@@ -135,8 +135,8 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Runs a scenario, writes `rate_hz` rows a second from time 0 on, and returns the summary. Only some rows are
-/// held in memory, so the chain may have any length.
+/// Runs a scenario, writes `rate_hz` rows a second from time 0 on, and returns the summary. Only some rows
+/// are held in memory, so the chain may have any length.
 ///
 /// # Errors
 /// The rate is no positive number or gives no second row, the scenario cannot be run, or the file cannot be

@@ -2,7 +2,8 @@
 
 use hertz_charts::FAMILY;
 
-use crate::sweep::axis::{Along, Axis};
+use crate::sweep::axis::Axis;
+use crate::sweep::column::Column;
 use crate::sweep::plan::Plan;
 use crate::sweep::side::{self, Cells};
 use crate::tables::printable::first_of;
@@ -34,14 +35,6 @@ pub(super) struct Layout {
 pub(super) enum Form {
     Curves { y: String, by: Option<Column> },
     Map { y: Column, value: String },
-}
-
-/// A column along an axis of the sweep.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Column {
-    pub(super) axis: usize,
-    /// The key along the axis; `None` for the column of places.
-    pub(super) along: Option<usize>,
 }
 
 /// A place on an axis, chosen by --at.
@@ -267,35 +260,6 @@ impl Layout {
             }
         }
         Ok(())
-    }
-}
-
-impl Column {
-    /// The column of this name.
-    fn find(plan: &Plan, name: &str) -> Option<Self> {
-        plan.axes().iter().enumerate().find_map(|(axis, of)| {
-            if of.name.as_deref() == Some(name) {
-                return Some(Self { axis, along: None });
-            }
-            let along = of.along.iter().position(|along| along.key.column() == name);
-            along.map(|along| Self {
-                axis,
-                along: Some(along),
-            })
-        })
-    }
-
-    /// The key of the column; `None` for a column of places.
-    pub(super) fn along<'a>(&self, plan: &'a Plan) -> Option<&'a Along> {
-        self.along.map(|along| &plan.axes()[self.axis].along[along])
-    }
-
-    /// The name of the column.
-    pub(super) fn name(&self, plan: &Plan) -> String {
-        match self.along(plan) {
-            Some(along) => along.key.column(),
-            None => plan.axes()[self.axis].index(),
-        }
     }
 }
 

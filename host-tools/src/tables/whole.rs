@@ -145,8 +145,8 @@ impl Target {
     /// Writes the file by `fill`, whole or not at all.
     ///
     /// # Errors
-    /// The directory is missing or not writable, `fill` fails, or a file of that name appeared and must not be
-    /// replaced.
+    /// The directory is missing or not writable, `fill` fails, or a file of that name appeared and must not
+    /// be replaced.
     pub fn write(&self, fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) -> Result<(), WriteError> {
         if self.is_standard_output() {
             return to_standard_output(fill).map_err(|reason| self.error(reason));

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! `hound` takes chunks of odd length to have no padding, the length of a stream for true, and the valid bits
-//! of a sample for its lowest ones; the format has padding, streams of unknown length, and valid bits that are
-//! the highest. So the chunks are read here, and `hound` gets the samples behind a plain header.
+//! of a sample for its lowest ones; the format has padding, streams of unknown length, and valid bits that
+//! are the highest. So the chunks are read here, and `hound` gets the samples behind a plain header.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};

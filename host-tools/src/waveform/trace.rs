@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! Between rows, the value is that of the cubic through the four nearest ones, which suits pulses of six rows
-//! and more (see [`Trace::rows_wide`]). A source much faster than the front end's own steps is averaged down to
-//! them first, so that its noise does not fold into the band. Before the first row the value is 0; after the
-//! last it returns to 0 along half a cosine, slower than any trigger sees.
+//! and more (see [`Trace::rows_wide`]). A source much faster than the front end's own steps is averaged down
+//! to them first, so that its noise does not fold into the band. Before the first row the value is 0; after
+//! the last it returns to 0 along half a cosine, slower than any trigger sees.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

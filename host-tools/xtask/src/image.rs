@@ -98,8 +98,8 @@ pub(crate) fn build_if_there_is_one(steps: &Steps) -> Result<(), Stop> {
 mod tests {
     use super::*;
 
-    /// An ELF file of nothing but loaded segments: virtual address, physical address, bytes in the file, bytes
-    /// in memory.
+    /// An ELF file of nothing but loaded segments: virtual address, physical address, bytes in the file,
+    /// bytes in memory.
     fn elf(segments: &[[u32; 4]]) -> Vec<u8> {
         let mut file = b"\x7fELF\x01\x01\x01".to_vec();
         file.resize(16, 0);

@@ -6,8 +6,8 @@ use std::path::Path;
 use crate::files::texts;
 use crate::step::{Steps, Stop};
 
-/// Prints a row for each crate: lines of source and of tests. Lines of tests are those in files below a folder
-/// `tests`, in files called `tests.rs`, and in modules `tests` under `cfg(test)`.
+/// Prints a row for each crate: lines of source and of tests. Lines of tests are those in files below a
+/// folder `tests`, in files called `tests.rs`, and in modules `tests` under `cfg(test)`.
 ///
 /// # Errors
 /// A file cannot be read.

@@ -176,7 +176,10 @@ mod tests {
         let page = read("docs/library.md");
         for folder in ["host-tools/chain", "host-tools/emulator", "firmware/wire"] {
             let program = read(&format!("{folder}/examples/library.rs"));
-            assert!(page.contains(&format!("```rust\n{program}```")), "{folder}");
+            let code = program
+                .strip_prefix("//! The example of docs/library.md.\n\n")
+                .unwrap();
+            assert!(page.contains(&format!("```rust\n{code}```")), "{folder}");
         }
     }
 }

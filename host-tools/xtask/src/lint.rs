@@ -40,8 +40,8 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.run("format", &Line::new("cargo fmt --all --check"))
 }
 
-/// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency that
-/// has no version, or with a readme that is not there.
+/// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency
+/// that has no version, or with a readme that is not there.
 fn packages(steps: &Steps) -> Result<(), Stop> {
     let package = Line::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
     steps.run("the crates as they are published", &package)

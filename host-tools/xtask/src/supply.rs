@@ -2,10 +2,10 @@
 //!
 //! # Design
 //! THIRD-PARTY.md names each package that `cargo tree` says is linked, with its licence, and the check
-//! compares the page with what cargo says now: a package cannot come in unseen. deny.toml says which licences,
-//! origins and second versions are allowed, and cargo-deny holds the tree to it where it is installed, as in
-//! CI. A release carries the texts of the licences, by cargo-about, and bills of materials, by
-//! cargo-cyclonedx.
+//! compares the page with what cargo says now: a package cannot come in unseen. deny.toml says which
+//! licences, origins and second versions are allowed, and cargo-deny holds the tree to it where it is
+//! installed, as in CI. A release carries the texts of the licences, by cargo-about, and bills of materials,
+//! by cargo-cyclonedx.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -86,8 +86,8 @@ fn part(steps: &Steps) -> Result<(), Stop> {
 /// The end-to-end tests that depend on the core's speed.
 const SPEED_MATTERS: &str = "strikes:: faults:: link::";
 
-/// Jobs that depend on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, about the
-/// most that the core can take (docs/emulator.md).
+/// Jobs that depend on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, about
+/// the most that the core can take (docs/emulator.md).
 fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let tests = jobs
         .iter()

@@ -1,5 +1,5 @@
-//! Imports inside each crate point down: no circle between files, no file that uses what the file declaring it
-//! defines, and no import of a higher room where the crate's `lib.rs` has a table of rooms, highest first.
+//! Imports inside each crate point down: no circle between files, no file that uses what the file declaring
+//! it defines, and no import of a higher room where the crate's `lib.rs` has a table of rooms, highest first.
 //! Imports between crates are in their manifests.
 //!
 //! # Design

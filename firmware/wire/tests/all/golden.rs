@@ -1,7 +1,9 @@
 //! Fields and bytes of every message and every request, held by `golden.txt`.
 //!
-//! If a test here fails, a body has changed: the order, the name, the type or the bound of a field, or a list.
-//! - A list may grow at its end, and a new kind or request may come: `GOLDEN=overwrite cargo test --release -p
+//! If a test here fails, a body has changed: the order, the name, the type or the bound of a field, or a
+//! list.
+//! - A list may grow at its end, and a new kind or request may come: `GOLDEN=overwrite cargo test --release
+//!   -p
 //!   bead-wire golden` writes the file anew. Lines are added, and none goes.
 //! - Anything else breaks recordings and old beads. A changed body gets a new number and a file of its own; a
 //!   changed header is a new version of the protocol.

@@ -126,7 +126,8 @@ struct Recovered {
     open: OpenStrikes,
 }
 
-/// Greatest number of strikes without a result at a time: one is sent while the next is measured. More are forged.
+/// Greatest number of strikes without a result at a time: one is sent while the next is measured. More are
+/// forged.
 const OPEN_MOST: usize = 16;
 
 /// Counts strikes whose samples came, and whose result did not.

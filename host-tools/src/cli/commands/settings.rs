@@ -328,7 +328,7 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
         version: VERSION,
         bytes: block.len(),
         settings: Physical::of(&settings),
-        settings_raw: serde_json::to_value(&settings).expect("settings are numbers and texts"),
+        settings_raw: serde_json::to_value(settings).expect("settings are numbers and texts"),
     };
     output::print(format, &report, || table(&settings))
 }

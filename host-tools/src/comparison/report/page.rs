@@ -3,7 +3,7 @@
 use hertz_charts::{COLUMN, Chart, Error, style};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::comparison::report::{Block, Cell, Column, Medium, Report, Section, Table};
+use crate::comparison::report::content::{Block, Cell, Column, Medium, Report, Section, Table};
 
 const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\

@@ -2,7 +2,7 @@
 
 use comfy_table::{CellAlignment, Table as Grid, presets};
 
-use crate::comparison::report::{Block, Cell, Column, Report, Table};
+use crate::comparison::report::content::{Block, Cell, Column, Report, Table};
 
 /// A table that may still grow by others with its columns.
 struct Open<'a> {

@@ -1,9 +1,10 @@
 //! The channels of a recording that other programs read: the content of the frames in SI units, with schemas.
 //!
 //! # Design
-//! They stand beside the raw frames and are made of them; nothing here reads them again. A frame's message is written
-//! when the frame comes. A window is written when its strike is handed on by the [`Assembly`], if every sample
-//! of it came. A fetched strike adds the messages that are still missing, with the boot of the strike.
+//! They stand beside the raw frames and are made of them; nothing here reads them again. A frame's message is
+//! written when the frame comes. A window is written when its strike is handed on by the [`Assembly`], if
+//! every sample of it came. A fetched strike adds the messages that are still missing, with the boot of the
+//! strike.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Seek, Write};

@@ -13,8 +13,8 @@ use crate::recording::file::search::{self, SoundFrame};
 use crate::recording::frames::Piece;
 use crate::tables::printable::{beginning, one_line};
 
-/// Greatest number of bytes in runs that wait until it is known whether they have receive times. A piece of received
-/// bytes has up to 64 KiB and may end a run that began before it.
+/// Greatest number of bytes in runs that wait until it is known whether they have receive times. A piece of
+/// received bytes has up to 64 KiB and may end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
 /// Greatest length of a record with entries by name, which take many times more in memory.
 const ENTRIES_MOST: usize = 1 << 20;
@@ -92,8 +92,8 @@ impl Contents {
         }
     }
 
-    /// True if a channel of bytes was known only when some of its messages had passed: its record is damaged, and stands
-    /// again in the index at the end.
+    /// True if a channel of bytes was known only when some of its messages had passed: its record is damaged,
+    /// and stands again in the index at the end.
     pub(super) fn knew_too_late(&self) -> bool {
         let mut channels = self.channels.frames.keys();
         channels.any(|channel| self.passed_over.contains(channel))
@@ -174,7 +174,8 @@ impl Contents {
         }
     }
 
-    /// Takes a frame from a damaged place. Its own address says whose it is where the head of its message does not.
+    /// Takes a frame from a damaged place. Its own address says whose it is where the head of its message
+    /// does not.
     pub(super) fn push_frame(&mut self, frame: &SoundFrame<'_>) {
         let channel = frame.head.map(|head| head.channel);
         let of_channel = channel.and_then(|channel| self.channels.frames.get(&channel));

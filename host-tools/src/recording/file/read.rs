@@ -60,8 +60,8 @@ impl Recording {
     /// Reads a file, whole or cut short.
     ///
     /// # Errors
-    /// The file cannot be read, is no recording, has compressed chunks, or has only frames of a later version of the
-    /// protocol. One cut short or damaged is no error: see [`State`].
+    /// The file cannot be read, is no recording, has compressed chunks, or has only frames of a later version
+    /// of the protocol. One cut short or damaged is no error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         Self::read(path, false)
     }
@@ -229,8 +229,8 @@ impl Summary {
     }
 }
 
-/// The runs of bytes in a recording, each with its delimiter, its receive time and its bead. Memory: a chunk of the
-/// file, and the runs of one piece of bytes of each bead.
+/// The runs of bytes in a recording, each with its delimiter, its receive time and its bead. Memory: a chunk
+/// of the file, and the runs of one piece of bytes of each bead.
 pub struct Pieces {
     records: Records,
     contents: Contents,

@@ -1,13 +1,14 @@
 //! The records of a recording, up to where it is cut, and behind places that are damaged.
 //!
 //! # Design
-//! The mcap crate reads the records, with a limit on their lengths and the CRCs of data and index. The records of a
-//! chunk are read if its CRC is right, and those of a chunk that the file's end cuts up to the cut.
+//! The mcap crate reads the records, with a limit on their lengths and the CRCs of data and index. The
+//! records of a chunk are read if its CRC is right, and those of a chunk that the file's end cuts up to the
+//! cut.
 //!
-//! Behind damage frames are searched for, each of which has a CRC of its own ([`search`]). Of a chunk with a wrong CRC
-//! they are all that is read. Where the length of a record is damaged, they are read until the next chunk begins,
-//! from which the crate reads on. So each byte is read and searched once, whatever a file says, and memory is two
-//! records.
+//! Behind damage frames are searched for, each of which has a CRC of its own ([`search`]). Of a chunk with a
+//! wrong CRC they are all that is read. Where the length of a record is damaged, they are read until the next
+//! chunk begins, from which the crate reads on. So each byte is read and searched once, whatever a file says,
+//! and memory is two records.
 
 use std::fmt;
 use std::fs::File;
@@ -379,8 +380,8 @@ impl Records {
         }
     }
 
-    /// Searches the file from `start` on for frames up to the next chunk. If none of either follows, the file is cut
-    /// there, unless it `is_damaged`.
+    /// Searches the file from `start` on for frames up to the next chunk. If none of either follows, the file
+    /// is cut there, unless it `is_damaged`.
     fn search(&mut self, start: u64, is_damaged: bool, contents: &mut Contents) -> io::Result<()> {
         const BLOCK: usize = 1 << 20;
         let (mut window, zeros) = (Vec::new(), vec![0; BLOCK + FRAME_MOST]);

@@ -1,17 +1,17 @@
 //! Frames and chunks in bytes of a recording in which nothing else can be trusted.
 //!
 //! # Design
-//! A frame stands between two delimiters and has a CRC of its own. In a recording, the delimiter before it is the
-//! last byte of its message's publish time, and the message ends with the one behind it. The head of the message is
-//! believed if its length fits.
+//! A frame stands between two delimiters and has a CRC of its own. In a recording, the delimiter before it is
+//! the last byte of its message's publish time, and the message ends with the one behind it. The head of the
+//! message is believed if its length fits.
 
 use bead_wire::{Decoder, MAX_FRAME};
 
 /// Opcode and length before a record, and channel, number and two times before the data of a message.
 const MESSAGE_HEAD: usize = 1 + 8 + MESSAGE_FIELDS;
 const MESSAGE_FIELDS: usize = 2 + 4 + 8 + 8;
-/// Bytes from the opcode of a chunk that is not compressed to its records: opcode, length, two times, size, CRC, an empty
-/// name, size.
+/// Bytes from the opcode of a chunk that is not compressed to its records: opcode, length, two times, size,
+/// CRC, an empty name, size.
 pub(super) const CHUNK_HEAD: usize = 1 + 8 + 8 + 8 + 8 + 4 + 4 + 8;
 /// Greatest number of bytes of a frame with the head of its message.
 pub(super) const FRAME_MOST: usize = MESSAGE_HEAD + MAX_FRAME;

@@ -13,8 +13,8 @@ use crate::recording::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_E
 use crate::recording::file::times::Clock;
 use crate::recording::frames::{Item, Reader};
 
-/// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line, those of all
-/// its beads.
+/// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line,
+/// those of all its beads.
 pub(super) struct Stream {
     /// The bead, if it is one of several.
     origin: Option<Origin>,

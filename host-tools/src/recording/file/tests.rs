@@ -122,8 +122,8 @@ fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
     recorded_in(stream, 33)
 }
 
-/// A finished recording of a stream that came in pieces of this length, of which the writer flushed some hundred at a
-/// time.
+/// A finished recording of a stream that came in pieces of this length, of which the writer flushed some
+/// hundred at a time.
 fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");

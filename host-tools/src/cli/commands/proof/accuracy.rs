@@ -7,7 +7,7 @@ use clap::Args;
 use hertz_chain::{Scenario, Striker};
 use serde::Serialize;
 
-use super::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
+use super::measure::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::bench::tables::Sensors;
 use crate::cli::failure::Failure;

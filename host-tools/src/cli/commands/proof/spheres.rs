@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use hertz_chain::{Material, Options, Scenario};
 use serde::Serialize;
 
-use super::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
+use super::measure::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
 use crate::bench::error::BenchError;
 use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::bench::sensed::{RING_DOWN, bead_of, load_scenario, simulate_with_ring_down};
