@@ -47,8 +47,8 @@ impl Unit {
         }
     }
 
-    /// Size of one bit in the SI unit or, if [`per_sample`](Self::per_sample), in the SI unit at a sample
-    /// rate of 1 Hz.
+    /// Size of one bit in the SI unit or, if [`per_sample`](field@Self::per_sample), in the SI unit at a
+    /// sample rate of 1 Hz.
     pub const fn resolution(&self) -> f64 {
         self.scale / (1_u64 << self.fraction_bits) as f64
     }

@@ -1,7 +1,7 @@
 //! Records the beads at several ports in one file, and fetches the strikes that are lost on the way.
 //!
 //! # Design
-//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to `QUEUE` bytes, before
 //! it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
 //! each case all that they read is recorded.
 //!

@@ -9,11 +9,11 @@
 //!
 //! **Order.** The strikes of a boot are handed on by their numbers. A strike is due when all of its frames
 //! are here and no frame before it is missing, or else when a missing frame counts as lost, [`REORDER`]
-//! frames later. It also waits for the first settings of its boot, but never behind more than [`WAITING`]
+//! frames later. It also waits for the first settings of its boot, but never behind more than `WAITING`
 //! strikes. A restart and the end of the frames hand on the rest.
 //!
 //! **Names.** The name of a strike is the low byte of its boot and its number in it. Of each bead's newest
-//! [`REMEMBERED`] strikes the assembly remembers which parts came, and hands on a fetched copy only of a
+//! `REMEMBERED` strikes the assembly remembers which parts came, and hands on a fetched copy only of a
 //! strike that did not come whole.
 //!
 //! **Restarts.** A bead counts its boots from 0 at power-up, and in one byte they begin again after 256
@@ -114,8 +114,8 @@ impl Restart {
     }
 }
 
-/// Puts the frames of strikes together, of all beads on one line. Memory: at most [`WAITING`] windows, and
-/// [`REMEMBERED`] names, for each bead.
+/// Puts the frames of strikes together, of all beads on one line. Memory: at most `WAITING` windows, and
+/// `REMEMBERED` names, for each bead.
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     /// By address.

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! A table has named columns of whole numbers, numbers or text ([`Column`]), and rows of [`Cell`]s. The name
-//! of a column ends with its unit ([`unit`]). [`Writer`] writes tables as Parquet or CSV, [`Reader`] reads
-//! Parquet files of any origin, some rows at a time: memory does not grow with the table.
+//! of a column ends with its unit ([`mod@unit`]). [`Writer`] writes tables as Parquet or CSV, [`Reader`]
+//! reads Parquet files of any origin, some rows at a time: memory does not grow with the table.
 
 mod guarded;
 pub mod printable;
