@@ -9,8 +9,8 @@
 //! | [`cli`] | the command line: commands, options, output, exit statuses |
 //! | [`mod@sweep`] | many scenarios over axes of parameters: points, chunks, parts, clusters |
 //! | [`export`] | strikes and samples as tables, and as files of other trades |
-//! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
-//! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
+//! | [`mod@bench`] | a bead in the emulator: its image in QEMU, faults, and the comparison of a run |
+//! | [`comparison`] | signals at a bead, replay, estimates in f64, a strike held against the simulation, reports |
 //! | [`waveform`] | force and acceleration over time from files of other instruments |
 //! | [`mod@line`] | ports, conversations with a bead, and the recorder |
 //! | [`recording`] | files of received bytes, their frames, strikes and clocks |

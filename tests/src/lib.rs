@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use bead::bench::emulation::Emulation;
-use bead::bench::front_end::FrontEnd;
 use bead::bench::image::find_image;
-use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::comparison::front_end::FrontEnd;
+use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::frames::{self, Frame};
 use bead_model::Settings;
 use bead_model::design::{

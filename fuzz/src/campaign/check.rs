@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use bead::bench::emulation::{Emulation, Ran};
 use bead::bench::faults::{Kind, Planned};
-use bead::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use bead::bench::image::find_image;
-use bead::bench::sensed::{load_scenario, simulate_with_ring_down};
-use bead::comparison::run::RunReport;
+use bead::bench::run::RunReport;
+use bead::comparison::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use bead::comparison::sensed::{load_scenario, simulate_with_ring_down};
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};

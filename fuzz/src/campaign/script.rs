@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use bead::bench::faults::{self, Kind, Planned};
-use bead::bench::sensed::Timing;
+use bead::comparison::sensed::Timing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

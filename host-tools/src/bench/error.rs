@@ -1,17 +1,15 @@
 //! Errors of runs of the image.
 
-use hertz_chain::{InputError, SimulateError};
 use stm32f405_qemu::RunError;
+
+use crate::comparison::error::CompareError;
 
 /// A run of the image cannot be made, or failed. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The scenario cannot be read.
+    /// The scenario cannot be read or integrated, or does not fit the bead.
     #[error(transparent)]
-    Input(#[from] InputError),
-    /// The scenario cannot be integrated.
-    #[error(transparent)]
-    Simulation(#[from] SimulateError),
+    Compare(#[from] CompareError),
     /// Bead, image, faults or address do not make a run.
     #[error("{0}")]
     Unfit(String),

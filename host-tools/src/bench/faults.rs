@@ -19,7 +19,7 @@ use hertz_chain::{InputError, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Fault, FaultKind, Run};
 
-use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
+use crate::comparison::front_end::{CODES, SAMPLE_RATE_HZ};
 
 /// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]

@@ -1,12 +1,12 @@
-//! The bead on the bench: what it senses, its front end, its image in QEMU, and faults.
+//! A bead in the emulator: its image in QEMU, faults, and the comparison of a run with the simulation.
 
 pub mod bridge;
 pub mod emulation;
 pub mod error;
+pub mod fault_reports;
 pub mod faults;
-pub mod front_end;
 pub mod image;
 mod playback;
-pub mod sensed;
+pub mod run;
 pub mod several;
 pub mod tables;

@@ -15,8 +15,8 @@
 use hertz_chain::{InputError, Scenario, TomlFile};
 use serde::Deserialize;
 
-use crate::bench::front_end::FrontEnd;
 use crate::bench::several::Clocks;
+use crate::comparison::front_end::FrontEnd;
 use crate::recording::clock::CRYSTAL_PPM;
 
 /// Least time between two edges at the sync input, s. The bead reports edges that are more than 10 ms apart

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use hertz_chain::Scenario;
 
 use crate::bench::error::BenchError;
-use crate::bench::sensed::BEADS_TOLD;
+use crate::comparison::sensed::BEADS_TOLD;
 use crate::tables::printable::first_of;
 
 /// The value of `--bead`.

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use stm32f405_qemu::RunError;
 
 use crate::bench::error::BenchError;
+use crate::comparison::error::CompareError;
 use crate::line::conversation::LineError;
 use crate::line::key::KeyError;
 use crate::recording::file::RecordingError;
@@ -67,6 +68,7 @@ macro_rules! input_errors {
     };
 }
 input_errors!(
+    CompareError,
     hertz_chain::InputError,
     hertz_chain::SimulateError,
     hertz_charts::Error,

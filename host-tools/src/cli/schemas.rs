@@ -7,12 +7,12 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
+use crate::bench::run::RunReport;
 use crate::cli::commands::{
     command, compare, compare_reference, compare_row, emulate, fetch, optimise, proof, recover, replay,
     settings, simulate, sweep_cluster, sweep_work,
 };
 use crate::cli::frame_schemas::{self, describe};
-use crate::comparison::run::RunReport;
 use crate::recording::clock::ClockComparison;
 
 /// The schema of each result by its name, which is that of a file in docs/schemas.

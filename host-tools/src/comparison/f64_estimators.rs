@@ -10,7 +10,7 @@
 use bead_model::design::{Bead, Intruder, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
 
-use crate::bench::front_end::first_order_hold;
+use crate::comparison::front_end::first_order_hold;
 
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
@@ -196,7 +196,7 @@ fn runge_kutta(bead: &Bead, row: &Row, state: &State, step: f64, [start, middle,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::sensed::{bead_of, neighbours_of};
+    use crate::comparison::sensed::{bead_of, neighbours_of};
     use hertz_chain::Scenario;
 
     const RATE: f64 = 100e3;
@@ -211,7 +211,7 @@ mod tests {
         let end = (scenario.duration * RATE) as usize;
         let sample = |mut signal: Box<dyn FnMut(f64) -> f64 + '_>| -> Vec<f64> {
             let mut filter =
-                crate::bench::front_end::LowPass::new(pole_hz, 1.0 / RATE / f64::from(fine), 0.0);
+                crate::comparison::front_end::LowPass::new(pole_hz, 1.0 / RATE / f64::from(fine), 0.0);
             let at = |i: i32| (f64::from(i) / RATE / f64::from(fine)).min(scenario.duration);
             (0..=end as i32 * fine)
                 .map(|i| filter.advance(signal(at(i))))
@@ -252,7 +252,7 @@ mod tests {
             "/../docs/scenarios/ten-intruders.toml"
         );
         let scenario = Scenario::load(file).unwrap();
-        let solution = crate::bench::sensed::simulate_with_ring_down(&scenario).unwrap();
+        let solution = crate::comparison::sensed::simulate_with_ring_down(&scenario).unwrap();
         for host in [7, 10, 14] {
             let (bead, neighbours) = (bead_of(&solution, host).unwrap(), neighbours_of(&solution, host));
             let end = (scenario.duration * RATE) as usize;

@@ -14,8 +14,8 @@ use bead_model::design::{Bead, Intruder, Neighbours};
 use bead_model::layout::{BASELINE, HISTORY_MAX};
 use serde::{Deserialize, Serialize};
 
-use crate::bench::sensed::Truth;
 use crate::comparison::f64_estimators;
+use crate::comparison::sensed::Truth;
 use crate::comparison::signal::gated;
 use crate::waveform::{Trace, Waveform};
 
@@ -157,7 +157,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::bench::sensed::{bead_of, simulate_with_ring_down};
+    use crate::comparison::sensed::{bead_of, simulate_with_ring_down};
 
     /// The paper's strike at bead 8, as an instrument has it: `rate` rows a second, each put through `row`.
     fn recorded(rate: f64, mut row: impl FnMut(usize, f64) -> f64) -> (Waveform, Settings, Truth) {

@@ -1,7 +1,9 @@
 //! A recorded strike held against replay, f64 estimates and the full chain; and the page that shows it.
 
+pub mod emulated;
+pub mod error;
 pub mod f64_estimators;
-pub mod fault_reports;
+pub mod front_end;
 pub mod given;
 pub mod pictures;
 mod quantities;
@@ -10,7 +12,7 @@ pub mod reference_report;
 pub mod replay;
 pub mod report;
 pub mod row;
-pub mod run;
+pub mod sensed;
 mod signal;
 pub mod spread;
 mod statistics;

@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use bead_model::layout::BASELINE;
 
-use crate::bench::front_end::SCAN_SKEW;
 use crate::comparison::f64_estimators;
+use crate::comparison::front_end::SCAN_SKEW;
 use crate::comparison::given::{Given, physics};
 use crate::comparison::signal::{gated, least, sensed};
 use crate::recording::strikes::RecordedStrike;
@@ -385,7 +385,7 @@ mod tests {
     use hertz_chain::Scenario;
 
     use super::*;
-    use crate::bench::sensed::simulate_with_ring_down;
+    use crate::comparison::sensed::simulate_with_ring_down;
     use crate::comparison::testing::recorded_strike;
 
     /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0

@@ -17,13 +17,13 @@ use bead_wire::StrikeFlags;
 use hertz_chain::{Curve, Pulse, PulseSearch, Scenario, Solution};
 use serde::Serialize;
 
-use crate::bench::error::BenchError;
-use crate::bench::front_end::SCAN_SKEW;
-use crate::bench::sensed::{
+use crate::comparison::error::CompareError;
+use crate::comparison::f64_estimators;
+use crate::comparison::front_end::SCAN_SKEW;
+use crate::comparison::replay::{Replay, replay};
+use crate::comparison::sensed::{
     Truth, bead_of, neighbours_of, simulate_with_ring_down, unlike_the_reduced_chain,
 };
-use crate::comparison::f64_estimators;
-use crate::comparison::replay::{Replay, replay};
 use crate::comparison::signal::{force_noise, gated, least, sensed};
 use crate::recording::strikes::RecordedStrike;
 
@@ -229,7 +229,7 @@ impl FullChain {
     ///
     /// # Errors
     /// The bead has no intruder, or the scenario cannot be run.
-    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, BenchError> {
+    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, CompareError> {
         Self::of(scenario, &Arc::new(simulate_with_ring_down(scenario)?), bead)
     }
 
@@ -237,7 +237,7 @@ impl FullChain {
     ///
     /// # Errors
     /// The bead has no intruder, or no force reaches it.
-    pub fn of(scenario: &Scenario, solution: &Arc<Solution>, bead: usize) -> Result<Self, BenchError> {
+    pub fn of(scenario: &Scenario, solution: &Arc<Solution>, bead: usize) -> Result<Self, CompareError> {
         let solution = Arc::clone(solution);
         let physics = bead_of(&solution, bead)?;
         let neighbours = neighbours_of(&solution, bead);

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
 
-use crate::bench::emulation::EmulatorReport;
+use crate::comparison::emulated::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::quantities::{QUANTITIES, Quantity, Source, energy_unit};
 use crate::comparison::report::{

@@ -7,8 +7,8 @@ use bead_model::{Scan, Settings, Window, WindowRecord};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution};
 
-use crate::bench::front_end::FrontEnd;
-use crate::bench::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
+use crate::comparison::front_end::FrontEnd;
+use crate::comparison::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
 use crate::recording::strikes::RecordedStrike;
 
 /// The paper's strike as bead 8 would report it, made by the model on this computer.

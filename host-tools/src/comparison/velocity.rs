@@ -14,7 +14,7 @@
 use hertz_chain::Scenario;
 use serde::Serialize;
 
-use crate::bench::error::BenchError;
+use crate::comparison::error::CompareError;
 use crate::comparison::spread::mean_uncertainty;
 use crate::comparison::strike::FullChain;
 use crate::comparison::verdict::Echoes;
@@ -67,7 +67,7 @@ pub fn fit(
     scenario: &Scenario,
     bead: usize,
     strikes: &[RecordedStrike],
-) -> Result<FittedVelocity, BenchError> {
+) -> Result<FittedVelocity, CompareError> {
     let given = scenario.striker.velocity;
     let mut scenario = scenario.clone();
     for _ in 0..ROUNDS {
@@ -80,7 +80,7 @@ pub fn fit(
                 .collect(),
         );
         if ratios.is_empty() {
-            return Err(BenchError::Unfit(
+            return Err(CompareError::Unfit(
                 "no strike came with its settings, all of its samples and a force within the sensor's range, so that there \
                  is no force to find the striker's velocity from; give it with --velocity"
                     .to_owned(),
@@ -108,7 +108,7 @@ pub fn fit(
             scenario: given,
         });
     }
-    Err(BenchError::Unfit(format!(
+    Err(CompareError::Unfit(format!(
         "no velocity of the striker gives the recorded forces: after {ROUNDS} rounds it is at {:.3} m/s; is the scenario \
          that of this recording?",
         scenario.striker.velocity

@@ -3,17 +3,19 @@
 use std::collections::BTreeMap;
 
 use bead_model::layout::WindowSettings;
-use bead_wire::Counters;
+use std::borrow::Borrow;
+
+use bead_wire::{Counters, Header, Message, Status};
 use hertz_chain::{Scenario, Solution};
 
-use crate::bench::emulation::{EmulatorReport, RunTruth};
-use crate::bench::front_end::SAMPLE_RATE_HZ;
-use crate::bench::sensed::RING_DOWN;
+use crate::comparison::emulated::{EmulatorReport, RunTruth};
+use crate::comparison::front_end::SAMPLE_RATE_HZ;
 use crate::comparison::report::count;
-use crate::comparison::run::last_statuses;
+use crate::comparison::sensed::RING_DOWN;
 use crate::comparison::spread::Spread;
 use crate::comparison::strike::FullChain;
 use crate::recording::file::RecordingError;
+use crate::recording::frames::Frame;
 use crate::recording::frames::Item;
 use crate::recording::received::Received;
 use crate::recording::strikes::RecordedStrike;
@@ -196,6 +198,27 @@ pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) 
     spread.iter().find_map(Spread::failure)
 }
 
+/// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
+/// again, and so does the time. Several beads may share a line.
+pub fn last_statuses<F: Borrow<Frame>>(frames: impl IntoIterator<Item = F>) -> Vec<Status> {
+    let mut last: Vec<(Header, Status)> = Vec::new();
+    for frame in frames {
+        let Frame { header, message, .. } = frame.borrow();
+        let Message::Status(status) = message else {
+            continue;
+        };
+        let of_bead = |(other, _): &&mut (Header, Status)| other.address == header.address;
+        let same_boot = |(other, before): &&mut (Header, Status)| {
+            other.boot == header.boot && before.uptime_ms <= status.uptime_ms
+        };
+        match last.iter_mut().rev().find(of_bead).filter(same_boot) {
+            Some((_, before)) => *before = *status,
+            None => last.push((*header, *status)),
+        }
+    }
+    last.into_iter().map(|(_, status)| status).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -204,7 +227,7 @@ mod tests {
     use bead_model::design::{Capture, FrontEnd, derive};
 
     use super::*;
-    use crate::bench::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
+    use crate::comparison::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
     use crate::comparison::testing::recorded_strike;
 
     /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
@@ -228,7 +251,7 @@ mod tests {
                 absorbed: 1.0,
             },
             starts: vec![2000.3, 3000.8, 12_000.0],
-            front_end: crate::bench::front_end::FrontEnd::default(),
+            front_end: crate::comparison::front_end::FrontEnd::default(),
             seed: None,
             clock_ppm: 0.0,
             sync_edges: Vec::new(),

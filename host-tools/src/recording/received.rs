@@ -154,8 +154,9 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
-    use crate::bench::emulation::RunTruth;
     use crate::recording::file::{About, Writer};
     use crate::tables::whole::Target;
 
@@ -168,7 +169,10 @@ mod tests {
         writer.attach(Part::Truth, truth.as_bytes()).unwrap();
         writer.finish().unwrap();
         let received = Received::open(&path).unwrap();
-        let why = received.json::<RunTruth>(Part::Truth).unwrap_err().to_string();
+        let why = received
+            .json::<BTreeMap<String, usize>>(Part::Truth)
+            .unwrap_err()
+            .to_string();
         assert!(
             why.contains("cannot read its truth.json; record it again: invalid type: string \"xxx"),
             "{why}"

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::program;
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
+use bead::comparison::front_end::FrontEnd;
+use bead::comparison::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Recording, Writer};
 use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive};

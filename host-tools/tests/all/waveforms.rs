@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use bead::bench::sensed::{load_scenario, simulate_with_ring_down};
 use bead::comparison::replay::replay;
+use bead::comparison::sensed::{load_scenario, simulate_with_ring_down};
 use bead::recording::received::Received;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::RecordedStrike;

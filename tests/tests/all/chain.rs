@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bead::bench::emulation::{Emulation, Placed, Ran};
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::bench::several::{self, Clocks};
+use bead::comparison::front_end::FrontEnd;
 use bead::comparison::row::{Chain, Member, Place, Row, RowComparison, among, compare};
+use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::comparison::strike::FullChain;
 use bead::comparison::verdict::Echoes;
 use bead::recording::clock::CommonTime;

@@ -3,10 +3,11 @@
 
 use std::path::PathBuf;
 
-use bead::bench::emulation::{Emulation, EmulatorReport};
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::bench::emulation::Emulation;
+use bead::comparison::emulated::EmulatorReport;
+use bead::comparison::front_end::FrontEnd;
 use bead::comparison::replay::replay;
+use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::strikes::assemble;
 use bead_tests::{Heard, image, workspace};
 use bead_wire::StrikeFlags;

@@ -4,8 +4,8 @@ use std::fs;
 
 use bead::bench::emulation::Emulation;
 use bead::bench::faults::{self, Planned};
-use bead::bench::sensed::Timing;
 use bead::comparison::replay::replay;
+use bead::comparison::sensed::Timing;
 use bead::recording::frames::Frame;
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};

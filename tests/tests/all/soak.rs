@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bead::bench::bridge::Bridge;
-use bead::bench::sensed::Timing;
+use bead::comparison::sensed::Timing;
 use bead::recording::frames::{Item, Reader};
 use bead::recording::strikes::Strikes;
 use bead_tests::paper_at;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use bead::bench::emulation::{Emulation, Placed, Ran};
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::comparison::front_end::FrontEnd;
+use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::clock::compare;
 use bead::recording::file::{About, Writer};
 use bead::recording::strikes::assemble;

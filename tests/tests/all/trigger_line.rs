@@ -2,10 +2,10 @@
 
 use bead::bench::emulation::{Emulation, Placed, Ran};
 use bead::bench::error::BenchError;
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::bench::several::{self, Clocks};
+use bead::comparison::front_end::FrontEnd;
 use bead::comparison::replay::replay;
+use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_model::settings::BLOCK_MAX;
 use bead_tests::{Heard, Requests, image, paper, workspace};

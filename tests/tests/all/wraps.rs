@@ -8,8 +8,8 @@
 use std::fs;
 
 use bead::bench::emulation::Emulation;
-use bead::bench::sensed::Timing;
 use bead::comparison::replay::replay;
+use bead::comparison::sensed::Timing;
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
 use bead_wire::{FaultCause, StrikeFlags};

@@ -5,11 +5,11 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::bench::emulation::RunTruth;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::provenance::{made, sha256_of};
 use crate::cli::waveform_options::WaveformOptions;
+use crate::comparison::emulated::RunTruth;
 use crate::comparison::reference::{AgainstReference, compare};
 use crate::comparison::reference_report::ComparedReference;
 use crate::comparison::replay::replay;

@@ -6,13 +6,13 @@ use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::bench::sensed::unlike_the_reduced_chain;
 use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance;
 use crate::comparison::row::{self, Chain, ComparedRow, Member, Place, Row, RowComparison, among};
+use crate::comparison::sensed::unlike_the_reduced_chain;
 use crate::comparison::strike::FullChain;
 use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Echoes, other_length};

@@ -5,10 +5,10 @@ use std::str::FromStr;
 
 use hertz_chain::Scenario;
 
-use crate::bench::sensed::load_scenario;
 use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::comparison::report::count;
+use crate::comparison::sensed::load_scenario;
 use crate::comparison::velocity::FittedVelocity;
 use crate::recording::file::Part;
 use crate::recording::received::Received;

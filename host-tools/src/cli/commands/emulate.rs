@@ -13,14 +13,11 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::bench::bridge::{self, Bridge, Door};
-use crate::bench::emulation::{Emulation, Placed, Ran, StimulusFile, settings_of};
+use crate::bench::emulation::{Emulation, Placed, Ran, settings_of};
 use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
-use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::bench::image::find_image;
-use crate::bench::sensed::{
-    Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
-};
+use crate::bench::run::RunReport;
 use crate::bench::several;
 use crate::bench::tables::BenchTables;
 use crate::cli::beads::Beads;
@@ -31,8 +28,12 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
+use crate::comparison::emulated::StimulusFile;
+use crate::comparison::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::comparison::given::Given;
-use crate::comparison::run::RunReport;
+use crate::comparison::sensed::{
+    Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
+};
 use crate::comparison::strike::FullChain;
 use crate::comparison::verdict::other_length;
 use crate::line::port::Address;

@@ -1,11 +1,11 @@
 //! Tables of `bead emulate`: of one bead, and of several.
 
-use crate::bench::emulation::RunTruth;
-use crate::bench::sensed::Truth;
+use crate::bench::run::{MeasuredStrike, RunReport};
 use crate::cli::output;
+use crate::comparison::emulated::RunTruth;
 use crate::comparison::given::Given;
 use crate::comparison::report::{DASH, EnergyUnit, percent, signed};
-use crate::comparison::run::{MeasuredStrike, RunReport};
+use crate::comparison::sensed::Truth;
 
 /// The tables of one bead.
 pub(super) fn table(report: &RunReport) -> String {

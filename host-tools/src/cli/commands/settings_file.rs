@@ -10,11 +10,11 @@ use bead_wire::MAX_BLOCK;
 use clap::Args;
 use hertz_chain::read_text;
 
-use crate::bench::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use crate::cli::beads::one_bead;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
+use crate::comparison::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use crate::recording::physical::{Change, Physical};
 
 const AFTER_HELP: &str = "\

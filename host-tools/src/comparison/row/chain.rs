@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use hertz_chain::{Scenario, Solution};
 
-use crate::bench::error::BenchError;
-use crate::bench::sensed::simulate_with_ring_down;
+use crate::comparison::error::CompareError;
+use crate::comparison::sensed::simulate_with_ring_down;
 
 /// A chain and its motion.
 #[derive(Clone)]
@@ -23,7 +23,7 @@ impl Chain {
     ///
     /// # Errors
     /// It cannot be integrated.
-    pub fn of(scenario: Scenario) -> Result<Self, BenchError> {
+    pub fn of(scenario: Scenario) -> Result<Self, CompareError> {
         Ok(Self {
             solution: Arc::new(simulate_with_ring_down(&scenario)?),
             hosts: scenario.hosts(),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::bench::error::BenchError;
+use crate::comparison::error::CompareError;
 use crate::comparison::row::arrivals::Arrivals;
 use crate::comparison::row::chain::Chain;
 use crate::comparison::row::energy::EnergyAlong;
@@ -32,7 +32,7 @@ pub struct RowComparison {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn compare(row: &Row, chain: &Chain, mut notes: Vec<String>) -> Result<RowComparison, BenchError> {
+pub fn compare(row: &Row, chain: &Chain, mut notes: Vec<String>) -> Result<RowComparison, CompareError> {
     let arrivals = Arrivals::of(row, chain);
     let energy = EnergyAlong::of(row, chain)?;
     notes.extend(row.missed());

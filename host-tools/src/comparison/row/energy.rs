@@ -20,7 +20,7 @@
 use hertz_chain::{TransmissionFit, energies_left};
 use serde::Serialize;
 
-use crate::bench::error::BenchError;
+use crate::comparison::error::CompareError;
 use crate::comparison::row::chain::Chain;
 use crate::comparison::row::member::{Felt, Pair};
 use crate::comparison::row::strikes::Row;
@@ -112,7 +112,7 @@ struct Taken {
 }
 
 impl EnergyAlong {
-    pub(super) fn of(row: &Row, chain: &Chain) -> Result<Self, BenchError> {
+    pub(super) fn of(row: &Row, chain: &Chain) -> Result<Self, CompareError> {
         let none = |why| Self {
             incident: None,
             incident_at: None,
@@ -132,7 +132,7 @@ impl EnergyAlong {
                 "the main wave does not come from the striker's end: there is no E(n) and no T",
             )));
         };
-        let rows_of_n = energies_left(&chain.scenario).map_err(BenchError::from)?;
+        let rows_of_n = energies_left(&chain.scenario).map_err(CompareError::from)?;
         // Of all its strikes or of none, so that all are parts of the same.
         let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
         let came = |felt: &Felt| felt.incident.filter(|_| is_own).unwrap_or(simulated);

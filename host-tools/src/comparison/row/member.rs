@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use bead_model::layout::WindowSettings;
 use serde::Serialize;
 
-use crate::bench::emulation::EmulatorReport;
+use crate::comparison::emulated::EmulatorReport;
 use crate::comparison::replay::replay;
 use crate::comparison::row::later::{LaterWave, later_wave};
 use crate::comparison::spread::{Deviations, Spread};

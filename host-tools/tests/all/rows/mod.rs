@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use bead::bench::front_end::FrontEnd;
-use bead::bench::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
+use bead::comparison::front_end::FrontEnd;
+use bead::comparison::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Writer};
 use bead::tables::whole::Target;
 use bead_model::design::{Capture, derive_among};

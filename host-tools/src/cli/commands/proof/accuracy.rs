@@ -8,10 +8,10 @@ use hertz_chain::{Scenario, Striker};
 use serde::Serialize;
 
 use super::measure::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
-use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::bench::tables::Sensors;
 use crate::cli::failure::Failure;
 use crate::cli::output;
+use crate::comparison::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 
 const AFTER_HELP: &str = "\
 The scenario is struck by full spheres of the given radii at the given speeds; all else in it stays. For \

@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
-use crate::bench::front_end::FrontEnd;
-use crate::bench::sensed::Timing;
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
+use crate::comparison::front_end::FrontEnd;
+use crate::comparison::sensed::Timing;
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 use crate::tables::whole::Target;

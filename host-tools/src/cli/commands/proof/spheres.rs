@@ -15,9 +15,10 @@ use serde::Serialize;
 
 use super::measure::{Common, Errors, cells, check_lengths, check_positive, grid, list, typed};
 use crate::bench::error::BenchError;
-use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
-use crate::bench::sensed::{RING_DOWN, bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::failure::Failure;
+use crate::comparison::error::CompareError;
+use crate::comparison::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use crate::comparison::sensed::{RING_DOWN, bead_of, load_scenario, simulate_with_ring_down};
 
 const AFTER_HELP: &str = "\
 Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --velocity. Its \
@@ -251,7 +252,7 @@ fn cell(
             errors,
         }),
         // The table says which spheres are refused.
-        Err(BenchError::Unfit(why)) => Outcome::Refused(why),
+        Err(BenchError::Unfit(why) | BenchError::Compare(CompareError::Unfit(why))) => Outcome::Refused(why),
         Err(error) => return Err(error.into()),
     };
     Ok(Cell {

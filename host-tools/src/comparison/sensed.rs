@@ -8,8 +8,8 @@ use bead_model::reduced_chain::FOLLOWERS;
 use hertz_chain::{Curve, Options, Scenario, Solution, read_text, simulate_with};
 use serde::{Deserialize, Serialize};
 
-use crate::bench::error::BenchError;
-use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use crate::comparison::error::CompareError;
+use crate::comparison::front_end::{SAMPLE_RATE_HZ, Stimulus};
 use crate::tables::printable::first_of;
 use crate::waveform::Waveform;
 use crate::waveform::trace::{FADE, Trace};
@@ -21,7 +21,7 @@ pub const RING_DOWN: f64 = 6e-3;
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
-pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
     let model = solution.model();
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
         let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
@@ -33,10 +33,10 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
                 first_of(&with, BEADS_TOLD)
             )
         };
-        return Err(BenchError::Unfit(format!("--bead {bead}: {what}")));
+        return Err(CompareError::Unfit(format!("--bead {bead}: {what}")));
     };
     if bead + 1 == model.bodies() {
-        return Err(BenchError::Unfit(format!(
+        return Err(CompareError::Unfit(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));
     }
@@ -134,7 +134,7 @@ const LONG_STEPS: f64 = 5.6;
 ///
 /// # Errors
 /// No bead has an intruder, or more than one has.
-pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
+pub fn only_host(scenario: &Scenario) -> Result<usize, CompareError> {
     let hosts: Vec<usize> = scenario
         .intruders
         .iter()
@@ -142,10 +142,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
         .collect();
     match hosts[..] {
         [host] => Ok(host),
-        [] => Err(BenchError::Unfit(
+        [] => Err(CompareError::Unfit(
             "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
-        _ => Err(BenchError::Unfit(format!(
+        _ => Err(CompareError::Unfit(format!(
             "several beads have intruders ({}); say which with --bead",
             first_of(&hosts, BEADS_TOLD)
         ))),
@@ -159,7 +159,7 @@ pub(crate) const BEADS_TOLD: usize = 10;
 ///
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
-pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), CompareError> {
     // Read once: a pipe has its text only once.
     let text = read_text(path, "a scenario file in TOML")?;
     let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
@@ -170,7 +170,7 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, CompareError> {
     let options = Options::default().with_duration(scenario.duration + RING_DOWN);
     Ok(simulate_with(scenario, &options)?)
 }
@@ -189,7 +189,7 @@ impl Truth {
     ///
     /// # Errors
     /// The bead has no intruder, or no force ever reaches it.
-    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, BenchError> {
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, CompareError> {
         bead_of(solution, bead)?;
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
@@ -199,7 +199,7 @@ impl Truth {
                 peak_force: peak.force - solution.model().contact(bead).load,
                 absorbed,
             }),
-            _ => Err(BenchError::Unfit(format!(
+            _ => Err(CompareError::Unfit(format!(
                 "no force reaches bead {bead} within {} s; make the scenario's duration longer",
                 scenario.duration
             ))),

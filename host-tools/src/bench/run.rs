@@ -1,22 +1,23 @@
 //! The result of a run of the image: its frames, strikes and faults, and the verdict on them.
 
-use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{bail, ensure};
-use bead_wire::{FaultCause, Header, Message, Status};
+use bead_wire::{FaultCause, Message, Status};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
+use crate::bench::emulation::{Emulation, Ran};
+use crate::bench::fault_reports::{CheckedFaults, FaultReports, Outcome, ResetLog, check_reports};
 use crate::bench::faults::{Kind, Planned};
-use crate::bench::front_end::SAMPLE_RATE_HZ;
-use crate::bench::sensed::Truth;
-use crate::comparison::fault_reports::{CheckedFaults, FaultReports, Outcome, ResetLog, check_reports};
+use crate::comparison::emulated::InstructionsPerSample;
+use crate::comparison::front_end::SAMPLE_RATE_HZ;
 use crate::comparison::given::Given;
 use crate::comparison::replay::replay;
 use crate::comparison::report::count;
+use crate::comparison::sensed::Truth;
+use crate::comparison::verdict::last_statuses;
 use crate::recording::frames::{Frame, Reader};
 use crate::recording::strikes::{RecordedStrike, assemble};
 
@@ -335,27 +336,6 @@ fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
     times
         .filter(|time| faults.iter().any(|fault| fault.hides(*time)))
         .count()
-}
-
-/// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
-/// again, and so does the time. Several beads may share a line.
-pub(super) fn last_statuses<F: Borrow<Frame>>(frames: impl IntoIterator<Item = F>) -> Vec<Status> {
-    let mut last: Vec<(Header, Status)> = Vec::new();
-    for frame in frames {
-        let Frame { header, message, .. } = frame.borrow();
-        let Message::Status(status) = message else {
-            continue;
-        };
-        let of_bead = |(other, _): &&mut (Header, Status)| other.address == header.address;
-        let same_boot = |(other, before): &&mut (Header, Status)| {
-            other.boot == header.boot && before.uptime_ms <= status.uptime_ms
-        };
-        match last.iter_mut().rev().find(of_bead).filter(same_boot) {
-            Some((_, before)) => *before = *status,
-            None => last.push((*header, *status)),
-        }
-    }
-    last.into_iter().map(|(_, status)| status).collect()
 }
 
 fn gaps(frames: &[Frame]) -> Vec<[u64; 2]> {

@@ -11,7 +11,7 @@ use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::{Reset, ResetCause};
 
 use crate::bench::faults::{Kind, Planned, supply};
-use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
+use crate::comparison::front_end::{CODES, SAMPLE_RATE_HZ};
 use crate::recording::frames::Frame;
 
 /// A fault that the bead reported.
