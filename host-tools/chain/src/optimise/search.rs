@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::remaining::struck_at;
 use crate::model::Model;
 use crate::run::Run;
-use crate::scenario::{InputError, Intruder, Scenario, Table};
+use crate::scenario::{InputError, Intruder, Range, Scenario, Table};
 use crate::simulate::{Accuracy, SimulateError};
 
 /// The input of a search. [`Search::new`] sets bounds that suit the chain.
@@ -135,7 +135,7 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
 }
 
 fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
-    Table::root().positive("total_mass", total, "kg", "0.037")?;
+    Table::root().check("total_mass", total, Range::Positive("kg, such as 0.037"))?;
     let (bead, host) = lightest(scenario, hosts);
     let count = hosts.len();
     let most = host * count as f64;
@@ -207,10 +207,10 @@ impl Search {
     fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
         check_hosts(scenario, &self.hosts)?;
         check_total(scenario, &self.hosts, self.total_mass)?;
-        for (key, [low, high], unit, example) in [
-            ("mass", self.mass, "kg", "0.0037"),
-            ("stiffness", self.stiffness, "N/m", "3.95e5"),
-            ("damping", self.damping, "N·s/m", "12"),
+        for (key, [low, high], unit) in [
+            ("mass", self.mass, "kg, such as 0.0037"),
+            ("stiffness", self.stiffness, "N/m, such as 3.95e5"),
+            ("damping", self.damping, "N·s/m, such as 12"),
         ] {
             if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
                 let what = format!("{low} to {high} is no range to search");
@@ -218,7 +218,7 @@ impl Search {
                 return Err(InputError::at(key, what, advice));
             }
             for bound in [low, high] {
-                Table::root().positive(key, bound, unit, example)?;
+                Table::root().check(key, bound, Range::Positive(unit))?;
             }
         }
         let (bead, host) = lightest(scenario, &self.hosts);
@@ -240,7 +240,7 @@ impl Search {
             return Err(InputError::at("speeds", what, advice));
         }
         for &speed in &self.speeds {
-            Table::root().positive("speeds", speed, "m/s", "0.45")?;
+            Table::root().check("speeds", speed, Range::Positive("m/s, such as 0.45"))?;
         }
         let fewest = COARSE.iter().product::<usize>();
         if self.evaluations < fewest {

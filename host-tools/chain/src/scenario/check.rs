@@ -1,10 +1,132 @@
-//! Whether a scenario makes sense. The first value that does not is answered with what would do.
+//! Ranges of a scenario's values, and their check. The first value that cannot be used is reported with
+//! advice.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::read::{InputError, TomlFile, read_text};
-use super::tables::Scenario;
+use super::tables::{Chain, Intruder, Scenario, Section, Start, Striker, Wall};
+
+/// Most beads of a chain. A longer one would take memory and time that nobody intended.
+pub const MOST_BEADS: usize = 100_000;
+
+/// Absolute values that are computed with, in SI units. No body, contact or time has others, and their
+/// products would leave the range of an `f64`.
+const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
+
+/// Values that a key accepts, with the words that the advice for any other value adds.
+#[derive(Clone, Copy)]
+pub(crate) enum Range {
+    /// Above zero: the unit and an example.
+    Positive(&'static str),
+    /// Zero or above: the whole advice.
+    NotNegative(&'static str),
+    /// A velocity of either sign.
+    Velocity,
+    Poisson,
+}
+
+impl Range {
+    fn holds(self, value: f64) -> bool {
+        match self {
+            Self::Positive(_) => value.is_finite() && value > 0.0,
+            Self::NotNegative(_) => value.is_finite() && value >= 0.0,
+            Self::Velocity => value.is_finite(),
+            Self::Poisson => value > -1.0 && value <= 0.5,
+        }
+    }
+
+    /// Completes the sentence that begins with a value outside of the range and "is".
+    const fn complement(self) -> &'static str {
+        match self {
+            Self::Positive(_) => "not a positive number",
+            Self::NotNegative(_) => "not zero or a positive number",
+            Self::Velocity => "no velocity",
+            Self::Poisson => "no Poisson's ratio",
+        }
+    }
+
+    fn advice(self) -> String {
+        match self {
+            Self::Positive(unit) => format!("give a number above zero in {unit}"),
+            Self::NotNegative(advice) => format!("give {advice}"),
+            Self::Velocity => {
+                "give a number in m/s, below zero for a bead that flies towards the striker".to_owned()
+            }
+            Self::Poisson => "give a number above -1 and at most 0.5, such as 0.44".to_owned(),
+        }
+    }
+}
+
+use Range::{NotNegative, Poisson, Positive, Velocity};
+
+/// A key of a table, its value if it has one, and its range.
+type Rule<T> = (&'static str, fn(&T) -> Option<f64>, Range);
+
+const RELAXATION: Range = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
+const GAP: Range = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
+const LOAD: Range = NotNegative("a force in N, such as 10.0, or leave it out for a chain that just touches");
+
+const CHAIN: &[Rule<Chain>] = &[
+    ("radius", |of| Some(of.radius), Positive("m, such as 0.019")),
+    (
+        "density",
+        |of| Some(of.density),
+        Positive("kg/m³, such as 1775.0"),
+    ),
+    ("young", |of| Some(of.young), Positive("Pa, such as 4.5e9")),
+    ("poisson", |of| Some(of.poisson), Poisson),
+    ("relaxation", |of| Some(of.relaxation), RELAXATION),
+    ("precompression", |of| Some(of.precompression), LOAD),
+];
+const STRIKER: &[Rule<Striker>] = &[
+    ("radius", |of| Some(of.radius), Positive("m, such as 0.0045")),
+    (
+        "density",
+        |of| Some(of.density),
+        Positive("kg/m³, such as 7980.0"),
+    ),
+    ("young", |of| Some(of.young), Positive("Pa, such as 203e9")),
+    ("poisson", |of| Some(of.poisson), Poisson),
+    ("velocity", |of| Some(of.velocity), Positive("m/s, such as 0.45")),
+    ("mass", |of| of.mass, Positive("kg, such as 3.0e-3")),
+    ("relaxation", |of| of.relaxation, RELAXATION),
+];
+const WALL: &[Rule<Wall>] = &[
+    ("young", |of| Some(of.young), Positive("Pa, such as 203e9")),
+    ("poisson", |of| Some(of.poisson), Poisson),
+    (
+        "radius",
+        |of| of.radius,
+        Positive("m, such as 0.1; a flat wall has none"),
+    ),
+    ("relaxation", |of| of.relaxation, RELAXATION),
+    ("gap", |of| Some(of.gap), GAP),
+];
+const SECTION: &[Rule<Section>] = &[
+    ("radius", |of| of.radius, Positive("m, such as 0.019")),
+    ("density", |of| of.density, Positive("kg/m³, such as 1775.0")),
+    ("young", |of| of.young, Positive("Pa, such as 4.5e9")),
+    ("poisson", |of| of.poisson, Poisson),
+    ("relaxation", |of| of.relaxation, RELAXATION),
+];
+const INTRUDER: &[Rule<Intruder>] = &[
+    ("mass", |of| Some(of.mass), Positive("kg, such as 3.7e-3")),
+    (
+        "stiffness",
+        |of| Some(of.stiffness),
+        Positive("N/m, such as 3.95e5"),
+    ),
+    (
+        "damping",
+        |of| Some(of.damping),
+        NotNegative("zero or more in N·s/m, such as 12.0"),
+    ),
+];
+const START: &[Rule<Start>] = &[
+    ("velocity", |of| Some(of.velocity), Velocity),
+    ("gap", |of| Some(of.gap), GAP),
+];
 
 impl Scenario {
     /// Tables that a scenario file may hold for the programs around a simulation: the front end and the
@@ -15,7 +137,7 @@ impl Scenario {
     /// passed over.
     ///
     /// # Errors
-    /// [`InputError`] with file, line, key, what is wrong and what would do.
+    /// [`InputError`] with file, line and key: a value is missing, unknown or out of range.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
         let (text, _) = TomlFile::parse(text, file)?.split(&Self::OTHER_TABLES);
         let file = TomlFile::parse(&text, file)?;
@@ -27,99 +149,59 @@ impl Scenario {
     /// Reads and checks a scenario file.
     ///
     /// # Errors
-    /// As [`Scenario::from_toml`], and when the file cannot be read.
+    /// As [`Scenario::from_toml`], and if the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, InputError> {
         let path = path.as_ref();
         let text = read_text(path, "a scenario file in TOML")?;
         Self::from_toml(&text, &path.display().to_string())
     }
 
-    /// Checks every value of a scenario built in code.
+    /// Checks every value, as for a scenario from a file.
     ///
     /// # Errors
     /// [`InputError`] without file and line.
     pub fn check(&self) -> Result<(), InputError> {
-        Table::root().positive("duration", self.duration, "s", "0.004")?;
-
-        let (at, chain) = (Table::named("chain"), &self.chain);
-        if chain.beads < 1 || chain.beads > MOST_BEADS {
-            let what = format!("a chain of {} beads cannot be simulated", chain.beads);
+        Table::root().check("duration", self.duration, Positive("s, such as 0.004"))?;
+        let at = Table::named("chain");
+        let beads = self.chain.beads;
+        if !(1..=MOST_BEADS).contains(&beads) {
+            let what = format!("a chain of {beads} beads cannot be simulated");
             return Err(at.error("beads", what, format!("give a number from 1 to {MOST_BEADS}")));
         }
-        at.positive("radius", chain.radius, "m", RADIUS)?;
-        at.positive("density", chain.density, "kg/m³", DENSITY)?;
-        at.positive("young", chain.young, "Pa", YOUNG)?;
-        at.poisson(chain.poisson)?;
-        at.not_negative("relaxation", chain.relaxation, RELAXATION)?;
-        at.not_negative(
-            "precompression",
-            chain.precompression,
-            "give a force in N, such as 10.0, or leave it out for a chain that just touches",
-        )?;
-
-        let (at, striker) = (Table::named("striker"), &self.striker);
-        at.positive("radius", striker.radius, "m", "0.0045")?;
-        at.positive("density", striker.density, "kg/m³", "7980.0")?;
-        at.positive("young", striker.young, "Pa", "203e9")?;
-        at.poisson(striker.poisson)?;
-        at.positive("velocity", striker.velocity, "m/s", "0.45")?;
-        at.positive("mass", striker.mass, "kg", "3.0e-3")?;
-        at.not_negative("relaxation", striker.relaxation, RELAXATION)?;
-
+        at.check_all(&self.chain, CHAIN)?;
+        Table::named("striker").check_all(&self.striker, STRIKER)?;
         if let Some(wall) = &self.wall {
             let at = Table::named("wall");
-            at.positive("young", wall.young, "Pa", "203e9")?;
-            at.poisson(wall.poisson)?;
-            at.positive("radius", wall.radius, "m", "0.1; a flat wall has none")?;
-            at.not_negative("relaxation", wall.relaxation, RELAXATION)?;
-            at.not_negative("gap", wall.gap, GAP)?;
+            at.check_all(wall, WALL)?;
             self.check_gap(&at, wall.gap)?;
         }
-
-        self.check_sections()?;
-        self.check_intruders()?;
-        self.check_starts()
-    }
-
-    fn check_sections(&self) -> Result<(), InputError> {
-        let mut taken = vec![None; self.chain.beads];
+        let mut owners = vec![None; beads];
         for (index, section) in self.sections.iter().enumerate() {
             let at = Table::entry("section", index);
-            at.beads(
-                &section.beads,
-                index,
-                &mut taken,
-                "is already in section",
-                "put each bead in one section only",
-            )?;
-            at.positive("radius", section.radius, "m", RADIUS)?;
-            at.positive("density", section.density, "kg/m³", DENSITY)?;
-            at.positive("young", section.young, "Pa", YOUNG)?;
-            at.poisson(section.poisson)?;
-            at.not_negative("relaxation", section.relaxation, RELAXATION)?;
+            let other = ("is already in section", "put each bead in one section only");
+            at.check_beads(&section.beads, (index, &mut owners), other)?;
+            at.check_all(section, SECTION)?;
+        }
+        self.check_intruders()?;
+        owners.fill(None);
+        for (index, start) in self.starts.iter().enumerate() {
+            let at = Table::entry("start", index);
+            let other = ("is already in start", "put each bead in one start only");
+            at.check_beads(&start.beads, (index, &mut owners), other)?;
+            at.check_all(start, START)?;
+            self.check_gap(&at, start.gap)?;
         }
         Ok(())
     }
 
     fn check_intruders(&self) -> Result<(), InputError> {
-        let mut taken = vec![None; self.chain.beads];
+        let mut owners = vec![None; self.chain.beads];
         let spheres = self.spheres();
         for (index, intruder) in self.intruders.iter().enumerate() {
             let at = Table::entry("intruder", index);
-            at.beads(
-                &intruder.beads,
-                index,
-                &mut taken,
-                "already holds intruder",
-                "give each bead one intruder at most",
-            )?;
-            at.positive("mass", intruder.mass, "kg", "3.7e-3")?;
-            at.positive("stiffness", intruder.stiffness, "N/m", "3.95e5")?;
-            at.not_negative(
-                "damping",
-                intruder.damping,
-                "give zero or more in N·s/m, such as 12.0",
-            )?;
+            let other = ("already holds intruder", "give each bead one intruder at most");
+            at.check_beads(&intruder.beads, (index, &mut owners), other)?;
+            at.check_all(intruder, INTRUDER)?;
             for &bead in &intruder.beads {
                 let (mass, host) = (intruder.mass, spheres[bead - 1].mass());
                 if mass >= host {
@@ -131,61 +213,19 @@ impl Scenario {
         }
         Ok(())
     }
-}
 
-impl Scenario {
-    fn check_starts(&self) -> Result<(), InputError> {
-        let mut taken = vec![None; self.chain.beads];
-        for (index, start) in self.starts.iter().enumerate() {
-            let at = Table::entry("start", index);
-            at.beads(
-                &start.beads,
-                index,
-                &mut taken,
-                "is already in start",
-                "put each bead in one start only",
-            )?;
-            at.ensure(
-                "velocity",
-                start.velocity,
-                f64::is_finite,
-                "no velocity",
-                "give a number in m/s, below zero for a bead that flies towards the striker",
-            )?;
-            at.in_range("velocity", start.velocity)?;
-            at.not_negative("gap", start.gap, GAP)?;
-            self.check_gap(&at, start.gap)?;
-        }
-        Ok(())
-    }
-
-    /// A load closes every gap.
+    /// Refuses a gap in a chain under a load, which would close it.
     fn check_gap(&self, at: &Table, gap: f64) -> Result<(), InputError> {
-        if gap == 0.0 || self.chain.precompression == 0.0 {
+        let load = self.chain.precompression;
+        if gap == 0.0 || load == 0.0 {
             return Ok(());
         }
-        let what = format!(
-            "a gap of {gap} m cannot be in a chain under a load of {} N",
-            self.chain.precompression
-        );
+        let what = format!("a gap of {gap} m cannot be in a chain under a load of {load} N");
         Err(at.error("gap", what, "leave out the gap or chain.precompression"))
     }
 }
 
-/// Beads of a chain at most. Longer chains are refused: they would ask for memory and time that nobody meant.
-pub const MOST_BEADS: usize = 100_000;
-
-/// Values other than 0 outside of this are refused, in SI units: no body, contact or time has them, and the
-/// products of some would leave the range of an `f64`.
-const RANGE: RangeInclusive<f64> = 1e-30..=1e30;
-
-const GAP: &str = "give a length in m, such as 1e-6, or 0 for bodies that touch";
-const RELAXATION: &str = "give a time in s, such as 4.2e-6, or 0 for an elastic contact";
-const RADIUS: &str = "0.019";
-const DENSITY: &str = "1775.0";
-const YOUNG: &str = "4.5e9";
-
-/// The table whose values are being checked, as a prefix of its keys. Values that are left out are in order.
+/// The table whose values are checked, as the prefix of its keys.
 pub(crate) struct Table(String);
 
 impl Table {
@@ -205,81 +245,44 @@ impl Table {
         InputError::at(format!("{}{key}", self.0), what, advice)
     }
 
-    /// Refuses a value that does not fit; `wrong` says what it is instead.
-    fn ensure(
-        &self,
-        key: &str,
-        value: impl Into<Option<f64>>,
-        fits: fn(f64) -> bool,
-        wrong: &str,
-        advice: &str,
-    ) -> Result<(), InputError> {
-        match value.into().filter(|value| !fits(*value)) {
-            Some(value) => Err(self.error(key, format!("{value} is {wrong}"), advice)),
-            None => Ok(()),
+    /// Refuses a value outside of its range.
+    pub(crate) fn check(&self, key: &str, value: f64, range: Range) -> Result<(), InputError> {
+        if !range.holds(value) {
+            let what = format!("{value} is {}", range.complement());
+            return Err(self.error(key, what, range.advice()));
         }
-    }
-
-    pub(crate) fn positive(
-        &self,
-        key: &str,
-        value: impl Into<Option<f64>>,
-        unit: &str,
-        example: &str,
-    ) -> Result<(), InputError> {
-        let value = value.into();
-        let advice = format!("give a number above zero in {unit}, such as {example}");
-        let fits = |value: f64| value.is_finite() && value > 0.0;
-        self.ensure(key, value, fits, "not a positive number", &advice)?;
-        self.in_range(key, value)
-    }
-
-    fn not_negative(&self, key: &str, value: impl Into<Option<f64>>, advice: &str) -> Result<(), InputError> {
-        let value = value.into();
-        let fits = |value: f64| value.is_finite() && value >= 0.0;
-        self.ensure(key, value, fits, "not zero or a positive number", advice)?;
-        self.in_range(key, value)
-    }
-
-    /// Refuses a number that is out of [`RANGE`].
-    fn in_range(&self, key: &str, value: impl Into<Option<f64>>) -> Result<(), InputError> {
-        let fits = |value: &f64| *value == 0.0 || RANGE.contains(&value.abs());
-        let Some(value) = value.into().filter(|value| !fits(value)) else {
+        if value == 0.0 || matches!(range, Poisson) || SIZES.contains(&value.abs()) {
             return Ok(());
-        };
-        let (least, most) = (RANGE.start(), RANGE.end());
-        Err(self.error(
-            key,
-            format!("{value:e} is out of the range of sizes that are computed with"),
-            format!("give a number from {least:e} to {most:e}, in SI units"),
-        ))
+        }
+        let (least, most) = (SIZES.start(), SIZES.end());
+        let what = format!("{value:e} is out of the range of sizes that are computed with");
+        let advice = format!("give a number from {least:e} to {most:e}, in SI units");
+        Err(self.error(key, what, advice))
     }
 
-    fn poisson(&self, value: impl Into<Option<f64>>) -> Result<(), InputError> {
-        let fits = |value: f64| value > -1.0 && value <= 0.5;
-        let advice = "give a number above -1 and at most 0.5, such as 0.44";
-        self.ensure("poisson", value, fits, "no Poisson's ratio", advice)
+    /// Checks the values that a table has.
+    fn check_all<T>(&self, table: &T, rules: &[Rule<T>]) -> Result<(), InputError> {
+        rules
+            .iter()
+            .filter_map(|(key, value, range)| Some((key, value(table)?, range)))
+            .try_for_each(|(key, value, range)| self.check(key, value, *range))
     }
 
-    /// Notes in `taken`, which has an entry for each bead of the chain, that `beads` belong to table `index`
-    /// of their kind. `belongs` and `advice` answer a bead that belongs to an earlier one.
-    fn beads(
+    /// Makes table `index` of its kind the owner of `beads`. `owners` has an entry for each bead of the
+    /// chain. `belongs` and `advice` are the message for a bead that another table owns.
+    fn check_beads(
         &self,
         beads: &[usize],
-        index: usize,
-        taken: &mut [Option<usize>],
-        belongs: &str,
-        advice: &str,
+        (index, owners): (usize, &mut [Option<usize>]),
+        (belongs, advice): (&str, &str),
     ) -> Result<(), InputError> {
         if beads.is_empty() {
-            let advice = format!(
-                "name at least one from 1 to {}, or leave the table out",
-                taken.len()
-            );
+            let count = owners.len();
+            let advice = format!("name at least one from 1 to {count}, or leave the table out");
             return Err(self.error("beads", "names no bead".to_owned(), advice));
         }
         for &bead in beads {
-            if let Some(other) = self.claim("beads", bead, index, taken)? {
+            if let Some(other) = self.claim("beads", bead, index, owners)? {
                 let what = format!("bead {bead} {belongs}[{}]", other + 1);
                 return Err(self.error("beads", what, advice));
             }
@@ -287,21 +290,21 @@ impl Table {
         Ok(())
     }
 
-    /// Notes in `taken` that `bead` belongs to table `index`, and gives the other table that it belongs to.
-    /// Refuses a bead that is not in the chain, and one that the table names twice.
+    /// Makes table `index` the owner of a bead, and returns its previous owner. Refuses a bead that is not in
+    /// the chain, and one that the table names twice.
     pub(crate) fn claim(
         &self,
         key: &str,
         bead: usize,
         index: usize,
-        taken: &mut [Option<usize>],
+        owners: &mut [Option<usize>],
     ) -> Result<Option<usize>, InputError> {
-        let count = taken.len();
+        let count = owners.len();
         if bead < 1 || bead > count {
             let advice = format!("beads are counted from 1 to {count} (chain.beads)");
             return Err(self.error(key, format!("bead {bead} is not in the chain"), advice));
         }
-        let other = taken[bead - 1].replace(index);
+        let other = owners[bead - 1].replace(index);
         if other == Some(index) {
             let what = format!("bead {bead} is named twice");
             return Err(self.error(key, what, "name each bead once"));

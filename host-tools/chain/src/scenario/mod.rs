@@ -1,4 +1,4 @@
-//! What is to be simulated: the tables of a scenario, their check, and reading them from TOML.
+//! Scenarios: their tables, the check of their values, and reading them from TOML.
 
 mod check;
 mod paper;
@@ -7,7 +7,7 @@ mod tables;
 mod words;
 
 pub use check::MOST_BEADS;
-pub(crate) use check::Table;
+pub(crate) use check::{Range, Table};
 pub use read::{InputError, TomlFile, read_table, read_text};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

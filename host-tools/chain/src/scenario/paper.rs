@@ -1,5 +1,5 @@
-//! The strike of *Localized energy absorbers in Hertzian chains* (Phys. Rev. Applied 18, 014078), Fig. 2: the
-//! one place of the paper's numbers.
+//! The strike of *Localized energy absorbers in Hertzian chains* (Phys. Rev. Applied 18, 014078), Fig. 2, and
+//! all numbers taken from the paper.
 
 use super::tables::{Chain, Intruder, Material, Scenario, Striker};
 use crate::oscillator::Oscillator;
@@ -36,8 +36,8 @@ impl Striker {
 impl Scenario {
     /// The paper's strike: [`Striker::PAPER`] on [`Chain::PAPER`], with [`Oscillator::PAPER`] in bead 8.
     ///
-    /// It lasts 6 ms, in which the intruder rings down; the 4 ms that the figure shows leave 0.09 % of the
-    /// absorbed energy out.
+    /// It lasts 6 ms, in which the intruder rings down. After the 4 ms of the figure, 0.09 % of the absorbed
+    /// energy is missing.
     pub fn paper() -> Self {
         Self {
             title: "One absorber at bead 8".to_owned(),

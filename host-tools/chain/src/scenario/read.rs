@@ -1,9 +1,10 @@
-//! TOML files for people: what is wrong is told in one line, with file, line, key, and what would do.
+//! Reads TOML files. An error is one line with file, line, key, the fault, and advice.
 //!
 //! # Design
 //!
-//! Values are checked on plain data, so data built in code get the same answers as data from a file. A check
-//! knows only the key (`intruder[1].mass`). [`TomlFile::locate`] adds the file and the line of that key.
+//! Values are checked as plain data, so data built in code get the same messages as data from a file. A check
+//! knows only the key, such as `intruder[1].mass`; [`TomlFile::locate`] adds the file and the line of the
+//! key.
 
 use std::fmt::{self, Write as _};
 use std::fs::File;
@@ -67,11 +68,13 @@ struct OneLine<'a, 'b>(&'a mut fmt::Formatter<'b>);
 
 impl fmt::Write for OneLine<'_, '_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        text.chars()
-            .try_for_each(|character| match character.is_control() {
-                true => write!(self.0, "\\u{:04x}", u32::from(character)),
-                false => self.0.write_char(character),
-            })
+        text.chars().try_for_each(|character| {
+            if character.is_control() {
+                write!(self.0, "\\u{:04x}", u32::from(character))
+            } else {
+                self.0.write_char(character)
+            }
+        })
     }
 }
 

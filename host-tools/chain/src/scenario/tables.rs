@@ -1,5 +1,8 @@
 //! The tables of a scenario: chain, striker, wall, intruders, sections and starts, in SI units.
 
+use std::fmt;
+
+use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::oscillator::Oscillator;
@@ -125,6 +128,7 @@ pub struct Wall {
 #[non_exhaustive]
 pub struct Intruder {
     /// The host beads.
+    #[serde(deserialize_with = "read_beads")]
     pub beads: Vec<usize>,
     /// Mass m, kg.
     pub mass: f64,
@@ -139,7 +143,8 @@ pub struct Intruder {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Section {
-    /// The beads.
+    /// The beads. A file may give a single number in place of a list.
+    #[serde(deserialize_with = "read_beads")]
     pub beads: Vec<usize>,
     /// Radius, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -167,7 +172,8 @@ pub struct Section {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Start {
-    /// The beads.
+    /// The beads. A file may give a single number in place of a list.
+    #[serde(deserialize_with = "read_beads")]
     pub beads: Vec<usize>,
     /// Velocity of each at t = 0, m/s; positive away from the striker.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -175,6 +181,41 @@ pub struct Start {
     /// Free space at t = 0 between each of these beads and the body before it, m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gap: f64,
+}
+
+/// Reads the number of a bead, or a list of such numbers.
+fn read_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, D::Error> {
+    struct Beads;
+
+    impl<'de> Visitor<'de> for Beads {
+        type Value = Vec<usize>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("the number of a bead, or a list of such numbers")
+        }
+
+        fn visit_i64<E: de::Error>(self, number: i64) -> Result<Vec<usize>, E> {
+            let bead = usize::try_from(number);
+            bead.map(|bead| vec![bead])
+                .map_err(|_| E::invalid_value(Unexpected::Signed(number), &self))
+        }
+
+        fn visit_u64<E: de::Error>(self, number: u64) -> Result<Vec<usize>, E> {
+            let bead = usize::try_from(number);
+            bead.map(|bead| vec![bead])
+                .map_err(|_| E::invalid_value(Unexpected::Unsigned(number), &self))
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<usize>, A::Error> {
+            let mut beads = Vec::new();
+            while let Some(bead) = list.next_element()? {
+                beads.push(bead);
+            }
+            Ok(beads)
+        }
+    }
+
+    deserializer.deserialize_any(Beads)
 }
 
 impl Start {

@@ -1,7 +1,7 @@
 //! Plain words in place of serde's own in errors of TOML files.
 
-/// An error of serde in plain words: texts, numbers, lists and tables in place of Rust's types. A message
-/// that is not of a known form stays as it is.
+/// Rewrites a message of serde with texts, numbers, lists and tables in place of Rust's types. A message of an
+/// unknown form is returned unchanged.
 pub fn plain_words(message: &str) -> String {
     let of_field = |text: &str| {
         text.strip_prefix('`')
@@ -28,7 +28,7 @@ pub fn plain_words(message: &str) -> String {
     }
 }
 
-/// The name that is unknown, and the known ones.
+/// The unknown name, and the known names.
 fn variant(message: &str) -> Option<(&str, &str)> {
     let (found, known) = message
         .strip_prefix("unknown variant ")?
@@ -36,7 +36,7 @@ fn variant(message: &str) -> Option<(&str, &str)> {
     Some((found, known.strip_prefix("one of ").unwrap_or(known)))
 }
 
-/// What stands in the file.
+/// Words for the value in the file.
 fn what_is(found: &str) -> String {
     let quoted = |kind: &str| {
         found
@@ -55,13 +55,12 @@ fn what_is(found: &str) -> String {
     match found {
         "map" => "a table".to_owned(),
         "sequence" => "a list".to_owned(),
-        // Of a list of another length.
         count if count.parse::<usize>().is_ok() => format!("a list of {count}"),
         other => other.to_owned(),
     }
 }
 
-/// What belongs there.
+/// Words for the value that belongs there.
 fn what_belongs(expected: &str) -> String {
     let word = match expected {
         "f32" | "f64" => "a number",
