@@ -74,7 +74,7 @@ impl Collision {
         4.0 * self.striker * self.target / (mass * mass)
     }
 
-    /// How viscous the collision is: α = τ (κ/μ)^(2/5) V^(1/5) for a relaxation time τ in s.
+    /// Viscosity parameter of the collision, α = τ (κ/μ)^(2/5) V^(1/5), for a relaxation time τ in s.
     pub fn viscosity(&self, relaxation: f64) -> f64 {
         relaxation * (self.stiffness / self.reduced_mass()).powf(0.4) * self.speed.powf(0.2)
     }

@@ -1,10 +1,10 @@
-//! One quantity of one place over a whole run, for programs that read it at very many times.
+//! Curves of one quantity over a run, for programs that read it at very many times.
 //!
 //! # Design
 //!
-//! A [`Sampler`](crate::Sampler) finds the motion of the whole chain at each time. A curve keeps one
-//! coordinate of each step as a polynomial, and finds that alone: for the paper's chain some twenty times
-//! faster.
+//! A [`Sampler`](crate::Sampler) computes the motion of the whole chain at each time. A curve keeps one
+//! coordinate of each step as a polynomial and computes that alone, some twenty times faster for the paper's
+//! chain.
 
 use std::sync::Arc;
 
@@ -12,7 +12,8 @@ use crate::model::Model;
 use crate::solution::Solution;
 use crate::solver::Glimpse;
 
-/// A quantity over a run, from t = 0 to its end. A copy shares what it rests on, and reads for itself.
+/// A quantity over a run, from t = 0 to its end. Copies share the polynomials, and each remembers the step
+/// that it read last.
 ///
 /// ```
 /// use hertz_chain::{Scenario, simulate};
@@ -37,15 +38,14 @@ pub struct Curve {
 enum Of {
     /// The total force of a contact.
     Force(usize),
-    /// The same beyond its static load.
+    /// The force of a contact beyond its static load.
     ForceBeyond(usize),
-    /// The absolute acceleration of an intruder, by its number.
+    /// The absolute acceleration of an intruder, given by its number.
     Acceleration(usize),
 }
 
 impl Solution {
-    /// Total force of `contact` in N, positive in compression: [`Snapshot::force`](crate::Snapshot::force) at
-    /// any time.
+    /// Total force of `contact`, N, positive in compression, as [`Snapshot::force`](crate::Snapshot::force).
     ///
     /// # Panics
     /// If there is no such contact.
@@ -54,19 +54,20 @@ impl Solution {
         self.curve(Of::Force(contact))
     }
 
-    /// Force of `contact` beyond its static load in N, negative where the contact carries less: what a sensor
-    /// shows that passes no constant force.
+    /// Force of `contact` beyond its static load, N; negative while the contact carries less. A sensor that
+    /// blocks constant forces shows this force.
     ///
     /// # Panics
     /// If there is no such contact.
     pub fn force_beyond_curve(&self, contact: usize) -> Curve {
-        match self.model.contact(contact).load == 0.0 {
-            true => self.force_curve(contact),
-            false => self.curve(Of::ForceBeyond(contact)),
+        if self.model.contact(contact).load == 0.0 {
+            self.force_curve(contact)
+        } else {
+            self.curve(Of::ForceBeyond(contact))
         }
     }
 
-    /// Absolute acceleration of the intruder in `bead` in m/s²; none without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
     pub fn acceleration_curve(&self, bead: usize) -> Option<Curve> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.curve(Of::Acceleration(intruder)))
@@ -98,7 +99,7 @@ impl Curve {
         self.steps[self.steps.len() - 1].to
     }
 
-    /// The quantity at time `t`, s.
+    /// The quantity at time `t`, s, in SI units.
     ///
     /// # Panics
     /// If `t` is not within the run.
@@ -110,11 +111,12 @@ impl Curve {
         );
         let holds = |step: &Glimpse| step.from <= t && t <= step.to;
         if !holds(&self.steps[self.last]) {
-            // Most times come soon after the one before.
+            // Most times follow the last one closely.
             let next = self.last + 1;
-            self.last = match self.steps.get(next).is_some_and(holds) {
-                true => next,
-                false => self.steps.partition_point(|step| step.to < t),
+            self.last = if self.steps.get(next).is_some_and(holds) {
+                next
+            } else {
+                self.steps.partition_point(|step| step.to < t)
             };
         }
         let [place, rate, _] = self.steps[self.last].at(t);

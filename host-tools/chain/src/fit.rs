@@ -1,8 +1,8 @@
-//! Nonlinear least squares, with the uncertainty of the parameters found.
+//! Nonlinear least squares with standard errors of the parameters.
 
 use rmpfit::{MPConfig, MPFitter, MPPar, MPResult, MPSide, MPSuccess};
 
-/// Why data could not be fitted.
+/// Reason why data cannot be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
@@ -11,39 +11,39 @@ pub enum FitError {
     TooFew {
         /// Number of points.
         got: usize,
-        /// Number of points that the fit takes.
+        /// Least number of points.
         need: usize,
     },
-    /// A value of the data, or the mass, is not a positive or not a finite number as it should be.
+    /// A value is not finite, or not positive where it must be.
     #[error("{what} is not what a fit can use; give {advice}")]
     Value {
-        /// Which value.
+        /// The name of the value, and the value.
         what: String,
-        /// What would do.
+        /// The accepted values.
         advice: &'static str,
     },
-    /// The fit finds no parameters that follow the data.
+    /// No parameters describe the data.
     #[error("the fit finds no end; see whether the data show a resonance")]
     NoEnd,
 }
 
-/// What least squares find: the parameters, their covariance, and the scatter.
-pub(crate) struct Found<const P: usize> {
+/// Result of a least-squares fit.
+pub(crate) struct LeastSquares<const P: usize> {
     pub(crate) parameters: [f64; P],
-    /// From the scatter of the points.
+    /// Covariance of the parameters, from the scatter of the points.
     pub(crate) covariance: [[f64; P]; P],
-    /// Root mean square distance of the points; each parameter takes one degree of freedom.
+    /// Root mean square distance of the points. Each parameter takes one degree of freedom.
     pub(crate) residual: f64,
 }
 
-/// Distances of points 0 to `points` from a model, each with its derivatives by the parameters.
-struct Problem<F, const P: usize> {
+/// Distances of points 0 to `points` from a model, each with its derivatives with respect to the parameters.
+struct FitProblem<F, const P: usize> {
     points: usize,
     distance: F,
     parameters: [MPPar; P],
 }
 
-/// Until rounding ends it.
+/// Iterates until rounding stops the progress.
 static SETTINGS: MPConfig = MPConfig {
     ftol: 30.0 * f64::EPSILON,
     xtol: 30.0 * f64::EPSILON,
@@ -51,7 +51,7 @@ static SETTINGS: MPConfig = MPConfig {
     ..MPConfig::new()
 };
 
-impl<F, const P: usize> Problem<F, P>
+impl<F, const P: usize> FitProblem<F, P>
 where
     F: Fn(&[f64; P], usize) -> (f64, [f64; P]),
 {
@@ -61,7 +61,7 @@ where
     }
 }
 
-impl<F, const P: usize> MPFitter for Problem<F, P>
+impl<F, const P: usize> MPFitter for FitProblem<F, P>
 where
     F: Fn(&[f64; P], usize) -> (f64, [f64; P]),
 {
@@ -100,12 +100,12 @@ where
     }
 }
 
-/// Finds the parameters that make Σ distance² least, from a first guess near them.
+/// Finds the parameters that minimise Σ distance², starting from `guess`.
 pub(crate) fn least_squares<const P: usize>(
     points: usize,
     guess: [f64; P],
     distance: impl Fn(&[f64; P], usize) -> (f64, [f64; P]),
-) -> Result<Found<P>, FitError> {
+) -> Result<LeastSquares<P>, FitError> {
     if points <= P {
         return Err(FitError::TooFew {
             got: points,
@@ -116,14 +116,14 @@ pub(crate) fn least_squares<const P: usize>(
         side: MPSide::User,
         ..MPPar::new()
     };
-    let mut problem = Problem {
+    let mut problem = FitProblem {
         points,
         distance,
         parameters: std::array::from_fn(with_derivatives),
     };
     let mut parameters = guess;
     let ended = problem.mpfit(&mut parameters).map_err(|_| FitError::NoEnd)?;
-    // A direction along which nothing changes has no variance there.
+    // A direction in which the distances do not change has no variance.
     let undecided = ended.xerror.iter().any(|error| *error <= 0.0);
     if undecided || matches!(ended.success, MPSuccess::NotDone | MPSuccess::MaxIter) {
         return Err(FitError::NoEnd);
@@ -131,7 +131,7 @@ pub(crate) fn least_squares<const P: usize>(
     let squares: f64 = ended.resid.iter().map(|distance| distance * distance).sum();
     let variance = squares / (points - P) as f64;
     let of_row = |row| std::array::from_fn(|column| variance * ended.covar[row * P + column]);
-    Ok(Found {
+    Ok(LeastSquares {
         parameters,
         covariance: std::array::from_fn(of_row),
         residual: variance.sqrt(),

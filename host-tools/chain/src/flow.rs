@@ -1,25 +1,26 @@
-//! What passes through a contact: impulse, energy, and what the contact itself dissipates.
+//! Impulse and energy that pass through a contact, and energy that the contact dissipates.
 //!
 //! # Design
 //!
-//! Contact j pushes bead j with F and body j - 1 with -F. The energy that passes is counted on the near side,
-//! as the work of body j - 1, ∫ F V[j-1] dt. So contact j belongs to bead j, as in the paper's E_n (eq. 4),
-//! and the books close exactly: the energy that beads a..=b have and lose is what passes contact a less what
-//! passes contact b + 1. A wave on its way back pushes while the beads move backwards, so its energy is
-//! negative. The wall's contact belongs to the last bead, and only momentum passes it.
+//! Contact j pushes bead j with F and body j - 1 with -F. The passing energy is counted on the near side, as
+//! the work of body j - 1, ∫ F V[j-1] dt. Contact j thus belongs to bead j, as in the paper's E_n (eq. 4),
+//! and the balance closes exactly: the energy that beads a..=b hold and dissipate is the energy that passes
+//! contact a less that which passes contact b + 1. A wave on its way back pushes while the beads move
+//! backwards, so its energy is negative. The wall's contact belongs to the last bead, and only momentum
+//! passes through it.
 //!
-//! The energies of the contacts hold the work of a static load ([`Contact::energy`](crate::Contact::energy)),
-//! so energy is counted with the part of F beyond the load. The impulse is that of all of F.
+//! Contact energies include the work of a static load ([`Contact::energy`](crate::Contact::energy)), so
+//! energy is counted with the part of F beyond the load. The impulse is that of all of F.
 //!
 //! Each step is integrated by Gauss and Legendre's eight points over the dense output. A step in which the
-//! contact opens or closes is parted there.
+//! contact opens or closes is divided there.
 
 use crate::bisection::bisect;
 use crate::model::Model;
-use crate::quantity::Inside;
+use crate::quantity::StepSampler;
 use crate::solution::Solution;
 
-/// What has passed a contact in some time.
+/// Impulse and energy that pass a contact during some time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Transfer {
@@ -27,12 +28,12 @@ pub struct Transfer {
     pub impulse: f64,
     /// Energy, ∫ F V[j-1] dt, J, with F less the static load; negative if it goes back to the striker.
     pub energy: f64,
-    /// The part of it that the contact dissipates, ∫ (F - F_Hertz) δ' dt, J.
+    /// The part of this energy that the contact dissipates, ∫ (F - F_Hertz) δ' dt, J.
     pub lost: f64,
 }
 
 impl Transfer {
-    /// The sum with `factor` times another.
+    /// Returns the sum with `factor` times another.
     fn plus(self, factor: f64, other: Self) -> Self {
         Self {
             impulse: self.impulse + factor * other.impulse,
@@ -42,31 +43,32 @@ impl Transfer {
     }
 }
 
-/// What passes one contact over a run; see [`Solution::flow`].
+/// Impulse and energy through one contact over a run; see [`Solution::flow`].
 #[derive(Debug, Clone)]
 pub struct Flow<'a> {
     solution: &'a Solution,
     contact: usize,
-    /// Since t = 0, at the end of every step.
+    /// Sums from t = 0 to the end of each step.
     passed: Vec<Transfer>,
 }
 
 impl Solution {
-    /// What passes `contact` (from 1), for any stretch of time. It costs about as much as the run did.
+    /// Integrates the impulse and energy through `contact` (from 1), for any interval of time. This costs
+    /// about as much as the run did.
     ///
     /// # Panics
     /// If there is no such contact.
     pub fn flow(&self, contact: usize) -> Flow<'_> {
-        // An open contact passes nothing, unless it should carry a static load.
+        // An open contact passes nothing, except in a chain under a static load.
         let unloaded = self.model().contact(contact).load == 0.0;
         let mut sum = Transfer::default();
         let mut passed = vec![sum];
         for (step, ends) in self.step_times().windows(2).enumerate() {
-            // Steps are far shorter than any contact lasts: a contact open at both ends did not close
+            // Steps are far shorter than a collision, so a contact that is open at both ends did not close
             // between.
             let open = |knot: usize| unloaded && self.model().overlap(self.state(knot), contact).0 <= 0.0;
             if !(open(step) && open(step + 1)) {
-                let inside = &mut Inside::new(self, step);
+                let inside = &mut StepSampler::new(self, step);
                 sum = sum.plus(1.0, integrate(inside, contact, ends[0], ends[1]));
             }
             passed.push(sum);
@@ -80,7 +82,7 @@ impl Solution {
 }
 
 impl Flow<'_> {
-    /// What passes from `from` to `to`, s.
+    /// Impulse and energy that pass from time `from` to time `to`, s.
     ///
     /// # Panics
     /// If a time is not within 0 to [`Solution::end`].
@@ -90,7 +92,10 @@ impl Flow<'_> {
 
     fn until(&self, t: f64) -> Transfer {
         let step = self.solution.step_at(t);
-        let (inside, start) = (&mut Inside::new(self.solution, step), self.solution.times[step]);
+        let (inside, start) = (
+            &mut StepSampler::new(self.solution, step),
+            self.solution.times[step],
+        );
         self.passed[step].plus(1.0, integrate(inside, self.contact, start, t))
     }
 }
@@ -107,12 +112,12 @@ const SMOOTH: [(f64, f64); 8] = [
     (0.980_144_928_248_768_1, 0.050_614_268_145_188_13),
 ];
 
-fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Transfer {
+fn integrate(inside: &mut StepSampler<'_>, contact: usize, from: f64, to: f64) -> Transfer {
     let mut closed = |t: f64| {
         let (model, y) = inside.at(t);
         model.overlap(y, contact).0 > 0.0
     };
-    // Where a contact opens or closes the force is a root: with t = root ± z² it is smooth in z.
+    // The force has a root where a contact opens or closes: with t = root ± z² it is smooth in z.
     let root = (closed(from) != closed(to)).then(|| bisect(from, to, closed));
     let mut sum = Transfer::default();
     let mut part = |from: f64, to: f64, squared: bool| {

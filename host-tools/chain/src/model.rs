@@ -1,4 +1,4 @@
-//! The equations of motion, (1) to (3) of the paper.
+//! Equations of motion, (1) to (3) of the paper.
 //!
 //! With overlap δ = U[j-1] - U[j] of contact j and nothing acting where δ ≤ 0:
 //!
@@ -11,13 +11,13 @@
 //!
 //! Eq. (1) as printed lacks the condition on δ.
 //!
-//! A static load F₀ on the chain adds a constant to the force of every contact but the striker's, and takes
-//! it away again at either end. So it is left out on both sides: displacements count from the loaded chain at
-//! rest, and beads are accelerated by the part of the contact forces *beyond* F₀. That part is computed
-//! without a difference of two large numbers, so a weak wave on a strongly loaded chain is as exact as any.
+//! A static load F₀ on the chain adds a constant to the force of every contact but the striker's, and is
+//! balanced at either end. It is left out on both sides: displacements count from the loaded chain at rest,
+//! and beads are accelerated by the part of the contact forces *beyond* F₀. That part is computed without
+//! subtracting two large numbers, so a weak wave on a strongly loaded chain is as exact as any.
 //!
-//! The work that the contacts' viscous parts and the intruders' dampers take is integrated with the motion,
-//! as components of the state. So it is as exact as the motion.
+//! The energies dissipated by the contacts' viscous parts and by the intruders' dampers are components of the
+//! state. They are integrated with the motion and are as exact.
 
 #[cfg(test)]
 mod symmetry;
@@ -25,7 +25,7 @@ mod symmetry;
 use crate::oscillator::Oscillator;
 use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 
-/// One contact: it joins bodies j-1 and j. The contact after the last bead joins that bead and the wall.
+/// A contact, which joins bodies j - 1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Contact {
@@ -45,7 +45,7 @@ fn compliance(young: f64, poisson: f64) -> f64 {
 }
 
 impl Contact {
-    /// `compliance` and `curvature` are the sums over both bodies, in 1/Pa and 1/m.
+    /// A contact with these sums over both bodies: `compliance` in 1/Pa and `curvature` in 1/m.
     fn new(compliance: f64, curvature: f64, relaxation: f64, load: f64) -> Self {
         let stiffness = 1.0 / (compliance * curvature.sqrt());
         Self {
@@ -75,14 +75,13 @@ impl Contact {
     }
 
     /// Elastic energy, J, at an overlap in m. It counts from the state at rest, less the work of the static
-    /// load on the way: (2/5) κ (δ^(5/2) - δ₀^(5/2)) - F₀ (δ - δ₀). It is zero at rest and positive anywhere
-    /// else.
+    /// load: (2/5) κ (δ^(5/2) - δ₀^(5/2)) - F₀ (δ - δ₀). It is zero at rest and positive elsewhere.
     pub fn energy(&self, overlap: f64) -> f64 {
         self.energy_beyond(overlap - self.static_overlap)
     }
 
-    /// The same at a change of the overlap since rest. With r = √(δ/δ₀) it is (2/5) κ δ₀^(5/2) (r - 1)² (r³ +
-    /// 2r² + 3r + 3/2).
+    /// [`Contact::energy`] as a function of the change of the overlap since rest, m. With r = √(δ/δ₀) it is
+    /// (2/5) κ δ₀^(5/2) (r - 1)² (r³ + 2r² + 3r + 3/2).
     pub(crate) fn energy_beyond(&self, change: f64) -> f64 {
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
@@ -98,8 +97,8 @@ impl Contact {
         0.4 * self.load * self.static_overlap * growth * growth * cubic
     }
 
-    /// Hertz' part of the force less the static load, N, at a change of the overlap since rest. With a² = δ
-    /// and b² = δ₀ it is κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
+    /// Hertz' part of the force less the static load, N, as a function of the change of the overlap since
+    /// rest, m. With a² = δ and b² = δ₀ it is κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
     pub(crate) fn elastic_force_beyond(&self, change: f64) -> f64 {
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
@@ -119,8 +118,8 @@ impl Contact {
     }
 }
 
-/// Where the bodies of a scenario are at t = 0, and their velocities. Displacements count from where all
-/// touch, the last bead at the wall, so gaps are displacements towards the striker.
+/// Displacements, m, and velocities, m/s, of the bodies of a scenario at t = 0. Displacements count from
+/// where all bodies touch, the last bead at the wall, so gaps are displacements towards the striker.
 fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
     let beads = scenario.chain.beads;
     let mut gaps = vec![0.0; beads + 2];
@@ -151,7 +150,7 @@ fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
 pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
-    /// Its mass, stiffness and damping.
+    /// Mass, stiffness and damping.
     pub oscillator: Oscillator,
 }
 
@@ -162,22 +161,22 @@ pub struct Model {
     radii: Vec<f64>,
     /// Mass of bodies 0..=N, intruders included, kg.
     masses: Vec<f64>,
-    /// The same without the intruders: contacts and springs accelerate this mass directly.
+    /// Masses without the intruders, kg, which contacts and springs accelerate directly.
     pub(crate) shells: Vec<f64>,
     /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
-    /// In the order of their beads.
+    /// Intruders in the order of their beads.
     intruders: Vec<HostedIntruder>,
-    /// Whether contact forces are kept from falling below zero.
+    /// True if contact forces are clipped at zero.
     pub(crate) clipped: bool,
-    /// Where each body is at t = 0, m, and its velocity, m/s.
+    /// Displacement, m, and velocity, m/s, of each body at t = 0.
     starts: Vec<(f64, f64)>,
 }
 
 impl TryFrom<&Scenario> for Model {
     type Error = InputError;
 
-    /// Checks a scenario and makes its model; nothing is integrated.
+    /// Checks a scenario and builds its model.
     fn try_from(scenario: &Scenario) -> Result<Self, InputError> {
         scenario.check()?;
         Ok(Self::new(scenario))
@@ -185,7 +184,7 @@ impl TryFrom<&Scenario> for Model {
 }
 
 impl Model {
-    /// The model of a scenario that has been checked.
+    /// Builds the model of a scenario that has been checked.
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let striker = &scenario.striker;
         let beads = scenario.spheres();
@@ -244,7 +243,7 @@ impl Model {
         }
     }
 
-    /// The model of a scenario: its bodies, contacts and intruders. Nothing is integrated.
+    /// Checks a scenario and builds its model. Nothing is integrated.
     ///
     /// # Errors
     /// [`InputError`]: a value of the scenario is out of range.
@@ -311,7 +310,7 @@ impl Model {
         self.masses[body] * self.starts[body].1
     }
 
-    /// Energy of all bodies at t = 0, J: the striker's, and that of beads which move then.
+    /// Energy of all bodies at t = 0, J: that of the striker and of beads that move then.
     pub fn initial_energy(&self) -> f64 {
         (0..self.bodies()).map(|body| self.kinetic(body)).sum()
     }
@@ -321,7 +320,8 @@ impl Model {
         self.starts[0].1
     }
 
-    /// Where a body is at t = 0, m. All would be at zero if they stood in touch, the last bead at the wall.
+    /// Displacement of a body at t = 0, m. It would be zero for all if they stood in contact, the last bead
+    /// at the wall.
     pub(crate) fn start(&self, body: usize) -> f64 {
         self.starts[body].0
     }
@@ -331,7 +331,7 @@ impl Model {
         self.starts[body].1
     }
 
-    /// The greatest difference of velocities at t = 0, bodies at rest included: the scale of velocities.
+    /// The scale of velocities, m/s: the greatest difference of velocities at t = 0, counting a body at rest.
     pub(crate) fn speed_scale(&self) -> f64 {
         // A free end or a wall is at rest.
         let mut range = [0.0_f64; 2];
@@ -360,7 +360,7 @@ impl Model {
         state
     }
 
-    /// Change of the overlap of contact `j` (from 1) since rest, and its rate.
+    /// Change of the overlap of contact `j` (from 1) since rest, m, and its rate, m/s.
     pub(crate) fn change(&self, y: &[f64], j: usize) -> (f64, f64) {
         let (displacement, rest) = y.split_at(self.masses.len());
         // The wall does not move.
@@ -368,26 +368,25 @@ impl Model {
         (difference(displacement), difference(rest))
     }
 
-    /// Overlap of contact `j` (from 1) and its rate.
+    /// Overlap of contact `j` (from 1), m, and its rate, m/s.
     pub(crate) fn overlap(&self, y: &[f64], j: usize) -> (f64, f64) {
         let (change, rate) = self.change(y, j);
         (self.contacts[j - 1].static_overlap + change, rate)
     }
 
-    /// Total force of contact `j` (from 1).
+    /// Total force of contact `j` (from 1), N.
     pub(crate) fn force(&self, y: &[f64], j: usize) -> f64 {
         let (change, rate) = self.change(y, j);
         self.force_at(j, change, rate)
     }
 
-    /// The same for any change of the overlap since rest, at any rate.
     pub(crate) fn force_at(&self, j: usize, change: f64, rate: f64) -> f64 {
         let contact = &self.contacts[j - 1];
         let overlap = contact.static_overlap + change;
         self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
     }
 
-    /// The part of it beyond the static load.
+    /// Force of contact `j` (from 1) beyond its static load, N.
     pub(crate) fn force_beyond(&self, y: &[f64], j: usize) -> f64 {
         let contact = &self.contacts[j - 1];
         if contact.load == 0.0 {
@@ -397,12 +396,11 @@ impl Model {
         self.push(contact, change, rate).0
     }
 
-    /// The same for any change of the overlap since rest, at any rate.
     pub(crate) fn force_beyond_at(&self, j: usize, change: f64, rate: f64) -> f64 {
         self.push(&self.contacts[j - 1], change, rate).0
     }
 
-    /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
+    /// Returns true if the force of contact `j` (from 1) is clipped at zero.
     #[cfg(test)]
     pub(crate) fn limited(&self, y: &[f64], j: usize) -> bool {
         let (overlap, approach) = self.overlap(y, j);
@@ -418,8 +416,8 @@ impl Model {
         if self.clipped { force.max(0.0) } else { force }
     }
 
-    /// Force of a contact beyond its static load, and the part of the force that dissipates energy. The
-    /// overlap has changed by `change` since rest and goes on at the rate `approach`.
+    /// Force of a contact beyond its static load, and the part of the force that dissipates energy, N.
+    /// `change` is the change of the overlap since rest, m, and `approach` its rate, m/s.
     #[inline]
     fn push(&self, contact: &Contact, change: f64, approach: f64) -> (f64, f64) {
         let overlap = contact.static_overlap + change;
@@ -439,7 +437,7 @@ impl Model {
         (contact.elastic_force_beyond(change) + viscous, viscous)
     }
 
-    /// The shortest time that two of these bodies touch when they meet at the greatest speed: Hertz' contact
+    /// The shortest contact time of two of these bodies that meet at the greatest speed, s. It is Hertz'
     /// time, 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         let speed = self.speed_scale();
@@ -452,7 +450,7 @@ impl Model {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Reduced mass at each contact, kg. Against the wall it is the whole mass of the bead.
+    /// Reduced mass at each contact, kg. At the wall it is the mass of the bead.
     fn reduced_masses(&self) -> impl Iterator<Item = f64> {
         let last = self.masses[self.masses.len() - 1];
         self.masses
@@ -461,8 +459,7 @@ impl Model {
             .chain(std::iter::once(last))
     }
 
-    /// The fastest rate of change of an intruder or a loaded contact, 1/s: that of its spring or of its
-    /// damper.
+    /// The fastest rate of an intruder or of a loaded contact, 1/s: that of its spring or of its damper.
     pub(crate) fn fastest_rate(&self) -> f64 {
         let contacts = self.contacts.iter().zip(self.reduced_masses());
         let loaded = contacts.map(|(contact, reduced)| {
@@ -482,8 +479,8 @@ impl Model {
         undamped.max(oscillator.damping / reduced)
     }
 
-    /// The bead and the rate of an intruder that is more than 100,000 times faster than any collision. No
-    /// resonator is.
+    /// The host and the rate, 1/s, of an intruder that is more than 100,000 times faster than any collision.
+    /// No resonator is.
     pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
         let of = |intruder: &HostedIntruder| (intruder.bead, self.rate_of(intruder));
         let fastest = self.intruders.iter().map(of).max_by(|a, b| a.1.total_cmp(&b.1));
@@ -491,13 +488,13 @@ impl Model {
     }
 
     /// The longest step, s, of a run whose accuracy has this [`longest_step`](crate::Accuracy::longest_step).
-    /// The method is stable for steps of up to some 6 of the shortest time constants.
+    /// The method is stable for steps of up to about 6 of the shortest time constants.
     pub(crate) fn longest_step(&self, longest_step: f64) -> f64 {
         (longest_step * self.shortest_contact()).min(6.0 / self.fastest_rate())
     }
 
-    /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest:
-    /// the scale of displacements.
+    /// The scale of displacements, m: the depth to which the body of greatest energy, usually the striker,
+    /// would press into a bead at rest.
     pub(crate) fn displacement_scale(&self) -> f64 {
         let most = (0..self.bodies())
             .map(|body| self.kinetic(body))
@@ -506,9 +503,9 @@ impl Model {
     }
 }
 
-/// The places of the state vector: displacements and velocities of the bodies, relative displacements and
-/// velocities of the intruders, the work lost in all contacts, the work lost in each intruder, and the
-/// momentum given to the wall if there is one.
+/// Indices of the state vector. It holds displacements and velocities of the bodies, relative displacements
+/// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
+/// intruder, and the momentum given to the wall if there is one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
     bodies: usize,
@@ -612,7 +609,7 @@ pub struct Energies {
     /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
     /// static load, contacts count from rest, less the work of that load ([`Contact::energy`]).
     pub chain: f64,
-    /// The same with M for every bead: the paper's E_T.
+    /// `chain` with M in place of M - m for every bead: the paper's E_T.
     pub chain_as_printed: f64,
     /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
     pub intruders: f64,
@@ -623,14 +620,14 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// The sum: constant over a run but for the error of the integration.
+    /// The sum, which is constant over a run except for the error of the integration.
     pub fn total(&self) -> f64 {
         self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
     }
 }
 
 impl Model {
-    /// Energy of contact `j` (from 1).
+    /// Energy of contact `j` (from 1), J.
     pub(crate) fn contact_energy(&self, y: &[f64], j: usize) -> f64 {
         self.contacts[j - 1].energy_beyond(self.change(y, j).0)
     }
@@ -664,7 +661,7 @@ impl Model {
         energies
     }
 
-    /// Σ M V over the bodies, intruders at their own velocity, kg·m/s.
+    /// Σ M V over the bodies, with intruders at their own velocity, kg·m/s.
     pub(crate) fn momentum(&self, y: &[f64]) -> f64 {
         let layout = self.layout();
         let body = |n: usize| self.masses[n] * y[layout.velocity(n)];
@@ -683,14 +680,15 @@ impl Model {
             .ok()
     }
 
-    /// Absolute acceleration u'' of an intruder.
+    /// Absolute acceleration u'' of an intruder, m/s².
     pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
         let layout = self.layout();
         let (x, x_rate) = (layout.relative(intruder), layout.relative_velocity(intruder));
         self.acceleration_at(intruder, y[x], y[x_rate])
     }
 
-    /// The same for any place of the intruder relative to its host, and the rate of that.
+    /// Absolute acceleration of an intruder, m/s², at a displacement relative to its host, m, and its rate,
+    /// m/s.
     pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
         let oscillator = &self.intruders[intruder].oscillator;
         -oscillator.pull(place, rate) / oscillator.mass
@@ -713,14 +711,15 @@ impl Model {
 }
 
 impl Model {
-    /// Rate of the total force of contact `j` (from 1) where the state changes by `dy`.
+    /// Rate of the total force of contact `j` (from 1), N/s, where the state changes by `dy` a second.
     pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
         let (change, approach) = self.change(y, j);
         let (_, acceleration) = self.change(dy, j);
         self.force_rate_at(j, change, approach, acceleration)
     }
 
-    /// The same for any change of the overlap since rest, its rate, and the rate of that.
+    /// Rate of the total force of contact `j`, N/s, at a change of the overlap since rest, m, its rate, m/s,
+    /// and its acceleration, m/s².
     pub(crate) fn force_rate_at(&self, j: usize, change: f64, approach: f64, acceleration: f64) -> f64 {
         let contact = &self.contacts[j - 1];
         let overlap = contact.static_overlap + change;

@@ -1,35 +1,35 @@
-//! How a scenario is run, and why it cannot be.
+//! Options of a run, and its errors.
 
 use crate::scenario::{InputError, Scenario};
 
-/// Values that a solution may keep: 4 GB.
+/// Most values that a solution keeps: 4 GB.
 pub(crate) const MOST_VALUES: usize = 500_000_000;
 
-/// How closely the integration follows the equations.
+/// Accuracy of the integration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Accuracy {
-    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
+    /// Allowed error of each step in each component, as a part of the component's magnitude plus a hundredth
     /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
     pub tolerance: f64,
-    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a
-    /// collision of bodies in free flight.
+    /// Longest step, as a part of the scenario's shortest contact, so that no step passes over a collision of
+    /// bodies in free flight.
     pub longest_step: f64,
 }
 
 impl Accuracy {
-    /// Every stated number of this crate is computed at this accuracy.
+    /// The accuracy of all stated results of this crate.
     pub const REFERENCE: Self = Self {
         tolerance: 1e-14,
         longest_step: 1.0 / 8.0,
     };
-    /// For pictures and sweeps.
+    /// An accuracy for pictures and sweeps.
     pub const DRAFT: Self = Self {
         tolerance: 1e-8,
         longest_step: 1.0 / 2.0,
     };
 
-    /// Both numbers.
+    /// An accuracy with these values of its fields.
     pub const fn new(tolerance: f64, longest_step: f64) -> Self {
         Self {
             tolerance,
@@ -56,21 +56,21 @@ impl Default for Accuracy {
     }
 }
 
-/// How to run a scenario.
+/// Options of a run.
 #[derive(Clone, Copy, Default)]
 #[non_exhaustive]
 pub struct Options<'a> {
-    /// Time to simulate, s, in place of the scenario's; longer for a signal that goes on past it. The
-    /// [`Summary`](crate::Summary) covers the scenario's duration, or this one where it is shorter.
+    /// Time to simulate, s, in place of the scenario's; longer for a signal that continues after it. The
+    /// [`Summary`](crate::Summary) covers the scenario's duration, or this one if it is shorter.
     pub duration: Option<f64>,
-    /// How closely.
+    /// Accuracy of the integration.
     pub accuracy: Accuracy,
-    /// Called now and then with the part done, 0 to 1.
+    /// Called now and then with the completed part, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
 }
 
 impl<'a> Options<'a> {
-    /// The scenario's duration, this closely, without a word on the way.
+    /// Options with this accuracy, the scenario's duration, and no progress.
     pub const fn with(accuracy: Accuracy) -> Self {
         Self {
             duration: None,
@@ -79,14 +79,14 @@ impl<'a> Options<'a> {
         }
     }
 
-    /// The same with this time to simulate, s.
+    /// Sets the time to simulate, s.
     #[must_use]
     pub const fn with_duration(mut self, duration: f64) -> Self {
         self.duration = Some(duration);
         self
     }
 
-    /// The same with a listener.
+    /// Sets a function that is called with the completed part, 0 to 1.
     #[must_use]
     pub const fn with_progress(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
         self.progress = Some(progress);
@@ -116,7 +116,7 @@ impl std::fmt::Debug for Options<'_> {
     }
 }
 
-/// A time with its unit, s, and with all its digits only where they say something.
+/// A time with its unit, s, with significant digits only.
 fn shown(seconds: f64) -> String {
     if seconds > 1e6 {
         format!("{seconds:.1e} s")
@@ -125,21 +125,21 @@ fn shown(seconds: f64) -> String {
     }
 }
 
-/// Why a scenario could not be run.
+/// Reason why a scenario cannot be run.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
     /// A value of the scenario or of the [`Options`] is out of range.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// A run that keeps everything needs more steps than memory should hold: it is too long, has too many
-    /// beads, or something in it is much faster than a strike. [`Run`](crate::Run) and
-    /// [`summarise`](crate::summarise) keep nothing.
+    /// A run that keeps its motion needs more steps than fit in memory: it is too long, has too many beads,
+    /// or a part of it is much faster than a strike. [`Run`](crate::Run) and
+    /// [`summarise`](crate::summarise()) keep no motion.
     #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or ask for the summary alone, which keeps nothing", MOST_VALUES * 8 / 1_000_000_000)]
     TooLong {
-        /// How far the run came, s; 0 if it was clear from the start.
+        /// Time that the run reached, s; 0 if its length was clear from the start.
         time: f64,
-        /// How far it was to go, s.
+        /// End of the run, s.
         end: f64,
     },
     /// The run takes more steps than a fast computer makes in a day.
@@ -147,9 +147,9 @@ pub enum SimulateError {
         "duration: {end:.3e} s in steps of at most {step:.1e} s takes more than a day of computing; simulate less time, or check units"
     )]
     TooManySteps {
-        /// How far the run was to go, s.
+        /// End of the run, s.
         end: f64,
-        /// How long a step is at most, s.
+        /// Length of the longest step, s.
         step: f64,
     },
     /// An intruder is so much faster than a strike that its units are probably wrong.
@@ -162,17 +162,18 @@ pub enum SimulateError {
         bead: usize,
         /// The time constant, s.
         time: f64,
-        /// Steps that the run needs at least.
+        /// Least number of steps of the run.
         steps: f64,
-        /// Wall-clock time that they take on a fast computer, s.
+        /// Wall-clock time of these steps on a fast computer, s.
         seconds: f64,
     },
-    /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
+    /// The steps became too short to advance the clock: values of the scenario lie too many powers of ten
+    /// apart.
     #[error(
         "the integration is stuck at {time:?} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
     )]
     Stuck {
-        /// When, s.
+        /// Time of the failure, s.
         time: f64,
     },
 }

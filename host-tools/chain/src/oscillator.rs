@@ -1,4 +1,4 @@
-//! A mass on a spring and damper by itself, and how it follows its host (Appendix A1 of the paper).
+//! A mass on a spring and damper, and how it follows its host (Appendix A1 of the paper).
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! Stiffness and damping of an oscillator, found from a swept response or from how it rings down.
+//! Fits stiffness and damping of an oscillator to a swept response or to a ring-down.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use crate::oscillator::Oscillator;
 use crate::signal::Signal;
 use crate::spectrum::{Spectrum, Taper};
 
-/// An oscillator found from measurements, with standard errors from the scatter of the points.
+/// A fitted oscillator, with standard errors from the scatter of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct OscillatorFit {
@@ -35,8 +35,8 @@ fn positive(what: &str, value: f64) -> Result<(), FitError> {
     })
 }
 
-/// Finds k and c of a mass in kg from points (frequency in Hz, |h|) of a swept response. All points have the
-/// same weight, and they should hold the peak.
+/// Fits k and c of a mass in kg to points (frequency in Hz, |h|) of a swept response. All points have the
+/// same weight. They should include the peak.
 ///
 /// # Errors
 /// [`FitError`]: there are fewer than three points, a point or the mass is not a positive number, or the
@@ -84,14 +84,15 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
     })
 }
 
-/// Finds k and c from how an underdamped mass rings down. It fits exp(-βt) (A cos ωt + B sin ωt) to a signal
-/// of the mass's acceleration or of its motion in the host; then k = μ (ω² + β²) and c = 2 μ β.
+/// Fits k and c to the ring-down of an underdamped mass. The model exp(-βt) (A cos ωt + B sin ωt) is fitted
+/// to a signal of the mass's acceleration or of its motion in the host; then k = μ (ω² + β²) and c = 2 μ β.
 ///
 /// `mass` is the reduced mass μ, kg: m (M - m) / M in a host that is free, m in one that is held. The signal
 /// should last a few times longer than the ringing, and nothing else should act on the host meanwhile.
 ///
 /// # Errors
-/// [`FitError`]: there are fewer than five values, a value or the mass is not a number, or nothing rings.
+/// [`FitError`]: there are fewer than five values, a value or the mass is not a number, or the
+/// signal does not ring.
 pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitError> {
     positive("the mass", mass)?;
     positive("the interval", signal.interval)?;
@@ -115,7 +116,7 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     if moment == 0.0 {
         return Err(FitError::NoEnd);
     }
-    // Energy that falls as exp(-2βt) has its mean time at 1/2β.
+    // An energy that falls as exp(-2βt) has its mean time at 1/2β.
     let beta = 0.5 * energy / moment;
     let (frequency, _) = Spectrum::of(signal, Taper::None)
         .magnitudes()
@@ -127,7 +128,7 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
         let (sin, cos) = (omega * t).sin_cos();
         [cos, sin].map(|wave| wave * (-beta * t).exp())
     };
-    // A and B of these ω and β, which are linear: from the two normal equations.
+    // A and B for this ω and β: they are linear, and follow from two normal equations.
     let [
         mut cos_cos,
         mut cos_sin,

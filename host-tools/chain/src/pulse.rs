@@ -2,34 +2,34 @@
 //!
 //! # Design
 //!
-//! Peaks and valleys are roots of the force's rate. They are looked for between the ends of steps where the
-//! rate changes sign, and found inside as exactly as the motion is known. A chain leaves many ripples behind.
-//! A peak counts as a pulse if it is high enough and if the force falls far enough before the next one. If
-//! the force does not fall between two peaks, the lower is taken for a ripple of the other.
+//! Peaks and valleys are roots of the force's rate. They lie between ends of steps where the rate changes
+//! sign, and are found inside as exactly as the motion is known. A chain leaves many ripples behind. A peak
+//! counts as a pulse if it is high enough and if the force falls far enough before the next one. If it does
+//! not fall between two peaks, the lower is taken for a ripple of the other.
 //!
-//! In a chain under a static load, all this is about the force beyond the load.
+//! In a chain under a static load, all values are those of the force beyond the load.
 
 use crate::bisection::bisect;
 use crate::flow::Flow;
-use crate::quantity::{Inside, Quantity};
+use crate::quantity::{PeakQuantity, StepSampler};
 use crate::solution::Solution;
 
-/// Which peaks of a force are pulses.
+/// Criteria for the peaks of a force that count as pulses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PulseSearch {
-    /// Where to begin, s.
+    /// Begin of the search, s.
     pub from: f64,
-    /// Where to end, s; the end of the run if that is earlier.
+    /// End of the search, s; the end of the run if that is earlier.
     pub to: f64,
     /// Least height of a pulse, as a part of the greatest at the contact within the search.
     pub height: f64,
-    /// How far the force must fall between two pulses, as a part of the lower one's height. From one half on,
+    /// Least fall of the force between two pulses, as a part of the lower one's height. From one half on,
     /// every pulse between two others has a full width at half its height.
     pub fall: f64,
 }
 
 impl Default for PulseSearch {
-    /// The whole run, and pulses of a thousandth of the greatest, between which the force halves.
+    /// Searches the whole run for pulses of a thousandth of the greatest, between which the force halves.
     fn default() -> Self {
         Self {
             from: 0.0,
@@ -46,15 +46,15 @@ impl Default for PulseSearch {
 pub struct Pulse {
     /// The contact, which joins bodies `contact - 1` and `contact`.
     pub contact: usize,
-    /// Greatest force, N, with the static load. All other values are about the force beyond the load.
+    /// Greatest force, N, including the static load. All other values are those of the force beyond the load.
     pub force: f64,
-    /// When it arrives: the time of the greatest force, s.
+    /// Arrival time, s: the time of the greatest force.
     pub time: f64,
-    /// When it begins, s: when the force was last zero before, or least since the pulse before.
+    /// Begin, s: the last zero of the force before the peak, or its least value since the previous pulse.
     pub from: f64,
-    /// When it ends, s: when the force is first zero after, or least before the next pulse.
+    /// End, s: the first zero of the force after the peak, or its least value before the next pulse.
     pub to: f64,
-    /// Full width at half its height, s. None if the force does not fall to half on both sides of it.
+    /// Full width at half its height, s; `None` if the force does not fall to half on both sides.
     pub fwhm: Option<f64>,
     /// Momentum that it carries through the contact, ∫ F dt over the pulse, N·s.
     pub impulse: f64,
@@ -63,12 +63,12 @@ pub struct Pulse {
     pub energy: f64,
 }
 
-/// The quantity at the end of a step, or at an end of the search.
+/// A quantity at the end of a step or of the search.
 struct Point {
     time: f64,
     value: f64,
     rising: bool,
-    /// The step that follows.
+    /// Number of the step that follows.
     step: usize,
 }
 
@@ -80,16 +80,16 @@ pub(crate) struct Peak {
     before: usize,
 }
 
-/// A quantity, mostly the force of a contact, over the time of a search.
+/// A quantity, usually the force of a contact, over the time of a search.
 pub(crate) struct Trace<'a> {
     solution: &'a Solution,
-    quantity: Quantity,
+    quantity: PeakQuantity,
     points: Vec<Point>,
 }
 
 impl Solution {
-    /// The pulses that pass `contact` (from 1), in the order of their time. A force that still rises at the
-    /// end of the search is no pulse yet.
+    /// Returns the pulses that pass `contact` (from 1), in the order of their time. A force that still rises
+    /// at the end of the search is not yet a pulse.
     ///
     /// # Panics
     /// If there is no such contact, or `search.from` is not within the run.
@@ -98,7 +98,7 @@ impl Solution {
     }
 
     pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
-        let (force, end) = (Quantity::ForceBeyond(contact), search.to.min(self.end()));
+        let (force, end) = (PeakQuantity::ForceBeyond(contact), search.to.min(self.end()));
         let trace = Trace::new(self, force, search.from, end);
         let peaks = trace.peaks(search);
         let load = self.model().contact(contact).load;
@@ -144,11 +144,11 @@ impl Solution {
 }
 
 impl<'a> Trace<'a> {
-    pub(crate) fn new(solution: &'a Solution, quantity: Quantity, from: f64, to: f64) -> Self {
+    pub(crate) fn new(solution: &'a Solution, quantity: PeakQuantity, from: f64, to: f64) -> Self {
         let model = solution.model();
         let edge = |time: f64| {
             let step = solution.step_at(time);
-            let mut inside = Inside::new(solution, step);
+            let mut inside = StepSampler::new(solution, step);
             Point {
                 time,
                 value: inside.value(quantity, time),
@@ -180,9 +180,9 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Where `holds` of the motion turns between points `before` and `before + 1`.
-    fn root(&self, before: usize, mut holds: impl FnMut(&mut Inside<'_>, f64) -> bool) -> f64 {
-        let mut inside = Inside::new(self.solution, self.points[before].step);
+    /// Returns the time between points `before` and `before + 1` where `holds` changes.
+    fn root(&self, before: usize, mut holds: impl FnMut(&mut StepSampler<'_>, f64) -> bool) -> f64 {
+        let mut inside = StepSampler::new(self.solution, self.points[before].step);
         let (from, to) = (self.points[before].time, self.points[before + 1].time);
         bisect(from, to, |t| holds(&mut inside, t))
     }
@@ -200,12 +200,11 @@ impl<'a> Trace<'a> {
         let least = search.height * greatest;
         let mut peaks: Vec<Peak> = (1..self.points.len())
             .map(|after| (after - 1, &self.points[after - 1], &self.points[after]))
-            // The top between two points can stand above both, so points that come near the least height are
-            // kept.
+            // The top between two points can stand above both, so points near the least height are kept.
             .filter(|(_, a, b)| a.rising && !b.rising && a.value.max(b.value) > 0.5 * least)
             .map(|(before, a, _)| {
                 let time = self.turn(before);
-                let value = Inside::new(self.solution, a.step).value(self.quantity, time);
+                let value = StepSampler::new(self.solution, a.step).value(self.quantity, time);
                 Peak { time, value, before }
             })
             .filter(|peak| peak.value > 0.0 && peak.value >= least)
@@ -228,14 +227,14 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// The least value between two peaks, to the nearest step.
+    /// Returns the least value between two peaks, to the nearest step.
     fn least(&self, one: Peak, other: Peak) -> f64 {
         (one.before + 1..=other.before)
             .map(|i| self.points[i].value)
             .fold(one.value.min(other.value), f64::min)
     }
 
-    /// When a pulse begins, if the points before its peak that belong to it start at `first`.
+    /// Returns the begin of a pulse, s. Point `first` is the first before its peak that belongs to it.
     fn begin(&self, peak: Peak, first: usize) -> f64 {
         match (first..=peak.before).rev().find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i, 0.0),
@@ -243,7 +242,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// When a pulse ends, if the points after its peak that belong to it end at `last`.
+    /// Returns the end of a pulse, s. Point `last` is the last after its peak that belongs to it.
     fn end(&self, peak: Peak, last: usize) -> f64 {
         match (peak.before + 1..=last).find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i - 1, 0.0),
@@ -251,7 +250,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// When the quantity is least, around points `first` to `last`.
+    /// Returns the time of the least value around points `first` to `last`, s.
     fn valley(&self, first: usize, last: usize) -> f64 {
         let value = |i: &usize| self.points[*i].value;
         let least = (first..=last)

@@ -4,15 +4,15 @@ use crate::model::Model;
 use crate::solution::Solution;
 use crate::solver::Dense;
 
-/// Something that has peaks.
+/// A quantity that has peaks.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Quantity {
+pub(crate) enum PeakQuantity {
     /// Force of a contact beyond its static load.
     ForceBeyond(usize),
     Velocity(usize),
 }
 
-impl Quantity {
+impl PeakQuantity {
     pub(crate) fn value(self, model: &Model, y: &[f64]) -> f64 {
         match self {
             Self::ForceBeyond(contact) => model.force_beyond(y, contact),
@@ -20,7 +20,7 @@ impl Quantity {
         }
     }
 
-    /// Its rate of change where the state is `y` and changes by `dy`.
+    /// Rate of change where the state is `y` and changes by `dy` a second.
     pub(crate) fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
         match self {
             Self::ForceBeyond(contact) => model.force_rate(y, dy, contact),
@@ -29,15 +29,15 @@ impl Quantity {
     }
 }
 
-/// A step's dense output, with room for a state and its rate.
-pub(crate) struct Inside<'a> {
+/// Dense output of a step, with memory for a state and its rate.
+pub(crate) struct StepSampler<'a> {
     model: &'a Model,
     dense: Dense<'a>,
     y: Vec<f64>,
     dy: Vec<f64>,
 }
 
-impl<'a> Inside<'a> {
+impl<'a> StepSampler<'a> {
     pub(crate) fn new(solution: &'a Solution, knot: usize) -> Self {
         let dimension = solution.model().layout().dimension();
         let dense = solution.dense(knot);
@@ -54,12 +54,12 @@ impl<'a> Inside<'a> {
         (self.model, &self.y)
     }
 
-    pub(crate) fn value(&mut self, quantity: Quantity, t: f64) -> f64 {
+    pub(crate) fn value(&mut self, quantity: PeakQuantity, t: f64) -> f64 {
         self.dense.at(t, &mut self.y);
         quantity.value(self.model, &self.y)
     }
 
-    pub(crate) fn rate(&mut self, quantity: Quantity, t: f64) -> f64 {
+    pub(crate) fn rate(&mut self, quantity: PeakQuantity, t: f64) -> f64 {
         self.dense.at(t, &mut self.y);
         self.model.rate(&self.y, &mut self.dy);
         quantity.rate(self.model, &self.y, &self.dy)

@@ -11,7 +11,7 @@ use crate::model::Model;
 pub struct RegionEnergies {
     /// Kinetic energy of the beads, with M - m for a host's shell: Σ ½ (M - m) V².
     pub kinetic: f64,
-    /// The same with M for every bead, as the paper prints it.
+    /// `kinetic` with M in place of M - m for every bead, as the paper prints it.
     pub kinetic_as_printed: f64,
     /// Elastic energy of the beads' contacts: Σ (2/5) κ δ^(5/2). Under a static load it counts from rest
     /// ([`Contact::energy`](crate::Contact::energy)).
@@ -25,19 +25,20 @@ pub struct RegionEnergies {
 }
 
 impl RegionEnergies {
-    /// The energy of beads, contacts and intruders, and what the intruders have dissipated. It grows by what
-    /// passes the first bead's contact less what passes the contact after the last bead
-    /// ([`Solution::flow`](crate::Solution::flow)), and falls by what the contacts dissipate.
+    /// Energy of beads, contacts and intruders, and the energy that the intruders have dissipated, J. It
+    /// grows by the energy that passes the first bead's contact less that which passes the contact after the
+    /// last bead ([`Solution::flow`](crate::Solution::flow)), and falls by the energy that the contacts
+    /// dissipate.
     pub fn total(&self) -> f64 {
         self.mechanical() + self.intruder_dissipated
     }
 
-    /// The energy of beads, contacts and intruders.
+    /// Energy of beads, contacts and intruders, J.
     pub fn mechanical(&self) -> f64 {
         self.kinetic + self.elastic + self.intruder_kinetic + self.intruder_elastic
     }
 
-    /// The paper's Σ E_n over these beads, eq. (4).
+    /// The paper's Σ E_n over these beads, eq. (4), J.
     pub fn as_printed(&self) -> f64 {
         self.kinetic_as_printed + self.elastic
     }

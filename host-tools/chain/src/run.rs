@@ -1,10 +1,10 @@
-//! A chain that runs step by step. What is not asked for is not kept, so a chain may have any length.
+//! Runs of a chain, step by step. Only the present state is kept, so a chain may have any length.
 //!
 //! # Design
 //!
-//! A [`Run`] is where the chain is now. It moves on to a time, and a [`Step`] lets look into each step on the
-//! way. A step computes only the beads that the wave moves ([`crate::solver`]), so with nothing kept a pulse
-//! in a long elastic chain costs as much in each bead as in a short one.
+//! A [`Run`] holds the present state of a chain. It advances to a time, and each [`Step`] on the way can be
+//! observed. A step computes only the beads that the wave moves ([`crate::solver`]), so a pulse in a long
+//! elastic chain costs as much for each bead as in a short one.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::scenario::Scenario;
 use crate::solution::Snapshot;
 use crate::solver::{Lanes, Stepper};
 
-/// A chain that moves on from where it is. A copy goes its own way from there.
+/// A chain in motion. A clone is independent of it.
 ///
 /// ```
 /// use hertz_chain::{Accuracy, Run, Scenario};
@@ -27,7 +27,7 @@ use crate::solver::{Lanes, Stepper};
 /// run.to(5e-3)?;
 /// let first = run.snapshot().velocity(20);
 ///
-/// // What if it had gone on from there? A snapshot can be run on.
+/// // A snapshot can be run on, at another accuracy.
 /// let mut other = run.snapshot().resume(Accuracy::REFERENCE)?;
 /// other.to(6e-3)?;
 /// # assert!(first.is_finite());
@@ -41,11 +41,11 @@ pub struct Run {
 
 /// Steps that take seconds at most.
 const FEW_STEPS: f64 = 1e6;
-/// Steps that take more than a day, even if few beads move. A collision takes some ten.
+/// Steps that take more than a day even if few beads move. A collision takes about ten.
 const MOST_STEPS: f64 = 2e11;
 
 impl Run {
-    /// The chain of a scenario at t = 0. Its duration is not looked at.
+    /// The chain of a scenario at t = 0. The scenario's duration is not used.
     ///
     /// # Errors
     /// [`SimulateError`]: the scenario or the accuracy is out of range.
@@ -56,18 +56,18 @@ impl Run {
         Self::start(Arc::new(model), (0.0, &start), accuracy)
     }
 
-    /// Refuses a run to `end`, s, if it would take absurdly long. `longest_step` is that of the accuracy.
+    /// Refuses a run to `end`, s, that would take absurdly long. `longest_step` is that of the accuracy.
     ///
     /// # Errors
     /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`].
     pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
         let step = self.model.longest_step(longest_step);
         let steps = self.fewest_steps(end, longest_step);
-        // A strike may be so slow that no resonator is as slow.
+        // In a very slow strike, any resonator is comparatively fast.
         if steps < FEW_STEPS {
             return Ok(());
         }
-        // Sixteen evaluations, 20 ns for eight bodies each.
+        // Sixteen evaluations of 20 ns for each eight bodies.
         let seconds = steps * (0.5e-6 + 0.04e-6 * self.model.bodies() as f64);
         if let Some((bead, rate)) = self.model.absurd_intruder() {
             let time = 1.0 / rate;
@@ -84,7 +84,7 @@ impl Run {
         Ok(())
     }
 
-    /// How many steps a run to `end`, s, takes at the least. `longest_step` is that of the accuracy.
+    /// Least number of steps of a run to `end`, s. `longest_step` is that of the accuracy.
     pub fn fewest_steps(&self, end: f64, longest_step: f64) -> f64 {
         (end - self.time()) / self.model.longest_step(longest_step)
     }
@@ -114,17 +114,17 @@ impl Run {
         self.stepper.lanes()
     }
 
-    /// Where the run is, s.
+    /// Present time of the run, s.
     pub fn time(&self) -> f64 {
         self.stepper.time
     }
 
-    /// Steps made so far.
+    /// Number of steps made.
     pub fn steps(&self) -> u64 {
         self.stepper.steps
     }
 
-    /// Evaluations of the equations of motion so far, of the beads that move.
+    /// Number of evaluations of the equations of motion, each of the moving beads.
     pub fn evaluations(&self) -> u64 {
         self.stepper.evaluations
     }
@@ -146,7 +146,7 @@ impl Run {
             .map_err(|_| SimulateError::Stuck { time })
     }
 
-    /// Goes on to `time`, s; nothing happens if that has passed.
+    /// Advances to `time`, s; does nothing if that has passed.
     ///
     /// # Errors
     /// [`SimulateError::Stuck`].
@@ -157,7 +157,7 @@ impl Run {
         Ok(())
     }
 
-    /// Goes on to `time`, s, and lets `look` into each step.
+    /// Advances to `time`, s, and calls `look` with each step.
     ///
     /// # Errors
     /// [`SimulateError::Stuck`].
@@ -169,7 +169,7 @@ impl Run {
         all.map(|_| ())
     }
 
-    /// [`Run::watch`] until `look` has seen enough.
+    /// Advances as [`Run::watch`] does, until `look` returns `Break`.
     ///
     /// # Errors
     /// [`SimulateError::Stuck`].
@@ -187,7 +187,7 @@ impl Run {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Everything, at the time where the run is.
+    /// The present state of the whole chain.
     pub fn snapshot(&mut self) -> Snapshot<'_> {
         let mut state = vec![0.0; self.model.layout().dimension()];
         self.stepper.state(&mut state);
@@ -203,7 +203,7 @@ impl Run {
     }
 }
 
-/// A step that a run has just made.
+/// The last step of a run.
 #[derive(Debug)]
 pub struct Step<'a> {
     run: &'a mut Run,
@@ -211,17 +211,17 @@ pub struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// When it starts, s.
+    /// Start of the step, s.
     pub fn from(&self) -> f64 {
         self.from
     }
 
-    /// When it ends, s.
+    /// End of the step, s.
     pub fn to(&self) -> f64 {
         self.run.time()
     }
 
-    /// How many steps the run has made, this one included.
+    /// Number of steps that the run has made, including this one.
     pub fn number(&self) -> u64 {
         self.run.steps()
     }
@@ -239,7 +239,7 @@ impl Step<'_> {
         &self.run.model
     }
 
-    /// What it takes to repeat the step: the chain on lanes, and the tolerance.
+    /// The chain's arrays and the tolerance, with which the step can be repeated.
     pub(crate) fn method(&self) -> (Arc<Lanes>, f64) {
         (self.run.lanes(), self.run.stepper.tolerance())
     }
@@ -248,12 +248,12 @@ impl Step<'_> {
         self.run.write_state(out);
     }
 
-    /// Bodies that something moves in this step, in runs of neighbours. All others stand still or fly freely.
+    /// Bodies that a force moves in this step, in runs of neighbours. All others stand still or fly freely.
     pub fn moving(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         self.run.stepper.moving()
     }
 
-    /// The motion at time `t`, s, of this step.
+    /// The motion at time `t`, s, inside this step.
     ///
     /// # Panics
     /// If `t` is not in the step.
@@ -273,7 +273,7 @@ impl Step<'_> {
     }
 }
 
-/// A chain at one time of a [`Step`]. Only what is asked for is computed.
+/// A chain at one time inside a [`Step`]. Values are computed on request.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
     model: &'a Model,
@@ -282,7 +282,7 @@ pub struct StepView<'a> {
 }
 
 impl StepView<'_> {
-    /// The time, s.
+    /// Time of the view, s.
     pub fn time(&self) -> f64 {
         self.time
     }
@@ -309,7 +309,7 @@ impl StepView<'_> {
         self.stepper.body(body, self.time)
     }
 
-    /// Change of the overlap of a contact since rest, and its rate.
+    /// Change of the overlap of a contact since rest, m, and its rate, m/s.
     fn change(&self, contact: usize) -> (f64, f64) {
         let near = self.body(contact - 1);
         let far = if contact < self.model.bodies() {
@@ -320,7 +320,7 @@ impl StepView<'_> {
         (near.0 - far.0, near.1 - far.1)
     }
 
-    /// How far `contact` is compressed, m; negative if it is open.
+    /// Overlap of `contact`, m; negative if it is open.
     ///
     /// # Panics
     /// If there is no such contact.
@@ -338,17 +338,17 @@ impl StepView<'_> {
         load + self.model.force_beyond_at(contact, change, rate)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; none without an intruder.
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` without an intruder.
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
         Some(self.stepper.guest(self.model.intruder_of(bead)?).0)
     }
 
-    /// Its rate, m/s.
+    /// Velocity of the intruder in `bead` relative to its host, m/s; `None` without an intruder.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
         Some(self.stepper.guest(self.model.intruder_of(bead)?).1)
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s²; none without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         let (x, x_rate) = self.stepper.guest(intruder);
@@ -358,8 +358,8 @@ impl StepView<'_> {
 }
 
 impl Snapshot<'_> {
-    /// A run that goes on from here. It comes to the same values as one that was never interrupted, to the
-    /// accuracy asked for.
+    /// Starts a run at this state. It reaches the same values as an uninterrupted run, to the accuracy asked
+    /// for.
     ///
     /// # Errors
     /// [`SimulateError::Input`]: the accuracy is out of range.

@@ -1,4 +1,4 @@
-//! Quantities of chosen beads at equal intervals, taken while a run goes on.
+//! Samples of chosen quantities at equal intervals, taken during a run.
 
 use crate::run::{Step, StepView};
 
@@ -19,7 +19,7 @@ pub enum Observable {
 }
 
 impl Observable {
-    /// Not a number for an intruder that is not there.
+    /// The value, in SI units; NaN if there is no such intruder.
     fn value(self, moment: &StepView<'_>) -> f64 {
         match self {
             Self::Displacement(body) => moment.displacement(body),
@@ -31,7 +31,7 @@ impl Observable {
     }
 }
 
-/// Samples of a [`Run`](crate::Run), every so often from t = 0 on. It keeps its channels and nothing else.
+/// Samples of a [`Run`](crate::Run) at equal intervals from t = 0 on.
 ///
 /// ```
 /// use hertz_chain::{Accuracy, Observable, Run, Samples, Scenario};
@@ -48,9 +48,9 @@ impl Observable {
 pub struct Samples {
     interval: f64,
     channels: Vec<Observable>,
-    /// Number of the first.
+    /// Number of the first sample.
     first: Option<u64>,
-    /// Row by row.
+    /// Values, row by row.
     values: Vec<f64>,
 }
 
@@ -73,7 +73,7 @@ impl Samples {
         }
     }
 
-    /// Makes room for all samples of a run to `end`, s: then the list of them need not grow on the way.
+    /// Reserves memory for all samples of a run to `end`, s.
     #[must_use]
     pub fn with_end(mut self, end: f64) -> Self {
         let rows = (end / self.interval).ceil().max(0.0) as usize + 1;
@@ -82,14 +82,14 @@ impl Samples {
         self
     }
 
-    /// Takes the samples of a step: all of them, in order.
+    /// Takes the samples of a step. Must be called with each step of the run, in order.
     pub fn observe(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
         let first = *self
             .first
             .get_or_insert_with(|| (from / self.interval * (1.0 - 1e-12)).ceil() as u64);
         loop {
-            // A multiple may come out a rounding past the end of the run.
+            // Rounding may put a multiple just past the end of the run.
             let time = (first + self.len() as u64) as f64 * self.interval;
             if time > to * (1.0 + 1e-12) {
                 return;
@@ -100,12 +100,12 @@ impl Samples {
         }
     }
 
-    /// Number of samples so far.
+    /// Number of samples taken.
     pub fn len(&self) -> usize {
         self.values.len() / self.channels.len()
     }
 
-    /// Whether none has been taken yet.
+    /// Returns true if no sample has been taken.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
@@ -115,7 +115,7 @@ impl Samples {
         (self.first.unwrap_or(0) + index as u64) as f64 * self.interval
     }
 
-    /// A sample: its channels in the order that was asked for.
+    /// The values of a sample, in the order of the quantities.
     ///
     /// # Panics
     /// If there is no such sample.
@@ -124,12 +124,12 @@ impl Samples {
         &self.values[index * width..(index + 1) * width]
     }
 
-    /// All samples, one after another.
+    /// Values of all samples, one after another.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// The same, to keep.
+    /// Returns all values, one sample after another.
     pub fn into_values(self) -> Vec<f64> {
         self.values
     }

@@ -1,4 +1,4 @@
-//! A quantity of a run at equal intervals of time.
+//! Signals: values at equal intervals of time.
 
 use crate::solution::{Snapshot, Solution};
 
@@ -21,7 +21,7 @@ impl Signal {
 }
 
 impl Solution {
-    /// Samples what `value` makes of the motion, from `from` to `to` every `interval`, all in s.
+    /// Samples `value` of the motion from `from` to `to` every `interval`, all in s.
     ///
     /// # Panics
     /// If the stretch is not within 0 to [`Solution::end`] or `interval` is not above zero.
@@ -37,7 +37,7 @@ impl Solution {
             "samples need an interval above zero, not {interval} s"
         );
         let mut sampler = self.sampler();
-        // A stretch of n intervals can come out a rounding short of n.
+        // Rounding can make an interval of n samples come out just short of n.
         let intervals = ((to - from) / interval * (1.0 + 1e-12)) as usize;
         Signal {
             start: from,

@@ -1,4 +1,4 @@
-//! Running a scenario.
+//! Runs a scenario and keeps its motion.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
     simulate_with(scenario, &Options::default())
 }
 
-/// Integrates a scenario as the options say.
+/// Integrates a scenario with these options.
 ///
 /// # Errors
 /// [`SimulateError`]: the scenario or an option is out of range, or the integration cannot go on.
@@ -102,7 +102,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// When a run that keeps everything ends, and the run before its first step.
+/// Returns the end of a run that keeps its motion, s, and the run before its first step.
 fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), SimulateError> {
     scenario.check()?;
     let end = options.end(scenario)?;
@@ -118,7 +118,8 @@ fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), Simul
 }
 
 impl Options<'_> {
-    /// Refuses what [`simulate_with`] would refuse before its first step, for one who has many runs to make.
+    /// Checks a scenario as [`simulate_with`] does before its first step, for a program with many runs to
+    /// make.
     ///
     /// # Errors
     /// [`SimulateError`]: the scenario or an option is out of range, or it is clear that the run takes too

@@ -1,11 +1,11 @@
-//! Whole snapshots at equal intervals, taken while a run goes on: what a [`Solution`](crate::Solution) gives
-//! at these times, bit for bit, with nothing kept but one state.
+//! Snapshots at equal intervals, taken during a run. They equal those of a [`Solution`](crate::Solution) bit
+//! for bit, and only one state is kept.
 
 use crate::run::{Run, Step};
 use crate::solution::Snapshot;
 use crate::solver::Dense;
 
-/// Snapshots of a [`Run`], every so often from where it is to an end.
+/// Snapshots of a [`Run`] at equal intervals, from its present time to an end.
 ///
 /// ```
 /// use hertz_chain::{Accuracy, Run, Scenario, Snapshots};
@@ -23,16 +23,17 @@ use crate::solver::Dense;
 pub struct Snapshots {
     rate: f64,
     end: f64,
-    /// The next one.
+    /// Number of the next snapshot.
     next: u64,
-    /// How many there are up to the end.
+    /// Number of snapshots up to the end, counted from t = 0.
     rows: u64,
-    /// The state where the next step begins.
+    /// State at the start of the next step.
     state: Vec<f64>,
 }
 
 impl Snapshots {
-    /// Snapshots at the multiples of 1/`rate`, `rate` in Hz, up to `end`, s, where the run must end a step.
+    /// Snapshots at the multiples of 1/`rate`, with `rate` in Hz, up to `end`, s, where the run must end a
+    /// step.
     ///
     /// # Panics
     /// If the rate is not above zero.
@@ -44,18 +45,18 @@ impl Snapshots {
             rate,
             end,
             next: (run.time() * rate * (1.0 - 1e-12)).ceil() as u64,
-            // Rounding must not lose a last one that falls on the end.
+            // Rounding must not lose a last snapshot at the end.
             rows: (end * rate * (1.0 + 1e-12)).floor() as u64 + 1,
             state,
         }
     }
 
-    /// How many have been taken, from t = 0 on.
+    /// Number of snapshots taken, counted from t = 0.
     pub fn count(&self) -> u64 {
         self.next
     }
 
-    /// Takes those of a step: all of them, in order.
+    /// Calls `take` with the snapshots of a step. Must be called with each step of the run, in order.
     pub fn observe(&mut self, step: &mut Step<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
         let (from, to) = (step.from(), step.to());
         let (lanes, tolerance) = step.method();
@@ -63,7 +64,7 @@ impl Snapshots {
         let mut dense = None;
         while self.next < self.rows {
             let time = (self.next as f64 / self.rate).min(self.end).max(from);
-            // The next step begins with what falls on its beginning.
+            // A snapshot at the end of a step belongs to the next.
             if time > to || (time == to && to < self.end) {
                 break;
             }

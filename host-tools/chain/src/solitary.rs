@@ -1,18 +1,18 @@
-//! The solitary wave of equal elastic spheres, and how near a wave of a run comes to it.
+//! The solitary wave of equal elastic spheres, and measures of how near a wave comes to it.
 //!
-//! In units where κ = M = 1, the wave's speed c in beads per time depends only on its strength, as the
-//! numbers below say. Nesterenko's long-wave forms have the same powers, with the factors (16/25)^(1/5) and
+//! In units where κ = M = 1, the wave's speed c in beads per time depends only on its amplitude, through the
+//! constants below. Nesterenko's long-wave forms have the same powers, with the factors (16/25)^(1/5) and
 //! √(4/5).
 
 use crate::pulse::{Pulse, PulseSearch, Trace};
-use crate::quantity::Quantity;
+use crate::quantity::PeakQuantity;
 use crate::solution::Solution;
 
-/// c / v^(1/5) of the discrete wave, v being a bead's greatest speed.
+/// c / v^(1/5) of the discrete wave, where v is a bead's greatest speed.
 pub const SPEED_FROM_VELOCITY: f64 = 0.907_47;
-/// c / F^(1/6) of the discrete wave, F being a contact's greatest force.
+/// c / F^(1/6) of the discrete wave, where F is a contact's greatest force.
 pub const SPEED_FROM_FORCE: f64 = 0.905_52;
-/// Kinetic part of the wave's energy, in the mean over time: 5/9, by the virial theorem for forces that go as
+/// Kinetic part of the wave's energy, averaged over time: 5/9, by the virial theorem for forces that go as
 /// δ^(3/2).
 pub const KINETIC_SHARE: f64 = 5.0 / 9.0;
 
@@ -57,7 +57,7 @@ impl EqualSpheres {
     }
 }
 
-/// Numbers that do not change from one solitary wave to another, as measured in a run.
+/// Numbers common to all solitary waves, as measured in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Invariants {
@@ -65,7 +65,7 @@ pub struct Invariants {
     pub speed_from_force: f64,
     /// c / v^(1/5) in those units: [`SPEED_FROM_VELOCITY`] for the discrete wave.
     pub speed_from_velocity: f64,
-    /// Kinetic part of the energy, in the mean over the way between the contacts: [`KINETIC_SHARE`] for the
+    /// Kinetic part of the energy, averaged over the way between the contacts: [`KINETIC_SHARE`] for the
     /// discrete wave.
     pub kinetic_share: f64,
 }
@@ -94,7 +94,7 @@ impl Solution {
             to: later.to,
             ..PulseSearch::default()
         };
-        let velocity = Quantity::Velocity(later.contact - 1);
+        let velocity = PeakQuantity::Velocity(later.contact - 1);
         let peaks = Trace::new(self, velocity, search.from, search.to).peaks(&search);
         let velocity = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
 

@@ -1,10 +1,9 @@
-//! The motion of a run, at any time of it.
+//! The motion of a run at any time.
 //!
 //! # Design
 //!
-//! The state after every step is kept. The motion inside a step comes from the method's own dense output,
-//! found by repeating the step ([`crate::solver::Dense`]). A [`Sampler`] keeps the last step that it looked
-//! into.
+//! The state after each step is kept. The motion inside a step is the method's dense output, found by
+//! repeating the step ([`crate::solver::Dense`]). A [`Sampler`] keeps the last step that it repeated.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -53,7 +52,7 @@ impl Solution {
         &self.times
     }
 
-    /// Reads many times in order without repeating a step for each.
+    /// A reader that repeats each step once if the times are in order.
     pub fn sampler(&self) -> Sampler<'_> {
         Sampler {
             solution: self,
@@ -61,7 +60,7 @@ impl Solution {
         }
     }
 
-    /// Everything at time `t`, s.
+    /// The state of the whole chain at time `t`, s.
     ///
     /// # Panics
     /// If `t` is not within 0 to [`Solution::end`]. [`Options::duration`](crate::Options::duration) makes a
@@ -70,7 +69,7 @@ impl Solution {
         self.sampler().at(t)
     }
 
-    /// The step that holds time `t`, s. Panics as [`Solution::at`].
+    /// Number of the step that holds time `t`, s. Panics as [`Solution::at`].
     pub(crate) fn step_at(&self, t: f64) -> usize {
         let end = self.end();
         assert!(
@@ -94,7 +93,7 @@ impl Solution {
     }
 }
 
-/// Reads a [`Solution`] at many times; cheap where they follow one another.
+/// Reads a [`Solution`] at many times, fastest if each is close to the last.
 #[derive(Debug, Clone)]
 pub struct Sampler<'a> {
     solution: &'a Solution,
@@ -102,7 +101,7 @@ pub struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// Everything at time `t`, s. Panics as [`Solution::at`].
+    /// The state of the whole chain at time `t`, s. Panics as [`Solution::at`].
     pub fn at(&mut self, t: f64) -> Snapshot<'a> {
         let solution = self.solution;
         let mut dense = match self.dense.take() {
@@ -161,7 +160,7 @@ impl<'a> Snapshot<'a> {
         self.state[self.model.layout().velocity(body)]
     }
 
-    /// How far `contact` is compressed, m; negative if it is open.
+    /// Overlap of `contact`, m; negative if it is open.
     ///
     /// # Panics
     /// If there is no such contact.
@@ -179,25 +178,25 @@ impl<'a> Snapshot<'a> {
         self.model.force(&self.state, contact)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; none without an intruder.
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` without an intruder.
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.state[self.model.layout().relative(intruder)])
     }
 
-    /// Its rate, m/s.
+    /// Velocity of the intruder in `bead` relative to its host, m/s; `None` without an intruder.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.state[self.model.layout().relative_velocity(intruder)])
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s²; none without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.model.intruder_acceleration(&self.state, intruder))
     }
 
-    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; none without an intruder.
+    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; `None` without an intruder.
     pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.state[self.model.layout().intruder_loss(intruder)])
@@ -223,8 +222,8 @@ impl<'a> Snapshot<'a> {
         self.model.momentum(&self.state)
     }
 
-    /// Momentum that the wall has taken beyond what the static load gives to the chain, ∫ (F - F₀) dt,
-    /// kg·m/s. Zero if the far end is free.
+    /// Momentum that the wall has taken beyond that of the static load, ∫ (F - F₀) dt, kg·m/s. Zero if the
+    /// far end is free.
     pub fn wall_impulse(&self) -> f64 {
         let index = self.model.layout().wall_impulse();
         index.map_or(0.0, |index| self.state[index])

@@ -1,4 +1,4 @@
-//! Spectra of transients, in physical units.
+//! Spectra of transients in physical units.
 //!
 //! # Design
 //!
@@ -13,21 +13,21 @@ use realfft::num_complex::Complex64;
 
 use crate::signal::Signal;
 
-/// The factor of a signal before it is transformed. The result is not scaled up again: a transient well
-/// inside the stretch keeps its units.
+/// Weights of a signal before it is transformed. The result is not rescaled: a transient well inside the
+/// signal keeps its units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Taper {
-    /// Nothing: for a signal that begins and ends at zero.
+    /// No taper, for a signal that begins and ends at zero.
     #[default]
     None,
-    /// Raised cosine over the whole stretch.
+    /// Raised cosine over the whole signal.
     Hann,
-    /// Flat, with raised cosines over this part (0 to 1) of the stretch, half of it at either end.
+    /// Flat, with raised cosines over this part (0 to 1) of the signal, half of it at either end.
     Tukey(f64),
 }
 
 impl Taper {
-    /// Factor at `x` of the stretch, 0 to 1.
+    /// Weight at the part `x` of the signal, 0 to 1.
     fn at(self, x: f64) -> f64 {
         let part = match self {
             Self::None => 0.0,
@@ -52,7 +52,7 @@ pub struct Spectrum {
     values: Vec<Complex64>,
 }
 
-/// How many times longer the transform is than the signal.
+/// Length of the transform over that of the signal.
 const PADDING: usize = 8;
 
 impl Spectrum {
@@ -88,7 +88,7 @@ impl Spectrum {
         Self { signal, step, values }
     }
 
-    /// Distance of the frequencies of [`Spectrum::values`], Hz; the first is 0.
+    /// Interval of the frequencies of [`Spectrum::values`], Hz; the first is 0.
     pub fn step(&self) -> f64 {
         self.step
     }
@@ -117,7 +117,7 @@ impl Spectrum {
     }
 
     /// The -3 dB frequency, Hz: the first above the greatest magnitude at which the magnitude has fallen to
-    /// 1/√2 of it. None if it never does.
+    /// 1/√2 of it; `None` if it never does.
     pub fn half_power_frequency(&self) -> Option<f64> {
         let norms = self.values.iter().map(|value| value.norm());
         let (top, greatest) = norms.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -135,8 +135,7 @@ impl Spectrum {
         if from >= to {
             return 0.0;
         }
-        // |S|² is a sum of cosines, one for each lag of the autocorrelation, and each is integrated by its
-        // closed form.
+        // |S|² is a sum of cosines, one for each lag of the autocorrelation; each has a closed integral.
         let length = 2 * (self.values.len() - 1);
         let power = |value: &Complex64| Complex64::from(value.norm_sqr());
         let mut powers: Vec<_> = self.values.iter().map(power).collect();

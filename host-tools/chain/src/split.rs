@@ -1,9 +1,9 @@
-//! How intruders share out the energy of a wave: reflected, transmitted, in secondary waves, absorbed.
+//! Energy of a wave at intruders: reflected, transmitted, in secondary waves, absorbed.
 
 use crate::pulse::{Pulse, PulseSearch};
 use crate::solution::Solution;
 
-/// Where the energy of an incident pulse goes, J, seen from two contacts with the intruders between; see
+/// Energies of an incident pulse, J, measured at two contacts with the intruders between; see
 /// [`Solution::split`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -12,19 +12,19 @@ pub struct Split {
     pub incident: Pulse,
     /// The main transmitted pulse: the strongest at the far contact.
     pub main: Pulse,
-    /// Energy that comes back through the near contact after the incident pulse.
+    /// Energy that returns through the near contact after the incident pulse.
     pub reflected: f64,
     /// Energy that passes the far contact after the main pulse: the secondary waves.
     pub secondary: f64,
-    /// Dissipated in the intruders between the contacts.
+    /// Energy dissipated in the intruders between the contacts.
     pub absorbed: f64,
-    /// The rest: dissipated in the contacts between, or still between them.
+    /// The rest: energy dissipated in the contacts between, or still between them.
     pub rest: f64,
 }
 
 impl Solution {
-    /// Follows the strongest pulse that passes contact `near`: how much of it comes back there and how much
-    /// passes contact `far`, over the time of the search. None if a contact sees no pulse.
+    /// Follows the strongest pulse that passes contact `near`: the energy that returns there and the energy
+    /// that passes contact `far`, over the time of the search. `None` if there is no pulse at a contact.
     ///
     /// End the search before waves from the ends of the chain come back. The incident pulse must have passed
     /// `near` before its reflection arrives; a pulse's length (some five beads) ahead of the first host is

@@ -1,19 +1,19 @@
-//! The energy E(n) that the first n intruders of a row leave, and T, the part of it that each lets pass (Fig.
-//! 5 of the paper).
+//! Energy E(n) that the first n intruders of a row leave, and the part T of it that each transmits (Fig. 5 of
+//! the paper).
 
 use crate::scenario::Scenario;
 use crate::simulate::{SimulateError, simulate};
 use crate::solution::Solution;
 
 impl Scenario {
-    /// The beads that hold an intruder, from the striker on.
+    /// Beads that hold an intruder, in order.
     pub fn hosts(&self) -> Vec<usize> {
         let mut hosts: Vec<usize> = self.intruders.iter().flat_map(|one| one.beads.clone()).collect();
         hosts.sort_unstable();
         hosts
     }
 
-    /// The same with intruders in the first `n` of its hosts only.
+    /// Returns the scenario with intruders in the first `n` of its hosts only.
     #[must_use]
     pub fn with_first_hosts(&self, n: usize) -> Self {
         let hosts = self.hosts();
@@ -28,15 +28,15 @@ impl Scenario {
 }
 
 impl Solution {
-    /// The energy of the chain at the end of the run as the paper prints it, J: what the intruders have left.
-    /// What they still hold is no part of it, and what they have given back is.
+    /// Energy of the chain at the end of the run as the paper prints it, J: the energy that the intruders
+    /// have left. Energy that they still hold is not part of it; energy that they have given back is.
     pub fn energy_left(&self) -> f64 {
         self.at(self.end()).energies().chain_as_printed
     }
 }
 
-/// E(0), E(1) and so on: what is left by the first 0, 1 and all further hosts of a scenario, as a part of
-/// E(0). Each is a run of its own, as in the paper's Fig. 5.
+/// Returns E(0), E(1) and so on, as parts of E(0): the energy left by the first 0, 1 and more hosts of a
+/// scenario. Each is a run of its own, as in the paper's Fig. 5.
 ///
 /// # Errors
 /// The scenario cannot be integrated.
@@ -47,24 +47,24 @@ pub fn energies_left(scenario: &Scenario) -> Result<Vec<f64>, SimulateError> {
     Ok(left.iter().map(|energy| energy / left[0]).collect())
 }
 
-/// The line through ln E over n by least squares: E(n) = E(0) Tⁿ, the paper's E_{n+1} = T E_n.
+/// Least-squares line through ln E over n: E(n) = E(0) Tⁿ, the paper's E_{n+1} = T E_n.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct TransmissionFit {
-    /// T: the part of the energy that each intruder lets pass.
+    /// T, the part of the energy that each intruder transmits.
     pub transmission: f64,
     /// Standard error of T, from the scatter about the line.
     pub uncertainty: f64,
     /// E(0) of the line, in the unit of the energies.
     pub initial: f64,
-    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom: how far from
-    /// exponential the energies are.
+    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom: the deviation from an
+    /// exponential.
     pub residual: f64,
 }
 
 impl TransmissionFit {
-    /// Fits points (n, E). None with fewer than three points, with a single n, or with an energy that is not
-    /// positive.
+    /// Fits points (n, E). `None` with fewer than three points, with a single n, or with an energy that is
+    /// not positive.
     pub fn of(points: &[(usize, f64)]) -> Option<Self> {
         let fits = |(_, energy): &(usize, f64)| energy.is_finite() && *energy > 0.0;
         if points.len() < 3 || !points.iter().all(fits) {

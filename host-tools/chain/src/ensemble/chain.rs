@@ -1,9 +1,9 @@
-//! What distinguishes the chains of a group: eight chains of one shape, a lane each.
+//! Constants of the chains of a group: eight chains of one shape, each in a lane.
 
 use super::eight::{Eight, LANES};
 use crate::model::Model;
 
-/// What chains must have in common to be computed together.
+/// Properties that chains must have in common to be computed together.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Shape {
     /// The striker and the beads.
@@ -22,7 +22,7 @@ impl Shape {
         }
     }
 
-    /// Bodies, and the wall as one that nothing moves.
+    /// Number of bodies, counting the wall as one that nothing moves.
     pub(super) fn places(&self) -> usize {
         self.bodies + usize::from(self.walled)
     }
@@ -45,7 +45,7 @@ pub(super) struct Constants {
     pub(super) guest_stiffness: Vec<Eight>,
     pub(super) guest_damping: Vec<Eight>,
     pub(super) guest_inverse: Vec<Eight>,
-    /// The overlap, m, below which a contact carries nothing: far below rounding of what matters.
+    /// Overlap, m, below which a contact carries no force: far below rounding of any result.
     pub(super) threshold: Eight,
     /// One over the allowed error of a velocity, s/m, for each body and for the intruders.
     pub(super) strictness: Vec<Eight>,
@@ -53,21 +53,21 @@ pub(super) struct Constants {
     /// The longest step, and the end of the run, s.
     pub(super) longest: Eight,
     pub(super) end: Eight,
-    /// Steps to try at most.
+    /// Most steps to try.
     pub(super) most_tries: [u64; LANES],
 }
 
 /// Overlap without force, as a part of the striker's depth.
 const THRESHOLD: f64 = 1e-13;
-/// Longest step as a part of the shortest contact. It keeps a step from passing over a collision.
+/// Longest step as a part of the shortest contact, so that no step passes over a collision.
 const LONGEST: f64 = 1.0;
-/// Steps that a chain may try: for each of the fewest that it takes, and besides. It tries more where
-/// rounding is above the error that is allowed, as where the striker is 1e30 times lighter than a bead.
+/// Steps that a chain may try: for each of its fewest steps, and in addition. It tries more if rounding is
+/// above the allowed error, as for a striker that is 1e30 times lighter than a bead.
 const TRIES_FOR_EACH: f64 = 100.0;
 const TRIES_BESIDES: u64 = 100_000;
 
 impl Constants {
-    /// Lanes beyond the chains stand still.
+    /// Constants of these chains. Lanes without a chain stand still.
     pub(super) fn new(shape: &Shape, chains: &[(&Model, f64)], tolerance: f64) -> Self {
         let lanes = |of: &dyn Fn(&Model) -> f64| {
             let mut lanes = Eight([0.0; LANES]);
@@ -132,14 +132,14 @@ impl Constants {
     }
 }
 
-/// The steps that a chain takes at least. The method is stable for steps of up to some 3 of the shortest time
+/// Least number of steps of a chain. The method is stable for steps of up to about 3 of the shortest time
 /// constants.
 pub(super) fn fewest_steps(model: &Model, duration: f64) -> f64 {
     duration * (1.0 / (LONGEST * model.shortest_contact())).max(model.fastest_rate() / 3.0)
 }
 
-/// About the velocity of a bead in the wave, m/s: that of bead 1 after an elastic collision with the striker
-/// alone.
+/// Approximate velocity of a bead in the wave, m/s: that of bead 1 after an elastic collision with the
+/// striker alone.
 fn wave_speed(model: &Model) -> f64 {
     let ratio = model.mass(0) / model.mass(1);
     model.speed_scale() * (2.0 * ratio / (1.0 + ratio)).min(1.0)

@@ -1,10 +1,10 @@
-//! Contacts that open or close inside a step, eight at a time, whichever chains they belong to.
+//! Exact integration of contacts that open or close inside a step, eight at a time, from any of the chains.
 //!
 //! # Design
 //!
-//! As in the solver of single chains, the overlap is taken as the polynomial of fifth order through overlap,
-//! rate and acceleration at both ends of the step. Its force is taken out of the stages and integrated
-//! exactly. Here only what this changes at the end of the step is computed.
+//! As in the solver of single chains, the overlap is the polynomial of fifth order through overlap, rate and
+//! acceleration at both ends of the step. Its force is taken out of the stages and integrated exactly. Only
+//! the change at the end of the step is computed here.
 
 use super::eight::{Eight, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
@@ -17,13 +17,14 @@ const RULE: [(f64, f64); 5] = [
     (0.26946079135749507, 0.24209996110973328),
     (0.07265351292075016, 0.14167433265182075),
 ];
-/// Steps of the search for the root. An error of 1e-6 of the step is one of 1e-9 of the force's integral.
+/// Iterations of the search for the root. An error of 1e-6 of the step is one of 1e-9 of the force's
+/// integral.
 const SEARCH: usize = 9;
 
-/// Up to eight contacts. Lanes without one are filled with [`Contacts::NONE`].
+/// Up to eight contacts. Lanes without one are filled with [`ContactBatch::NONE`].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Contacts {
-    /// Overlap, its rate and its acceleration at the start and at the end.
+pub(super) struct ContactBatch {
+    /// WideOverlap, its rate and its acceleration at the start and at the end.
     pub(super) start: [Eight; 3],
     pub(super) end: [Eight; 3],
     /// κ, N/m^(3/2), and (3/2) τ, s.
@@ -33,17 +34,17 @@ pub(super) struct Contacts {
     pub(super) length: Eight,
 }
 
-/// What an exact integral changes at the end of a step, times the mass of a body.
+/// Changes at the end of a step by the exact integral, times the mass of a body.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Changes {
     pub(super) displacement: Eight,
     pub(super) velocity: Eight,
-    /// Of the estimate of the error of the velocity, over the length of the step.
+    /// Change of the estimated error of the velocity, over the length of the step.
     pub(super) error: Eight,
 }
 
-impl Contacts {
-    /// Contacts that close without any force.
+impl ContactBatch {
+    /// ContactBatch that close without a force.
     pub(super) const NONE: Self = Self {
         start: [Eight([-1.0; 8]), Eight([2.0; 8]), Eight::ZERO],
         end: [Eight([1.0; 8]), Eight([2.0; 8]), Eight::ZERO],
@@ -56,12 +57,12 @@ impl Contacts {
     pub(super) fn changes<S: Wide>(&self, simd: S) -> Changes {
         let h = self.length.load(simd);
         let square = h * h;
-        let overlap = Overlap::through(
+        let overlap = WideOverlap::through(
             h,
             self.start.map(|of| of.load(simd)),
             self.end.map(|of| of.load(simd)),
         );
-        // The part of the step where the contact is closed, from the root to one of its ends.
+        // The part of the step with a closed contact, from the root to one of its ends.
         let closes = self.end[0].load(simd).is_positive();
         let root = overlap.root(self.end[0].load(simd), closes);
         let way = closes - root;
@@ -95,10 +96,10 @@ impl Contacts {
 
 /// An overlap as a polynomial of the part x of the step.
 #[derive(Clone, Copy)]
-struct Overlap<S: Wide>([Vector<S>; 6]);
+struct WideOverlap<S: Wide>([Vector<S>; 6]);
 
-impl<S: Wide> Overlap<S> {
-    /// The one with this value, rate and second rate at either end of a step of length `h`.
+impl<S: Wide> WideOverlap<S> {
+    /// The polynomial with this value, rate and acceleration at either end of a step of length `h`.
     #[inline(always)]
     fn through(h: Vector<S>, start: [Vector<S>; 3], end: [Vector<S>; 3]) -> Self {
         let square = h * h;
@@ -133,8 +134,8 @@ impl<S: Wide> Overlap<S> {
         (value, slope)
     }
 
-    /// Newton's way to the root, kept between bounds. `last` is the value at the end, and `closes` is one
-    /// where it is positive.
+    /// Root by Newton's method, kept between bounds. `last` is the value at the end, and `closes` is 1 where
+    /// it is positive.
     #[inline(always)]
     fn root(&self, last: Vector<S>, closes: Vector<S>) -> Vector<S> {
         let first = self.0[0];
@@ -152,7 +153,7 @@ impl<S: Wide> Overlap<S> {
         x
     }
 
-    /// The contact's force; `viscosity` is (3/2) τ over the length of the step.
+    /// Force of the contact; `viscosity` is (3/2) τ over the length of the step.
     #[inline(always)]
     fn force(&self, x: Vector<S>, stiffness: Vector<S>, viscosity: Vector<S>) -> Vector<S> {
         let (value, slope) = self.at(x);

@@ -7,7 +7,7 @@ use pulp::{Simd, f64x8};
 /// Lanes of a group.
 pub(super) const LANES: usize = 8;
 
-/// One number of each lane, where a cache line begins.
+/// One number of each lane, aligned to a cache line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub(super) struct Eight(pub(super) [f64; LANES]);
@@ -29,15 +29,15 @@ pub(super) trait Wide: Simd<f64s = f64x8> {}
 
 impl<S: Simd<f64s = f64x8>> Wide for S {}
 
-/// Eight lanes in registers. A product and a sum after it are rounded once by [`Vector::times_plus`], and
-/// twice by the operators, on every processor.
+/// Eight lanes in registers. [`Vector::times_plus`] rounds a product and a following sum once, and the
+/// operators twice, on every processor.
 #[derive(Clone, Copy)]
 pub(super) struct Vector<S: Wide> {
     simd: S,
     lanes: f64x8,
 }
 
-/// The same number in all lanes.
+/// A vector with this value in all lanes.
 #[inline(always)]
 pub(super) fn all<S: Wide>(simd: S, value: f64) -> Vector<S> {
     Vector {
@@ -46,7 +46,7 @@ pub(super) fn all<S: Wide>(simd: S, value: f64) -> Vector<S> {
     }
 }
 
-/// A yes or a no in each lane.
+/// A truth value in each lane.
 #[derive(Clone, Copy)]
 pub(super) struct Mask<S: Wide> {
     simd: S,
@@ -70,7 +70,7 @@ impl<S: Wide> Mask<S> {
         }
     }
 
-    /// One for yes, zero for no.
+    /// Returns 1 for true, 0 for false.
     #[inline(always)]
     pub(super) fn number(self) -> Vector<S> {
         self.select(all(self.simd, 1.0), all(self.simd, 0.0))
@@ -156,7 +156,7 @@ impl<S: Wide> Vector<S> {
         self.with(self.simd.min_f64s(self.lanes, other.lanes))
     }
 
-    /// The lanes, or zero where they are below it.
+    /// Returns the values, or zero where they are negative.
     #[inline(always)]
     pub(super) fn positive(self) -> Self {
         self.with(self.simd.max_f64s(self.simd.splat_f64s(0.0), self.lanes))
@@ -177,13 +177,13 @@ impl<S: Wide> Vector<S> {
         self.mask(self.simd.equal_f64s(self.lanes, other.lanes))
     }
 
-    /// One where the number is above zero, else zero.
+    /// Returns 1 where the value is above zero, otherwise 0.
     #[inline(always)]
     pub(super) fn is_positive(self) -> Self {
         self.above(all(self.simd, 0.0)).number()
     }
 
-    /// Whether any lane is above zero.
+    /// Returns true if any lane is above zero.
     #[inline(always)]
     pub(super) fn any_positive(self) -> bool {
         self.simd.reduce_max_f64s(self.lanes) > 0.0

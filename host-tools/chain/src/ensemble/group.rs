@@ -1,32 +1,32 @@
-//! Eight chains on their way, each with steps of its own length.
+//! Integration of eight chains at once, each in steps of its own length.
 //!
 //! # Design
 //!
-//! All arithmetic is lane by lane, and no lane's steps depend on another's: a chain has the same bits in any
-//! company. Only what is computed is common: the contacts that carry a force, or might in this step, in any
-//! of the chains. What is left out has no force at all, so it makes no difference either.
+//! All arithmetic is lane by lane, and no lane's steps depend on another's, so a chain has the same bits in
+//! any company. The set of computed contacts is common: those that carry a force, or might in this step, in
+//! any of the chains. All others carry no force, so leaving them out changes nothing.
 
 use std::ops::Range;
 
 use pulp::{Arch, NullaryFnOnce};
 
 use super::chain::{Constants, Shape};
-use super::crossing::{Changes, Contacts};
+use super::crossing::{Changes, ContactBatch};
 use super::eight::{Eight, LANES, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
 use super::peak::Peaks;
 use crate::model::Model;
 
-/// Displacements and velocities: of the bodies, and of the intruders relative to their hosts.
+/// Displacements and velocities of the bodies, and of the intruders relative to their hosts.
 #[derive(Debug, Clone)]
-pub(super) struct Motion {
+pub(super) struct GroupMotion {
     pub(super) u: Vec<Eight>,
     pub(super) v: Vec<Eight>,
     pub(super) x: Vec<Eight>,
     pub(super) w: Vec<Eight>,
 }
 
-impl Motion {
+impl GroupMotion {
     pub(super) fn zeros(shape: &Shape) -> Self {
         let (places, guests) = (shape.places(), shape.hosts.len());
         Self {
@@ -38,55 +38,55 @@ impl Motion {
     }
 }
 
-type Rates = [Eight; STAGES];
+type StageRates = [Eight; STAGES];
 
 /// Eight chains of one shape.
 #[derive(Debug)]
 pub(super) struct Group<'a> {
     shape: &'a Shape,
     constants: &'a Constants,
-    pub(super) now: Motion,
-    next: Motion,
+    pub(super) now: GroupMotion,
+    next: GroupMotion,
     /// Accelerations at the stages.
-    rates: Vec<Rates>,
-    guest_rates: Vec<Rates>,
+    rates: Vec<StageRates>,
+    guest_rates: Vec<StageRates>,
     /// The pull of each intruder on its host.
     pulls: Vec<Eight>,
-    /// Energy dissipated in each intruder: in this step, and so far, J.
+    /// Energy dissipated in each intruder, J: in this step, and in all steps before.
     lost: Vec<Eight>,
     pub(super) dissipated: Vec<Eight>,
     /// Error of the velocities in this step.
     errors: Vec<Eight>,
     guest_errors: Vec<Eight>,
-    /// s.
+    /// Time of each lane, s.
     time: Eight,
-    /// The step to try next, and that being made, s.
+    /// Length of the next step to try, and of the present step, s.
     step: Eight,
     length: Eight,
     /// Steps tried so far.
     pub(super) tries: [u64; LANES],
-    /// One where the last attempt failed.
+    /// 1 in lanes whose last attempt failed.
     rejected: Eight,
-    /// Contacts that are computed.
+    /// Computed contacts: as flags, and in runs of neighbours.
     active: Vec<bool>,
     runs: Vec<Range<usize>>,
-    /// Intruders that are computed.
+    /// Computed intruders.
     guests: Vec<usize>,
-    /// Contacts that open or close in the step, by number and lane.
+    /// ContactBatch that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
-    /// The first of the bodies none of which may be pushed, if a lane stops before one is, and the lanes that
-    /// have stopped.
+    /// First of the bodies before whose motion each lane stops, if that is wanted, and the lanes that have
+    /// stopped.
     unpushed: Option<usize>,
-    stopped: [Option<Lane>; LANES],
-    /// The models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
+    stopped: [Option<SavedChain>; LANES],
+    /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
     models: &'a [&'a Model],
     pub(super) peaks: Vec<Peaks>,
 }
 
-/// One chain on its way, at the end of a step, with its intruders at rest.
+/// State of one chain at the end of a step, with its intruders at rest.
 #[derive(Debug, Clone)]
-pub(super) struct Lane {
+pub(super) struct SavedChain {
     u: Vec<f64>,
     v: Vec<f64>,
     time: f64,
@@ -96,20 +96,20 @@ pub(super) struct Lane {
     peaks: Vec<(f64, f64)>,
 }
 
-/// The lanes that come to no end.
-pub(super) type Stuck = [bool; LANES];
+/// Lanes that do not reach their end.
+pub(super) type StuckLanes = [bool; LANES];
 
 impl<'a> Group<'a> {
     pub(super) fn new(
         shape: &'a Shape,
         constants: &'a Constants,
         models: &'a [&'a Model],
-        start: Motion,
+        start: GroupMotion,
         peaks: &[usize],
     ) -> Self {
         let (places, guests) = (shape.places(), shape.hosts.len());
         let mut step = constants.longest;
-        // Short, for the striker meets bead 1 at the first moment.
+        // Short, because the striker meets bead 1 at the first moment.
         step.0.iter_mut().for_each(|step| *step *= 0.02);
         Self {
             shape,
@@ -140,18 +140,18 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Lets each lane stop before the step in which a body from `first` on is pushed.
+    /// Makes each lane stop before the step that pushes a body from `first` on.
     pub(super) fn stop_before_pushed(&mut self, first: usize) {
         self.unpushed = Some(first);
     }
 
-    /// A lane as it was when it stopped, or else as it is.
-    pub(super) fn lane(&self, lane: usize) -> Lane {
+    /// State of a lane when it stopped, or its present state.
+    pub(super) fn lane(&self, lane: usize) -> SavedChain {
         if let Some(stopped) = &self.stopped[lane] {
             return stopped.clone();
         }
         let of = |motion: &[Eight]| motion.iter().map(|of| of.0[lane]).collect();
-        Lane {
+        SavedChain {
             u: of(&self.now.u),
             v: of(&self.now.v),
             time: self.time.0[lane],
@@ -162,8 +162,8 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Lets a lane go on from there.
-    pub(super) fn start_lane(&mut self, lane: usize, from: &Lane) {
+    /// Sets the state of a lane.
+    pub(super) fn start_lane(&mut self, lane: usize, from: &SavedChain) {
         for (motion, from) in [(&mut self.now.u, &from.u), (&mut self.now.v, &from.v)] {
             motion
                 .iter_mut()
@@ -179,11 +179,11 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Goes on to the end, on the widest vectors of this processor.
-    pub(super) fn run(&mut self) -> Stuck {
+    /// Runs all lanes to their ends, on the widest vectors of this processor.
+    pub(super) fn run(&mut self) -> StuckLanes {
         macro_rules! call {
             ($simd:expr) => {
-                Call {
+                GroupCall {
                     simd: $simd,
                     group: self,
                 }
@@ -199,18 +199,18 @@ impl<'a> Group<'a> {
     }
 }
 
-struct Call<'a, 'b, S> {
+struct GroupCall<'a, 'b, S> {
     simd: S,
     group: &'a mut Group<'b>,
 }
 
-impl<S: Wide> NullaryFnOnce for Call<'_, '_, S> {
-    type Output = Stuck;
+impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
+    type Output = StuckLanes;
 
     #[inline(always)]
-    fn call(self) -> Stuck {
+    fn call(self) -> StuckLanes {
         let Self { simd, group } = self;
-        let mut stuck = Stuck::default();
+        let mut stuck = StuckLanes::default();
         while group.lengths(&mut stuck) {
             group.activate(simd);
             loop {
@@ -232,15 +232,15 @@ impl<S: Wide> NullaryFnOnce for Call<'_, '_, S> {
     }
 }
 
-/// Steps are this part of what the error would allow, and change by no more than these factors.
+/// Steps have this part of the length that the error would allow, and change by these factors at most.
 const SAFETY: f64 = 0.75;
 const GROWTH: f64 = 5.0;
 const SHRINKAGE: f64 = 0.2;
 
 impl Group<'_> {
-    /// Sets the length of each lane's step; false once all are at their ends. A lane whose steps no longer
-    /// move its clock, or are far too many, is taken out.
-    fn lengths(&mut self, stuck: &mut Stuck) -> bool {
+    /// Sets the length of each lane's step. Returns false once all lanes are at their ends. A lane is taken
+    /// out if its steps no longer advance its clock or are far too many.
+    fn lengths(&mut self, stuck: &mut StuckLanes) -> bool {
         let mut goes_on = false;
         for (lane, stuck) in stuck.iter_mut().enumerate() {
             let (time, end) = (self.time.0[lane], self.constants.end.0[lane]);
@@ -262,7 +262,7 @@ impl Group<'_> {
 }
 
 impl Group<'_> {
-    /// Finds the contacts that may carry a force in this step, and the intruders that move.
+    /// Finds the contacts that may carry a force in this step, and the moving intruders.
     #[inline(always)]
     fn activate<S: Wide>(&mut self, simd: S) {
         let double = self.length.load(simd) * 2.0;
@@ -286,7 +286,7 @@ impl Group<'_> {
         self.arrange();
     }
 
-    /// Lets a contact be computed, and two on either side of it, which it may close within a step.
+    /// Marks a contact for computation, and two on either side, which it may close within a step.
     #[inline(always)]
     fn mark(&mut self, contact: usize) {
         let last = self.shape.places() - 1;
@@ -313,7 +313,7 @@ impl Group<'_> {
         }
     }
 
-    /// Whether a contact that was left out has closed. It is computed from now on.
+    /// Returns true if a contact that was not computed has closed. It is computed from now on.
     #[inline(always)]
     fn missed<S: Wide>(&mut self, simd: S) -> bool {
         let threshold = self.constants.threshold.load(simd);
@@ -330,10 +330,10 @@ impl Group<'_> {
         missed
     }
 
-    /// All stages of the step.
+    /// Computes all stages of the step.
     #[inline(always)]
     fn stages<S: Wide>(&mut self, simd: S) {
-        // Bodies without a force go on as they were.
+        // Bodies without a force move at constant velocity.
         let length = self.length.load(simd);
         for body in 0..self.shape.places() {
             let v = self.now.v[body];
@@ -420,18 +420,18 @@ impl Group<'_> {
     }
 }
 
-/// By how much the body before a contact is ahead of the one behind it.
+/// Difference of a coordinate between the bodies before and behind a contact.
 #[inline(always)]
 fn change<S: Wide>(simd: S, of: &[Eight], contact: usize) -> Vector<S> {
     of[contact - 1].load(simd) - of[contact].load(simd)
 }
 
-/// Displacement and velocity at a stage.
+/// Returns displacement and velocity at a stage.
 #[inline(always)]
 fn moved<S: Wide, const STAGE: usize>(
     simd: S,
     (u, v): (Vector<S>, Vector<S>),
-    rates: &Rates,
+    rates: &StageRates,
     length: Vector<S>,
 ) -> (Vector<S>, Vector<S>) {
     if STAGE == 0 {
@@ -451,9 +451,9 @@ fn moved<S: Wide, const STAGE: usize>(
     (length.times_plus(way, u), length.times_plus(once, v))
 }
 
-/// The error of a velocity, over the length of the step.
+/// Returns the error of a velocity over the length of the step.
 #[inline(always)]
-fn estimate<S: Wide>(simd: S, rates: &Rates) -> Eight {
+fn estimate<S: Wide>(simd: S, rates: &StageRates) -> Eight {
     let mut error = all(simd, 0.0);
     for stage in 0..STAGES {
         if ERROR[stage] != 0.0 {
@@ -464,7 +464,7 @@ fn estimate<S: Wide>(simd: S, rates: &Rates) -> Eight {
 }
 
 impl Group<'_> {
-    /// Integrates the contacts that open or close exactly.
+    /// Integrates exactly the contacts that open or close in the step.
     #[inline(always)]
     fn cross<S: Wide>(&mut self, simd: S) {
         for run in &self.runs {
@@ -494,8 +494,8 @@ impl Group<'_> {
         let crossings = std::mem::take(&mut self.crossings);
         let mut changes = std::mem::take(&mut self.changes);
         changes.clear();
-        // All before any is given, or a contact would see what its neighbour got, or not, by their places
-        // here.
+        // All changes are computed before any is applied. Otherwise a contact might see its neighbour's
+        // change, depending on their order here.
         for some in crossings.chunks(LANES) {
             changes.push(self.gather(some).changes(simd));
         }
@@ -509,8 +509,8 @@ impl Group<'_> {
     }
 
     #[inline(always)]
-    fn gather(&self, crossings: &[(usize, usize)]) -> Contacts {
-        let mut contacts = Contacts::NONE;
+    fn gather(&self, crossings: &[(usize, usize)]) -> ContactBatch {
+        let mut contacts = ContactBatch::NONE;
         let threshold = &self.constants.threshold.0;
         for (index, &(contact, lane)) in crossings.iter().enumerate() {
             let between = |near: &Eight, far: &Eight| near.0[lane] - far.0[lane];
@@ -531,7 +531,7 @@ impl Group<'_> {
         contacts
     }
 
-    /// Pushes the bodies of a contact apart.
+    /// Applies the change of a contact to its bodies.
     #[inline(always)]
     fn give(&mut self, changes: &Changes, index: usize, contact: usize, lane: usize) {
         let shift = changes.displacement.0[index];
@@ -549,8 +549,7 @@ impl Group<'_> {
         }
     }
 
-    /// Stops the lanes in which this step pushes a body that must not move: as if the step had not been
-    /// tried.
+    /// Stops the lanes in which this step pushes a body that must not move, and takes the step back.
     fn stop_lanes(&mut self) {
         let Some(first) = self.unpushed else { return };
         for lane in 0..LANES {
@@ -562,7 +561,7 @@ impl Group<'_> {
         }
     }
 
-    /// One in the lanes whose error is allowed; sets their clocks, and the lengths of the next steps.
+    /// Returns 1 in lanes whose error is allowed. Sets their clocks, and the lengths of all next steps.
     #[inline(always)]
     fn judge<S: Wide>(&mut self, simd: S) -> Eight {
         let (zero, one) = (all(simd, 0.0), all(simd, 1.0));
@@ -581,7 +580,7 @@ impl Group<'_> {
             trace = zero.times_plus(error + self.next.w[guest].load(simd), trace);
         }
         let length = self.length.load(simd);
-        // A maximum may pass over what is not a number; this sum of zeros does not.
+        // A maximum may ignore a NaN; this sum of zeros does not.
         let error = greatest * length + trace;
         let allowed = error.at_most(one);
 
@@ -591,7 +590,7 @@ impl Group<'_> {
         let time = last.select(end, now + length);
         self.time = allowed.select(time, now).store();
 
-        // error^(-1/6), nearly, by roots, which are the same on every computer: 1/8 + 1/32 + 1/128.
+        // About error^(-1/6), by roots, which are the same on every computer: 1/8 + 1/32 + 1/128.
         let eighth = error.max(all(simd, 1e-12)).sqrt().sqrt().sqrt();
         let next = eighth.sqrt().sqrt();
         let power = eighth * next * next.sqrt().sqrt();
@@ -600,7 +599,7 @@ impl Group<'_> {
             .load(simd)
             .above(zero)
             .select(one, all(simd, GROWTH));
-        // What is not a number becomes the least change.
+        // A NaN becomes the least change.
         let (change, least) = (all(simd, SAFETY) / power, all(simd, SHRINKAGE));
         let change = change.above(least).select(change, least);
         let change = change.min(allowed.select(most, one));
@@ -609,7 +608,7 @@ impl Group<'_> {
         allowed.number().store()
     }
 
-    /// Takes the step in these lanes.
+    /// Accepts the step in these lanes.
     #[inline(always)]
     fn take<S: Wide>(&mut self, simd: S, allowed: &Eight) {
         let allowed = allowed.load(simd).above(all(simd, 0.0));
@@ -634,7 +633,7 @@ impl Group<'_> {
         }
     }
 
-    /// Looks for the greatest forces in the step, in these lanes.
+    /// Searches the step for the greatest forces, in these lanes.
     fn look(&mut self, before: &Eight, allowed: &Eight) {
         let threshold = &self.constants.threshold.0;
         for peaks in &mut self.peaks {
@@ -648,7 +647,7 @@ impl Group<'_> {
                     continue;
                 }
                 let between = |near: &Eight, far: &Eight| near.0[lane] - far.0[lane];
-                let overlap = |motion: &Motion, stage: usize| {
+                let overlap = |motion: &GroupMotion, stage: usize| {
                     [
                         between(&motion.u[near], &motion.u[far]) - threshold[lane],
                         between(&motion.v[near], &motion.v[far]),

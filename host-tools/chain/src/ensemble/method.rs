@@ -5,14 +5,14 @@
 //! pay: pairs of order 5, 7, 8 and 9 take more evaluations. As in the solver of single chains, stages give
 //! displacements from accelerations directly.
 
-/// Stages. The last is the end of the step.
+/// Number of stages. The last is the end of the step.
 pub(super) const STAGES: usize = 9;
 /// The stage whose argument is the end of the step.
 pub(super) const END: usize = STAGES - 1;
 
 type Row = [f64; STAGES];
 
-/// What the accelerations before weigh in the velocity of each stage, over the length of the step.
+/// Weights of earlier accelerations in the velocity of each stage, over the length of the step.
 pub(super) const VELOCITY: [Row; STAGES] = [
     [0.0; STAGES],
     [0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -98,7 +98,7 @@ const EMBEDDED: Row = [
     0.056861139440475696,
 ];
 
-/// What they weigh in its displacement, over the square of the length: the square of [`VELOCITY`].
+/// Weights in the displacement of each stage, over the square of the length: the square of [`VELOCITY`].
 pub(super) const DISPLACEMENT: [Row; STAGES] = {
     let mut rows = [[0.0; STAGES]; STAGES];
     let mut row = 0;
@@ -110,7 +110,7 @@ pub(super) const DISPLACEMENT: [Row; STAGES] = {
                 sum += VELOCITY[row][between] * VELOCITY[between][stage];
                 between += 1;
             }
-            // Less is zero but for rounding.
+            // A smaller value is a zero with rounding.
             rows[row][stage] = if sum < 1e-12 && sum > -1e-12 { 0.0 } else { sum };
             stage += 1;
         }
@@ -119,7 +119,7 @@ pub(super) const DISPLACEMENT: [Row; STAGES] = {
     rows
 };
 
-/// Where in the step each stage lies.
+/// Time of each stage, as a part of the step.
 pub(super) const NODES: Row = {
     let mut nodes = [0.0; STAGES];
     let mut row = 0;
@@ -131,13 +131,13 @@ pub(super) const NODES: Row = {
         }
         row += 1;
     }
-    // Exact, so that a body which nothing pushes moves by its velocity times the step.
+    // Exact, so that a body without a force moves by its velocity times the step.
     nodes[END] = 1.0;
     nodes[END - 1] = 1.0;
     nodes
 };
 
-/// The estimate of the error of velocities: the difference of both results.
+/// Weights of the estimated error of velocities: the difference of both results.
 pub(super) const ERROR: Row = {
     let mut error = VELOCITY[END];
     let mut stage = 0;

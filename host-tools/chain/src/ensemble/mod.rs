@@ -1,13 +1,14 @@
-//! Many chains at once, for sweeps and searches: what remains at the end of each, to a stated error.
+//! Many chains at once, for sweeps and searches: the energy that remains at the end of each, to a stated
+//! error.
 //!
 //! # Design
 //!
-//! Chains of one shape, which differ in numbers alone, are computed eight at a time, one a vector lane
+//! Chains of one shape, which differ in numbers alone, are computed eight at a time, each in a vector lane
 //! ([`group`]). Every lane has its own steps ([`method`]) and its own contacts that open and close
-//! ([`crossing`]), so a chain has the same bits whatever others there are, in whatever order, on any number
-//! of threads, and on any processor that multiplies and adds in one rounding. What happens before the wave
-//! reaches an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Chains
-//! of other kinds run one by one, and so does one that comes to no end among others.
+//! ([`crossing`]). A chain therefore has the same bits in any company, in any order, on any number of
+//! threads, and on any processor with fused multiplication and addition. The motion before the wave reaches
+//! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Other chains
+//! run one by one, as does a chain that does not reach its end in a group.
 
 mod chain;
 mod crossing;
@@ -34,25 +35,25 @@ use crate::run::Run;
 use crate::scenario::Scenario;
 use crate::summariser::Summariser;
 
-/// How to run an ensemble.
+/// Options of an ensemble.
 #[derive(Clone, Copy, Default)]
 #[non_exhaustive]
 pub struct EnsembleOptions<'a> {
     /// Contacts whose greatest force is wanted ([`EnsembleOutcome::peaks`]).
     pub peaks: &'a [usize],
-    /// Called now and then with the part of the chains that are done, 0 to 1.
+    /// Called now and then with the completed part of the chains, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
 }
 
 impl<'a> EnsembleOptions<'a> {
-    /// The same with the greatest forces of these contacts.
+    /// Sets the contacts whose greatest force is wanted.
     #[must_use]
     pub const fn with_peaks(mut self, contacts: &'a [usize]) -> Self {
         self.peaks = contacts;
         self
     }
 
-    /// The same with a listener.
+    /// Sets a function that is called with the completed part of the chains, 0 to 1.
     #[must_use]
     pub const fn with_progress(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
         self.progress = Some(progress);
@@ -69,15 +70,15 @@ impl std::fmt::Debug for EnsembleOptions<'_> {
     }
 }
 
-/// Runs many scenarios, each over its duration, on all threads of the pool that this is called in. The
-/// results are in the order of the scenarios, and each is the same whatever the others are.
+/// Runs many scenarios, each over its duration, on all threads of the present pool. The results are in the
+/// order of the scenarios, and each is independent of the others.
 ///
-/// What intruders absorb has an error of at most 1e-6 of it, and a greatest force of 1e-5, in chains like the
-/// paper's. In chains of mixed spheres, and with stiff intruders, it is at most 3e-6 of the striker's energy,
-/// and 4e-5 of the force (seen over thousands of random chains; the tests hold them against
-/// [`simulate_with`](crate::simulate_with())). It is quick for scenarios that differ in numbers alone: as
-/// many beads, intruders in the same beads, a wall in all or none. Chains under a load and those with clipped
-/// forces run one by one.
+/// The absorbed energy has a relative error of at most 1e-6, and a greatest force of 1e-5, in chains like the
+/// paper's. In chains of mixed spheres, and with stiff intruders, the errors are at most 3e-6 of the
+/// striker's energy and 4e-5 of the force. Thousands of random chains were tried; the tests compare them with
+/// [`simulate_with`](crate::simulate_with()). Scenarios that differ in numbers alone are fast: as many beads,
+/// intruders in the same beads, a wall in all or none. Chains under a load and those with clipped forces run
+/// one by one.
 ///
 /// # Errors
 /// Each scenario has its own [`SimulateError`]; the others run all the same.
@@ -88,7 +89,7 @@ pub fn ensemble(
     ensemble_on(scenarios, options, &Prefixes::default())
 }
 
-/// The same for one who asks again and again: what has been found out once is kept in `prefixes`.
+/// Runs scenarios as [`ensemble`] does, and keeps shared motion in `prefixes` for further calls.
 pub(crate) fn ensemble_on(
     scenarios: &[Scenario],
     options: &EnsembleOptions<'_>,
@@ -113,7 +114,8 @@ pub(crate) fn ensemble_on(
         }
     }
     prefixes.share(&mut grouped, options.peaks);
-    // Chains that are struck alike take as many steps and reach the same beads: they lose least by waiting.
+    // Chains with equal strikes take as many steps and reach the same beads, so they wait least for each
+    // other.
     grouped.sort_by(|(one, a), (other, b)| {
         let speeds = a.model.striker_speed().total_cmp(&b.model.striker_speed());
         one.cmp(other).then(speeds)
@@ -159,7 +161,7 @@ pub(crate) fn ensemble_on(
         .collect()
 }
 
-/// A chain by itself. Nothing of the motion is kept.
+/// Runs a chain by itself, without keeping its motion.
 fn single(scenario: &Scenario, peaks: &[usize]) -> Result<EnsembleOutcome, SimulateError> {
     let accuracy = Accuracy {
         tolerance: 1e-9,

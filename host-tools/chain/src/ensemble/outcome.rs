@@ -1,4 +1,4 @@
-//! What a chain of an ensemble has come to.
+//! The end of a chain of an ensemble.
 
 use std::sync::Arc;
 
@@ -18,8 +18,8 @@ pub struct EnsembleOutcome {
 }
 
 impl EnsembleOutcome {
-    /// The contacts' loss is what the other energies leave of the first, and no wall counts what it was
-    /// given.
+    /// Computes the loss in contacts from the balance of energy, and the momentum of the wall from that of
+    /// momentum.
     pub(super) fn balanced(mut self) -> Self {
         let (model, state) = (&self.model, &mut self.state);
         let layout = model.layout();
@@ -39,21 +39,21 @@ impl EnsembleOutcome {
         &self.model
     }
 
-    /// When it ended, s.
+    /// End of the run, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Steps that were tried, each of nine evaluations of the equations of motion. A chain that ran by itself
+    /// Number of steps tried, each of nine evaluations of the equations of motion. A chain that ran by itself
     /// has steps of sixteen.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// The chain at its end: velocities, energies of any beads, and the rest that a run knows of one time.
+    /// The state of the chain at its end.
     ///
-    /// What viscous contacts have dissipated is the part of the first energy that nothing else has; the sum
-    /// of all energies does not show the error here.
+    /// The energy dissipated in viscous contacts is the part of the first energy that nothing else has, so
+    /// the sum of all energies does not show the error here.
     pub fn end(&self) -> Snapshot<'_> {
         Snapshot::new(&self.model, self.time, self.state.clone())
     }
@@ -67,14 +67,14 @@ impl EnsembleOutcome {
             .sum()
     }
 
-    /// The energy that the striker has given to the chain, and that beads had at t = 0, J.
+    /// Injected energy, J: the striker's loss, plus the energy of beads that moved at t = 0.
     pub fn injected(&self) -> f64 {
         let speed = self.state[self.model.layout().velocity(0)];
         self.model.initial_energy() - 0.5 * self.model.mass(0) * speed * speed
     }
 
-    /// The greatest force of each contact that [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks)
-    /// names, if it ever carried one. Its width is not looked for.
+    /// The greatest force of each contact of [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks) that
+    /// ever carried one. Its width is not computed.
     pub fn peaks(&self) -> &[ContactPeak] {
         &self.peaks
     }

@@ -1,17 +1,17 @@
-//! The greatest force of chosen contacts, looked for while a group runs.
+//! Search for the greatest force of chosen contacts while a group runs.
 
 use super::eight::LANES;
 use crate::model::Contact;
 
-/// The greatest force so far, N, and when, s, of one contact in each lane.
+/// Greatest force so far, N, and its time, s, of one contact in each lane.
 #[derive(Debug, Clone)]
 pub(super) struct Peaks {
     pub(super) contact: usize,
     pub(super) greatest: [(f64, f64); LANES],
 }
 
-/// Overlap of a contact, its rate and its second rate.
-pub(super) type Overlap = [f64; 3];
+/// OverlapState of a contact, m, its rate, m/s, and its acceleration, m/s².
+pub(super) type OverlapState = [f64; 3];
 
 impl Peaks {
     pub(super) fn of(contact: usize) -> Self {
@@ -21,16 +21,17 @@ impl Peaks {
         }
     }
 
-    /// Looks into a step of one lane, from `time` on, whose overlap is that of a polynomial of fifth order.
+    /// Searches a step of one lane that begins at `time`. The overlap is the polynomial of fifth order
+    /// between its ends.
     pub(super) fn look(
         &mut self,
         lane: usize,
         contact: &Contact,
         (time, length): (f64, f64),
-        (start, end): (Overlap, Overlap),
+        (start, end): (OverlapState, OverlapState),
     ) {
         let known = self.greatest[lane].0;
-        let force = |[overlap, rate, _]: Overlap| {
+        let force = |[overlap, rate, _]: OverlapState| {
             contact.elastic_force(overlap) + contact.viscous_force(overlap, rate)
         };
         let (first, last) = (force(start), force(end));
@@ -38,7 +39,7 @@ impl Peaks {
             let (force, part) = if last > first { (last, 1.0) } else { (first, 0.0) };
             self.greatest[lane] = (force, time + part * length);
         }
-        // A top that is worth the search lies between ends that are not far below it.
+        // A top worth a search lies between ends that are not far below it.
         if !(start[0] > 0.0 && end[0] > 0.0 && 2.0 * first.max(last) > known) {
             return;
         }
@@ -61,13 +62,13 @@ impl Peaks {
     }
 }
 
-fn force_rate(contact: &Contact, [overlap, rate, bend]: Overlap) -> f64 {
+fn force_rate(contact: &Contact, [overlap, rate, bend]: OverlapState) -> f64 {
     let root = overlap.sqrt();
     root * rate + contact.relaxation * (0.5 * rate * rate / root + root * bend)
 }
 
 /// Coefficients of the polynomial of the part of a step with these values at its ends.
-fn polynomial(length: f64, start: Overlap, end: Overlap) -> [f64; 6] {
+fn polynomial(length: f64, start: OverlapState, end: OverlapState) -> [f64; 6] {
     let (h, square) = (length, length * length);
     let (p0, p1, p2) = (start[0], start[1] * h, 0.5 * start[2] * square);
     let (place, rate) = (end[0] - p0 - p1 - p2, end[1] * h - p1 - 2.0 * p2);
@@ -82,14 +83,14 @@ fn polynomial(length: f64, start: Overlap, end: Overlap) -> [f64; 6] {
     ]
 }
 
-/// The place of the greatest value between 0 and 1, and the value, of a function with one top: by thirds of
-/// the golden section.
+/// Returns the place of the greatest value between 0 and 1, and the value, of a function with one top, by
+/// golden sections.
 fn top(value: impl Fn(f64) -> f64) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut low, mut high) = (0.0, 1.0);
     let (mut left, mut right) = (1.0 - GOLDEN, GOLDEN);
     let (mut of_left, mut of_right) = (value(left), value(right));
-    // Nearer than this the value does not change.
+    // Within this distance the value does not change.
     while high - low > 1e-7 {
         if of_left > of_right {
             (high, right, of_right) = (right, left, of_left);

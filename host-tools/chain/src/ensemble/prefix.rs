@@ -1,10 +1,10 @@
-//! The way of a chain until something moves a bead that has an intruder.
+//! Motion of a chain until a bead with an intruder moves, shared by many chains.
 //!
 //! # Design
 //!
-//! It is the same, bit for bit, for chains that differ in their intruders alone: an intruder at rest changes
-//! nothing. So it is gone once for all of them, up to the first step that would move the bead before the
-//! first host, and each goes on from there.
+//! This motion is equal, bit for bit, for chains that differ in their intruders alone, since an intruder at
+//! rest changes nothing. It is computed once for all of them, up to the first step that would move the bead
+//! before the first host, and each chain continues from there.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,17 +13,17 @@ use rayon::prelude::*;
 
 use super::chain::Shape;
 use super::eight::LANES;
-use super::group::Lane;
+use super::group::SavedChain;
 use super::together::{self, Member};
 
-/// All that the way depends on, as bits.
+/// All numbers that the motion depends on, as bits.
 type Key = Vec<u64>;
 
-/// The ways that are known.
+/// The known states.
 #[derive(Debug, Default)]
-pub(crate) struct Prefixes(Mutex<HashMap<Key, Arc<Lane>>>);
+pub(crate) struct Prefixes(Mutex<HashMap<Key, Arc<SavedChain>>>);
 
-/// The body that ends the way when it moves; none if there is no way to speak of.
+/// Body whose motion ends the shared part; `None` if that part is too short to share.
 fn last(shape: &Shape) -> Option<usize> {
     shape.hosts.first().filter(|host| **host > 2).map(|host| host - 1)
 }
@@ -32,7 +32,7 @@ fn key(shape: &Shape, member: &Member<'_>, peaks: &[usize]) -> Option<Key> {
     let (model, last) = (member.model, last(shape)?);
     let mut key = vec![last as u64, u64::from(shape.walled), member.time.to_bits()];
     key.extend(peaks.iter().map(|contact| *contact as u64));
-    // The end of the contacts that are wanted.
+    // End of the list of wanted contacts.
     key.push(0);
     for body in 0..model.bodies() {
         let (place, speed) = (model.start(body), model.initial_speed(body));
@@ -46,7 +46,7 @@ fn key(shape: &Shape, member: &Member<'_>, peaks: &[usize]) -> Option<Key> {
 }
 
 impl Prefixes {
-    /// Gives the members that share their way with many others, or whose way is known, a place to start from.
+    /// Sets the state to start from for members that share it with many others, or whose state is known.
     pub(super) fn share(&self, members: &mut [(Shape, Member<'_>)], peaks: &[usize]) {
         let keys: Vec<Option<Key>> = members
             .par_iter()
@@ -59,10 +59,10 @@ impl Prefixes {
                 users.entry(key).or_insert((index, 0)).1 += 1;
             }
         }
-        // Chains of one shape go together.
+        // Chains of one shape run together.
         let mut wanted: BTreeMap<(Shape, usize), Vec<usize>> = BTreeMap::new();
         for (key, (index, count)) in users {
-            // So few would go together anyway.
+            // Fewer chains would run in one group anyway.
             if count > LANES && !known.contains_key(key) {
                 let shape = &members[index].0;
                 let bare = Shape {
@@ -82,7 +82,7 @@ impl Prefixes {
             let lanes = together::before(shape, &some_members, peaks, *last);
             some.iter().copied().zip(lanes)
         });
-        let ways: Vec<(usize, Lane)> = ways.collect();
+        let ways: Vec<(usize, SavedChain)> = ways.collect();
         for (index, way) in ways {
             if let Some(key) = &keys[index] {
                 known.insert(key.clone(), Arc::new(way));

@@ -3,42 +3,42 @@
 use std::sync::Arc;
 
 use super::chain::{Constants, Shape, fewest_steps};
-use super::group::{Group, Lane, Motion};
+use super::group::{Group, GroupMotion, SavedChain};
 use super::outcome::EnsembleOutcome;
 use crate::model::Model;
 use crate::summary::ContactPeak;
 
-/// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need
-/// far more.
+/// Most steps of a chain in a group, where it would make seven others wait. The single run refuses those that
+/// need far more.
 const MOST_STEPS: f64 = 1e6;
 
-/// Whether a chain can go with others.
+/// Returns true if a chain can run in a group.
 pub(super) fn suits(model: &Model, duration: f64) -> bool {
     let loaded = (1..=model.contacts()).any(|contact| model.contact(contact).load > 0.0);
     !loaded && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }
 
-/// The error allowed to each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random
-/// chains like the paper's, none then errs by more than 8e-7 in what its intruder absorbs.
+/// Allowed error of each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains
+/// like the paper's, none then errs by more than 8e-7 in the energy absorbed.
 const TOLERANCE: f64 = 2.5e-7;
 
-/// A chain that goes with others.
+/// A chain of a group.
 #[derive(Debug)]
 pub(super) struct Member<'a> {
-    /// Its place among the scenarios.
+    /// Index among the scenarios.
     pub(super) index: usize,
     pub(super) model: &'a Model,
-    /// How long it runs, s.
+    /// Duration, s.
     pub(super) time: f64,
-    /// Where it starts, if not at t = 0.
-    pub(super) start: Option<Arc<Lane>>,
+    /// State to start from, if not that at t = 0.
+    pub(super) start: Option<Arc<SavedChain>>,
 }
 
-/// Eight chains before they start.
+/// Eight chains at t = 0.
 struct Eightfold<'a> {
     constants: Constants,
     models: Vec<&'a Model>,
-    start: Motion,
+    start: GroupMotion,
     /// The contacts whose greatest force is wanted.
     peaks: Vec<usize>,
 }
@@ -46,7 +46,7 @@ struct Eightfold<'a> {
 impl<'a> Eightfold<'a> {
     fn new(shape: &Shape, members: &[&Member<'a>], peaks: &[usize]) -> Self {
         let chains: Vec<_> = members.iter().map(|member| (member.model, member.time)).collect();
-        let mut start = Motion::zeros(shape);
+        let mut start = GroupMotion::zeros(shape);
         for (lane, (model, _)) in chains.iter().enumerate() {
             for body in 0..shape.bodies {
                 start.u[body].0[lane] = model.start(body);
@@ -76,19 +76,24 @@ impl<'a> Eightfold<'a> {
     }
 }
 
-/// Runs up to eight chains without their intruders until a body from `last` on would be pushed; gives each as
-/// it is before that step.
-pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], last: usize) -> Vec<Lane> {
+/// Runs up to eight chains without their intruders until a body from `last` on would be pushed. Returns the
+/// state of each before that step.
+pub(super) fn before(
+    shape: &Shape,
+    members: &[&Member<'_>],
+    peaks: &[usize],
+    last: usize,
+) -> Vec<SavedChain> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     group.stop_before_pushed(last);
-    // One that is stuck will be so again.
+    // A chain that is stuck here will be stuck again later.
     let _ = group.run();
     (0..members.len()).map(|lane| group.lane(lane)).collect()
 }
 
-/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept. None for a
-/// chain that comes to no end in this way.
+/// Runs up to eight chains, each to its end, and finds the greatest forces of these contacts. `None` for a
+/// chain that does not reach its end.
 pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<EnsembleOutcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
@@ -113,7 +118,7 @@ pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Ve
     members.iter().enumerate().map(outcome).collect()
 }
 
-/// The state of one lane, but for what contacts and the wall took.
+/// The state of one lane, without the losses in contacts and the momentum of the wall.
 fn state(shape: &Shape, model: &Model, group: &Group<'_>, lane: usize) -> Vec<f64> {
     let layout = model.layout();
     let mut state = vec![0.0; layout.dimension()];

@@ -1,5 +1,5 @@
-//! Symmetries of the equations of motion, on states that no scenario starts from; and a static load left out
-//! on both sides.
+//! Symmetries of the equations of motion, on states that no scenario starts from, and the static load left
+//! out on both sides.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ fn an_elastic_chain_runs_backwards_to_where_it_came_from() {
     }
 }
 
-/// A chain seen from behind: the last bead becomes the striker, the striker the last bead.
+/// A chain in a mirror: the last bead becomes the striker, and the striker the last bead.
 #[test]
 fn a_chain_seen_in_a_mirror_moves_as_its_image() {
     let mut scenario = with_intruder(elastic(9), 4, 12.0);
@@ -252,7 +252,7 @@ fn small_waves_on_a_loaded_chain_have_the_frequencies_of_a_lattice() {
     }
 }
 
-/// The same equations with F₀ written out on both sides.
+/// The equations with F₀ written out on both sides.
 #[test]
 fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
     for clipped in [false, true] {

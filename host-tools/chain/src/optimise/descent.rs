@@ -1,4 +1,4 @@
-//! Improving a design by Kraft's SLSQP.
+//! Improves a design by Kraft's SLSQP method.
 
 use std::cell::RefCell;
 
@@ -8,17 +8,17 @@ use super::problem::{Problem, Properties, Tried};
 use super::search::Search;
 use crate::simulate::SimulateError;
 
-/// Change of a variable, to either side, that makes a difference quotient.
+/// Change of a variable to either side, for a difference quotient.
 const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
-/// What a descent that begins anew where the last has ended must gain, in the share, or that was the end. A
-/// descent forgets then what it has learnt of the curvature, which may be wrong.
+/// Least gain in the share for which a descent is restarted from its end. A restart discards the estimate of
+/// the curvature, which may be wrong.
 const GAINED: f64 = 1e-6;
 
 impl Problem<'_> {
-    /// Improves a design until nothing near it is better, or until `most` evaluations are made. The intruders
-    /// stay alike if the design has one entry.
+    /// Improves a design until no design near it is better, or until `most` evaluations have been made.
+    /// Intruders stay alike if the design has one entry.
     pub(super) fn descend(&self, start: Tried, most: usize) -> Result<Tried, SimulateError> {
         let mut sofar = self.sofar.get();
         sofar.descents += 1;
@@ -34,7 +34,7 @@ impl Problem<'_> {
         }
     }
 
-    /// One run of the method, until `full` evaluations are made in all.
+    /// Runs the method once, up to a total of `full` evaluations.
     fn follow_down(&self, start: Tried, full: usize) -> Result<Tried, SimulateError> {
         let variables = Variables::new(self.search, start.design.len());
         let first = variables.of(&start.design);
@@ -52,8 +52,7 @@ impl Problem<'_> {
             &variables.bounds,
             &[&overweight as &dyn slsqp::Func<()>],
             (),
-            // Calls. Those after the last evaluation cost nothing, so the budget never ends a descent before
-            // its time.
+            // Calls after the last evaluation cost nothing, so this limit never ends a descent early.
             full.min(1_000_000),
             Some(StopTols {
                 ftol_rel: SETTLED,
@@ -75,10 +74,10 @@ impl Problem<'_> {
     }
 }
 
-/// The variables of a descent, three for each entry of a design. All are of order one: the mass in parts of
-/// the total that falls to one host, and the logarithms of stiffness and damping.
+/// Variables of a descent, three for each entry of a design, all of order one: the mass as a part of the
+/// total mass for one host, and the logarithms of stiffness and damping.
 struct Variables {
-    /// The part of the total mass that falls to one host, kg.
+    /// The total mass divided by the number of hosts, kg.
     each: f64,
     bounds: Vec<(f64, f64)>,
 }
@@ -97,7 +96,7 @@ impl Variables {
         }
     }
 
-    /// The variables of a design, moved into the bounds.
+    /// Returns the variables of a design, clamped to the bounds.
     fn of(&self, design: &[Properties]) -> Vec<f64> {
         let free = design
             .iter()
@@ -113,7 +112,7 @@ impl Variables {
             .collect()
     }
 
-    /// Designs beside `x` in each variable, a pair each, and how far apart they are. None lies beyond a
+    /// Returns a pair of designs beside `x` for each variable, and their distance in it. None lies beyond a
     /// bound.
     fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
         let pair = |(index, (low, high)): (usize, &(f64, f64))| {
@@ -129,32 +128,32 @@ impl Variables {
     }
 }
 
-/// What a descent has come to. The objective function cannot return it.
+/// State of a descent, which the objective function cannot return.
 struct Descent<'a> {
     problem: &'a Problem<'a>,
     variables: &'a Variables,
-    /// Evaluations that may be made in all.
+    /// Most evaluations of the whole search.
     most: usize,
     best: Tried,
-    /// The evaluations are spent, or the search was asked to stop.
+    /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
     failed: Option<SimulateError>,
 }
 
 impl Descent<'_> {
-    /// The smooth aim at `x`, and its derivatives where they are asked for.
+    /// Returns the smooth aim at `x`, and writes its derivatives if they are wanted.
     fn value(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         let beside = gradient
             .as_ref()
             .map_or_else(Vec::new, |_| self.variables.beside(x));
         let Some(shares) = self.shares(x, &beside) else {
-            // No objective function can stop the descent. A value that no longer changes does.
+            // An objective function cannot stop the descent, but a constant value ends it.
             gradient.into_iter().for_each(|gradient| gradient.fill(0.0));
             return self.best.value;
         };
         let problem = self.problem;
         let value = problem.search.aim.of(&shares[0]);
-        // A fresh start may weigh a little too much, where its masses were brought up to the least.
+        // A fresh start may be slightly too heavy, where its masses were raised to the least.
         if value < self.best.value && overweight(x, None, &mut ()) <= 1e-9 {
             self.best.value = value;
             self.best.design = self.variables.design(x);
@@ -169,8 +168,8 @@ impl Descent<'_> {
         problem.follow(&shares[0])
     }
 
-    /// Shares at `x`, then beside it; none once the evaluations are spent, the search was asked to stop, or a
-    /// run has failed.
+    /// Returns the shares at `x`, then beside it; `None` once the evaluations are spent, the search was asked
+    /// to stop, or a run has failed.
     fn shares(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<Vec<f64>>> {
         let made = self.problem.sofar.get().evaluations;
         self.full |= made + 1 + 2 * beside.len() > self.most;
@@ -196,8 +195,7 @@ impl Descent<'_> {
     }
 }
 
-/// How much the intruders of a design weigh over the bound on their sum, as a part of it; at most 0 where it
-/// is kept.
+/// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
 fn overweight(x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()) -> f64 {
     let part = 1.0 / (x.len() / 3) as f64;
     if let Some(gradient) = gradient {
@@ -205,6 +203,6 @@ fn overweight(x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()) -> f64 {
         gradient.iter_mut().step_by(3).for_each(|entry| *entry = part);
     }
     let excess = x.iter().step_by(3).sum::<f64>() * part - 1.0;
-    // Rounding is no excess: the descent would never find its end.
+    // Rounding must not count, or the descent would not end.
     if excess.abs() < 1e-12 { 0.0 } else { excess }
 }

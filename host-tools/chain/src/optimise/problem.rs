@@ -1,4 +1,4 @@
-//! Designs, and the energy that they leave.
+//! Designs and the energy that they leave.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -11,29 +11,29 @@ use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
 
-/// How far a search has come.
+/// Progress of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct SearchProgress {
     /// Designs tried.
     pub evaluations: usize,
-    /// The share that the best of them leaves.
+    /// Share that the best of them leaves.
     pub best: Option<f64>,
     /// Descents begun.
     pub descents: usize,
 }
 
-/// Hears how far a search has come, often, and says whether it goes on. A search that is told to stop gives
-/// the best so far.
+/// Called often with the progress of a search, which ends with the best design so far if this returns
+/// `Break`.
 pub type SearchObserver<'a> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'a;
 
-/// Mass, stiffness, damping.
+/// Mass, kg, stiffness, N/m, and damping, N·s/m.
 pub(super) type Properties = [f64; 3];
 
 /// A design and the share that it leaves.
 #[derive(Debug, Clone)]
 pub(super) struct Tried {
-    /// One entry a host, or one for all.
+    /// One entry for each host, or one for all.
     pub(super) design: Vec<Properties>,
     pub(super) value: f64,
     pub(super) settled: bool,
@@ -41,16 +41,15 @@ pub(super) struct Tried {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
-/// How far fresh starts lie from the best design, in turn: near, for a valley that was left too soon, and
-/// far.
+/// Factors by which fresh starts differ from the best design, in turn: small, for a valley that was left too
+/// early, and large.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
-/// Exponent of the power mean that stands for the greatest share. Of three speeds it is at most 1.7 % below
+/// Exponent of the power mean that replaces the greatest share. For three speeds it is at most 1.7 % below
 /// it.
 const POWER: f64 = 64.0;
-/// Bodies of the chains that are computed at once, and hear of a stop only then: 80 MB.
+/// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
-/// Designs that are computed at once, however long their chain is: enough for the wave's way to the first
-/// host to be shared.
+/// Least designs computed at once, for any length of chain: enough to share the wave's way to the first host.
 const LEAST_TOGETHER: usize = 16;
 
 pub(super) struct Problem<'a> {
@@ -59,16 +58,16 @@ pub(super) struct Problem<'a> {
     pub(super) search: &'a Search,
     pub(super) speeds: Vec<f64>,
     pub(super) watch: Option<&'a SearchObserver<'a>>,
-    /// What all designs have in common.
+    /// Motion that designs have in common.
     pub(super) prefixes: Prefixes,
-    /// How far the search has come.
+    /// Progress of the search.
     pub(super) sofar: Cell<SearchProgress>,
-    /// It was asked to stop.
+    /// True once the search was asked to stop.
     pub(super) stopped: Cell<bool>,
 }
 
 impl Problem<'_> {
-    /// The intruders of a design; they are all alike if it has one entry.
+    /// Returns the intruders of a design, all alike if it has one entry.
     pub(super) fn intruders(&self, design: &[Properties]) -> Vec<Intruder> {
         self.hosts
             .iter()
@@ -96,8 +95,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The shares that remain at each speed, for each design. Once the search was asked to stop, those of the
-    /// designs that were tried before.
+    /// Returns the remaining share at each speed, for each design. Once the search was asked to stop, only
+    /// for the designs tried before.
     pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
         let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
         let mut found = Vec::with_capacity(designs.len());
@@ -128,14 +127,14 @@ impl Problem<'_> {
         Ok(found)
     }
 
-    /// Evaluations that are left.
+    /// Number of evaluations left.
     pub(super) fn left(&self) -> usize {
         self.search
             .evaluations
             .saturating_sub(self.sofar.get().evaluations)
     }
 
-    /// Tells how far the search has come, and hears whether it goes on.
+    /// Reports the progress of the search, and notes a request to stop.
     pub(super) fn tell(&self, sofar: SearchProgress) {
         self.sofar.set(sofar);
         if let Some(watch) = self.watch
@@ -145,7 +144,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Notes a design that is the best so far.
+    /// Notes the share of a design if it is the best so far.
     pub(super) fn note(&self, share: f64) {
         let mut sofar = self.sofar.get();
         if sofar.best.is_none_or(|best| share < best) {
@@ -154,7 +153,7 @@ impl Problem<'_> {
         }
     }
 
-    /// The smooth aim that the descent follows.
+    /// Returns the smooth aim that a descent minimises.
     pub(super) fn follow(&self, shares: &[f64]) -> f64 {
         match self.search.aim {
             Aim::Mean => self.search.aim.of(shares),
@@ -165,13 +164,13 @@ impl Problem<'_> {
         }
     }
 
-    /// The best of intruders all alike, on a grid, or on the part of it that was tried before the search was
-    /// asked to stop.
+    /// Returns the best design of a grid with all intruders alike, or of the part of the grid tried before
+    /// the search was asked to stop.
     pub(super) fn coarse(&self) -> Result<Tried, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
         let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
-        // Between the bounds, ends left out.
+        // Points between the bounds, without the ends.
         let inside = |[low, high]: [f64; 2], index: usize, count: usize| {
             low * (high / low).powf((index as f64 + 0.5) / count as f64)
         };
@@ -200,7 +199,7 @@ impl Problem<'_> {
         })
     }
 
-    /// The designs from which each bead goes its own way.
+    /// Returns the designs from which each intruder varies by itself.
     pub(super) fn starts(&self, alike: &Tried) -> Vec<Tried> {
         let middle = (self.hosts.len() - 1) as f64 / 2.0;
         let [low, high] = self.search.stiffness;
@@ -222,8 +221,8 @@ impl Problem<'_> {
             .into()
     }
 
-    /// A design beside the best one: each number is multiplied or divided by up to one of [`APART`]. The same
-    /// for the same number.
+    /// Returns a design near the best: each number is multiplied or divided by up to one of [`APART`]. It
+    /// depends on `number` alone.
     pub(super) fn restart(&self, best: &Tried, number: usize) -> Tried {
         let apart = APART[number % APART.len()];
         let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(number as u64 + 1);

@@ -1,4 +1,4 @@
-//! Every kind of chain, drawn at random, against an integration of another method by other code: Dormand and
+//! Random chains of every kind, compared with an integration by another method and other code: Dormand and
 //! Prince's 8(5,3) on the model's own equations, with steps that shrink where contacts open and close.
 
 use std::ops::Range;
@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
 
-/// Numbers of 0 to 1, the same at every run (Marsaglia's xorshift).
+/// Random numbers from 0 to 1, equal in every run (Marsaglia's xorshift).
 struct Draw(u64);
 
 impl Draw {
@@ -156,8 +156,7 @@ impl Draw {
     }
 }
 
-/// Of places or velocities of all bodies, how much the first body of a contact is ahead of the second. A wall
-/// stands still at 0.
+/// Difference of places or velocities of all bodies across a contact. A wall stands still at 0.
 pub(super) fn across(bodies: &[f64], contact: usize) -> f64 {
     bodies[contact - 1] - bodies.get(contact).copied().unwrap_or(0.0)
 }
@@ -169,7 +168,7 @@ pub(super) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// The state at the end, at a tolerance, and the part of the bodies that a step computes.
+/// The state at the end of a run at a tolerance, and the part of the bodies computed in a step.
 fn ours(model: &Model, end: f64, tolerance: f64) -> (Vec<f64>, f64) {
     let (lanes, layout) = (Arc::new(Lanes::new(model)), model.layout());
     let longest = model.shortest_contact() / 8.0;
@@ -202,7 +201,7 @@ fn random_long_viscous_chains_move_as_another_method_says() {
     }
 }
 
-/// Compares some of a row of random scenarios, which is the same at every run.
+/// Compares scenarios of these numbers in a sequence that is equal in every run.
 fn compare(numbers: Range<usize>) {
     let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
     let mut worst = 0.0_f64;
@@ -223,7 +222,7 @@ fn compare(numbers: Range<usize>) {
     println!("worst of {numbers:?}: {worst:.1e}");
 }
 
-/// The first of the two hundred, by themselves: what is wrong as a rule is noticed at once.
+/// The first of the two hundred: a general fault is noticed at once.
 #[test]
 fn a_dozen_random_scenarios_move_as_another_method_says() {
     compare(0..12);

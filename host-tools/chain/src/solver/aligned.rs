@@ -1,4 +1,4 @@
-//! Numbers that begin where a cache line does: vectors of eight lie in one line each.
+//! Arrays aligned to cache lines, so that each vector of eight lies in one line.
 
 use std::ops::{Deref, DerefMut};
 

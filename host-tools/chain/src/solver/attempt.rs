@@ -1,4 +1,4 @@
-//! Making a step, and looking for what a step should not pass over.
+//! Attempts of a step, and the search for kinks of clipped forces.
 
 use super::kernel::{Task, dispatch};
 use super::lanes::{Lanes, first};
@@ -7,8 +7,7 @@ use super::verner::MAIN;
 use super::work::{Motion, Work, clear, give};
 
 impl Work {
-    /// Makes a step of `length` from the start, and puts its end in place. Gives its error, of which 1 is
-    /// allowed.
+    /// Makes a step of `length` from the start, and stores its end. Returns its error; 1 is allowed.
     pub(super) fn attempt(&mut self, lanes: &Lanes, length: f64, tolerance: f64) -> f64 {
         self.wall_impulse = 0.0;
         let crossed = dispatch(self, lanes, Task::Step, length);
@@ -49,7 +48,7 @@ impl Work {
         self.crossings = crossings;
     }
 
-    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
+    /// Computes displacements and velocities at the part `x` of the step, into [`Work::stage`].
     pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
         dispatch(self, lanes, Task::Look { x }, length);
         for crossing in &self.crossings {
@@ -58,11 +57,11 @@ impl Work {
         }
     }
 
-    /// The part of the step just made at which the force of a contact is first cut off at zero, or ceases to
-    /// be; none if that is at an end of the step. The force has a kink there, which the estimate of the error
-    /// misses when it falls between two stages.
+    /// Returns the part of the last step at which the force of a contact is first clipped at zero, or no
+    /// longer clipped; `None` if that is at an end of the step. The force has a kink there, which the error
+    /// estimate misses if it falls between two stages.
     pub(super) fn first_kink(&mut self, lanes: &Lanes, length: f64) -> Option<f64> {
-        // Whether a contact is closed, and whether its force, here without the factor κ √δ, is above zero.
+        // True if a contact is closed, and true if its force, here without the factor κ √δ, is above zero.
         let of = |motion: &Motion, lane: usize| {
             let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
             let approach = motion.v[lane - 1] - motion.v[lane];
@@ -73,7 +72,7 @@ impl Work {
         let turns = |&lane: &usize| {
             let (starts, ends) = (pushes(&self.start, lane), pushes(&self.end, lane));
             let (was_cut, is_cut) = (cut_off(&self.start, lane), cut_off(&self.end, lane));
-            // What was open has no kink where it closes, and what was cut off none where it opens.
+            // An open contact has no kink where it closes, nor a clipped one where it opens.
             (starts && !ends) || (was_cut && ends) || (is_cut && !was_cut)
         };
         let turning: Vec<usize> = self
@@ -89,7 +88,7 @@ impl Work {
         self.prepare(lanes, length);
         let mut earliest = 1.0_f64;
         for lane in turning {
-            // One that closes and is cut off in one step pushes between.
+            // A contact that closes and is clipped in one step pushes in between.
             let by_cut = cut_off(&self.end, lane);
             let turned = |motion: &Motion| {
                 if by_cut {
@@ -111,8 +110,8 @@ impl Work {
             }
             earliest = earliest.min(high);
         }
-        // A kink at the very start is the end of the last step, found again. One at the very end is where
-        // this step ends.
+        // A kink at the very start is the end of the last step, found again. At a kink at the very end, this
+        // step ends.
         (earliest > 1e-6 && earliest < 1.0 - 1e-6).then_some(earliest)
     }
 }

@@ -1,12 +1,13 @@
-//! A contact that opens or closes inside a step.
+//! Exact integration of a contact that opens or closes inside a step.
 //!
 //! # Design
 //!
-//! There the force goes as δ^(3/2), and with viscosity as δ^(1/2): the one place where the motion is not
-//! smooth, and where a Runge-Kutta method loses its order. But the overlap near it is known ([`Overlap`]),
-//! from its value, rate and acceleration at both ends of the step. So the stages keep what the force differs
-//! from that of the known overlap, which is small and smoother, and the integral of the latter is computed
-//! (Gauss' rule for a root at one end). Neither a rejected step nor a search is needed.
+//! Where a contact opens or closes, its force goes as δ^(3/2), and with viscosity as δ^(1/2). This is the one
+//! place where the motion is not smooth, and where a Runge-Kutta method loses its order. But the overlap near
+//! it is known ([`Overlap`]) from its value, rate and acceleration at both ends of the step. The stages
+//! therefore keep the difference of the force from that of the known overlap, which is small and smoother,
+//! and the integral of the latter is computed by Gauss' rule for a root at one end. No step is rejected and
+//! no search is needed.
 
 use super::overlap::{Ends, Overlap};
 
@@ -21,7 +22,7 @@ const PLACES: [f64; 8] = [
     0.12336375165891973,
     0.03185660304424276,
 ];
-/// Its weights over √y.
+/// Weights of this rule over √y.
 const WEIGHTS: [f64; 8] = [
     0.047841433184096754,
     0.10544803404933117,
@@ -36,7 +37,7 @@ const WEIGHTS: [f64; 8] = [
 /// A contact that crosses δ = 0 once in a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
-    /// Its lane.
+    /// Lane of the contact.
     pub(super) lane: usize,
     overlap: Overlap,
     /// The part of the step at which δ = 0.
@@ -47,30 +48,30 @@ pub(super) struct Crossing {
     viscosity: f64,
     /// One over the length of the step.
     pace: f64,
-    /// Its force is cut off at zero, and all its elastic energy is dissipated.
+    /// True if the force is clipped at zero and all elastic energy is dissipated.
     cut: bool,
 }
 
-/// Integrals of a force F over part of a step whose length is taken as 1.
+/// Integrals of a force F over a part of a step whose length counts as 1.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Integrals {
     /// ∫ F.
     pub(super) once: f64,
     /// ∫∫ F.
     pub(super) twice: f64,
-    /// ∫ of the power that is dissipated.
+    /// ∫ of the dissipated power.
     pub(super) power: f64,
 }
 
 impl Integrals {
-    /// What a step of this length adds to displacement and velocity, times a mass.
+    /// Displacement and velocity that a step of this length adds, times a mass.
     pub(super) fn over(&self, length: f64) -> (f64, f64) {
         (length * length * self.twice, length * self.once)
     }
 }
 
 impl Crossing {
-    /// The contact at `lane`, whose overlap has other signs at both ends of a step of `length`. `compliance`
+    /// A contact at `lane` whose overlap has opposite signs at the ends of a step of `length`. `compliance`
     /// is the sum of its bodies' inverse masses.
     #[inline(always)]
     pub(super) fn new(
@@ -100,8 +101,9 @@ impl Crossing {
         self.root
     }
 
-    /// How much of the impulse, over the length of the step, rests on the end of the step alone, because the
-    /// contact closes after the last stage inside it. That end is known without the contact's own force.
+    /// Part of the impulse, over the length of the step, that depends on the end of the step alone, because
+    /// the contact closes after the last stage inside the step. That end is computed without the contact's
+    /// own force.
     pub(super) fn unseen(&self, last: f64) -> f64 {
         if !self.closes || self.root <= last {
             return 0.0;
@@ -110,7 +112,7 @@ impl Crossing {
         1.5 * self.stiffness * deep.sqrt() * self.overlap.own_at_end() * (1.0 - self.root)
     }
 
-    /// The same for a contact that opens while its force is cut off at zero.
+    /// Changes this to a contact that opens while its force is clipped at zero.
     pub(super) fn cut_off(self) -> Self {
         Self { cut: true, ..self }
     }
@@ -128,7 +130,7 @@ impl Crossing {
         (stiff * (overlap + viscous), stiff * viscous * (slope * self.pace))
     }
 
-    /// The same at many places.
+    /// Forces and dissipated powers of the polynomial at many parts of the step.
     #[inline(always)]
     pub(super) fn forces<const N: usize>(&self, places: &[f64; N]) -> ([f64; N], [f64; N]) {
         let (mut forces, mut powers) = ([0.0; N], [0.0; N]);
@@ -138,7 +140,7 @@ impl Crossing {
         (forces, powers)
     }
 
-    /// ∫ F, ∫ x F and ∫ power from the root to `end`. The contact is closed all the way.
+    /// ∫ F, ∫ x F and ∫ power from the root to `end`, where the contact is closed throughout.
     #[inline(always)]
     fn since_root(&self, end: f64) -> (f64, f64, f64) {
         let way = end - self.root;
@@ -156,10 +158,10 @@ impl Crossing {
         (way * force, way * moment, way * power)
     }
 
-    /// Force and power, integrated from the start of the step to its part `x`.
+    /// Integrals of force and power from the start of the step to its part `x`.
     #[inline(always)]
     pub(super) fn integrals(&self, x: f64) -> Integrals {
-        // ∫ F, ∫ x F and ∫ power from the root to `end`, where the contact is closed all the way.
+        // ∫ F, ∫ x F and ∫ power from the root to `end`, where the contact is closed throughout.
         if self.cut {
             let energy = |x: f64| {
                 let overlap = self.overlap.at(x).0.max(0.0);
@@ -196,8 +198,8 @@ impl Crossing {
 mod tests {
     use super::*;
 
-    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test; or its mirror
-    /// in time.
+    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test, or its mirror
+    /// image in time.
     #[test]
     fn what_rests_on_the_end_of_a_step_alone_is_what_the_contact_does_to_itself_after_the_last_stage() {
         let (length, stiffness) = (2.0, 3.0);

@@ -5,7 +5,7 @@ use super::lanes::{BLOCK, Lanes};
 use super::work::{Motion, Work};
 use crate::model::Layout;
 
-/// The dense output of one step: of order 8 in time, and exact where contacts open or close.
+/// Dense output of one step: of order 8 in time, and exact where contacts open or close.
 #[derive(Debug, Clone)]
 pub(crate) struct Dense<'a> {
     lanes: &'a Lanes,
@@ -16,7 +16,7 @@ pub(crate) struct Dense<'a> {
     work: Work,
 }
 
-/// Puts a state into arrays.
+/// Copies a state into arrays.
 pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut Motion) {
     let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
     let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
@@ -26,7 +26,7 @@ pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut 
     motion.v[guests].copy_from_slice(&state[rate..layout.contact_loss()]);
 }
 
-/// Takes displacements and velocities out of arrays.
+/// Copies displacements and velocities from arrays into a state.
 pub(super) fn pack(lanes: &Lanes, layout: Layout, motion: &Motion, state: &mut [f64]) {
     let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
     let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
@@ -80,20 +80,20 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// The overlap of a contact less that at rest, for the whole step, which has these times.
+    /// Overlap of a contact less that at rest, m, over the whole step, which has these times.
     pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
         let step = (self.start, self.length);
         self.work
             .glimpse_contact(self.lanes, BLOCK + contact, step, times)
     }
 
-    /// The displacement of an intruder relative to its host, for the whole step.
+    /// Displacement of an intruder relative to its host, m, over the whole step.
     pub(crate) fn glimpse_guest(&self, guest: usize, times: (f64, f64)) -> Glimpse {
         let step = (self.start, self.length);
         self.work.glimpse_guest(self.lanes, guest, step, times)
     }
 
-    /// Whether `t` lies in this step.
+    /// Returns true if `t` lies in this step.
     pub(crate) fn holds(&self, t: f64) -> bool {
         self.start <= t && t <= self.start + self.length
     }

@@ -1,6 +1,6 @@
-//! One coordinate inside one step: how two bodies approach, or how an intruder moves in its host.
+//! One coordinate inside one step: the overlap of a contact, or the displacement of an intruder.
 //!
-//! It costs a few sums, where the dense output of a chain costs as many for each body. And it outlives its
+//! It costs a few sums, where the dense output of a chain costs as many for each body, and it outlives its
 //! step.
 
 use super::crossing::Crossing;
@@ -8,24 +8,23 @@ use super::lanes::Lanes;
 use super::method::{POWERS, TERMS, Weight};
 use super::work::{Work, place};
 
-/// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or
-/// close.
+/// A coordinate as a polynomial of the part of the step, with the exact parts of contacts that open or close.
 #[derive(Debug, Clone)]
 pub(crate) struct Glimpse {
     pub(crate) from: f64,
     pub(crate) to: f64,
-    /// Start of the step that it is of, and its length.
+    /// Start and length of its step, s.
     step: (f64, f64),
-    /// At the start, with its rate.
+    /// The coordinate at the start of the step, and its rate.
     start: [f64; 2],
-    /// The step's part in both, as [`POWERS`] are.
+    /// Contribution of the step to both, in the powers of [`POWERS`].
     powers: [Weight; TERMS],
-    /// Contacts, and what one unit of their force accelerates the coordinate by.
+    /// Contacts, and the acceleration of the coordinate by one unit of their force.
     crossings: Vec<(Crossing, f64)>,
 }
 
 impl Glimpse {
-    /// The coordinate at time `t`, its rate, and the rate of that.
+    /// The coordinate at time `t`, its rate, and its acceleration.
     pub(crate) fn at(&self, t: f64) -> [f64; 3] {
         let (from, length) = self.step;
         let x = ((t - from) / length).clamp(0.0, 1.0);
@@ -65,8 +64,8 @@ fn powers(rate: impl Fn(usize) -> f64) -> [Weight; TERMS] {
 }
 
 impl Work {
-    /// The overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for: from
-    /// `step.0` on, `step.1` long. It is looked at between two times of that.
+    /// Overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for, which has this
+    /// start and length. It will be read between the times `from` and `to`.
     pub(super) fn glimpse_contact(
         &self,
         lanes: &Lanes,
@@ -93,7 +92,7 @@ impl Work {
         }
     }
 
-    /// The displacement of an intruder relative to its host.
+    /// Displacement of an intruder relative to its host.
     pub(super) fn glimpse_guest(
         &self,
         lanes: &Lanes,

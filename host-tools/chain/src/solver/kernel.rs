@@ -1,11 +1,11 @@
-//! The arithmetic of a step, on vectors as wide as the processor has.
+//! Arithmetic of a step, on the widest vectors of the processor.
 //!
 //! # Design
 //!
-//! A stage is one pass over the blocks: sums over the stages before, forces of the contacts, accelerations.
-//! Neighbours are shifted in registers, for to read what was just written at another place would wait for the
-//! cache. Numbers are added and multiplied one by one, in the same order on every processor: the results have
-//! the same bits everywhere.
+//! A stage is one pass over the blocks: sums over earlier stages, forces of the contacts, accelerations.
+//! Values of neighbouring lanes are shifted in registers, because reading them back from memory just after
+//! they were written would stall. Numbers are added and multiplied one by one, in the same order on every
+//! processor, so results have the same bits everywhere.
 
 use std::ops::Range;
 
@@ -16,26 +16,26 @@ use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
-/// What to compute.
+/// Part of a step to compute.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Task {
-    /// All stages of a step and its end; gives how many blocks have contacts that open or close.
+    /// All stages of a step and its end. Returns the number of blocks with contacts that open or close.
     Step,
-    /// The contacts that open or close in the step, after that.
+    /// The contacts that open or close in the step; after `Step`.
     Cross { tolerance: f64 },
-    /// One stage of the dense output, after that.
+    /// One stage of the dense output; after `Cross`.
     Inner { stage: usize },
-    /// The motion at the part `x` of the step, after all that.
+    /// The motion at the part `x` of the step; after all stages of the dense output.
     Look { x: f64 },
-    /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number
-    /// if a velocity is none.
+    /// Returns the greatest error of a velocity, over the length of the step and the allowed error. It is NaN
+    /// if a velocity is NaN.
     Error { tolerance: f64 },
-    /// The same for each block, kept in [`Work::errors`].
+    /// Computes this error for each block, into [`Work::errors`].
     Errors { tolerance: f64 },
 }
 
-/// One kind of task on one kind of vectors. Each is a function of its own, so that what one keeps in
-/// registers is not another's loss.
+/// One kind of task on one kind of vectors. Each is a function of its own, which gets its own allocation of
+/// registers.
 struct Call<'a, S, const KIND: u8> {
     simd: S,
     work: &'a mut Work,
@@ -64,7 +64,7 @@ const INNER: u8 = 1;
 const LOOK: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
-/// Of chains with a load or clipped forces too.
+/// For chains with a static load or clipped forces too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
@@ -134,7 +134,7 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> 
 /// The stages of a block, eight lanes each.
 type Rates = [Block; STAGES];
 
-/// An array of accelerations, block by block.
+/// Divides an array of accelerations into blocks.
 #[inline(always)]
 fn all_rates(rates: &[f64]) -> &[Rates] {
     blocks(rates).as_chunks().0
@@ -159,13 +159,13 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     finish(simd, work, lanes, length)
 }
 
-/// Stages that weigh something in the displacements of a row alone.
+/// Stages with a weight in the displacements of a row alone.
 const BENDS: [Range<usize>; STAGES] = terms(true);
-/// Stages after the first that weigh something in a row.
+/// Stages after the first with a weight in a row's velocities.
 const WEIGHS: [Range<usize>; STAGES] = terms(false);
 
-/// Stages after the first that weigh something in a row: those before the first that weighs in both sums,
-/// which bend displacements alone, or the others.
+/// Stages after the first with a weight in a row. `bends` selects those before the first that has a weight in
+/// velocities too, which act on displacements alone; otherwise the others.
 const fn terms(bends: bool) -> [Range<usize>; STAGES] {
     let mut ranges = [const { 0..0 }; STAGES];
     let mut row = 0;
@@ -194,7 +194,7 @@ const fn terms(bends: bool) -> [Range<usize>; STAGES] {
     ranges
 }
 
-/// Displacements and velocities of eight lanes at a stage, from those at the start.
+/// Returns displacements and velocities of eight lanes at a stage, from those at the start.
 #[inline(always)]
 fn moved<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -211,7 +211,7 @@ fn moved<S: Simd<f64s = f64x8>>(
     );
     let rate: f64x8 = pulp::cast(rates[0]);
     let (mut once, mut twice) = (simd.mul_f64s(once, rate), simd.mul_f64s(twice, rate));
-    // Two early stages weigh nothing in the velocities of later ones.
+    // Two early stages have no weight in the velocities of later ones.
     for stage in BENDS[row].clone() {
         let bend = simd.mul_f64s(
             simd.splat_f64s(weights[stage].displacement),
@@ -232,7 +232,7 @@ fn moved<S: Simd<f64s = f64x8>>(
     (simd.add_f64s(u, way), simd.add_f64s(v, change))
 }
 
-/// One where the lane is, zero elsewhere.
+/// Blocks with 1 in one lane and 0 in all others.
 const ONE: [Block; BLOCK] = {
     let mut one = [[0.0; BLOCK]; BLOCK];
     let mut lane = 0;
@@ -280,7 +280,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         &blocks(&guests.stiffness)[..seats],
         &blocks(&guests.damping)[..seats],
     );
-    // The block that bodies and intruders share, and its motion.
+    // The block shared by bodies and intruders, and its motion.
     let mut shared = (0, zero, zero);
     for &at in &work.active_guests {
         let seat = at - guests.blocks.start;
@@ -311,7 +311,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     for run in &work.active {
         assert!(run.end < length_of - 1, "blocks of this chain");
         let edge = run.start;
-        // What is before the run flies freely.
+        // The body before the run flies freely.
         let mut v_before: f64x8 = pulp::cast(v_start[edge]);
         let way = simd.mul_f64s(simd.splat_f64s(NODES[number] * length), v_before);
         let mut u_before = simd.add_f64s(pulp::cast(u_start[edge]), way);
@@ -383,7 +383,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     }
 }
 
-/// One where contacts are closed, else zero.
+/// Returns 1 in lanes whose contact is closed, 0 in others.
 #[inline(always)]
 fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) -> f64x8 {
     let overlap = simd.add_f64s(simd.sub_f64s(near, far), rest);
@@ -396,7 +396,7 @@ fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) 
     )
 }
 
-/// The end of the step.
+/// Computes the end of the step. Returns the number of blocks with contacts that open or close.
 #[inline(always)]
 fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) -> f64 {
     let count = lanes.len() / BLOCK;
@@ -438,7 +438,7 @@ fn size<S: Simd<f64s = f64x8>>(simd: S, lanes: f64x8) -> f64x8 {
     simd.max_f64s(lanes, simd.sub_f64s(simd.splat_f64s(0.0), lanes))
 }
 
-/// The errors of eight velocities over what is allowed.
+/// Returns the errors of eight velocities over the allowed error.
 #[inline(always)]
 fn errors<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -476,7 +476,7 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
     }
     let greatest: Block = pulp::cast(greatest);
     let trace: Block = pulp::cast(trace);
-    // A maximum may pass over what is not a number; this sum of zeros does not.
+    // A maximum may ignore a NaN; this sum of zeros does not.
     greatest.into_iter().fold(0.0, f64::max) + trace.iter().sum::<f64>()
 }
 
@@ -499,7 +499,7 @@ fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes,
     }
 }
 
-/// The blocks of an array that move.
+/// Moving blocks of an array.
 #[inline(always)]
 fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
     let shared = lanes.guests.home.is_some();
@@ -508,7 +508,7 @@ fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + us
     bodies.chain(guests.filter(move |_| !shared))
 }
 
-/// [`POWERS`] power by power: what all stages weigh in velocities, then what they weigh in displacements.
+/// [`POWERS`] power by power: the weights of all stages in velocities, then in displacements.
 static LOOKED: [[Block; 2 * WIDE]; TERMS] = {
     let mut looked = [[[0.0; BLOCK]; 2 * WIDE]; TERMS];
     let mut stage = 0;
@@ -524,11 +524,11 @@ static LOOKED: [[Block; 2 * WIDE]; TERMS] = {
     }
     looked
 };
-/// Blocks that hold a number for each stage.
+/// Blocks needed to hold a number for each stage.
 const WIDE: usize = STAGES.div_ceil(BLOCK);
 
-/// Weights at one part of the step, then one sum over the stages for each block. For the few looks that a
-/// step gets, this is less work than to bring each lane's motion into powers first.
+/// Computes the weights at one part of the step, then one sum over the stages for each block. For the few
+/// times looked at in a step, this is less work than converting each lane's motion into powers first.
 #[inline(always)]
 fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64, x: f64) {
     let mut weights = [simd.splat_f64s(0.0); 2 * WIDE];
@@ -571,7 +571,7 @@ fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: 
     work.stage = stage;
 }
 
-/// Stages after the first that weigh something inside a step.
+/// Stages after the first with a weight inside a step.
 const LOOKS: Range<usize> = {
     let mut from = 1;
     while POWERS[from][TERMS - 1].displacement == 0.0 {

@@ -1,10 +1,11 @@
-//! A model as arrays: one lane a body and a contact, eight lanes a block.
+//! A model as arrays, with a lane for each body and contact and eight lanes in a block.
 //!
 //! # Design
 //!
-//! Body n and contact n, which joins bodies n - 1 and n, share lane n. A wall is a body of infinite mass.
+//! Body n shares lane n with contact n, which joins bodies n - 1 and n. A wall is a body of infinite mass.
 //! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders follow, in the
-//! order of their hosts: in what the last block of a short chain has left, or else in blocks of their own.
+//! order of their hosts: in the free lanes of the last block of a short chain, or else in blocks of their
+//! own.
 
 use std::ops::Range;
 
@@ -13,21 +14,21 @@ use pulp::{Simd, f64x8};
 use super::aligned::Aligned;
 use crate::model::Model;
 
-/// Lanes that are computed together.
+/// Lanes of a block, which are computed together.
 pub(crate) const BLOCK: usize = 8;
 
-/// The longest chain, in blocks, whose intruders may share the last. It moves with them.
+/// The longest chain, in blocks, whose intruders may share the last block. They move with it.
 const SHARED: usize = 4;
 
-/// Where a block begins in an array.
+/// Index of the first lane of a block in an array.
 pub(super) const fn first(block: usize) -> usize {
     (block + 1) * BLOCK
 }
 
-/// Eight lanes of an array.
+/// Values of the eight lanes of a block.
 pub(super) type Block = [f64; BLOCK];
 
-/// An array block by block.
+/// Divides an array into blocks.
 #[inline(always)]
 pub(super) fn blocks(array: &[f64]) -> &[Block] {
     array.as_chunks().0
@@ -38,27 +39,27 @@ pub(super) fn blocks_mut(array: &mut [f64]) -> &mut [Block] {
     array.as_chunks_mut().0
 }
 
-/// One or the other, lane by lane.
+/// Selects one or the other value, lane by lane.
 #[inline(always)]
 pub(super) fn select<S: Simd<f64s = f64x8>>(simd: S, mask: S::m64s, yes: f64x8, no: f64x8) -> f64x8 {
     pulp::cast(simd.select_u64s(mask, pulp::cast(yes), pulp::cast(no)))
 }
 
-/// The lanes of the bodies before, given those of the block before.
+/// Values of the bodies before, given those of this block and the block before.
 #[inline(always)]
 pub(super) fn before(previous: f64x8, block: f64x8) -> f64x8 {
     let (p, b): (Block, Block) = (pulp::cast(previous), pulp::cast(block));
     pulp::cast([p[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6]])
 }
 
-/// The lanes of the contacts behind, given those of the block behind.
+/// Values of the contacts behind, given those of this block and the block behind.
 #[inline(always)]
 pub(super) fn behind(block: f64x8, next: f64x8) -> f64x8 {
     let (b, n): (Block, Block) = (pulp::cast(block), pulp::cast(next));
     pulp::cast([b[1], b[2], b[3], b[4], b[5], b[6], b[7], n[0]])
 }
 
-/// The constants of a chain, lane by lane, and how it is laid out.
+/// Constants of a chain, lane by lane, and its layout in the arrays.
 #[derive(Debug, Clone)]
 pub(crate) struct Lanes {
     pub(super) bodies: usize,
@@ -74,12 +75,12 @@ pub(crate) struct Lanes {
     pub(super) root: Aligned,
     pub(super) load: Aligned,
     pub(super) guests: Guests,
-    /// The wall's lane.
+    /// Lane of the wall.
     pub(super) wall: Option<usize>,
     pub(super) viscous: bool,
     pub(super) clipped: bool,
     pub(super) loaded: bool,
-    /// Scales of velocities and displacements.
+    /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,
     pub(super) depth: f64,
 }
@@ -88,47 +89,47 @@ pub(crate) struct Lanes {
 #[derive(Debug, Clone)]
 pub(super) struct Guests {
     pub(super) count: usize,
-    /// The lane of the first. Those of bodies come before.
+    /// Lane of the first intruder, after those of the bodies.
     first: usize,
-    /// Where their blocks are in an array.
+    /// Their blocks in an array.
     pub(super) blocks: Range<usize>,
-    /// The block of bodies that they share, if they do.
+    /// The block of bodies that also holds them, if there is one.
     pub(super) home: Option<usize>,
-    /// k, N/m, c, N·s/m, and 1/m, 1/kg, in lanes from that of the first of the blocks.
+    /// k, N/m, c, N·s/m, and 1/m, 1/kg, in lanes counted from the first of `blocks`.
     pub(super) stiffness: Aligned,
     pub(super) damping: Aligned,
     pub(super) inverse: Aligned,
-    /// The lane of each guest's host.
+    /// Lane of each intruder's host.
     pub(super) hosts: Vec<usize>,
-    /// The guests whose hosts are in each block of bodies.
+    /// Intruders whose hosts are in each block of bodies.
     pub(super) of_block: Vec<Range<usize>>,
 }
 
 impl Guests {
-    /// The guest of the body at a lane.
+    /// Intruder of the body at a lane.
     pub(super) fn of(&self, lane: usize) -> Option<usize> {
         let range = self.of_block.get((lane / BLOCK).wrapping_sub(1))?.clone();
         range.clone().find(|&guest| self.hosts[guest] == lane)
     }
 
-    /// The lane of a guest.
+    /// Lane of an intruder.
     #[inline(always)]
     pub(super) fn lane(&self, guest: usize) -> usize {
         self.first + guest
     }
 
-    /// The lanes of all.
+    /// Lanes of all intruders.
     pub(super) fn lanes(&self) -> Range<usize> {
         self.first..self.first + self.count
     }
 
-    /// Where a guest is in the arrays of guests.
+    /// Index of an intruder in the arrays of intruders.
     #[inline(always)]
     pub(super) fn seat(&self, guest: usize) -> usize {
         self.first + guest - self.blocks.start * BLOCK
     }
 
-    /// The guests in a block of an array.
+    /// Intruders in a block of an array.
     pub(super) fn within(&self, block: usize) -> Range<usize> {
         let until = |lane: usize| lane.saturating_sub(self.first).min(self.count);
         until(block * BLOCK)..until((block + 1) * BLOCK)
@@ -184,7 +185,7 @@ impl Lanes {
 fn guests(model: &Model, blocks: usize) -> Guests {
     let intruders = model.intruders();
     let count = intruders.len();
-    // The lane after the last body is the wall's.
+    // The lane after the last body belongs to the wall.
     let (after, end) = (BLOCK + model.bodies() + 1, first(blocks));
     let shares = count > 0 && blocks <= SHARED && after + count <= end;
     let begin = if shares { after } else { end + BLOCK };
@@ -217,7 +218,7 @@ fn guests(model: &Model, blocks: usize) -> Guests {
     }
 }
 
-/// The constants of the contacts, block by block, in arrays of one length.
+/// Constants of the contacts, block by block, in arrays of one length.
 #[derive(Clone, Copy)]
 pub(super) struct Contacts<'a> {
     stiffness: &'a [Block],

@@ -1,19 +1,20 @@
-//! The Runge-Kutta method in the form that a system of second order takes.
+//! The Runge-Kutta method in the form for systems of second order.
 //!
 //! # Design
 //!
-//! Accelerations F follow from displacements U and velocities V, and U' = V. So the argument of stage s is
+//! Accelerations F are functions of displacements U and velocities V, and U' = V. The argument of stage s is
+//! therefore
 //!
 //! ```text
 //! V + h Σ a[s][k] F[k]     and     U + c[s] h V + h² Σ (a·a)[s][k] F[k]
 //! ```
 //!
-//! This is the same method, but only accelerations need be kept, and each is read once for both sums. All is
-//! computed by the compiler, so the loops over a row have their numbers in place.
+//! This is the same method, but only accelerations need be kept, and each is read once for both sums. All
+//! coefficients are computed by the compiler, so loops over a row have them in place.
 
 use super::verner::{A, EMBEDDED, INSIDE, MAIN, STAGES};
 
-/// What one stage weighs in a sum: for velocities, over h, and for displacements, over h².
+/// Weights of a stage in a sum: for velocities, over h, and for displacements, over h².
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weight {
     pub(super) velocity: f64,
@@ -44,7 +45,7 @@ const DENSE_ROWS: Square = {
     square
 };
 
-/// Σ weights[j] a[j][stage]. Less than 1e-15 is zero but for rounding.
+/// Σ weights[j] a[j][stage]. A value below 1e-15 is a zero with rounding.
 const fn twice(weights: &[f64; STAGES], stage: usize) -> f64 {
     let (mut sum, mut j) = (0.0, 0);
     while j < STAGES {
@@ -54,7 +55,7 @@ const fn twice(weights: &[f64; STAGES], stage: usize) -> f64 {
     if sum < 1e-15 && sum > -1e-15 { 0.0 } else { sum }
 }
 
-/// Sums that give the arguments of the stages. That of stage [`MAIN`] is the end of the step.
+/// Weights of the arguments of the stages. The argument of stage [`MAIN`] is the end of the step.
 pub(super) static ROWS: [[Weight; STAGES]; STAGES] = {
     let mut rows = [[Weight::ZERO; STAGES]; STAGES];
     let mut row = 0;
@@ -72,7 +73,7 @@ pub(super) static ROWS: [[Weight; STAGES]; STAGES] = {
     rows
 };
 
-/// Where in the step each stage lies.
+/// Time of each stage, as a part of the step.
 pub(super) const NODES: [f64; STAGES] = {
     let mut nodes = [0.0; STAGES];
     let mut row = 0;
@@ -110,12 +111,12 @@ pub(crate) fn step<const N: usize>(
     argument(MAIN, &rates)
 }
 
-/// What a stage weighs in an integral over the step.
+/// Weight of a stage in an integral over the step.
 pub(super) const fn quadrature(stage: usize) -> f64 {
     DENSE_ROWS[MAIN][stage]
 }
 
-/// The estimate of the error of velocities.
+/// Weights of the estimated error of velocities.
 pub(super) static ERROR: &[(usize, f64)] = &{
     // The first stage, and those from the seventh on.
     let mut error = [(0, 0.0); 10];
@@ -134,11 +135,11 @@ pub(super) static ERROR: &[(usize, f64)] = &{
     error
 };
 
-/// How many numbers give a weight of the dense output.
+/// Number of coefficients of a weight of the dense output.
 pub(super) const TERMS: usize = 8;
 
-/// The weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k
-/// with s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their
+/// Weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k with
+/// s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their
 /// rounding.
 pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     let mut velocities = [[0.0; TERMS]; STAGES];
@@ -147,8 +148,8 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
         velocities[stage] = about_the_middle(&INSIDE[stage]);
         stage += 1;
     }
-    // The printed digits leave a trace of 1e-11. So that constant and linear rates are integrated exactly, it
-    // is taken from the first stage and that at the end.
+    // The published digits leave an error of 1e-11. It is removed by the first stage and that at the end, so
+    // that constant and linear rates are integrated exactly.
     let mut power = 1;
     while power < TERMS {
         let (mut moment, mut sum, mut stage) = (0.0, 0.0, 0);
@@ -162,7 +163,7 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
         velocities[0][power] -= sum - moment;
         power += 1;
     }
-    // And the output ends where the step does.
+    // The output ends where the step does.
     stage = 0;
     while stage < STAGES {
         let (mut rest, mut power) = (0.0, TERMS - 1);
@@ -195,7 +196,7 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     powers
 };
 
-/// A polynomial Σ c[k] x^k in powers of x - 1/2.
+/// Converts a polynomial Σ c[k] x^k to powers of x - 1/2.
 const fn about_the_middle(coefficients: &[f64; TERMS]) -> [f64; TERMS] {
     let mut shifted = *coefficients;
     let mut from = 0;
@@ -210,7 +211,7 @@ const fn about_the_middle(coefficients: &[f64; TERMS]) -> [f64; TERMS] {
     shifted
 }
 
-/// The weights of all stages in velocities, at the part `x` of a step.
+/// Weights of all stages in velocities, at the part `x` of a step.
 pub(super) fn inside(x: f64) -> [f64; STAGES] {
     POWERS.map(|powers| {
         let terms = powers.iter().rev();

@@ -2,14 +2,13 @@
 //!
 //! # Design
 //!
-//! Order 9 pays because the accuracy asked for lies near rounding ([`method`]). What would spoil it, contacts
-//! that open and close, is integrated exactly ([`crossing`]). Bodies are lanes of vectors ([`lanes`]), and a
-//! step works in room that was allotted once ([`work`]). Only blocks of beads that move are computed
-//! ([`stepper`]), and blocks that a wave has left in touch take longer steps ([`multirate`]).
+//! Order 9 pays because the accuracy asked for lies near rounding ([`method`]). Contacts that open and close,
+//! which would spoil it, are integrated exactly ([`crossing`]). Bodies are lanes of vectors ([`lanes`]), and
+//! a step works in memory allocated once ([`work`]). Only moving blocks of beads are computed ([`stepper`],
+//! [`rest`]), and blocks that a wave has left in contact take longer steps ([`multirate`]).
 //!
-//! A step's dense output is not stored. It follows from where the step started and how long it was, so
-//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that
-//! nobody looks into pays nothing.
+//! The dense output of a step is not stored. [`Dense`] computes it on request by repeating the step from its
+//! start. Memory is one state for each step, and a run without requests pays nothing.
 
 #[cfg(test)]
 mod against;

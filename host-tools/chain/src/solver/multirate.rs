@@ -1,14 +1,14 @@
-//! Longer steps for beads that a wave has left behind in touch.
+//! Longer steps for beads that a wave has left behind in contact.
 //!
 //! # Design
 //!
-//! Behind a wave in a viscous chain all beads stay in contact and creep, far above the error allowed, so they
-//! cannot sleep ([`super::rest`]). But their contacts hardly change while the wave takes a dozen steps. So
-//! the blocks that move are parted, time and again ([`super::parting`]). The slow part makes its one step
-//! first. The quick one goes on as if it were alone, and looks nowhere but at its own beads; when it comes to
-//! the end of the slow step, both are one again.
+//! Behind a wave in a viscous chain all beads stay in contact and creep at speeds far above the allowed
+//! error, so they cannot sleep ([`super::rest`]). But their contacts hardly change while the wave takes a
+//! dozen steps. The moving blocks are therefore divided into a slow and a quick part, again and again
+//! ([`super::parting`]). The slow part makes its single step first. The quick part then goes on as if it were
+//! alone, using its own beads only, until it reaches the end of the slow step, where both are joined.
 //!
-//! Meanwhile the slow step's own dense output tells where its beads are.
+//! In the meantime, the slow step's dense output gives the motion of its beads.
 
 use std::ops::Range;
 
@@ -18,49 +18,49 @@ use super::parting::{Calm, count, holds};
 use super::rest::{AHEAD, FLOOR, Rest};
 use super::work::{Motion, Work};
 
-/// The fewest blocks that are parted.
+/// Fewest moving blocks that are divided.
 const FEWEST: usize = 24;
-/// How many quick steps a slow one has to be worth.
+/// Fewest quick steps that a slow one must replace.
 const WORTH: f64 = 4.0;
-/// The most that may be computed of what a step of all blocks computes.
+/// Greatest computed part of the work of a step of all blocks for which dividing pays.
 const PAYS: f64 = 0.75;
-/// Steps that go by after parting the blocks did not pay: the least and the most.
+/// Steps to wait after dividing did not pay: least and most.
 const PAUSE: [u64; 2] = [16, 1024];
 
-/// One step of the slow part.
+/// A step of the slow part.
 #[derive(Debug, Clone)]
 struct Slow {
     work: Work,
-    /// Blocks whose motion it gives.
+    /// Blocks whose motion this step gives.
     own: Vec<Range<usize>>,
     from: f64,
     length: f64,
     to: f64,
     prepared: bool,
-    /// The motion at two times that were asked for, and what contacts have dissipated by the second.
+    /// Motion at two requested times, and the energy dissipated in contacts by the second, J.
     ends: [Motion; 2],
     times: [f64; 2],
     lost: f64,
 }
 
-/// Which blocks take longer steps, and their step as long as others have not come to its end.
+/// The blocks that take a longer step, and this step until the others have reached its end.
 #[derive(Debug, Clone)]
 pub(super) struct Multirate {
-    /// Room for the slow step, and the step.
+    /// The slow step, kept for its memory when none is under way.
     slow: Option<Box<Slow>>,
-    /// Whether that is under way.
+    /// True while a slow step is under way.
     parted: bool,
-    /// Speed that may be left out, m/s.
+    /// Speed that may be neglected, m/s.
     quiet: f64,
     tolerance: f64,
-    /// How long the next slow step should be, s.
+    /// Wanted length of the next slow step, s.
     reach: f64,
-    /// The number of the step at which to part blocks again, and steps to wait if that does not pay.
+    /// Number of the step at which to divide the blocks again, and steps to wait if that does not pay.
     next: u64,
     pause: u64,
 }
 
-/// Blocks beside calm ones, and whether they are behind those.
+/// Returns the blocks beside calm ones, each with true if it is behind those.
 fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
     let blocks = lanes.blocks;
     calm.runs.iter().flat_map(move |run| {
@@ -71,8 +71,8 @@ fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
     })
 }
 
-/// What the next slow step should be of the last, whose blocks had these errors: what costs least then, if
-/// errors go as the ninth power of the step.
+/// Returns the length of the next slow step over that of the last, whose blocks had these errors: the
+/// cheapest of a few, assuming that errors grow as the ninth power of the step.
 fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
     let blocks = || calm.runs.iter().flat_map(Clone::clone);
     let cost = |part: f64| {
@@ -87,7 +87,7 @@ fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
 
 impl Multirate {
     pub(super) fn new(lanes: &Lanes, tolerance: f64) -> Self {
-        // A loaded chain is as stiff everywhere as where the wave is.
+        // A loaded chain is as stiff elsewhere as at the wave.
         let never = lanes.loaded || lanes.blocks < FEWEST;
         Self {
             slow: None,
@@ -100,18 +100,18 @@ impl Multirate {
         }
     }
 
-    /// Parts no blocks from now on.
+    /// Turns division off.
     #[cfg(test)]
     pub(super) fn never(&mut self) {
         self.next = u64::MAX;
     }
 
-    /// Whether to try to part the blocks at step `number`.
+    /// Returns true if step `number` should try to divide the blocks.
     pub(super) fn is_due(&self, rest: &Rest, number: u64) -> bool {
         number >= self.next && !self.parted && rest.awake().len() >= FEWEST
     }
 
-    /// When the slow step ends, if one is under way.
+    /// End of the slow step, s; `None` if none is under way.
     pub(super) fn end(&self) -> Option<f64> {
         self.under_way().map(|slow| slow.to)
     }
@@ -120,9 +120,9 @@ impl Multirate {
         self.slow.as_deref().filter(|_| self.parted)
     }
 
-    /// Parts the blocks at `time`, if that pays, and makes the slow part's step, which does not pass `stop`.
-    /// Quick steps are about `step` long, and this one has a number. Gives how many tries of a step were
-    /// made.
+    /// Divides the blocks at `time`, if that pays, and makes the slow part's step, which does not pass
+    /// `stop`. `step` is the length of a quick step and `number` its number. Returns the number of steps
+    /// tried.
     pub(super) fn part(
         &mut self,
         lanes: &Lanes,
@@ -137,7 +137,7 @@ impl Multirate {
         let wanted = self.reach.max(2.0 * WORTH * step).min(most);
         let calm = Calm::new(lanes, rest.awake(), &work.start, wanted);
         let length = calm.longest(lanes, &work.start, self.quiet, wanted);
-        // A whole number of quick steps: the last is not cut short.
+        // A whole number of quick steps, so that the last is not cut short.
         let length = (step * (length / step * (1.0 + 1e-9)).floor()).min(most);
         let awake = rest.awake().len();
         let pays = |computed: usize| {
@@ -165,7 +165,7 @@ impl Multirate {
         match parts.filter(|parts| stays_calm && pays(count(&parts.quick))) {
             Some(parts) => {
                 (self.parted, self.pause) = (true, PAUSE[0]);
-                // The end of the run is met to the last bit.
+                // The end of the run is reached exactly.
                 slow.to = if length == most { stop } else { time + length };
                 let all = |blocks: &[Range<usize>]| blocks.iter().flat_map(Clone::clone).collect::<Vec<_>>();
                 work.shared = all(&parts.quick);
@@ -182,13 +182,13 @@ impl Multirate {
         1
     }
 
-    /// Waits for some steps, and the next time for more.
+    /// Waits for `pause` steps, and doubles the pause.
     fn wait(&mut self, number: u64) {
         self.next = number + self.pause;
         self.pause = (2 * self.pause).min(PAUSE[1]);
     }
 
-    /// Makes a slow step of `length` with all blocks that are calm. Gives whether they have stayed so.
+    /// Makes a slow step of `length` with all calm blocks. Returns true if they have stayed calm.
     fn attempt(
         &mut self,
         lanes: &Lanes,
@@ -227,8 +227,9 @@ impl Multirate {
         crossed == 0.0 && !meets
     }
 
-    /// After a quick step of `length` to `time`: beads beside the quick part fly on. At the end of the slow
-    /// step both are one again; gives what contacts of the slow part have dissipated by then, once.
+    /// Follows a quick step of `length` that ended at `time`. Beads beside the quick part fly on. At the end
+    /// of the slow step both parts are joined; then returns the energy dissipated in the slow part's
+    /// contacts, otherwise 0.
     pub(super) fn follow(
         &mut self,
         lanes: &Lanes,
@@ -263,7 +264,7 @@ impl Multirate {
         slow.work.lost_in_contacts(lanes)
     }
 
-    /// Whether the slow step gives the motion of a body.
+    /// Returns true if the slow step gives the motion of a body.
     #[inline(always)]
     pub(super) fn moves(&self, lane: usize) -> bool {
         self.parted && self.owns(lane)
@@ -285,7 +286,7 @@ impl Slow {
     fn prepare(&mut self, lanes: &Lanes) -> f64 {
         let length = self.length;
         if !self.prepared {
-            // Once more, for the powers of its own contacts: which those are was not known before.
+            // Made again for the dissipated power of the contacts of `own`, which was not known before.
             self.work.keep_inside(lanes);
             if self.work.powers.is_none() {
                 self.work.keep_powers(lanes);
@@ -305,26 +306,26 @@ impl Slow {
     }
 }
 
-/// Inside the slow step.
+/// The motion inside the slow step.
 impl Multirate {
     fn inside(&mut self) -> Option<&mut Slow> {
         self.slow.as_deref_mut().filter(|_| self.parted)
     }
 
-    /// Finds the motion of the slow part at `t`, for [`Multirate::body`].
+    /// Computes the motion of the slow part at time `t`, for [`Multirate::looked`].
     pub(super) fn look(&mut self, lanes: &Lanes, t: f64) {
         if let Some(slow) = self.inside() {
             slow.look(lanes, t);
         }
     }
 
-    /// Finds the motion at two times, for [`Multirate::at_ends`], and the loss by the second.
+    /// Computes the motion at two times, for [`Multirate::at_ends`], and the loss by the second.
     pub(super) fn look_at_ends(&mut self, lanes: &Lanes, times: [f64; 2]) {
         let Some(slow) = self.inside() else { return };
         if slow.times == times {
             return;
         }
-        // As a rule the first is the second of the last step.
+        // Usually the first is the second of the last step.
         if slow.times[1] == times[0] {
             slow.ends.swap(0, 1);
         } else {
@@ -337,22 +338,22 @@ impl Multirate {
         slow.times = times;
     }
 
-    /// The motion where [`Multirate::look`] has looked, for bodies that the slow step moves.
+    /// Motion at the time of [`Multirate::look`], for bodies that the slow step moves.
     pub(super) fn looked(&self) -> &Motion {
         &self.under_way().expect("a slow step is under way").work.stage
     }
 
-    /// The same at both times of [`Multirate::look_at_ends`].
+    /// Motion at both times of [`Multirate::look_at_ends`].
     pub(super) fn at_ends(&self) -> &[Motion; 2] {
         &self.under_way().expect("a slow step is under way").ends
     }
 
-    /// What contacts of the slow part have dissipated by the second time of [`Multirate::look_at_ends`].
+    /// Energy dissipated in the slow part's contacts by the second time of [`Multirate::look_at_ends`], J.
     pub(super) fn lost(&self) -> f64 {
         self.under_way().map_or(0.0, |slow| slow.lost)
     }
 
-    /// The slow step, its start and its length, where it has the contact at `lane`.
+    /// The slow step with its start and length, s, if it holds the contact at `lane`.
     pub(super) fn step_of(&mut self, lanes: &Lanes, lane: usize) -> Option<(&Work, (f64, f64))> {
         if !self.moves(lane) {
             return None;

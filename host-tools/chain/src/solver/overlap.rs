@@ -2,40 +2,40 @@
 //!
 //! # Design
 //!
-//! Smooth motion is a polynomial through both ends of the step. A contact that opens or closes adds what its
-//! own force does to its overlap, which no polynomial follows: with y the part of the step from the root δ =
-//! 0 into the closed side, the force goes as y^(3/2), and y^(1/2) with viscosity, so δ has terms y^(7/2) and
-//! y^(5/2). Their factors follow from the slope at the root. Without them a contact that closes just before
-//! the end of a step has a wrong force which no stage sees.
+//! Smooth motion is close to a polynomial through both ends of the step. A contact that opens or closes adds
+//! the effect of its own force on its overlap, which no polynomial describes: with y the part of the step
+//! from the root δ = 0 into the closed side, the force goes as y^(3/2), and as y^(1/2) with viscosity, so δ
+//! has terms y^(7/2) and y^(5/2). Their factors follow from the slope at the root. Without them, a contact
+//! that closes just before the end of a step would have a wrong force which no stage sees.
 
-/// Overlap, its rate and its acceleration.
+/// Overlap, m, its rate, m/s, and its acceleration, m/s².
 pub(super) type Ends = [f64; 3];
 
-/// δ as a function of the part x of the step: a polynomial of fifth order, and what the contact's own force
-/// adds.
+/// δ as a function of the part x of the step: a polynomial of fifth order, and the effect of the contact's
+/// own force.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Overlap {
     smooth: [f64; 6],
     own: Own,
 }
 
-/// What a contact's own force adds to its overlap: half y^(5/2) + whole y^(7/2).
+/// Effect of a contact's own force on its overlap: half y^(5/2) + whole y^(7/2).
 #[derive(Debug, Clone, Copy, Default)]
 struct Own {
     root: f64,
-    /// Whether the contact is closed after the root.
+    /// True if the contact is closed after the root.
     closes: bool,
     half: f64,
     whole: f64,
 }
 
 impl Own {
-    /// It, its slope and its bend at the part x of the step.
+    /// The effect, its slope and its second derivative at the part x of the step.
     #[inline(always)]
     fn at(&self, x: f64) -> (f64, f64, f64) {
         let sign = if self.closes { 1.0 } else { -1.0 };
         let y = sign * (x - self.root);
-        // Without a branch, many places are computed at once.
+        // Without a branch, many parts are computed at once.
         let y = if y > 0.0 { y } else { 0.0 };
         let root = y.sqrt();
         let bend = root * (3.75 * self.half + 8.75 * self.whole * y);
@@ -46,7 +46,7 @@ impl Own {
 }
 
 impl Overlap {
-    /// The polynomial of a step of this length.
+    /// The polynomial for a step of this length.
     #[inline(always)]
     pub(super) fn between(length: f64, start: Ends, end: Ends) -> Self {
         let h = length;
@@ -67,7 +67,7 @@ impl Overlap {
     }
 
     /// The overlap of a contact that crosses zero once in a step of this length, and the part of the step at
-    /// which it does. `stiffness` is κ by the masses of both bodies (1/M + 1/M'), `viscosity` is (3/2) τ.
+    /// which it does. `stiffness` is κ (1/M + 1/M') for the masses of both bodies, `viscosity` is (3/2) τ.
     #[inline(always)]
     pub(super) fn crossing(
         length: f64,
@@ -82,7 +82,7 @@ impl Overlap {
         let mut overlap = Self::between(length, start, end);
         let ends = (start[0], end[0]);
         let mut root = overlap.root(closes, ends.0 / (ends.0 - ends.1));
-        // The slope at the root changes little by what is added far from it.
+        // Effects far from the root change the slope there only a little.
         for _ in 0..2 {
             let (_, slope, bend) = overlap.smooth_at(root);
             let slope = slope.abs();
@@ -93,7 +93,7 @@ impl Overlap {
                 half: 4.0 / 15.0 * pull * sign * viscosity * slope,
                 whole: 4.0 / 35.0 * pull * (slope + sign * 1.25 * bend * viscosity),
             };
-            // What is left for the polynomial. The force is at one end, and at the other there is none.
+            // The remainder for the polynomial. The force acts at one end of the step only.
             let rest = |ends: Ends, x: f64| {
                 let (value, slope, bend) = own.at(x);
                 [
@@ -112,7 +112,7 @@ impl Overlap {
         (overlap, root)
     }
 
-    /// Where the polynomial is zero: Newton's way from `near`, kept between bounds.
+    /// Root of the polynomial, by Newton's method from `near`, kept between bounds.
     #[inline(always)]
     fn root(&self, closes: bool, near: f64) -> f64 {
         let (mut low, mut high) = (0.0, 1.0);
@@ -130,7 +130,7 @@ impl Overlap {
             } else {
                 0.5 * (low + high)
             };
-            // The error goes with the square of the last change.
+            // The error is proportional to the square of the last change.
             if (next - x).abs() < 1e-9 {
                 return next;
             }
@@ -146,12 +146,12 @@ impl Overlap {
         (smooth + own.0, slope + own.1)
     }
 
-    /// How far the contact's own force has moved it at the end of the step.
+    /// Displacement by the contact's own force at the end of the step, m.
     pub(super) fn own_at_end(&self) -> f64 {
         self.own.at(1.0).0.abs()
     }
 
-    /// The polynomial, its slope and its bend.
+    /// The polynomial, its slope and its second derivative.
     #[inline(always)]
     fn smooth_at(&self, x: f64) -> (f64, f64, f64) {
         let p = &self.smooth;
@@ -166,7 +166,7 @@ impl Overlap {
 mod tests {
     use super::*;
 
-    /// A contact that closes, and what its own force adds: δ = y - 0.1 y^(7/2), with y = x - 0.9.
+    /// A contact that closes, with the effect of its own force: δ = y - 0.1 y^(7/2), with y = x - 0.9.
     #[test]
     fn what_the_contact_adds_by_itself_is_no_polynomial_and_is_found() {
         let (root, length) = (0.9, 2.0);

@@ -1,41 +1,41 @@
-//! Which blocks may take a longer step than a wave does, and how long.
+//! Division of the moving blocks into those that need quick steps and those that may take a longer one.
 //!
 //! # Design
 //!
-//! The blocks that move are parted: *quick* ones take the steps that the wave needs, and *slow* ones one step
-//! over the time of many of these ([`super::multirate`]). Each part computes [`SHARED`] blocks of the other
-//! one beside its own, behind which it lets the beads fly freely, and forgets them in the end.
+//! The moving blocks are divided: *quick* blocks take the steps that the wave needs, and *slow* blocks one
+//! step over the time of many of these ([`super::multirate`]). Each part also computes [`SHARED`] blocks of
+//! the other, behind which it lets the beads fly freely, and discards them in the end.
 //!
-//! A slow step is tried on blocks whose contacts are all *calm*, and that have no intruder: contacts that are
-//! closed and change little in the step, or that are open and stay so. [`GUARD`] blocks beside others are
-//! left out. Then the slow part is made of those that the step has moved without too great an error.
+//! A slow step is tried on *calm* blocks without intruders: those whose contacts are closed and change little
+//! in the step, or stay open. [`GUARD`] blocks beside others are left out. The slow part then consists of the
+//! blocks that this step has moved without too large an error.
 //!
-//! # What that leaves out
+//! # The error
 //!
-//! Let bead 0 be one that flies freely instead, K beads be computed and forgotten, and bead K the first that
-//! is not. Let e(n, t) be the error of the displacement of bead n at the time t after the step began. A force
-//! grows with the overlap and with its rate: a is the greatest slope by the overlap over a mass, g that by
-//! the rate. So
+//! Let bead 0 be one that flies freely instead, let K beads be computed and discarded, and let bead K be the
+//! first that is kept. Let e(n, t) be the error of the displacement of bead n at the time t after the step
+//! began. A force grows with the overlap and with its rate: a is the greatest slope with the overlap over a
+//! mass, g that with the rate. Then
 //!
 //! ```text
 //! |e''(n)| ≤ a (|e(n-1)| + 2 |e(n)| + |e(n+1)|) + g (|e'(n-1)| + 2 |e'(n)| + |e'(n+1)|)
 //! |e(0)| ≤ A t²/2   and   |e'(0)| ≤ A t                A the greatest acceleration of bead 0
 //! ```
 //!
-//! (A/λ²) z⁻ⁿ exp(λt) makes an equation of the first if z + 2 + 1/z = λ²/(a + gλ), and it and its rate are
-//! above the second. So it is above all errors, whatever λ > 0 is that gives z > 1. With λ = 2K/H, which is
-//! near the best, the velocity of bead K is wrong after a step of H by at most
+//! (A/λ²) z⁻ⁿ exp(λt) turns the first line into an equation if z + 2 + 1/z = λ²/(a + gλ), and it exceeds the
+//! second line, as does its rate. It is therefore an upper bound of all errors, for any λ > 0 with z > 1.
+//! With λ = 2K/H, which is near the best, the error of the velocity of bead K after a step of H is at most
 //!
 //! ```text
 //! A H/(2K) e^(2K) z^(-K)                               2.5e-9 A H for K = 8 and √a H = 2
 //! ```
 //!
-//! A slow step is so short that this is at most the speed that a block at rest may have, [`FLOOR`] ×
+//! A slow step is short enough that this is at most the speed that a block at rest may have, [`FLOOR`] ×
 //! tolerance × the striker's speed.
 //!
-//! Waves must not come through the guard meanwhile. A signal goes on by √(k/M) beads a second where contacts
-//! have the stiffness k, and no contact is stiffer than one that has all the energy of the blocks that are
-//! not calm.
+//! Waves must not cross the guard meanwhile. A signal travels at √(k/M) beads a second where contacts have
+//! the stiffness k, and no contact is stiffer than one that holds all the energy of the blocks that are not
+//! calm.
 
 use std::ops::Range;
 
@@ -45,27 +45,27 @@ use super::rest::AHEAD;
 use super::rest::FLOOR;
 use super::work::{Motion, force};
 
-/// Blocks beside its own that each part computes where both meet.
+/// Blocks of the other part that each part computes at their border.
 const SHARED: usize = 1;
-/// Blocks between one that is not calm and those that the slow part computes.
+/// Blocks between one that is not calm and those of the slow part.
 const GUARD: usize = 2;
-/// The fewest blocks in a row that are slow.
+/// Fewest slow blocks in a row.
 const FEWEST: usize = 4;
-/// The part of a calm contact's overlap that a slow step may change.
+/// Part of a calm contact's overlap that a slow step may change.
 const CALM: f64 = 0.25;
-/// Longest slow step, over the time constant of the stiffest contact in it. The method is stable up to 3.
+/// Longest slow step, over the time constant of its stiffest contact. The method is stable up to 3.
 const STABLE: f64 = 2.5;
 
-/// Both parts, in runs of blocks.
+/// The two parts, in runs of blocks.
 #[derive(Debug)]
 pub(super) struct Parts {
-    /// What the quick part computes.
+    /// Blocks that the quick part computes.
     pub(super) quick: Vec<Range<usize>>,
-    /// What the slow part gives the motion of. All else is the quick part's.
+    /// Blocks whose motion the slow part gives. All others belong to the quick part.
     pub(super) own: Vec<Range<usize>>,
 }
 
-/// Runs of the blocks that are marked.
+/// Returns the runs of marked blocks.
 fn runs(marks: &[bool]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     for block in (0..marks.len()).filter(|&block| marks[block]) {
@@ -81,12 +81,12 @@ pub(super) fn holds(runs: &[Range<usize>], block: usize) -> bool {
     runs.iter().any(|run| run.contains(&block))
 }
 
-/// How many blocks there are in runs.
+/// Number of blocks in runs.
 pub(super) fn count(runs: &[Range<usize>]) -> usize {
     runs.iter().map(Range::len).sum()
 }
 
-/// Overlap of a contact and its rate.
+/// Overlap of a contact, m, and its rate, m/s.
 fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
     (
         motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane],
@@ -94,12 +94,13 @@ fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
     )
 }
 
-/// Lanes of all contacts of some blocks.
+/// Lanes of the contacts of some blocks.
 fn contacts(run: &Range<usize>) -> impl Iterator<Item = usize> + use<> {
     first(run.start)..first(run.end) + 1
 }
 
-/// Whether all contacts of a block stay closed, or open, for `length`, and change little.
+/// Returns true if a block has no intruder and all its contacts stay closed, or open, and change little for
+/// `length`.
 fn is_calm(lanes: &Lanes, motion: &Motion, block: usize, length: f64) -> bool {
     let calm = |lane: usize| {
         let (overlap, rate) = overlap(lanes, motion, lane);
@@ -110,14 +111,14 @@ fn is_calm(lanes: &Lanes, motion: &Motion, block: usize, length: f64) -> bool {
     lanes.guests.of_block[block].is_empty() && contacts(&(block..block + 1)).all(calm)
 }
 
-/// What moves, and what of it may be computed in a slow step.
+/// Moving blocks, and the runs among them that a slow step may compute.
 pub(super) struct Calm {
     moves: Vec<bool>,
     pub(super) runs: Vec<Range<usize>>,
 }
 
 impl Calm {
-    /// Of the blocks that are awake, those that are calm for `length`.
+    /// Finds the blocks among those awake that are calm for `length`.
     pub(super) fn new(lanes: &Lanes, awake: &[usize], motion: &Motion, length: f64) -> Self {
         let mut moves = vec![false; lanes.blocks];
         let mut calm = moves.clone();
@@ -125,7 +126,7 @@ impl Calm {
             (moves[block], calm[block]) = (true, true);
         }
         for &block in awake {
-            // The clock goes on with the quick part, so the last block is always of it.
+            // The quick part advances the clock, so the last block always belongs to it.
             if Some(&block) == awake.last() || !is_calm(lanes, motion, block, length) {
                 calm[block.saturating_sub(GUARD)..(block + GUARD + 1).min(lanes.blocks)].fill(false);
             }
@@ -135,8 +136,8 @@ impl Calm {
         Self { moves, runs }
     }
 
-    /// The longest step of up to `wanted` that is stable, ends before waves come through the guard, and
-    /// leaves out no velocity above `quiet` where the calm blocks end.
+    /// Returns the longest step of up to `wanted` that is stable, ends before waves cross the guard, and
+    /// causes no error of a velocity above `quiet` at the ends of the calm blocks.
     pub(super) fn longest(&self, lanes: &Lanes, motion: &Motion, quiet: f64, wanted: f64) -> f64 {
         let slopes = Slopes::of(lanes, motion, &self.runs);
         let stable = STABLE / (slopes.overlap.sqrt() + slopes.rate);
@@ -148,7 +149,7 @@ impl Calm {
         length
     }
 
-    /// Beads a second that no signal from blocks that are not calm surpasses.
+    /// Upper bound of the speed of signals from blocks that are not calm, beads/s.
     fn fastest(&self, lanes: &Lanes, motion: &Motion) -> f64 {
         let (mut energy, mut stiffest) = (0.0, 0.0_f64);
         let others = (0..self.moves.len()).filter(|&block| self.moves[block] && !holds(&self.runs, block));
@@ -166,7 +167,7 @@ impl Calm {
                 energy += 0.5 * lanes.guests.stiffness[seat] * u[at] * u[at];
             }
             let inverse = lanes.inverse[lane - 1].max(lanes.inverse[lane]);
-            // (2/5) κ δ^(5/2) is the energy, (3/2) κ √δ the stiffness: it goes as κ^(4/5).
+            // With the energy (2/5) κ δ^(5/2) and the stiffness (3/2) κ √δ, the stiffness goes as κ^(4/5).
             stiffest = stiffest.max(lanes.stiffness[lane].powf(0.8) * inverse);
         }
         (1.5 * stiffest * (2.5 * energy).powf(0.2)).sqrt()
@@ -176,7 +177,7 @@ impl Calm {
         self.moves.get(block) == Some(&true)
     }
 
-    /// Beads beside runs that begin or end where more moves: a part lets them fly freely.
+    /// Returns the beads beside runs, on sides where more blocks move: a part lets them fly freely.
     fn edges(&self, runs: &[Range<usize>]) -> Vec<usize> {
         let mut lanes = Vec::new();
         for run in runs {
@@ -190,14 +191,14 @@ impl Calm {
         lanes
     }
 
-    /// The blocks of a run without those at ends where more moves.
+    /// Returns the blocks of a run without the shared ones at ends where more blocks move.
     fn inner(&self, run: &Range<usize>) -> Range<usize> {
         let shared = |block: usize| if self.moves(block) { SHARED } else { 0 };
         run.start + shared(run.start.wrapping_sub(1))..run.end - shared(run.end)
     }
 
-    /// The parts, after a slow step of `length` with these errors of its blocks. None if the quick part would
-    /// leave out a velocity above `quiet`.
+    /// Divides the blocks after a slow step of `length` with these errors. `None` if the quick part would
+    /// have an error of a velocity above `quiet`.
     pub(super) fn parts(
         &self,
         lanes: &Lanes,
@@ -222,7 +223,7 @@ impl Calm {
     }
 }
 
-/// How contacts answer: slopes of a force by the overlap and by its rate over a mass, 1/s² and 1/s.
+/// Slopes of a contact force with the overlap, 1/s², and with its rate, 1/s, both over a mass.
 #[derive(Debug, Clone, Copy)]
 struct Slopes {
     overlap: f64,
@@ -230,9 +231,9 @@ struct Slopes {
 }
 
 impl Slopes {
-    /// The greatest of calm blocks.
+    /// Returns the greatest slopes in calm blocks.
     fn of(lanes: &Lanes, motion: &Motion, runs: &[Range<usize>]) -> Self {
-        // Compared as squares: a root for each takes longer than all else.
+        // Compared as squares, because a root for each would take longer than all else.
         let (mut overlaps, mut rates) = (0.0_f64, 0.0_f64);
         for lane in runs.iter().flat_map(contacts) {
             let inverse = lanes.inverse[lane - 1].max(lanes.inverse[lane]);
@@ -241,14 +242,14 @@ impl Slopes {
             overlaps = overlaps.max(square);
             rates = rates.max(square * lanes.viscosity[lane] * lanes.viscosity[lane]);
         }
-        // A calm contact may become deeper by a quarter, and by its rate stiffer by an eighth.
+        // A calm contact may become deeper by a quarter, and thereby stiffer by an eighth.
         Self {
             overlap: 1.26 * 1.5 * overlaps.sqrt(),
             rate: 1.12 * rates.sqrt(),
         }
     }
 
-    /// The velocity that a step leaves out if it lets these beads fly freely.
+    /// Returns the error of a velocity if a step lets these beads fly freely, m/s.
     fn left_out(self, lanes: &Lanes, motion: &Motion, beads: &[usize], length: f64) -> f64 {
         const BEADS: usize = SHARED * BLOCK;
         const E: f64 = std::f64::consts::E;
@@ -261,7 +262,7 @@ impl Slopes {
         let acceleration = |&lane: &usize| {
             let push = force(lanes, lane, motion) - force(lanes, lane + 1, motion);
             let rates = overlap(lanes, motion, lane).1.abs() + overlap(lanes, motion, lane + 1).1.abs();
-            // Now, and what rates of up to twice these make of it.
+            // The present acceleration, and its change by rates of up to twice the present ones.
             push.abs() * lanes.inverse[lane] + 2.0 * self.overlap * rates * length
         };
         let most = beads.iter().map(acceleration).fold(0.0, f64::max);

@@ -1,21 +1,20 @@
-//! Which blocks of beads need no computation: those that the wave has not reached, and those that it has
-//! left.
+//! Blocks of beads that need no computation: those that the wave has not reached, and those that it has left.
 //!
 //! # Design
 //!
-//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. A contact
-//! is out of the game in one of two ways. It is *open*: its bodies fly freely, so when they will meet follows
-//! from where they are. Or it is *quiet*: speed and overlap are less than the error that a single step may
-//! make ([`FLOOR`] of the tolerance), and bodies that it joins go on together at their common speed, or stand
-//! still if that too is quiet. What a wave leaves behind in an elastic chain is such dust. So what is left
-//! out of a body's velocity is at most FLOOR × tolerance × the striker's speed, once after each wave that
-//! passes it.
+//! A block sleeps while none of its contacts carries a force that matters and none of its intruders moves.
+//! There are two such states of a contact. It is *open*: its bodies fly freely, so the time of their next
+//! meeting is known. Or it is *quiet*: its speed and overlap are below the error that a single step may make
+//! ([`FLOOR`] times the tolerance), and its bodies go on at their common speed, or stand still if that speed
+//! too is quiet. A wave in an elastic chain leaves only such motion behind. The error of a body's velocity is
+//! at most FLOOR × tolerance × the striker's speed, once for each wave that passes.
 //!
-//! A bead ahead of a wave moves as the motion two beads before to the power 3/2 each. So a block that touches
-//! wakes when the third bead before it is no longer quiet: what is left out then is far below rounding.
+//! Ahead of a wave, each bead moves as the motion of the bead before it to the power 3/2. A block in contact
+//! therefore wakes when the third bead before it is no longer quiet: the neglected motion is then far below
+//! rounding.
 //!
-//! No step looks at more blocks than are awake and their neighbours: a pulse costs the same in a chain of any
-//! length.
+//! A step looks only at blocks that are awake and at their neighbours, so a pulse costs the same in a chain
+//! of any length.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -23,17 +22,17 @@ use std::collections::BinaryHeap;
 use super::lanes::{BLOCK, Lanes, first};
 use super::work::Work;
 
-/// The part of the tolerance, of the striker's speed, that any step may err by.
+/// Error that any step may make, as a part of the tolerance times the striker's speed.
 pub(super) const FLOOR: f64 = 0.01;
-/// Motion, as a part of its scale, that nothing in f64 can notice.
+/// Motion below the rounding of an `f64`, as a part of its scale.
 const STILL: f64 = 1e-16;
-/// Beads at the edge of a block that are watched.
+/// Watched beads at the edge of a block.
 const WATCHED: usize = 3;
-/// Steps ahead of a collision at which a block wakes.
+/// Steps before a collision at which a block wakes.
 pub(super) const AHEAD: f64 = 3.0;
 
-/// The overlap at which a contact of the chain first has the elastic energy of its lighter body at the speed
-/// `quiet`, m.
+/// Returns the least overlap, m, at which a contact of the chain has the elastic energy of its lighter body
+/// at the speed `quiet`, m/s.
 fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
     let rates =
         (1..lanes.len()).map(|lane| lanes.stiffness[lane] * lanes.inverse[lane - 1].max(lanes.inverse[lane]));
@@ -42,29 +41,29 @@ fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
 
 #[derive(Debug, Clone)]
 pub(super) struct Rest {
-    /// Since when each block is asleep.
+    /// Time since which each block is asleep, s.
     asleep: Vec<Option<f64>>,
-    /// The others, in order.
+    /// Blocks that are awake, in order.
     awake: Vec<usize>,
-    /// Those that another step moves ([`super::multirate`]), in order.
+    /// Blocks that another step moves ([`super::multirate`]), in order.
     elsewhere: Vec<usize>,
-    /// When two bodies of a sleeping block, or of it and a sleeping neighbour, will meet.
+    /// Time at which two bodies of a sleeping block, or of it and a sleeping neighbour, will meet, s.
     touch: Vec<f64>,
-    /// The same as a queue: bits of the time, which order as it does, and the block. What does not agree with
-    /// `touch` is out of date.
+    /// Queue of these times, as bits, which have the same order, with their blocks. An entry that differs
+    /// from `touch` is out of date.
     queue: BinaryHeap<Reverse<(u64, usize)>>,
-    /// Speed of a contact that may be left out, m/s, and overlap, m.
+    /// Speed, m/s, and overlap, m, of a contact that may be neglected.
     quiet: f64,
     shallow: f64,
     steps: u64,
-    /// A block that has intruders in it, and the blocks of their hosts.
+    /// A block of bodies that also holds intruders, and the blocks of their hosts.
     home: Option<(usize, Vec<usize>)>,
-    /// Steps between looks for blocks that may sleep.
+    /// Steps from one search for blocks that may sleep to the next.
     patience: u64,
 }
 
 impl Rest {
-    /// Blocks at rest sleep from the start, at `time`.
+    /// Puts blocks at rest to sleep at `time`.
     pub(super) fn new(lanes: &Lanes, work: &mut Work, time: f64, tolerance: f64) -> Self {
         let mut moves: Vec<bool> = (0..lanes.blocks)
             .map(|block| {
@@ -99,7 +98,7 @@ impl Rest {
         rest
     }
 
-    /// Wakes all blocks, and lets none sleep again.
+    /// Wakes all blocks and keeps them awake.
     #[cfg(test)]
     pub(super) fn keep_awake(&mut self, lanes: &Lanes, work: &mut Work, time: f64) {
         for block in 0..lanes.blocks {
@@ -111,7 +110,7 @@ impl Rest {
         self.arrange(lanes, work);
     }
 
-    /// When a sleeping block will have a collision.
+    /// Time of the next collision in a sleeping block, s.
     pub(super) fn next_touch(&mut self) -> f64 {
         while let Some(Reverse((bits, block))) = self.queue.peek() {
             if self.touch[*block].to_bits() == *bits {
@@ -122,7 +121,7 @@ impl Rest {
         f64::INFINITY
     }
 
-    /// Brings a sleeping block up to `time`.
+    /// Moves the bodies of a sleeping block on to `time`.
     fn settle(&mut self, work: &mut Work, block: usize, time: f64) {
         let Some(since) = &mut self.asleep[block] else {
             return;
@@ -147,7 +146,7 @@ impl Rest {
         }
     }
 
-    /// Notes runs of blocks that move, and intruders in them.
+    /// Writes the runs of moving blocks and the blocks of moving intruders to `work`.
     fn arrange(&mut self, lanes: &Lanes, work: &mut Work) {
         work.active.clear();
         work.active_guests.clear();
@@ -169,7 +168,7 @@ impl Rest {
         }
     }
 
-    /// Calls for each sleeping block beside a run: the block, and whether it is behind the run.
+    /// Calls `call` with each block beside a run, and true if it is behind the run.
     fn for_neighbours(
         &mut self,
         lanes: &Lanes,
@@ -192,13 +191,13 @@ impl Rest {
         &self.awake
     }
 
-    /// Leaves blocks that are awake to another step, and all others to this one.
+    /// Assigns the blocks of `elsewhere` to another step, and all others that are awake to this one.
     pub(super) fn leave(&mut self, lanes: &Lanes, work: &mut Work, elsewhere: Vec<usize>) {
         self.elsewhere = elsewhere;
         self.arrange(lanes, work);
     }
 
-    /// Whether a block sleeps that a run beside it soon moves.
+    /// Returns true if a block sleeps and the run beside it soon moves it.
     pub(super) fn meets(
         &mut self,
         lanes: &Lanes,
@@ -215,14 +214,14 @@ impl Rest {
         self.awake.len() == lanes.blocks
     }
 
-    /// Wakes what a step of about `h` could reach.
+    /// Wakes the blocks that a step of about `h` could reach.
     pub(super) fn before_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
         if self.all_move(lanes) {
             return;
         }
         loop {
             let before = self.awake.len();
-            // With nothing else awake, no step is lost by waiting for the collision itself.
+            // With nothing else awake, the next step may end at the collision itself.
             let until = if work.active.is_empty() {
                 time
             } else {
@@ -249,7 +248,7 @@ impl Rest {
         }
     }
 
-    /// Whether a run soon moves the sleeping block beside it.
+    /// Returns true if a run soon moves the sleeping block beside it.
     fn reaches(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
         // The contact between the block and the run, and the edge of the run.
         let (lane, edge) = if behind {
@@ -263,7 +262,7 @@ impl Rest {
         }
         let (u, v) = (&work.start.u, &work.start.v);
         if lanes.loaded {
-            // A loaded chain is linear: what is weak goes on.
+            // A loaded chain is linear, so weak motion propagates too.
             return edge
                 .into_iter()
                 .any(|lane| u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed);
@@ -280,7 +279,8 @@ impl Rest {
                 .any(|lane| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet)
     }
 
-    /// Whether a step of length `h` has closed the contact between a sleeping block and the run beside it.
+    /// Returns true if a step of length `h` has closed the contact between a sleeping block and the run
+    /// beside it.
     pub(super) fn closes(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
         let lane = if behind {
             first(block)
@@ -301,7 +301,8 @@ impl Rest {
         closes && lanes.stiffness[lane] > 0.0 && self.asleep[block].is_some()
     }
 
-    /// Whether a step of length `h` has closed a contact with a sleeping block. The block is woken.
+    /// Wakes sleeping blocks with which a step of length `h` has closed a contact. Returns true if there are
+    /// any.
     pub(super) fn touched(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) -> bool {
         if self.all_move(lanes) {
             return false;
@@ -319,7 +320,7 @@ impl Rest {
         woken
     }
 
-    /// Lets blocks fall asleep that fly freely or hardly move.
+    /// Puts blocks to sleep that fly freely or hardly move.
     pub(super) fn after_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
         self.steps += 1;
         if lanes.loaded || !self.steps.is_multiple_of(self.patience) {
@@ -365,7 +366,8 @@ impl Rest {
         })
     }
 
-    /// Whether every contact of a block is open for some time or quiet, and its intruders are quiet.
+    /// Returns true if every contact of a block is quiet or stays open for some time, and its intruders are
+    /// quiet.
     fn may_sleep(&self, lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
         let may = |lane: usize| {
             let gap = work.start.u[lane] - work.start.u[lane - 1];
@@ -383,7 +385,7 @@ impl Rest {
             && self.guests_are_quiet(lanes, work, block)
     }
 
-    /// Lets bodies of a block that touch quietly go on together, and those that hardly move stand still.
+    /// Gives bodies of a block in quiet contact their common velocity, and stops those that hardly move.
     fn join(&self, lanes: &Lanes, work: &mut Work, block: usize) {
         let (u, v) = (&work.start.u, &mut work.start.v);
         let mut from = first(block);
@@ -410,7 +412,7 @@ impl Rest {
         }
     }
 
-    /// When two bodies will meet in a sleeping block, or between it and a sleeping neighbour.
+    /// Time at which two bodies will meet in a sleeping block, or between it and a sleeping neighbour, s.
     fn meeting(&mut self, lanes: &Lanes, work: &mut Work, block: usize, time: f64) -> f64 {
         let (mut from, mut to) = (first(block) + 1, first(block + 1));
         if block > 0 && self.asleep[block - 1].is_some() {
@@ -429,19 +431,19 @@ impl Rest {
             } else if approach > self.quiet {
                 time + gap.max(0.0) / approach
             } else {
-                // It may be left out until the overlap matters.
+                // It may be neglected until the overlap matters.
                 time + (gap + 4.0 * self.shallow).max(0.0) / approach
             }
         };
         (from..to).map(meet).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a body is in a block that moves.
+    /// Returns true if a body is in a moving block.
     pub(super) fn moves(&self, lane: usize) -> bool {
         self.asleep[lane / BLOCK - 1].is_none()
     }
 
-    /// Where a sleeping body is at `time`.
+    /// Displacement of a sleeping body at `time`, m.
     pub(super) fn place(&self, work: &Work, lane: usize, time: f64) -> f64 {
         let since = self.asleep[lane / BLOCK - 1].unwrap_or(time);
         work.start.u[lane] + work.start.v[lane] * (time - since)

@@ -1,5 +1,5 @@
-//! Small runs of every kind, which together take a part of a second: what is wrong with the solver is noticed
-//! here first.
+//! Small runs of every kind, which together take less than a second, so that faults of the solver are noticed
+//! early.
 
 use std::sync::Arc;
 
@@ -111,7 +111,7 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     ]
 }
 
-/// A chain so long that most of what a wave leaves in touch takes longer steps.
+/// A chain so long that most of it, left in contact by a wave, takes longer steps.
 fn parted() -> Scenario {
     let mut scenario = with_intruders(plain(360, 4.2e-6, 0.08), &[2]);
     let mut section = Section::of(200..=206);
@@ -131,7 +131,7 @@ fn start(model: &Model, (time, state): (f64, &[f64]), tolerance: f64, longest: f
     )
 }
 
-/// The state of a copy of the run as it is now.
+/// The present state of a run, taken from a copy.
 fn state(model: &Model, stepper: &Stepper) -> Vec<f64> {
     let mut state = model.initial();
     stepper.clone().state(&mut state);
@@ -173,8 +173,8 @@ fn a_bead_that_is_hit_beside_a_sleeping_block_pushes_it_in_the_same_step() {
 
 #[test]
 fn a_contact_that_closes_at_the_end_of_a_step_keeps_the_energy() {
-    // Beads apart meet at any part of a step. Where they meet behind the last stage inside it, no stage sees
-    // their force, and a step that did not end before would lose up to 1.5e-8 of the energy.
+    // Beads apart meet at any part of a step. If they meet after the last stage inside it, no stage sees
+    // their force; a step that did not end before would lose up to 1.5e-8 of the energy.
     for n in 0..120 {
         let mut scenario = plain(2, 0.0, 0.0012);
         scenario.wall = Some(Wall::flat(Material::STEEL));
@@ -248,8 +248,7 @@ fn inside_a_long_step_in_which_contacts_open_and_close_it_is_so_too() {
     inside_of_steps(1e-8, 1.0, 2, [1e-7, 1e-7, 1e-5]);
 }
 
-/// Looks into each step that `every` divides, and compares states, those of the dense output, and
-/// accelerations.
+/// Compares the motion inside each step that `every` divides: states, dense output, and accelerations.
 fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
     for (name, scenario) in kinds() {
         let model = Model::new(&scenario);
@@ -415,7 +414,7 @@ fn a_chain_that_is_parted_is_everywhere_and_always_as_one_that_is_not() {
             continue;
         }
         let to = run.time;
-        // As far as the striker would have come: errors of velocities add up over the way.
+        // The distance the striker would have travelled: errors of velocities add up over it.
         let far = model.speed_scale() * to;
         let mut there = |t: f64| {
             while whole.time < t {
@@ -464,7 +463,7 @@ fn a_chain_that_is_parted_is_everywhere_and_always_as_one_that_is_not() {
             same(change, near.0 - behind.0, far);
             same(rate, near.1 - behind.1, model.speed_scale());
         }
-        // Who goes on from here comes to the same end.
+        // A run from here reaches the same end.
         let now = state(&model, &run);
         for component in 0..now.len() {
             let scale = if component < model.bodies() {

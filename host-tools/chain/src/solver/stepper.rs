@@ -1,4 +1,4 @@
-//! A run, step by step: how long a step may be, and which beads it moves.
+//! Steps of a run: their lengths, and the beads that they move.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use super::rest::Rest;
 use super::work::Work;
 use crate::model::Layout;
 
-/// A trajectory as far as it is known: its last step, the length of the next, and counts.
+/// The present state of a run: its last step, the length of the next, and counts.
 #[derive(Debug, Clone)]
 pub(crate) struct Stepper {
-    /// Where the last step ends.
+    /// End of the last step, s.
     pub(crate) time: f64,
     pub(crate) evaluations: u64,
     pub(crate) steps: u64,
@@ -29,18 +29,18 @@ pub(crate) struct Stepper {
     tolerance: f64,
     step: f64,
     longest: f64,
-    /// Length of the last step, as long as its stages are kept.
+    /// Length of the last step, s, while its stages are kept.
     made: Option<f64>,
-    /// Whether [`Stepper::look`] can be asked about it at once.
+    /// True if the stages of the dense output have been computed.
     prepared: bool,
 }
 
-/// How a step should change to have the error 1: error^(-1/8), whose root is the same on every computer.
+/// Factor that gives a step the error 1: error^(-1/8), by roots, which are the same on every computer.
 fn shorten(error: f64) -> f64 {
     1.0 / error.sqrt().sqrt().sqrt()
 }
 
-/// A step became too short to move the clock: a value is not a number, or the system is singular.
+/// A step became too short to advance the clock: a value is NaN, or the system is singular.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stuck;
 
@@ -71,7 +71,7 @@ impl Stepper {
             wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
             lanes,
             tolerance,
-            // Short, for bodies that touch may begin to push at the first moment.
+            // Short, because bodies that touch may push at the first moment.
             step: 0.02 * longest,
             longest,
             made: None,
@@ -83,12 +83,12 @@ impl Stepper {
         self.lanes.clone()
     }
 
-    /// Makes room for [`Stepper::look`].
+    /// Allocates memory for [`Stepper::look`].
     pub(crate) fn keep_inside(&mut self) {
         self.work.keep_inside(&self.lanes);
     }
 
-    /// Makes the last step ready to be looked into; gives its length.
+    /// Computes the dense output of the last step. Returns the step's length.
     fn prepare(&mut self) -> Option<f64> {
         let length = self.made?;
         if !self.prepared {
@@ -99,7 +99,7 @@ impl Stepper {
         Some(length)
     }
 
-    /// Finds the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
+    /// Computes the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
     pub(crate) fn look(&mut self, t: f64) {
         self.multirate.look(&self.lanes, t);
         if let Some(length) = self.prepare() {
@@ -108,7 +108,7 @@ impl Stepper {
         }
     }
 
-    /// The overlap of a contact that moves, less that at rest, in the last step. None if nothing moved.
+    /// Overlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.
     pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
         let length = self.prepare()?;
         let (lane, times) = (BLOCK + contact, (from, self.time));
@@ -120,19 +120,19 @@ impl Stepper {
         })
     }
 
-    /// The displacement of an intruder that moves, relative to its host, in the last step.
+    /// Displacement of a moving intruder relative to its host, in the last step; `None` if nothing moved.
     pub(crate) fn glimpse_guest(&mut self, guest: usize, from: f64) -> Option<Glimpse> {
         let length = self.prepare()?;
         let times = (from, self.time);
         Some(self.work.glimpse_guest(&self.lanes, guest, (from, length), times))
     }
 
-    /// Finds the motion at the ends of the last step, for [`Stepper::body_at_ends`] and [`Stepper::lost`].
+    /// Computes the motion at the ends of the last step, for [`Stepper::body_at_ends`] and [`Stepper::lost`].
     pub(crate) fn look_at_ends(&mut self, from: f64) {
         self.multirate.look_at_ends(&self.lanes, [from, self.time]);
     }
 
-    /// Displacement and velocity of a body at the start of the last step, and at its end.
+    /// Displacement and velocity of a body at the start and at the end of the last step.
     pub(crate) fn body_at_ends(&self, body: usize, from: f64) -> [(f64, f64); 2] {
         let (lane, start) = (BLOCK + body, &self.work.start);
         if self.multirate.moves(lane) {
@@ -147,7 +147,8 @@ impl Stepper {
         }
     }
 
-    /// The same of an intruder, relative to its host.
+    /// Displacement and velocity of an intruder relative to its host, at the start and at the end of the last
+    /// step.
     pub(crate) fn guest_at_ends(&self, guest: usize) -> [(f64, f64); 2] {
         let (start, end) = (&self.work.start, &self.work.end);
         let lane = self.lanes.guests.lane(guest);
@@ -159,7 +160,7 @@ impl Stepper {
         }
     }
 
-    /// What all contacts, and each intruder, have dissipated by the end of the last step.
+    /// Energy that all contacts, and each intruder, have dissipated by the end of the last step, J.
     pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
         let made = self.made.is_some();
         let contacts = if made {
@@ -189,7 +190,7 @@ impl Stepper {
         runs.map(|run| run[0] * BLOCK..((run[0] + run.len()) * BLOCK).min(self.lanes.bodies))
     }
 
-    /// Displacement and velocity of a body: at `t` if that is where [`Stepper::look`] has looked.
+    /// Displacement and velocity of a body at `t`, which must be the time of the last [`Stepper::look`].
     pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
         let lane = BLOCK + body;
         if self.multirate.moves(lane) {
@@ -202,7 +203,7 @@ impl Stepper {
         }
     }
 
-    /// Velocity of a body where [`Stepper::look`] has looked.
+    /// Velocity of a body at the time of the last [`Stepper::look`].
     pub(crate) fn speed(&self, body: usize) -> f64 {
         let lane = BLOCK + body;
         if self.multirate.moves(lane) {
@@ -214,7 +215,8 @@ impl Stepper {
         }
     }
 
-    /// Displacement and velocity of an intruder, relative to its host.
+    /// Displacement and velocity of an intruder relative to its host, at the time of the last
+    /// [`Stepper::look`].
     pub(crate) fn guest(&self, guest: usize) -> (f64, f64) {
         let host = self.lanes.guests.hosts[guest];
         let motion = if self.made.is_some() && self.rest.moves(host) {
@@ -233,13 +235,13 @@ impl Stepper {
         self.multirate.never();
     }
 
-    /// How many bodies the last step has computed.
+    /// Number of bodies that the last step has computed.
     #[cfg(test)]
     pub(super) fn computed(&self) -> usize {
         self.work.active.iter().map(|run| run.len() * BLOCK).sum()
     }
 
-    /// The error allowed to each step.
+    /// Allowed error of each step.
     pub(crate) fn tolerance(&self) -> f64 {
         self.tolerance
     }
@@ -259,21 +261,21 @@ impl Stepper {
             let (lanes, work) = (&self.lanes, &mut self.work);
             self.rest.before_step(lanes, work, self.time, self.step.min(left));
             if work.active.is_empty() {
-                // All fly freely: nothing happens until two of them meet.
+                // All bodies fly freely until two of them meet.
                 let next = self.rest.next_touch().min(stop);
                 self.time = next.max(self.time);
                 self.steps += 1;
                 return Ok(());
             }
-            // A remainder shorter than the rounding of the clock would be a step of nothing: this step takes
-            // it along.
+            // A remainder shorter than the rounding of the clock would be an empty step: this step includes
+            // it.
             let last = self.step >= left * (1.0 - 1e-9);
             let mut h = if last { left } else { self.step };
             if self.time + h <= self.time || h.is_nan() {
                 return Err(Stuck);
             }
             let error = self.attempt(h);
-            // What is not a number counts as too great an error, and the step shrinks until it is stuck.
+            // A NaN counts as too large an error, and the step shrinks until it is stuck.
             if error <= 1.0 {
                 let (lanes, work) = (&self.lanes, &mut self.work);
                 if self.rest.touched(lanes, work, self.time, h) {
@@ -292,7 +294,7 @@ impl Stepper {
                 }
                 let growth = (SAFETY * shorten(error)).clamp(0.2, if rejected { 1.0 } else { 6.0 });
                 let next = if whole { h * growth } else { self.step };
-                // A step that `stop` cut short does not tell how long the next may be.
+                // A step that `stop` cut short does not limit the next.
                 let next = if last { next.max(self.step) } else { next };
                 self.step = next.min(self.longest);
                 self.steps += 1;
@@ -307,7 +309,7 @@ impl Stepper {
         }
     }
 
-    /// Lets blocks that hardly change take one long step, if that pays.
+    /// Gives blocks that hardly change one long step, if that pays.
     fn part(&mut self, stop: f64) {
         let (lanes, step) = (&self.lanes, self.step.min(stop - self.time));
         self.rest.before_step(lanes, &mut self.work, self.time, step);
@@ -325,7 +327,7 @@ impl Stepper {
         self.work.attempt(&self.lanes, h, self.tolerance)
     }
 
-    /// Makes the end of the last step the start of the next. What was inside the step is forgotten.
+    /// Makes the end of the last step the start of the next, and discards its stages.
     fn settle(&mut self) {
         let Some(length) = self.made.take() else { return };
         self.contacts_lost += self.work.lost_in_contacts(&self.lanes);
@@ -342,7 +344,7 @@ impl Stepper {
         }
     }
 
-    /// Writes the state as it is now.
+    /// Writes the present state.
     pub(crate) fn state(&mut self, out: &mut [f64]) {
         self.settle();
         let layout = self.layout;

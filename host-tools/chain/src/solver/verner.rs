@@ -1,4 +1,4 @@
-//! Coefficients of the method, as Verner published them (rounded to f64; zeros left out).
+//! Coefficients of the method, as published by Verner (rounded to f64; zeros left out).
 
 /// Stages of a step: sixteen of the method, the rate at its end, four that only the dense output needs.
 pub(super) const STAGES: usize = 21;

@@ -1,5 +1,5 @@
-//! What is left out of the computation of long chains, and what takes longer steps, against runs that move
-//! all bodies with every step.
+//! Beads left out of the computation of long chains, and beads that take longer steps, compared with runs
+//! that move all bodies in every step.
 
 use std::sync::Arc;
 
@@ -94,7 +94,7 @@ fn a_viscous_tail_that_takes_longer_steps_is_that_of_a_run_that_does_not() {
     }
 }
 
-/// Long chains in which everything happens that a scenario can ask for.
+/// Long chains with every feature of a scenario.
 fn long_ones() -> Vec<Scenario> {
     let plain = |beads: usize, relaxation: f64, duration: f64| {
         let mut scenario = long(beads, relaxation);

@@ -1,4 +1,4 @@
-//! One step of a chain: room for its stages and its end, and what becomes of it.
+//! One step of a chain: its stages, its end, and its effects.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::method::{self, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 
-/// Where the stages of a step lie.
+/// Times of the stages, as parts of the step.
 const MAIN_NODES: [f64; MAIN] = {
     let mut nodes = [0.0; MAIN];
     let mut stage = 0;
@@ -20,7 +20,7 @@ const MAIN_NODES: [f64; MAIN] = {
     nodes
 };
 
-/// The last of them before the end of the step.
+/// The last of these times before the end of the step.
 const LAST: f64 = {
     let (mut last, mut stage) = (0.0, 0);
     while stage < MAIN {
@@ -48,41 +48,41 @@ impl Motion {
     }
 }
 
-/// The motion at the start of a step, its stages, and its end.
+/// Memory of a step: the motion at its start, at its stages and at its end.
 #[derive(Debug, Clone)]
 pub(super) struct Work {
-    /// Runs of blocks that move.
+    /// Runs of moving blocks.
     pub(super) active: Vec<Range<usize>>,
-    /// Those of them that another step moves: they are computed for the sake of their neighbours alone.
+    /// Blocks among these that another step moves; they are computed for their neighbours only.
     pub(super) shared: Vec<usize>,
-    /// Blocks of an array with intruders that move.
+    /// Blocks of an array with moving intruders.
     pub(super) active_guests: Vec<usize>,
     pub(super) start: Motion,
     pub(super) end: Motion,
-    /// What [`Work::look`] has found.
+    /// The motion at the time of [`Work::look`].
     pub(super) stage: Motion,
-    /// Accelerations: block by block, stage by stage.
+    /// Accelerations, block by block and stage by stage.
     pub(super) rates: Aligned,
-    /// The error of each block, where it was asked for.
+    /// Error of each block, if it was asked for.
     pub(super) errors: Vec<f64>,
-    /// What a contact's exact integral adds to a stage of the dense output.
+    /// Contribution of exactly integrated contacts to a stage of the dense output.
     pub(super) added: Option<Box<Motion>>,
-    /// The pull of each intruder's spring and damper on its host at a stage.
+    /// Force of each intruder's spring and damper on its host at a stage.
     pub(super) pulls: Aligned,
-    /// Energy that the step dissipates in each contact and each intruder, and what it gives the wall.
+    /// Energy that the step dissipates in each contact and each intruder, J, and momentum that it gives the
+    /// wall, kg·m/s.
     pub(super) lost: Aligned,
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
-    /// The part of the step at which it should end, so that the next one sees a contact close that this one
-    /// does not.
+    /// Part of the step at which it should end, so that the next step sees a contact close that this one
+    /// misses.
     pub(super) sooner: Option<f64>,
-    /// Kept where the losses inside a step are wanted.
+    /// Powers at the stages, if the losses inside a step are wanted.
     pub(super) powers: Option<Box<Powers>>,
 }
 
-/// Power dissipated in all contacts, the force on the wall, and the power dissipated in each intruder, at
-/// each stage.
+/// Power dissipated in all contacts, force on the wall, and power dissipated in each intruder, at each stage.
 #[derive(Debug, Clone)]
 pub(super) struct Powers {
     pub(super) contacts: [f64; STAGES],
@@ -90,13 +90,13 @@ pub(super) struct Powers {
     pub(super) guests: Aligned,
 }
 
-/// Where a lane's acceleration at a stage lies: block by block, stage by stage.
+/// Index of a lane's acceleration at a stage: block by block, stage by stage.
 pub(super) const fn place(lane: usize, stage: usize) -> usize {
     (lane / BLOCK * STAGES + stage) * BLOCK + lane % BLOCK
 }
 
 impl Work {
-    /// Room for the steps of a chain at rest. Where `inside` holds, the motion inside them can be looked at.
+    /// Memory for the steps of a chain at rest. With `inside`, the motion inside a step can be computed.
     pub(super) fn new(lanes: &Lanes, inside: bool) -> Self {
         let guests = lanes.guests.blocks.len() * BLOCK;
         Self {
@@ -118,14 +118,14 @@ impl Work {
         }
     }
 
-    /// Makes room for the motion inside steps.
+    /// Allocates memory for the motion inside a step.
     pub(super) fn keep_inside(&mut self, lanes: &Lanes) {
         if self.added.is_none() {
             self.added = Some(Box::new(Motion::zeros(lanes)));
         }
     }
 
-    /// Keeps the losses of every stage, for [`Work::lost_inside`].
+    /// Keeps the powers at each stage, for [`Work::lost_inside`].
     pub(super) fn keep_powers(&mut self, lanes: &Lanes) {
         self.powers = Some(Box::new(Powers {
             contacts: [0.0; STAGES],
@@ -134,7 +134,7 @@ impl Work {
         }));
     }
 
-    /// Lets all blocks move.
+    /// Marks all blocks as moving.
     pub(super) fn activate_all(&mut self, lanes: &Lanes) {
         self.active = std::iter::once(0..lanes.blocks).collect();
         self.active_guests = lanes.guests.blocks.clone().collect();
@@ -159,7 +159,7 @@ impl Work {
         }
     }
 
-    /// Energy that the step dissipates in all contacts.
+    /// Energy that the step dissipates in all contacts, J.
     pub(super) fn lost_in_contacts(&self, lanes: &Lanes) -> f64 {
         let end = BLOCK + lanes.bodies + 1;
         let runs = self
@@ -174,25 +174,26 @@ impl Work {
         runs.map(lost).sum::<f64>() - shared.sum::<f64>()
     }
 
-    /// Energy that the step dissipates in an intruder.
+    /// Energy that the step dissipates in an intruder, J.
     pub(super) fn lost_in_guest(&self, lanes: &Lanes, guest: usize) -> f64 {
         let lane = lanes.guests.lane(guest);
         let moves = self.active_guests.contains(&(lane / BLOCK));
         if moves { self.lost[lane] } else { 0.0 }
     }
 
-    /// Forgets the accelerations of a block that is no longer computed.
+    /// Clears the accelerations of a block that is no longer computed.
     pub(super) fn still(&mut self, block: usize) {
         let from = place(first(block), 0);
         self.rates[from..from + BLOCK * STAGES].fill(0.0);
     }
 
-    /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
+    /// Integrates exactly the contacts that open or close, and leaves their polynomial force out of the
+    /// stages.
     #[inline(always)]
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
         for run in 0..self.active.len() {
             self.fly_beside(self.active[run].clone(), length);
-            // The contact with a block at rest is open, or it would not be at rest.
+            // The contact with a block at rest is open: otherwise the block would not rest.
             for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
                 let overlap = |motion: &Motion| motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
                 let crosses = (overlap(&self.start) > 0.0) != (overlap(&self.end) > 0.0);
@@ -204,8 +205,7 @@ impl Work {
         }
     }
 
-    /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly
-    /// freely.
+    /// Moves the two bodies beside a run of blocks to the end of the step. They fly freely, so no stage does.
     #[inline(always)]
     fn fly_beside(&mut self, run: Range<usize>, length: f64) {
         for lane in [first(run.start) - 1, first(run.end)] {
@@ -214,7 +214,7 @@ impl Work {
         }
     }
 
-    /// Whether the force of a contact is cut off at zero for all of the step.
+    /// Returns true if the force of a contact is clipped at zero for all of the step.
     #[inline(always)]
     fn stays_cut_off(&self, lanes: &Lanes, lane: usize) -> bool {
         let force = |motion: &Motion| {
@@ -223,13 +223,13 @@ impl Work {
             (overlap, overlap + lanes.viscosity[lane] * rate)
         };
         let ((from, start), (to, end)) = (force(&self.start), force(&self.end));
-        // A step begins where the force is first zero, but for rounding.
+        // A step begins where the force is first zero, except for rounding.
         from > 0.0 && start < 1e-9 * from && (to <= 0.0 || end <= 0.0)
     }
 
     #[inline(always)]
     fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, tolerance: f64, cut: bool) {
-        // Below this acceleration a force may be wrong by itself without harm to a velocity.
+        // A force that causes a smaller acceleration cannot harm a velocity.
         let least = 1e-4 * tolerance * lanes.speed / length;
         let (start, end) = (bend(lanes, lane, &self.start), bend(lanes, lane, &self.end));
         let (stiffness, viscosity) = (lanes.stiffness[lane], lanes.viscosity[lane]);
@@ -238,16 +238,17 @@ impl Work {
         if force * lanes.inverse[lane - 1].max(lanes.inverse[lane]) < least {
             return;
         }
-        // One that is cut off has no force that could move its bodies.
-        let compliance = match cut {
-            true => 0.0,
-            false => lanes.inverse[lane - 1] + lanes.inverse[lane],
+        // A clipped contact has no force that could move its bodies.
+        let compliance = if cut {
+            0.0
+        } else {
+            lanes.inverse[lane - 1] + lanes.inverse[lane]
         };
         let mut crossing = Crossing::new(lane, (stiffness, viscosity), compliance, length, start, end);
         if cut {
             crossing = crossing.cut_off();
         } else if crossing.unseen(LAST) * compliance * length > tolerance * lanes.speed {
-            // Before the root, for what a step does not see at its start is as bad.
+            // The step ends before the root, because an overlap missed at its start would be as bad.
             self.sooner = Some(0.97 * crossing.root());
         }
         let exact = crossing.integrals(1.0);
@@ -272,7 +273,8 @@ impl Work {
         self.crossings.push(crossing);
     }
 
-    /// Leaves a part of a contact's force out of stages from `from` on, and the power that it dissipates.
+    /// Subtracts a part of a contact's force, and of its dissipated power, from the stages that begin with
+    /// `from`.
     #[inline(always)]
     pub(super) fn take(&mut self, lanes: &Lanes, lane: usize, from: usize, forces: &[f64], powers: &[f64]) {
         for (body, sign) in [(lane - 1, 1.0), (lane, -1.0)] {
@@ -298,7 +300,7 @@ impl Work {
         }
     }
 
-    /// What is lost or given from the start of the step to its part `x`.
+    /// Returns the losses and the wall's momentum from the start of the step to its part `x`.
     pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64) -> Inside {
         let weights = method::inside(x);
         let powers = self.powers.as_ref().expect("the powers were kept");
@@ -324,7 +326,8 @@ impl Work {
     }
 }
 
-/// What has been lost or given since the start of the step.
+/// Losses since the start of the step: energy in contacts and in each intruder, J, and momentum to the wall,
+/// kg·m/s.
 #[derive(Debug, Clone)]
 pub(super) struct Inside {
     pub(super) contacts: f64,
@@ -332,7 +335,7 @@ pub(super) struct Inside {
     pub(super) guests: Vec<f64>,
 }
 
-/// Pushes the bodies of a contact apart. A body of mass M gets `shift` / M of displacement and `kick` / M of
+/// Moves the bodies of a contact apart. A body of mass M gets `shift` / M of displacement and `kick` / M of
 /// velocity.
 #[inline(always)]
 pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick): (f64, f64)) {
@@ -348,7 +351,7 @@ pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick
     }
 }
 
-/// Takes back what was given to the bodies of a contact at rest.
+/// Clears what [`give`] has added for a contact at rest.
 pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
     for body in [lane - 1, lane] {
         (motion.u[body], motion.v[body]) = (0.0, 0.0);
@@ -359,7 +362,7 @@ pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
     }
 }
 
-/// Force of a contact beyond its static load.
+/// Force of a contact beyond its static load, N.
 #[inline(always)]
 pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
     let (u, v) = (&motion.u[..], &motion.v[..]);
@@ -372,7 +375,7 @@ pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
     (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
 }
 
-/// Overlap of a contact, its rate and its acceleration.
+/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
 #[inline(always)]
 fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);

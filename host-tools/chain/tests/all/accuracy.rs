@@ -1,4 +1,4 @@
-//! How exact the integration is, against itself and against known results.
+//! Errors of the integration, measured against finer runs and known results.
 
 use crate::common::{elastic, run};
 use hertz_chain::{Accuracy, Material, Options, Scenario, Section, Solution, Wall, simulate_with};

@@ -1,4 +1,4 @@
-//! How many instructions fixed runs take, counted by valgrind: a slower solver is noticed on any computer,
+//! Counts the instructions of fixed runs with valgrind, so that a slower solver is noticed on any computer,
 //! however busy.
 //!
 //! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the
@@ -91,7 +91,7 @@ const CASES: [(&str, fn()); 5] = [
     ("counted_ensemble_like_a", counted_ensemble_like_a),
 ];
 
-/// What valgrind runs; it is a test because a test's program has no other doors.
+/// The runs that valgrind counts. This is a test because a test program has no other entry.
 #[test]
 #[ignore = "of use under valgrind alone"]
 fn runs_that_are_counted() {

@@ -8,10 +8,10 @@ use hertz_chain::{
     Scenario, Section, SimulateError, Solution, Start, Wall, ensemble, simulate_with,
 };
 
-/// Numbers between bounds, the same at every run.
-struct Draw(u64);
+/// Random numbers between bounds, equal in every run.
+struct ScenarioDraw(u64);
 
-impl Draw {
+impl ScenarioDraw {
     fn between(&mut self, low: f64, high: f64) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -58,7 +58,7 @@ fn bits(outcome: &EnsembleOutcome) -> Vec<u64> {
 
 #[test]
 fn what_is_absorbed_has_an_error_of_a_millionth_at_most() {
-    let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
+    let mut draw = ScenarioDraw(0x9e37_79b9_7f4a_7c15);
     let scenarios: Vec<_> = (0..600).map(|_| draw.like_the_paper()).collect();
     let mut worst = 0.0_f64;
     for (scenario, outcome) in scenarios.iter().zip(all(&scenarios)) {
@@ -100,7 +100,7 @@ fn what_a_stiff_intruder_absorbs_has_an_error_of_a_billionth_of_the_striker_s_en
 
 #[test]
 fn a_chain_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
-    let mut draw = Draw(0x2545_f491_4f6c_dd1d);
+    let mut draw = ScenarioDraw(0x2545_f491_4f6c_dd1d);
     let scenarios: Vec<_> = (0..43).map(|_| draw.like_the_paper()).collect();
     let together: Vec<_> = all(&scenarios).iter().map(bits).collect();
     let alone = scenarios
@@ -126,7 +126,7 @@ fn a_chain_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
 
 #[test]
 fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone() {
-    let mut draw = Draw(0x1357_9bdf_0246_8ace);
+    let mut draw = ScenarioDraw(0x1357_9bdf_0246_8ace);
     let mut scenarios = Vec::new();
     for kind in 0..4 {
         for _ in 0..13 {
@@ -162,8 +162,8 @@ fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone
 /// Chains of every kind that goes through the lanes, and those that do not.
 fn of_every_kind() -> Vec<Scenario> {
     let mut scenarios = vec![elastic(1, 0.002), elastic(20, 0.006), struck_by_a_bead(20, 0.006)];
-    let mut draw = Draw(0x0123_4567_89ab_cdef);
-    let mut change = |change: &mut dyn FnMut(&mut Scenario, &mut Draw)| {
+    let mut draw = ScenarioDraw(0x0123_4567_89ab_cdef);
+    let mut change = |change: &mut dyn FnMut(&mut Scenario, &mut ScenarioDraw)| {
         for _ in 0..5 {
             let mut scenario = draw.like_the_paper();
             change(&mut scenario, &mut draw);
@@ -225,7 +225,7 @@ fn chains_of_every_kind_end_as_in_a_single_run() {
 #[test]
 fn the_greatest_forces_of_chosen_contacts_are_those_of_a_single_run() {
     let mut scenarios = of_every_kind();
-    let mut draw = Draw(0x5555_4444_3333_2222);
+    let mut draw = ScenarioDraw(0x5555_4444_3333_2222);
     scenarios.extend((0..30).map(|_| draw.like_the_paper()));
     let options = EnsembleOptions::default().with_peaks(&[8, 1, 5, 99, 8]);
     let (mut worst, mut latest) = (0.0_f64, 0.0_f64);

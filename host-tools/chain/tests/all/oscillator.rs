@@ -41,7 +41,8 @@ fn a_swept_simulation_follows_the_closed_form() {
     for (frequency, h) in shaken.response(&frequencies()) {
         worst = worst.max((h - Oscillator::PAPER.transmissibility(frequency)).norm());
     }
-    assert!(worst < 1e-9, "{worst:e}");
+    println!("{worst:e}");
+    assert!(worst < 2e-10, "{worst:e}");
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn it_absorbs_what_the_page_says() {
     assert!(energy.balance_error < 5e-12, "{:e}", energy.balance_error);
 }
 
-/// What an unknown key is told is known.
+/// The keys that the error of an unknown key names.
 fn known(text: &str) -> Vec<String> {
     let error = Scenario::from_toml(text, "own-chain.toml").expect_err("the key is unknown");
     let names = error

@@ -1,11 +1,11 @@
-//! How long the next slow step should be.
+//! The length of the next slow step.
 
 use super::*;
 use crate::model::Model;
 use crate::scenario::Scenario;
 
-/// What [`better`] makes of a step over 20 blocks that was `worth` quick ones and left these errors, of which
-/// 1 is allowed.
+/// Result of [`better`] for a step over 20 blocks that was worth `worth` quick ones and had these errors,
+/// where 1 is allowed.
 fn part(error: impl Fn(usize) -> f64, worth: f64) -> f64 {
     let mut scenario = Scenario::paper();
     scenario.chain.beads = 239;

@@ -1,4 +1,4 @@
-//! The bounds of a slow step, on motions for which they are known.
+//! Bounds of a slow step, on motions with known results.
 
 use super::*;
 use crate::model::Model;

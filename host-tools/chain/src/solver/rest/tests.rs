@@ -1,4 +1,4 @@
-//! What sleeping blocks do, on motions for which it is known.
+//! Sleeping blocks, on motions with known results.
 
 use super::*;
 use crate::model::Model;

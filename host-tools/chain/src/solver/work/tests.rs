@@ -1,4 +1,4 @@
-//! What the ends of a step are made of, beside the equations of motion.
+//! The ends of a step, apart from the equations of motion.
 
 use super::*;
 use crate::model::Model;
