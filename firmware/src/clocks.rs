@@ -41,10 +41,6 @@ const _: () = assert!(CRYSTAL_HZ.is_multiple_of(PLL_INPUT_HZ));
 /// Clock of the timers of APB1: TIM2, TIM3 and TIM5.
 pub(crate) const TIMER_HZ: u32 = 84_000_000;
 
-/// Clock of the ADC. The driver takes the smallest even divider of APB2 that stays within the allowed 36 MHz
-/// (DocID022152 table 67): 84 MHz / 4.
-pub(crate) const ADC_HZ: u32 = 21_000_000;
-
 /// Starts the crystal, and waits for it. Returns whether it runs. Called on the internal oscillator.
 pub(crate) fn start_crystal() -> bool {
     RCC.cr().modify(|w| w.set_hseon(true));

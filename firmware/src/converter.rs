@@ -19,6 +19,7 @@ use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use core::task::Poll;
 
+use bead_model::converter::{ADC_CLOCK_HZ, CONVERSION_CYCLES, SAMPLE_CYCLES};
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel, SampleTime};
 use embassy_stm32::pac::adc::vals::{Dds, Exten};
 use embassy_stm32::pac::dma::vals::{Ct, Dir, Pl, Size};
@@ -27,13 +28,14 @@ use embassy_stm32::{Peri, peripherals};
 use embassy_sync::waitqueue::AtomicWaker;
 
 use crate::block::{CHANNELS, CODES, Codes};
-use crate::clocks::ADC_HZ;
 use crate::sample_clock::SAMPLE_RATE_HZ;
 
 /// Time that a channel is connected to the sampling capacitor.
 const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
+const _: () = assert!(SAMPLE_CYCLES == 15, "the settings reckon with the sample time");
 /// One conversion, 1285 ns.
-pub(crate) const CONVERSION_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
+pub(crate) const CONVERSION_NS: u32 =
+    ((SAMPLE_CYCLES + CONVERSION_CYCLES) as u64 * 1_000_000_000 / ADC_CLOCK_HZ as u64) as u32;
 const _: () = assert!(
     (CHANNELS as u64) * (CONVERSION_NS as u64) < 600_000_000 / SAMPLE_RATE_HZ as u64,
     "a scan fits in six tenths of a period, as SampleClock counts on"

@@ -115,7 +115,6 @@ fn main() -> ! {
     handover::begin();
 
     let found = [
-        refused.map(|refused| (FaultCause::SettingsRefused, refused.why)),
         (!supply_is_good).then_some((
             FaultCause::SupplyLow,
             "the supply was not good for 20 ms within 5 s: the bead started all the same",
@@ -136,7 +135,7 @@ fn main() -> ! {
         rest,
     } = priorities::start();
     rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
-    rest.spawn(report::report(boot, found.into_iter().flatten().collect()).expect(ONCE));
+    rest.spawn(report::report(boot, refused, found.into_iter().flatten().collect()).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
     rest.spawn(keep::seal().expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));

@@ -1,10 +1,11 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
-use bead_wire::{Fault, FaultCause, Identity, LastFault, ResetCauses, Status};
+use bead_wire::{Detail, Fault, FaultCause, Identity, LastFault, ResetCauses, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::block::CHANNELS;
 use crate::sample_clock::SAMPLE_RATE_HZ;
+use crate::settings::Refused;
 use crate::trace::{self, Boot};
 use crate::{counters, outbox, settings, stack};
 
@@ -12,11 +13,11 @@ use crate::{counters, outbox, settings, stack};
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// Faults found at start-up: each cause with a line about it.
-pub(crate) type Found = heapless::Vec<(FaultCause, &'static str), 3>;
+pub(crate) type Found = heapless::Vec<(FaultCause, &'static str), 2>;
 
 /// Reports for ever.
 #[embassy_executor::task]
-pub(crate) async fn report(boot: &'static Boot, found: Found) -> ! {
+pub(crate) async fn report(boot: &'static Boot, refused: Option<Refused>, found: Found) -> ! {
     let mut period = Ticker::every(PERIOD);
     counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
     counters::update_guard(|guard| guard.boots_failed = boot.failed);
@@ -28,6 +29,9 @@ pub(crate) async fn report(boot: &'static Boot, found: Found) -> ! {
             pc: left.pc,
             detail: left.detail.clone(),
         });
+    }
+    if let Some(refused) = refused {
+        fault_with(FaultCause::SettingsRefused, refused.detail());
     }
     for (cause, detail) in found {
         fault(cause, detail);
@@ -82,12 +86,17 @@ pub(crate) fn tell_link() {
 /// Logs and sends a fault that the bead survived.
 #[inline(never)]
 pub(crate) fn fault(cause: FaultCause, detail: &'static str) {
-    defmt::warn!("{=str}", detail);
+    fault_with(cause, detail.into());
+}
+
+/// [`fault`] with a detail that was put together.
+fn fault_with(cause: FaultCause, detail: Detail) {
+    defmt::warn!("{=str}", detail.as_str());
     outbox::tell(Fault {
         cause,
         boot: trace::boot(),
         pc: 0,
-        detail: detail.into(),
+        detail,
     });
 }
 

@@ -8,15 +8,15 @@
 //!
 //! Settings that this image cannot read are refused as a whole, and a fault frame says why. The bead then
 //! works with the next settings in order, and marks each strike that was measured with the built-in ones. A
-//! block of another version that cannot be migrated is intact: its owner's bead must not measure with other
-//! settings unasked, so it looks for strikes only when a host arms it.
+//! block of another version is intact: its owner's bead must not measure with other settings unasked, so it
+//! looks for strikes only when a host arms it.
 
 use core::cell::RefCell;
 use core::slice;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use bead_model::SettingsError;
-use bead_model::settings::Settings;
+use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::{SettingsError, Violation};
 use bead_store::Opened;
 use bead_wire::{Block, Detail, MAX_BLOCK, SettingsSource};
 use embassy_sync::blocking_mutex::Mutex;
@@ -27,6 +27,8 @@ use embassy_time::{Duration, with_timeout};
 use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::{built_in, outbox, storage};
 
+const _: () = assert!(BLOCK_MAX <= MAX_BLOCK, "a frame takes every block");
+
 /// Bytes of the probe's sector. A block is much shorter; its header says how long it is.
 const SECTOR: usize = 128 * 1024;
 
@@ -34,31 +36,46 @@ const SECTOR: usize = 128 * 1024;
 #[derive(Clone)]
 pub(crate) struct Loaded {
     pub(crate) settings: Settings,
-    /// The block that they were decoded from.
-    block: Bytes,
     source: SettingsSource,
     /// Why settings in flash were refused, if they were.
     pub(crate) refused: Option<Refused>,
 }
 
-/// A block as plain bytes: it is copied while interrupts wait, and a [`Block`] takes eight times as long.
-#[derive(Clone, Copy)]
-struct Bytes {
-    bytes: [u8; MAX_BLOCK],
-    length: usize,
-}
-
 /// Why settings in flash were refused.
 #[derive(Clone, Copy)]
 pub(crate) struct Refused {
-    pub(crate) why: &'static str,
-    /// Whether they are an intact block of another version that cannot be migrated.
+    reason: Reason,
+    /// True for an intact block that this image must not replace by other settings unasked.
     foreign: bool,
 }
 
+#[derive(Clone, Copy)]
+enum Reason {
+    Text(&'static str),
+    Invalid(Violation),
+}
+
 impl Refused {
-    const fn damaged(why: &'static str) -> Self {
-        Self { why, foreign: false }
+    const fn damaged(reason: &'static str) -> Self {
+        Self {
+            reason: Reason::Text(reason),
+            foreign: false,
+        }
+    }
+
+    const fn foreign(reason: &'static str) -> Self {
+        Self {
+            reason: Reason::Text(reason),
+            foreign: true,
+        }
+    }
+
+    /// The reason as the detail of a fault frame.
+    pub(crate) fn detail(&self) -> Detail {
+        match self.reason {
+            Reason::Text(text) => text.into(),
+            Reason::Invalid(violation) => Detail::new(format_args!("{violation}")),
+        }
     }
 }
 
@@ -67,18 +84,22 @@ impl From<SettingsError> for Refused {
         Self::damaged(match error {
             SettingsError::Erased => "erased",
             SettingsError::Magic => "not a settings block",
+            SettingsError::Unreleased(_) => {
+                return Self::foreign(
+                    "a block from before the first release: make it anew of its bead.toml, or arm the bead by request",
+                );
+            }
             SettingsError::Version(_) => {
-                return Self {
-                    why: "a block of another version, which cannot be migrated: arm the bead by request",
-                    foreign: true,
-                };
+                return Self::foreign("a block of another version: arm the bead by request");
             }
             SettingsError::Truncated => "shorter than the header says",
             SettingsError::Checksum => "wrong checksum",
             SettingsError::Body => "the body does not decode",
-            SettingsError::Invalid(what) => what,
-            SettingsError::NotTheBeads(_) => {
-                "a coefficient is not what the bead's mass, stiffness and damping give"
+            SettingsError::Invalid(violation) => {
+                return Self {
+                    reason: Reason::Invalid(violation),
+                    foreign: false,
+                };
             }
             SettingsError::BufferTooSmall => "longer than a block may be",
         })
@@ -115,10 +136,9 @@ pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened, failed: u
     if failed >= FAILED {
         return Loaded {
             source: SettingsSource::Rescue,
-            ..built_in(Some(Refused {
-                why: "five boots in a row failed with the settings in flash: write others, or reboot",
-                foreign: true,
-            }))
+            ..built_in(Some(Refused::foreign(
+                "five boots in a row failed with the settings in flash: write others, or reboot",
+            )))
         };
     }
     let mut refused = opened
@@ -130,12 +150,11 @@ pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened, failed: u
             Ok(settings) => {
                 return Loaded {
                     settings,
-                    block: copy(block),
                     source: SettingsSource::Stored,
                     refused,
                 };
             }
-            Err(error) => refused = Some(error.into()),
+            Err(why) => refused = why.or(refused),
         },
         Err(_) => refused = Some(Refused::damaged("what was stored cannot be read")),
     }
@@ -145,19 +164,15 @@ pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened, failed: u
 /// The settings that come after those of the link: the probe's or the built-in ones. `refused` says why
 /// settings that came over the link were refused, if they were.
 pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
-    let sector = sector();
-    let refused = match check(sector) {
+    let refused = match check(sector()) {
         Ok(settings) => {
-            let length = Settings::block_length(sector).expect("decoded settings have a header");
             return Loaded {
                 settings,
-                block: copy(&sector[..length]),
                 source: SettingsSource::Flash,
                 refused,
             };
         }
-        Err(SettingsError::Erased) => refused,
-        Err(error) => Some(error.into()),
+        Err(why) => why.or(refused),
     };
     built_in(refused)
 }
@@ -165,7 +180,6 @@ pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
 fn built_in(refused: Option<Refused>) -> Loaded {
     Loaded {
         settings: of_known_answer(),
-        block: copy(&built_in::SETTINGS),
         source: match refused {
             None => SettingsSource::BuiltIn,
             Some(_) => SettingsSource::FlashRefused,
@@ -183,19 +197,16 @@ pub(crate) fn of_known_answer() -> Settings {
     settings
 }
 
-#[inline(never)]
-fn copy(block: &[u8]) -> Bytes {
-    let (mut bytes, length) = ([0; MAX_BLOCK], block.len());
-    bytes[..length].copy_from_slice(block);
-    Bytes { bytes, length }
-}
-
-fn check(block: &[u8]) -> Result<Settings, SettingsError> {
-    let settings = Settings::decode(block)?;
-    if settings.sample_rate_hz == SAMPLE_RATE_HZ {
-        Ok(settings)
-    } else {
-        Err(SettingsError::Invalid("they are for another sample rate"))
+/// The settings in a block of flash.
+///
+/// # Errors
+/// Why they are refused; `None` for erased flash.
+fn check(block: &[u8]) -> Result<Settings, Option<Refused>> {
+    match Settings::decode(block) {
+        Ok(settings) if settings.sample_rate_hz == SAMPLE_RATE_HZ => Ok(settings),
+        Ok(_) => Err(Some(Refused::damaged("they are for another sample rate"))),
+        Err(SettingsError::Erased) => Err(None),
+        Err(error) => Err(Some(error.into())),
     }
 }
 
@@ -220,7 +231,6 @@ pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Refusal> {
     }
     Ok(Loaded {
         settings,
-        block: copy(block),
         source: SettingsSource::Stored,
         refused: None,
     })
@@ -251,7 +261,7 @@ static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Puts settings in force before the tasks start.
 pub(crate) fn begin(loaded: Loaded) {
-    outbox::readdress(loaded.settings.address);
+    outbox::readdress(loaded.settings.description().address);
     IN_FORCE.lock(|cell| {
         cell.replace(Some(loaded));
         CHANGES.fetch_add(1, Ordering::Release);
@@ -319,8 +329,14 @@ pub(crate) fn tell() {
 /// The block in force.
 #[inline(never)]
 pub(crate) fn current() -> Block {
-    let Bytes { bytes, length } = in_force(|loaded| loaded.block);
-    let Ok(block) = Block::try_from(&bytes[..length]) else {
+    let settings = in_force(|loaded| loaded.settings);
+    let mut bytes = [0; MAX_BLOCK];
+    // No `expect`: it would print the error, and formats take 4 KB of flash.
+    let Some(Ok(block)) = settings
+        .encode(&mut bytes)
+        .ok()
+        .map(|length| Block::try_from(&bytes[..length]))
+    else {
         panic!("a block has at most MAX_BLOCK bytes");
     };
     block

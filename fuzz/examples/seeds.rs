@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use bead::recording::file::{About, Origin, Part, Writer};
-use bead::recording::physical::Physical;
+use bead::recording::physical::to_toml;
 use bead::tables::whole::Target;
 use bead_fuzz::line::{crc, mended, to_cobs};
 use bead_fuzz::strikes::short_window;
@@ -19,8 +19,6 @@ use bead_model::settings::BLOCK_MAX;
 use bead_model::{Meter, Scan};
 use bead_testing::{Speaker, block_of};
 use bead_wire::{ANY, Key, Kind, MAX_REQUEST, Message, Request, Ticket, encode_request};
-
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data");
 
 fn seed(target: &str, name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
@@ -168,15 +166,11 @@ fn main() {
         [&[*many][..], &force.to_le_bytes(), &acceleration.to_le_bytes()].concat()
     })
     .collect();
-    for version in ["v3", "v4", "v5"] {
-        let block = fs::read(format!("{DATA}/settings-{version}.bin")).unwrap();
-        fs::write(seed("settings", version), [&block[..], &codes].concat()).unwrap();
-    }
     let mut block = [0; BLOCK_MAX];
     let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
     let length = settings.encode(&mut block).unwrap();
     assert_eq!(crc(&block[..length - 4]), block[length - 4..length]);
-    fs::write(seed("settings", "v6"), [&block[..length], &codes].concat()).unwrap();
+    fs::write(seed("settings", "v1"), [&block[..length], &codes].concat()).unwrap();
 
     fs::write(seed("strikes", "one"), strike(0)).unwrap();
     let two = [strike(1), strike(2)];
@@ -190,6 +184,6 @@ fn main() {
     fs::write(seed("recordings", "raw"), &strike(0)[..500]).unwrap();
     recording("one", &[0]);
     recording("two", &[1, 2]);
-    fs::write(seed("beads", "paper.toml"), Physical::of(&settings).to_toml()).unwrap();
+    fs::write(seed("beads", "paper.toml"), to_toml(settings.description())).unwrap();
     fs::write(seed("waveforms", "two.wav"), wav()).unwrap();
 }

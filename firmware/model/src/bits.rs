@@ -94,15 +94,12 @@ fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
     bead.intruder_mass = part * bead.mass;
     bead.stiffness *= bead.intruder_mass / paper.intruder_mass / (time * time);
     bead.damping *= damped * bead.intruder_mass / paper.intruder_mass / time;
-    let neighbours = Neighbours {
-        behind: [0, 1, 2, 3].map(|n| behind >> n & 1 == 1),
-        elsewhere: false,
-        intruder: Intruder {
-            mass: 1.1 * bead.intruder_mass,
-            stiffness: 0.9 * bead.stiffness,
-            damping: 1.2 * bead.damping,
-        },
+    let intruder = Intruder {
+        mass: 1.1 * bead.intruder_mass,
+        stiffness: 0.9 * bead.stiffness,
+        damping: 1.2 * bead.damping,
     };
+    let neighbours = Neighbours::new([0, 1, 2, 3].map(|n| behind >> n & 1 == 1), false, intruder);
     let front_end = FrontEnd::reference();
     let capture = Capture::of(&bead, &front_end);
     derive_among(&bead, &neighbours, &front_end, &capture).unwrap()

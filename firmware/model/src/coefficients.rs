@@ -1,148 +1,470 @@
-//! From the physics of the bead to the coefficients of its estimators: the only place where they are derived.
+//! From the description of a bead to the coefficients of its estimators: the only place where they are
+//! derived.
 //!
 //! # Design
 //!
-//! The host derives the coefficients in f64 and converts them to their fixed-point formats (`design`). The
-//! bead gets the physics and the coefficients. It derives the coefficients again, in f32 and by these same
-//! lines, and refuses settings whose coefficients do not belong to their physics
-//! ([`Settings::validate`](crate::Settings::validate)).
+//! Bead and host derive the coefficients by these lines, in f64, once, when settings are taken. Logarithm,
+//! exponential and root are those of `libm` on both, so all bits are the same.
 //!
 //! Sources: estimate A, exact solution of `c ẋ + k x = -m a` for a first-order hold
 //! ([`observer`](crate::observer)); estimate B, Eqs. 1 to 3 of the paper in units of µm and samples
 //! ([`reduced_chain`](crate::reduced_chain)).
 
-use num_traits::Float;
-use serde::{Deserialize, Serialize};
+use core::f64::consts::TAU;
+use core::ops::Range;
 
-/// Energy of the solitary wave of an elastic chain: `E = 1.0465162 κ^{-2/3} F_m^{5/3}`, for beads of any
-/// mass. Found from the pulse at contact 70 of a chain with κ = M = 1, integrated to 1e-12. The number of
-/// beads around the pulse that are counted changes it by less than 1e-15.
-pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
+use fixed::FixedI32;
+use fixed::types::extra::LeEqU32;
+use fixed::types::{I0F32, I2F30, I16F16};
 
-/// The bead with its intruder and the chain that it stands in, SI units.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Bead<T = f64> {
-    /// M, mass of the host with its intruder, and of each bead behind it, kg.
-    pub mass: T,
-    /// m, mass of the intruder, kg.
-    pub intruder_mass: T,
-    /// Mass in front of the crystal of the force sensor, kg. It is a part of M that the measured force does
-    /// not move.
-    pub front_mass: T,
-    /// k, stiffness of the intruder's springs, N/m.
-    pub stiffness: T,
-    /// c, damping of the intruder, N·s/m.
-    pub damping: T,
-    /// κ, stiffness of the contacts between beads, N/m^1.5.
-    pub contact_stiffness: T,
-    /// τ, the relaxation time of those contacts, s.
-    pub relaxation: T,
+use crate::calibration::Channel;
+use crate::company::Company;
+use crate::converter::CONVERSION;
+use crate::description::Description;
+use crate::front_end::SensorScale;
+use crate::layout::WindowSettings;
+use crate::observer::Observer;
+use crate::physics::{Bead, Intruder, SOLITARY_WAVE_ENERGY, power};
+use crate::quantity::{EnergyScale, SensedForce};
+use crate::reduced_chain::ReducedChain;
+use crate::scale::{INCOMING_MAX, POWERS_MAX, SHIFT_MAX, Scale};
+use crate::sensor::Sensor;
+use crate::shape::{Fine, Ringing};
+use crate::violation::{Bound, Coefficient, Key, Violation};
+
+/// Coefficients of both estimators in their formats.
+pub(crate) struct Coefficients {
+    pub(crate) observer: Observer,
+    pub(crate) chain: ReducedChain,
+    pub(crate) company: Company,
+    pub(crate) scale: Scale,
+    pub(crate) incident: I16F16,
+    pub(crate) ringing: Ringing,
 }
 
-/// An intruder, SI units.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Intruder<T = f64> {
-    /// m, its mass, kg.
-    pub mass: T,
-    /// k, stiffness of its springs, N/m.
-    pub stiffness: T,
-    /// c, its damping, N·s/m.
-    pub damping: T,
+/// Coefficients before they are converted to their formats.
+struct Exact {
+    start: f64,
+    end: f64,
+    measured: f64,
+    contact: f64,
+    relaxation: f64,
+    incoming: f64,
+    stiffness: f64,
+    damping: f64,
+    intruder: f64,
+    host: f64,
+    predicted: f64,
+    incident: f64,
+    ring_frequency: f64,
+    ring_decay: f64,
 }
 
-impl<T: Float> Intruder<T> {
-    /// Coefficients of this intruder in a follower of mass `bead_mass`: [`Company::stiffness`], `damping` and
-    /// `ratio`. All are zero for an intruder of zeros, which is none.
-    ///
-    /// [`Company::stiffness`]: crate::company::Company::stiffness
-    pub fn coefficients(&self, bead_mass: T, sample_rate_hz: T) -> [T; 3] {
-        if self.mass <= T::zero() {
-            return [T::zero(); 3];
+impl Exact {
+    #[inline(never)]
+    fn new(bead: &Bead, dt: f64) -> Self {
+        let (um, nj) = (1e6, 1e9); // µm in a metre, nJ in a joule
+        // The mass that the measured force moves.
+        let host_mass = bead.mass - bead.intruder_mass - bead.front_mass;
+
+        let phase = bead.stiffness / bead.damping * dt; // λ dt
+        let lost = -libm::expm1(-phase); // 1 - φ
+        let mean = lost / phase; // of exp(-λ t) over a sample
+
+        // Accelerations are in twelfths, see `ReducedChain`.
+        let twelfth = dt * dt / 12.0;
+        let scale = 256.0;
+
+        // Behind the wave the host flies free, so the reduced mass rings: k = μ (ω² + β²), c = 2 μ β.
+        let reduced = bead.intruder_mass * (bead.mass - bead.intruder_mass) / bead.mass;
+        let ring_decay = bead.damping / (2.0 * reduced);
+        let ring = bead.stiffness / reduced - ring_decay * ring_decay;
+        // An overdamped intruder does not ring.
+        let ring = if ring > 0.0 { ring } else { 0.0 };
+
+        Self {
+            start: mean - (1.0 - lost),
+            end: 1.0 - mean,
+            measured: bead.intruder_mass * bead.intruder_mass / bead.damping * dt * nj,
+            // 1e3 is the root of the µm in a metre.
+            contact: scale * bead.contact_stiffness / 1e3 / bead.mass * twelfth,
+            relaxation: 1.5 * bead.relaxation / dt,
+            incoming: scale / host_mass * twelfth * um,
+            stiffness: 4.0 * bead.stiffness / bead.intruder_mass * twelfth,
+            damping: bead.damping / bead.intruder_mass * twelfth / dt,
+            intruder: bead.intruder_mass / host_mass,
+            host: (bead.mass - host_mass) / host_mass,
+            // c ẋ² dt of a velocity of 1 µm/sample.
+            predicted: bead.damping / dt / (um * um) * nj,
+            incident: SOLITARY_WAVE_ENERGY * nj / power(bead.contact_stiffness, 2.0 / 3.0),
+            ring_frequency: libm::sqrt(ring) / TAU,
+            ring_decay,
         }
-        let number = |value: f64| T::from(value).expect("a float is made of any f64");
-        let dt = sample_rate_hz.recip();
-        let twelfth = dt * dt / number(12.0);
-        [
-            number(4.0) * self.stiffness / self.mass * twelfth,
-            self.damping / self.mass * twelfth / dt,
-            self.mass / (bead_mass - self.mass),
-        ]
     }
 }
 
-/// The coefficients before they are converted to their formats.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coefficients<T> {
-    /// Of estimate A: [`Observer::start`](crate::observer::Observer::start).
-    pub start: T,
-    /// [`Observer::end`](crate::observer::Observer::end).
-    pub end: T,
-    /// [`Observer::energy`](crate::observer::Observer::energy).
-    pub measured: T,
-    /// Of estimate B: [`ReducedChain::contact`](crate::reduced_chain::ReducedChain::contact).
-    pub contact: T,
-    /// [`ReducedChain::relaxation`](crate::reduced_chain::ReducedChain::relaxation).
-    pub relaxation: T,
-    /// [`ReducedChain::incoming`](crate::reduced_chain::ReducedChain::incoming).
-    pub incoming: T,
-    /// [`ReducedChain::stiffness`](crate::reduced_chain::ReducedChain::stiffness).
-    pub stiffness: T,
-    /// [`ReducedChain::damping`](crate::reduced_chain::ReducedChain::damping).
-    pub damping: T,
-    /// [`ReducedChain::intruder`](crate::reduced_chain::ReducedChain::intruder).
-    pub intruder: T,
-    /// [`ReducedChain::host`](crate::reduced_chain::ReducedChain::host).
-    pub host: T,
-    /// [`ReducedChain::energy`](crate::reduced_chain::ReducedChain::energy).
-    pub predicted: T,
-    /// [`Settings::incident`](crate::Settings::incident).
-    pub incident: T,
-    /// [`Ringing::frequency`](crate::shape::Ringing::frequency); 0 if the intruder does not ring.
-    pub ring_frequency: T,
-    /// [`Ringing::decay`](crate::shape::Ringing::decay).
-    pub ring_decay: T,
+/// Stiffness, damping and mass ratio of an intruder in a follower of mass `bead_mass`: the coefficients of
+/// [`Company`].
+fn behind(intruder: &Intruder, bead_mass: f64, dt: f64) -> [f64; 3] {
+    let twelfth = dt * dt / 12.0;
+    [
+        4.0 * intruder.stiffness / intruder.mass * twelfth,
+        intruder.damping / intruder.mass * twelfth / dt,
+        intruder.mass / (bead_mass - intruder.mass),
+    ]
 }
 
-/// The coefficients of a bead that samples at `sample_rate_hz`.
-pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients<T> {
-    let number = |value: f64| T::from(value).expect("a float is made of any f64");
-    let (um, nj) = (number(1e6), number(1e9)); // µm in a metre, nJ in a joule
-    let dt = sample_rate_hz.recip();
-    // The mass that the measured force moves.
-    let host_mass = bead.mass - bead.intruder_mass - bead.front_mass;
+/// A fixed-point format of 32 bits.
+#[derive(Clone, Copy)]
+struct Format {
+    /// Bits of the fraction.
+    fraction: u32,
+    /// Least and greatest number, in units of the last bit.
+    bits: [f64; 2],
+}
 
-    let phase = bead.stiffness / bead.damping * dt; // λ dt
-    let lost = -(-phase).exp_m1(); // 1 - φ
-    let mean = lost / phase; // of exp(-λ t) over a sample
+impl Format {
+    const I0F32: Self = Self::signed(32);
+    const I2F30: Self = Self::signed(30);
+    const I16F16: Self = Self::signed(16);
+    const U16F16: Self = Self {
+        fraction: 16,
+        bits: [0.0, u32::MAX as f64],
+    };
 
-    // Accelerations are in twelfths, see `ReducedChain`.
-    let twelfth = dt * dt / number(12.0);
-    let scale = number(256.0);
+    const fn signed(fraction: u32) -> Self {
+        Self {
+            fraction,
+            bits: [i32::MIN as f64, i32::MAX as f64],
+        }
+    }
 
-    // Behind the wave the host flies free, so the reduced mass rings: k = μ (ω² + β²), c = 2 μ β.
-    let reduced = bead.intruder_mass * (bead.mass - bead.intruder_mass) / bead.mass;
-    let ring_decay = bead.damping / (number(2.0) * reduced);
-    let ring = bead.stiffness / reduced - ring_decay * ring_decay;
+    /// Bits of `value`. `None` if the format does not hold it, or loses more than 1e-4 of it.
+    #[inline(never)]
+    fn exact(self, value: f64) -> Option<i64> {
+        let scaled = value * two_to(self.fraction as i32);
+        let rounded = libm::rint(scaled);
+        let [least, most] = self.bits;
+        let exact = (rounded - scaled).abs() <= 1e-4 * scaled.abs();
+        (exact && (least..=most).contains(&rounded)).then_some(rounded as i64)
+    }
 
-    // Its power 2/3. The cube root of `libm` for f32 reckons in f64, which takes 3 KB of flash; these two do
-    // not.
-    let root_squared = (bead.contact_stiffness.ln() * number(2.0 / 3.0)).exp_m1() + T::one();
+    /// Bits of a coefficient.
+    fn hold(self, key: Key, coefficient: Coefficient, value: f64) -> Result<i64, Violation> {
+        self.exact(value).ok_or(Violation {
+            key,
+            bound: Bound::Format {
+                coefficient,
+                value,
+                range: self.range(),
+            },
+        })
+    }
 
-    Coefficients {
-        start: mean - (T::one() - lost),
-        end: T::one() - mean,
-        measured: bead.intruder_mass * bead.intruder_mass / bead.damping * dt * nj,
-        contact: scale * bead.contact_stiffness / um.sqrt() / bead.mass * twelfth,
-        relaxation: number(1.5) * bead.relaxation / dt,
-        incoming: scale / host_mass * twelfth * um,
-        stiffness: number(4.0) * bead.stiffness / bead.intruder_mass * twelfth,
-        damping: bead.damping / bead.intruder_mass * twelfth / dt,
-        intruder: bead.intruder_mass / host_mass,
-        host: (bead.mass - host_mass) / host_mass,
-        // c ẋ² dt of a velocity of 1 µm/sample.
-        predicted: bead.damping / dt / (um * um) * nj,
-        incident: number(SOLITARY_WAVE_ENERGY) * nj / root_squared,
-        ring_frequency: ring.max(T::zero()).sqrt() / number(core::f64::consts::TAU),
-        ring_decay,
+    /// The least and the greatest number above 0 that the format holds to 1e-4 of itself.
+    fn range(self) -> [f64; 2] {
+        let last = two_to(-(self.fraction as i32));
+        [last * 5e3, last * self.bits[1]]
+    }
+}
+
+/// Each coefficient, the setting that is blamed if its format does not hold it, and that format.
+const FORMATS: [(Key, Coefficient, Format); 17] = [
+    (Key::IntruderDamping, Coefficient::OldAcceleration, Format::I0F32),
+    (Key::IntruderDamping, Coefficient::NewAcceleration, Format::I0F32),
+    (
+        Key::IntruderMass,
+        Coefficient::EnergyByAcceleration,
+        Format::I2F30,
+    ),
+    (Key::ContactStiffness, Coefficient::Contact, Format::I0F32),
+    (Key::ContactRelaxation, Coefficient::Relaxation, Format::I2F30),
+    (Key::BeadMass, Coefficient::Incoming, Format::I0F32),
+    (Key::IntruderStiffness, Coefficient::Stiffness, Format::I0F32),
+    (Key::IntruderDamping, Coefficient::Damping, Format::I0F32),
+    (Key::IntruderMass, Coefficient::Intruder, Format::I0F32),
+    (Key::BeadMass, Coefficient::Host, Format::I0F32),
+    (
+        Key::IntruderDamping,
+        Coefficient::EnergyByVelocity,
+        Format::I16F16,
+    ),
+    (Key::ContactStiffness, Coefficient::Incident, Format::I16F16),
+    (Key::IntruderStiffness, Coefficient::RingFrequency, Format::U16F16),
+    (Key::IntruderDamping, Coefficient::RingDecay, Format::U16F16),
+    (
+        Key::CompanyStiffness,
+        Coefficient::CompanyStiffness,
+        Format::I0F32,
+    ),
+    (Key::CompanyDamping, Coefficient::CompanyDamping, Format::I0F32),
+    (Key::CompanyMass, Coefficient::CompanyRatio, Format::I0F32),
+];
+
+impl Coefficients {
+    /// The coefficients of a bead whose description was checked. `behind` has its followers with an intruder
+    /// as bits.
+    ///
+    /// # Errors
+    /// A coefficient that its format does not hold.
+    pub(crate) fn new(description: &Description, places: u8) -> Result<Self, Violation> {
+        let dt = 1.0 / f64::from(description.capture.sample_rate_hz);
+        let exact = Exact::new(&description.physics(), dt);
+        let [stiffness, damping, ratio] = if places == 0 {
+            [0.0; 3]
+        } else {
+            behind(&description.company.intruder(), description.bead.mass, dt)
+        };
+        let masses = [exact.intruder, exact.host, ratio];
+        let scale = Scale {
+            contact: shift(&[exact.contact], SHIFT_MAX),
+            incoming: shift(&[exact.incoming], INCOMING_MAX),
+            masses: shift(&masses, SHIFT_MAX),
+            observer: shift(&[exact.end], 1),
+            measured: shift_into(exact.measured, 1.0 / 65536.0..1.0),
+            predicted: shift_into(exact.predicted, 0.1..16384.0),
+        };
+        let without = |value: f64, powers: u8| value * two_to(-i32::from(powers));
+        let values = [
+            exact.start,
+            without(exact.end, scale.observer),
+            exact.measured * two_to(-i32::from(scale.measured)),
+            without(exact.contact, scale.contact),
+            exact.relaxation,
+            without(exact.incoming, scale.incoming),
+            exact.stiffness,
+            exact.damping,
+            without(exact.intruder, scale.masses),
+            without(exact.host, scale.masses),
+            exact.predicted * two_to(-i32::from(scale.predicted)),
+            exact.incident,
+            exact.ring_frequency,
+            exact.ring_decay,
+            stiffness,
+            damping,
+            without(ratio, scale.masses),
+        ];
+        let mut bits = [0; FORMATS.len()];
+        hold_all(&values, &mut bits)?;
+        Ok(Self::from_bits(bits, scale, description, places))
+    }
+
+    /// Puts the bits into their places, in the order of [`FORMATS`].
+    fn from_bits(bits: [i64; FORMATS.len()], scale: Scale, description: &Description, places: u8) -> Self {
+        let [
+            start,
+            end,
+            measured,
+            contact,
+            relaxation,
+            incoming,
+            stiffness,
+            damping,
+            intruder,
+            host,
+            predicted,
+            incident,
+            ring_frequency,
+            ring_decay,
+            company_stiffness,
+            company_damping,
+            ratio,
+        ] = bits;
+        let capture = &description.capture;
+        Self {
+            observer: Observer {
+                start: I0F32::from_bits(start as i32),
+                end: I0F32::from_bits(end as i32),
+                energy: I2F30::from_bits(measured as i32),
+            },
+            chain: ReducedChain {
+                contact: I0F32::from_bits(contact as i32),
+                relaxation: I2F30::from_bits(relaxation as i32),
+                incoming: I0F32::from_bits(incoming as i32),
+                stiffness: I0F32::from_bits(stiffness as i32),
+                damping: I0F32::from_bits(damping as i32),
+                intruder: I0F32::from_bits(intruder as i32),
+                host: I0F32::from_bits(host as i32),
+                gate: gate(&description.force),
+                energy: EnergyScale::from_bits(predicted as i32),
+            },
+            company: Company {
+                behind: places,
+                elsewhere: description.company.elsewhere == 1,
+                stiffness: I0F32::from_bits(company_stiffness as i32),
+                damping: I0F32::from_bits(company_damping as i32),
+                ratio: I0F32::from_bits(ratio as i32),
+            },
+            scale,
+            incident: I16F16::from_bits(incident as i32),
+            ringing: Ringing {
+                frequency: Fine::from_bits(ring_frequency as u32),
+                frequency_tolerance: nearest(capture.ring_frequency_tolerance),
+                decay: Fine::from_bits(ring_decay as u32),
+                decay_tolerance: nearest(capture.ring_decay_tolerance),
+            },
+        }
+    }
+}
+
+/// Converts each value to its format. Never inlined: the loop would be unrolled.
+#[inline(never)]
+fn hold_all(values: &[f64], bits: &mut [i64]) -> Result<(), Violation> {
+    for ((bits, value), (key, coefficient, format)) in bits.iter_mut().zip(values).zip(&FORMATS) {
+        *bits = format.hold(*key, *coefficient, *value)?;
+    }
+    Ok(())
+}
+
+/// Three standard deviations of the force's noise and rounding.
+fn gate(force: &SensorScale) -> SensedForce {
+    let rounding = force.per_code * force.per_code / 12.0;
+    nearest(3.0 * libm::sqrt(force.noise * force.noise + rounding))
+}
+
+/// Both channels of a sensor that is sampled every `dt` seconds. The keys are those of the units per code.
+///
+/// # Errors
+/// A unit that its format does not hold.
+pub(crate) fn sensor<F: LeEqU32>(
+    scale: &SensorScale,
+    dt: f64,
+    [sensitive, wide]: [Key; 2],
+) -> Result<Sensor<F>, Violation> {
+    let channel = |per_code: f64, pole: f64, delay: f64, unit: Key| {
+        let lag = if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 };
+        let slope = per_code * (lag - delay) / (2.0 * dt);
+        let format = Format::signed(F::U32);
+        let per_code = format.exact(per_code).ok_or(Violation {
+            key: unit,
+            bound: Bound::Unit {
+                range: format.range(),
+            },
+        })?;
+        Ok(Channel {
+            per_code: FixedI32::from_bits(per_code as i32),
+            // Its error counts beside the unit, however small it is.
+            slope: nearest(slope),
+        })
+    };
+    Ok(Sensor {
+        sensitive: channel(scale.per_code, scale.pole, 0.0, sensitive)?,
+        // Converted after the sensitive channel.
+        wide: channel(scale.wide_per_code, scale.wide_pole, CONVERSION, wide)?,
+    })
+}
+
+/// 2^`power`, for powers in ±300.
+fn two_to(power: i32) -> f64 {
+    f64::from_bits(((1023 + power) as u64) << 52)
+}
+
+/// The least powers of two, up to `most`, that bring all coefficients below a half. What is still
+/// too large then, its format does not hold.
+fn shift(values: &[f64], most: u8) -> u8 {
+    let fits = |powers: &u8| {
+        let power = two_to(-i32::from(*powers));
+        values.iter().all(|value| value * power < 0.499_999)
+    };
+    (0..most).find(fits).unwrap_or(most)
+}
+
+/// The powers of two that bring a coefficient of an energy into a range in which its format is exact enough;
+/// 0 if it is there. At most [`POWERS_MAX`] to either side.
+fn shift_into(value: f64, range: Range<f64>) -> i8 {
+    let powers = if value >= range.end {
+        libm::ilogb(value / range.end).saturating_add(1)
+    } else if value < range.start {
+        libm::ilogb(value / range.start)
+    } else {
+        0
+    };
+    powers.clamp(-i32::from(POWERS_MAX), POWERS_MAX.into()) as i8
+}
+
+/// Trigger and window in codes and samples.
+pub(crate) fn window(description: &Description, dt: f64) -> WindowSettings {
+    let capture = &description.capture;
+    // A cast saturates.
+    let whole = |number: f64| libm::round(number) as u16;
+    WindowSettings {
+        history: whole(capture.history / dt),
+        length: whole(capture.length / dt),
+        threshold: whole(capture.threshold / description.force.per_code),
+        lookback: whole(capture.lookback / dt),
+    }
+}
+
+/// The nearest number of a format.
+pub(crate) fn nearest<F: LeEqU32>(value: f64) -> FixedI32<F> {
+    FixedI32::from_bits(libm::rint(value * two_to(F::I32)) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_of_two_bring_a_coefficient_into_its_range() {
+        for (value, powers) in [
+            (0.0, 0),
+            (0.49, 0),
+            (0.5, 1),
+            (0.99, 1),
+            (1.0, 2),
+            (3.9, 3),
+            (1e9, 6),
+        ] {
+            assert_eq!(shift(&[0.1, value], 6), powers, "{value}");
+        }
+        let cases = [
+            (0.5, 0),
+            (1.0 / 65536.0, 0),
+            (1.0, 1),
+            (1.99, 1),
+            (2.0, 2),
+            (100.0, 7),
+            (1e60, 24),
+            (f64::INFINITY, 24),
+            (0.99 / 65536.0, -1),
+            (0.49 / 65536.0, -2),
+            (0.0, -24),
+        ];
+        for (value, powers) in cases {
+            assert_eq!(shift_into(value, 1.0 / 65536.0..1.0), powers, "{value}");
+        }
+    }
+
+    #[test]
+    fn a_number_that_loses_more_than_a_ten_thousandth_in_its_format_is_refused() {
+        for (value, bits) in [
+            (0.25, Some(16_384)),
+            (-0.25, Some(-16_384)),
+            (0.0, Some(0)),
+            (5000.4 / 65536.0, Some(5000)),
+            (5000.6 / 65536.0, Some(5001)),
+            (20_000.5 / 65536.0, Some(20_000)),
+            (20_001.5 / 65536.0, Some(20_002)),
+            (4000.45 / 65536.0, None),
+            (-32_768.0, Some(i32::MIN.into())),
+            (32_768.0, None),
+            (40_000.0, None),
+            (f64::INFINITY, None),
+            (f64::NAN, None),
+        ] {
+            assert_eq!(Format::I16F16.exact(value), bits, "{value}");
+        }
+        let unsigned = [-1.0, 65_535.0, 65_536.0].map(|value| Format::U16F16.exact(value));
+        assert_eq!(unsigned, [None, Some(0xFFFF_0000), None]);
+        let found = Format::I16F16.hold(Key::BeadMass, Coefficient::Host, 4e4);
+        let expected = Violation {
+            key: Key::BeadMass,
+            bound: Bound::Format {
+                coefficient: Coefficient::Host,
+                value: 4e4,
+                range: [5e3 / 65536.0, 32_768.0 - 1.0 / 65536.0],
+            },
+        };
+        assert_eq!(found, Err(expected));
     }
 }

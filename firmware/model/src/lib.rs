@@ -14,8 +14,8 @@
 //!
 //! The window is a pure function of [`Settings`] and of the ADC codes in it: a host that has both gets the
 //! result of the bead bit for bit. Every estimator is `config` (immutable) + `state` + `process(&self, &mut
-//! state, sample)`. There is no float in the work per sample. The host derives the coefficients once, in f64,
-//! with the feature `design` ([`coefficients`]).
+//! state, sample)`. There is no float in the work per sample. Bead and host derive the coefficients once, in
+//! f64, when settings are taken ([`Settings::new`]).
 //!
 //! # Units
 //!
@@ -26,23 +26,28 @@
 //!
 //! A [`Sink`] takes the result of a strike as [`Strike`], [`Shape`] and [`Chunk`]s, in the quantities of
 //! [`bead_wire`] in which they are sent.
-#![cfg_attr(not(feature = "design"), no_std)]
+#![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-#[cfg(all(doctest, feature = "design"))]
+#[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
 #[cfg(test)]
 mod bits;
 pub mod calibration;
-pub mod coefficients;
+mod capture;
+mod coefficients;
 pub mod company;
-#[cfg(feature = "design")]
+pub mod converter;
+mod description;
 pub mod design;
+mod front_end;
 pub mod layout;
 pub mod meter;
+pub mod name;
 pub mod observer;
+mod physics;
 pub mod quantity;
 pub mod reduced_chain;
 pub mod scale;
@@ -50,6 +55,7 @@ pub mod sensor;
 pub mod settings;
 pub mod shape;
 pub mod sqrt;
+pub mod violation;
 pub mod window;
 
 pub use bead_wire::{Energy, Shape, Strike, StrikeFlags};
@@ -57,4 +63,5 @@ pub use meter::{Chunk, Meter, Origin, Sink, scans};
 pub use quantity::{AdcCode, Pair, Scan};
 pub use settings::{Settings, SettingsError};
 pub use shape::WindowRecord;
+pub use violation::Violation;
 pub use window::Window;

@@ -92,13 +92,6 @@ impl Observer {
     /// Bound of the accelerations, m/s²: 2^28 in their format, so that a difference of two stays below 2^29.
     pub const MOST: u32 = 1 << (28 - SensedAcceleration::FRAC_NBITS);
 
-    /// Whether no weight is negative.
-    pub fn is_bounded(&self) -> bool {
-        [self.start, self.end]
-            .into_iter()
-            .all(|weight| weight >= I0F32::ZERO)
-    }
-
     /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). `end` has
     /// `powers` of two more than its bits say. Never inlined, so that its instructions can be counted by its
     /// symbol.

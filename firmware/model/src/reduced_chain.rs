@@ -162,19 +162,6 @@ impl ReducedChainState {
 }
 
 impl ReducedChain {
-    /// Whether no coefficient is negative; their formats bound every product.
-    pub fn is_bounded(&self) -> bool {
-        let coefficients = [
-            self.contact,
-            self.incoming,
-            self.stiffness,
-            self.damping,
-            self.intruder,
-            self.host,
-        ];
-        coefficients.into_iter().all(|value| value >= I0F32::ZERO) && self.relaxation >= I2F30::ZERO
-    }
-
     /// Takes the forces at the host's incoming contact at the next samples, at most
     /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 pub const SHIFT_MAX: u8 = 6;
 /// Most powers of two of the incoming force: the host then has 17 mg.
 pub const INCOMING_MAX: u8 = 8;
+/// Most powers of two of an energy, to either side.
+pub const POWERS_MAX: u8 = 24;
 
 /// By how many powers of two each coefficient is greater than its bits say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,50 +34,4 @@ pub struct Scale {
     pub measured: i8,
     /// Of [`ReducedChain::energy`](crate::reduced_chain::ReducedChain::energy).
     pub predicted: i8,
-}
-
-impl Scale {
-    /// Whether every product has room.
-    pub fn is_bounded(&self) -> bool {
-        let Self {
-            contact,
-            incoming,
-            masses,
-            observer,
-            measured,
-            predicted,
-        } = *self;
-        [contact, masses].into_iter().all(|shift| shift <= SHIFT_MAX)
-            && incoming <= INCOMING_MAX
-            && observer <= 1
-            && [measured, predicted]
-                .into_iter()
-                .all(|shift| shift.unsigned_abs() <= 24)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_number_of_powers_has_its_limits() {
-        type Set = fn(&mut Scale, i8);
-        let limits: [(Set, [i8; 2]); 6] = [
-            (|scale, powers| scale.contact = powers as u8, [0, 6]),
-            (|scale, powers| scale.incoming = powers as u8, [0, 8]),
-            (|scale, powers| scale.masses = powers as u8, [0, 6]),
-            (|scale, powers| scale.observer = powers as u8, [0, 1]),
-            (|scale, powers| scale.measured = powers, [-24, 24]),
-            (|scale, powers| scale.predicted = powers, [-24, 24]),
-        ];
-        for (n, (set, [least, most])) in limits.into_iter().enumerate() {
-            for powers in [least - 1, least, 0, most, most + 1] {
-                let mut scale = Scale::default();
-                set(&mut scale, powers);
-                let allowed = (least..=most).contains(&powers);
-                assert_eq!(scale.is_bounded(), allowed, "number {n}: {powers}");
-            }
-        }
-    }
 }

@@ -9,7 +9,7 @@
 //! the code lies in it. The core would stand still for one or two seconds, longer than the watchdog, the time
 //! driver and the ring of the converter can bear. So only [`Store::open`] erases, at start-up, before there
 //! are samples, and it leaves room for at least one block. A write that finds no room is refused as
-//! [`StoreError::Full`], and the next start makes room. A sector of 128 KiB holds about 710 blocks of 175
+//! [`StoreError::Full`], and the next start makes room. A sector of 128 KiB holds about 500 blocks of 250
 //! bytes.
 //!
 //! Programming a word takes about 16 µs, so a write takes about a millisecond.

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bead_model::design::{Capture, DesignError, derive_among};
+use bead_model::design::{Capture, Description, LEAST_WIDTH};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::violation::{Bound, Violation};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use stm32f405_qemu::{End, Outcome, PinInput, Reset, Run, Since};
@@ -20,6 +21,7 @@ use crate::comparison::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus
 use crate::comparison::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
+use crate::recording::physical::refusal;
 use crate::waveform::Waveform;
 
 /// Flash address at which the image finds settings that a probe wrote (`memory.x`).
@@ -515,22 +517,28 @@ pub fn settings_of(
     let physics = bead_of(solution, bead)?;
     let front = front_end.calibration();
     let neighbours = neighbours_of(solution, bead);
-    let derived = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front));
-    let settings = derived.map_err(|error| match error {
-        DesignError::TooFast { samples, least } => {
+    let capture = Capture::of(&physics, &front);
+    let description = Description {
+        address: placed.address,
+        ..Description::new(&physics, &neighbours, &front, &capture)
+    };
+    Settings::new(&description).map_err(|violation| match violation {
+        Violation {
+            bound: Bound::Width { samples },
+            ..
+        } => {
             let diameter = 2e3 * solution.model().radius(bead);
             BenchError::Unfit(format!(
                 "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
-                 material, since {error}",
+                 material, since a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured",
                 SAMPLE_RATE_HZ / 1000,
-                diameter * least / samples
+                diameter * LEAST_WIDTH / samples
             ))
         }
-        error => BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error),
-    })?;
-    Ok(Settings {
-        address: placed.address,
-        ..settings
+        violation => BenchError::unfit(
+            &format!("no settings fit bead {bead} and this front end"),
+            refusal(&description, violation),
+        ),
     })
 }
 

@@ -1,5 +1,6 @@
 //! JSON schemas of frames, made from the descriptions of their fields.
 
+use bead_model::design::Description;
 use bead_wire::{FieldDoc, Kind};
 use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
@@ -7,7 +8,6 @@ use serde_json::{Map, Value, json};
 
 use crate::recording::fields::{Content, described};
 use crate::recording::json::SCHEMA_VERSION;
-use crate::recording::physical::Physical;
 
 /// The schema of the lines of `bead COMMAND`: one of these kinds of frames.
 pub(super) fn of_lines(command: &str, kinds: &[Kind]) -> Value {
@@ -90,7 +90,7 @@ fn body(kind: Kind, generator: &mut SchemaGenerator) -> Map<String, Value> {
         Kind::Shape => drop(properties.insert("arrival_time_s".to_owned(), real())),
         Kind::Sync => drop(properties.insert("edge_time_s".to_owned(), real())),
         Kind::Settings => {
-            let physical = generator.subschema_for::<Option<Physical>>();
+            let physical = generator.subschema_for::<Option<Description>>();
             properties.insert("settings".to_owned(), physical.into());
             properties.insert("settings_raw".to_owned(), json!({ "type": ["object", "null"] }));
             properties.insert("refused".to_owned(), json!({ "type": "string" }));

@@ -117,14 +117,10 @@ const WORK: usize = ENERGY + 1;
 type Row = [Option<Intruder>; BODIES];
 
 fn row(bead: &Bead, neighbours: &Neighbours) -> Row {
-    let own = Intruder {
-        mass: bead.intruder_mass,
-        stiffness: bead.stiffness,
-        damping: bead.damping,
-    };
+    let own = bead.intruder();
     std::array::from_fn(|body| match body.checked_sub(1) {
         None => Some(own),
-        Some(follower) => neighbours.behind[follower].then_some(neighbours.intruder),
+        Some(follower) => neighbours.holds(follower).then(|| neighbours.intruder()),
     })
 }
 

@@ -16,7 +16,8 @@
 //! The four channels are converted at the same time, on as many threads. Where nothing is felt, only the
 //! noise is computed.
 
-use bead_model::design::{self, ChannelFrontEnd, SensorFrontEnd};
+use bead_model::converter::CONVERSION;
+use bead_model::design::{self, SensorScale};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -24,15 +25,6 @@ use serde::{Deserialize, Serialize};
 
 /// Scans a second: TIM3's trigger rate.
 pub const SAMPLE_RATE_HZ: u32 = 100_000;
-/// ADC1's clock: APB2 at 84 MHz through the prescaler of 4 (RM0090, ADC_CCR.ADCPRE).
-pub const ADC_CLOCK_HZ: u32 = 21_000_000;
-/// ADC clock cycles during which a channel's sample capacitor follows its input (RM0090, ADC_SMPR2: code
-/// 001).
-pub const SAMPLE_CYCLES: u32 = 15;
-/// ADC clock cycles of a 12-bit successive approximation (RM0090, ADC_CR1.RES: 12 bits, 12 cycles).
-pub const CONVERSION_CYCLES: u32 = 12;
-/// Seconds from one conversion of a scan to the next: 1.29 µs.
-pub const CONVERSION: f64 = (SAMPLE_CYCLES + CONVERSION_CYCLES) as f64 / ADC_CLOCK_HZ as f64;
 /// Seconds by which the acceleration of a scan is taken after its force, both at the high gain: two
 /// conversions.
 pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
@@ -85,16 +77,6 @@ impl Channel {
         }
     }
 
-    /// What the settings of a bead are derived from.
-    pub fn calibration(&self) -> ChannelFrontEnd {
-        ChannelFrontEnd {
-            per_code: 1.0 / self.codes_per_unit(),
-            zero_code: self.zero_code(),
-            pole_hz: self.pole_hz,
-            noise_rms: self.noise_rms,
-        }
-    }
-
     /// Volts at the converter per unit.
     pub fn volts_per_unit(&self) -> f64 {
         self.sensitivity * self.gain
@@ -139,12 +121,15 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// What the settings of a bead are derived from.
-    pub fn calibration(&self) -> SensorFrontEnd {
-        SensorFrontEnd {
-            sensitive: self.sensitive.calibration(),
-            wide: self.wide.calibration(),
-            delay: CONVERSION,
+    /// Scale of the sensor, as the settings of a bead state it.
+    pub fn scale(&self) -> SensorScale {
+        let pole = |channel: &Channel| channel.pole_hz.unwrap_or(0.0);
+        SensorScale {
+            per_code: 1.0 / self.sensitive.codes_per_unit(),
+            wide_per_code: 1.0 / self.wide.codes_per_unit(),
+            pole: pole(&self.sensitive),
+            wide_pole: pole(&self.wide),
+            noise: self.sensitive.noise_rms,
         }
     }
 
@@ -240,11 +225,11 @@ pub struct Digitised {
 }
 
 impl FrontEnd {
-    /// What the settings of a bead are derived from.
+    /// Scales of both sensors, as the settings of a bead state them.
     pub fn calibration(&self) -> design::FrontEnd {
         design::FrontEnd {
-            force: self.force.calibration(),
-            acceleration: self.acceleration.calibration(),
+            force: self.force.scale(),
+            acceleration: self.acceleration.scale(),
         }
     }
 
@@ -588,15 +573,12 @@ mod tests {
             (ours.force, reference.force),
             (ours.acceleration, reference.acceleration),
         ] {
-            assert!((ours.delay / reference.delay - 1.0).abs() < 1e-12);
-            for (ours, reference) in [(ours.sensitive, reference.sensitive), (ours.wide, reference.wide)] {
-                assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
-                assert!((ours.zero_code - reference.zero_code).abs() < 1e-9);
-                assert_eq!(
-                    (ours.pole_hz, ours.noise_rms),
-                    (reference.pole_hz, reference.noise_rms)
-                );
-            }
+            assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
+            assert!((ours.wide_per_code / reference.wide_per_code - 1.0).abs() < 1e-12);
+            assert_eq!(
+                (ours.pole, ours.wide_pole, ours.noise),
+                (reference.pole, reference.wide_pole, reference.noise)
+            );
         }
     }
 

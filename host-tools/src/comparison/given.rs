@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use bead_model::Settings;
-use bead_model::design::{Bead, Intruder, Neighbours};
+use bead_model::design::{Bead, Neighbours};
 use bead_model::layout::{BASELINE, HISTORY_MAX};
 use serde::{Deserialize, Serialize};
 
@@ -127,26 +127,8 @@ impl Fine {
 
 /// The bead and its neighbours that settings are made for.
 pub(crate) fn physics(settings: &Settings) -> (Bead, Neighbours) {
-    let (bead, company) = (&settings.bead, &settings.company);
-    let bead = Bead {
-        mass: bead.mass.into(),
-        intruder_mass: bead.intruder_mass.into(),
-        front_mass: bead.front_mass.into(),
-        stiffness: bead.stiffness.into(),
-        damping: bead.damping.into(),
-        contact_stiffness: bead.contact_stiffness.into(),
-        relaxation: bead.relaxation.into(),
-    };
-    let neighbours = Neighbours {
-        behind: std::array::from_fn(|follower| company.behind >> follower & 1 == 1),
-        elsewhere: company.elsewhere,
-        intruder: Intruder {
-            mass: company.intruder.mass.into(),
-            stiffness: company.intruder.stiffness.into(),
-            damping: company.intruder.damping.into(),
-        },
-    };
-    (bead, neighbours)
+    let description = settings.description();
+    (description.physics(), description.company)
 }
 
 #[cfg(test)]

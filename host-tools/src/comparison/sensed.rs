@@ -82,15 +82,13 @@ pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
         .iter()
         .map(|one| one.bead)
         .filter(|place| !counted(*place));
-    Neighbours {
-        behind,
-        elsewhere: others.into_iter().any(|place| place.abs_diff(bead) <= NEAR),
-        intruder: first.map_or_else(Intruder::default, |held| Intruder {
-            mass: held.mass,
-            stiffness: held.stiffness,
-            damping: held.damping,
-        }),
-    }
+    let intruder = first.map_or_else(Intruder::default, |held| Intruder {
+        mass: held.mass,
+        stiffness: held.stiffness,
+        damping: held.damping,
+    });
+    let elsewhere = others.into_iter().any(|place| place.abs_diff(bead) <= NEAR);
+    Neighbours::new(behind, elsewhere, intruder)
 }
 
 /// A warning where the reduced chain of estimate B is not like the real chain, or its steps are long.

@@ -423,7 +423,7 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
         force.wide.per_code.to_num::<f64>(),
         acceleration.wide.per_code.to_num::<f64>(),
     );
-    let bead = &settings.bead;
+    let bead = settings.description().physics();
     let physics = format!(
         "M = {:.3} g, m = {:.3} g, k = {:.1} kN/m, c = {:.2} N·s/m, κ = {:.4e} N/m^1.5, τ = {:.2} µs",
         bead.mass * 1e3,

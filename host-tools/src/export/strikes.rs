@@ -2,11 +2,12 @@
 //! with.
 
 use bead_model::Settings;
+use bead_model::violation::Key;
 use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
 
 use crate::recording::fields::{Content, described, entries};
 use crate::recording::json::hex;
-use crate::recording::physical::{KEYS, Key, Physical};
+use crate::recording::physical::{KEYS, KeyRow, value};
 use crate::recording::strikes::RecordedStrike;
 use crate::tables::unit::Unit;
 use crate::tables::{Cell, Column, Kind};
@@ -26,12 +27,12 @@ struct Told {
 
 impl Told {
     fn of(settings: &Settings) -> Self {
-        let physical = Physical::of(settings);
-        let name = Some(physical.name.as_str()).filter(|name| !name.is_empty());
+        let description = settings.description();
+        let name = Some(description.name.as_str()).filter(|name| !name.is_empty());
         Self {
             name: Cell::text(name),
             quantities: self::settings()
-                .map(|key| Cell::number(physical.get(key).as_f64()))
+                .map(|row| Cell::number(value(description, row.key).as_f64()))
                 .collect(),
         }
     }
@@ -128,13 +129,14 @@ fn results(strike: Option<&RecordedStrike>) -> Vec<(Column, Cell)> {
 }
 
 /// The keys of settings that are numbers and describe a bead and its front end.
-fn settings() -> impl Iterator<Item = &'static Key> {
-    KEYS.iter().filter(|key| !matches!(key.path, "name" | "address"))
+fn settings() -> impl Iterator<Item = &'static KeyRow> {
+    KEYS.iter()
+        .filter(|row| !matches!(row.key, Key::Name | Key::Address))
 }
 
-fn settings_column(key: &Key) -> String {
-    let name = key.path.replace('.', "_");
-    match Unit::of_symbol(key.unit) {
+fn settings_column(row: &KeyRow) -> String {
+    let name = row.path().replace('.', "_");
+    match Unit::of_symbol(row.unit) {
         Some(unit) => format!("settings_{name}_{}", unit.ending),
         None => format!("settings_{name}"),
     }

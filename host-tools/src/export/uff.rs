@@ -75,9 +75,9 @@ pub fn strike(out: &mut impl Write, recording: &str, strike: &RecordedStrike) ->
                 out,
                 &received.map_or_else(String::new, |at| at.format("%d-%b-%y %H:%M:%S").to_string()),
             )?;
-            let named = strike
-                .settings
-                .map_or_else(String::new, |settings| settings.name.as_str().to_owned());
+            let named = strike.settings.map_or_else(String::new, |settings| {
+                settings.description().name.as_str().to_owned()
+            });
             let boot = match strike.nth_boot {
                 Some(nth) => format!("boot {nth} of the recording"),
                 None => format!("boot with low byte {}", strike.boot),

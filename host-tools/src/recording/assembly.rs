@@ -586,8 +586,10 @@ mod tests {
     const NEXT: Arrival = Arrival::Next { lost: 0 };
 
     fn settings(threshold: u16) -> Message {
-        let mut settings = derive(&PaperBead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        settings.window.threshold = threshold;
+        let paper = derive(&PaperBead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper
+            .with(|bead| bead.capture.threshold = f64::from(threshold) * bead.force.per_code)
+            .unwrap();
         let mut block = [0; BLOCK_MAX];
         let length = settings.encode(&mut block).unwrap();
         let block = Block::try_from(&block[..length]).unwrap();

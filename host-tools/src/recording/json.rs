@@ -13,7 +13,6 @@ use serde_json::{Map, Value, json};
 
 use crate::recording::fields::{Content, entries};
 use crate::recording::frames::Frame;
-use crate::recording::physical::Physical;
 
 /// Version of all JSON that this program prints. It grows when a key goes away or means something else.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -65,7 +64,7 @@ impl Frame {
             }
             Message::Settings(settings) => {
                 let (settings, raw, refused) = match Settings::decode(settings.block.bytes()) {
-                    Ok(settings) => (json!(Physical::of(&settings)), json!(settings), Value::Null),
+                    Ok(settings) => (json!(settings.description()), json!(settings), Value::Null),
                     Err(error) => (Value::Null, Value::Null, error.to_string().into()),
                 };
                 object.insert("settings".to_owned(), settings);

@@ -203,10 +203,12 @@ mod tests {
     /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first`
     /// on.
     fn thresholds(first: u32) -> Vec<u16> {
-        let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let paper = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         let mut blocks = Vec::new();
-        for threshold in [50, 60] {
-            settings.window.threshold = threshold;
+        for threshold in [50_u16, 60] {
+            let settings = paper
+                .with(|bead| bead.capture.threshold = f64::from(threshold) * bead.force.per_code)
+                .unwrap();
             let mut block = [0; BLOCK_MAX];
             let length = settings.encode(&mut block).unwrap();
             blocks.push(block[..length].to_vec());

@@ -69,7 +69,7 @@ fn fixture(folder: &Path) {
     write("late.toml", b"[[fault]]\nat = 0.03\nkind = \"hang\"\n");
     write("latin.toml", b"title = \"Sto\xdf\"");
     copy("x.mcap", "tests/data/recording-v2.mcap");
-    copy("bead.settings", "tests/data/settings-v5.bin");
+    copy("bead.settings", "tests/data/settings-v1.bin");
     copy("future.bin", "tests/data/frame-of-the-future.bin");
     write("empty", b"");
     write("empty.toml", b"");
@@ -83,7 +83,7 @@ fn fixture(folder: &Path) {
     write("noise", &noise);
     // A recording that was cut, one with a hole as a card's erased flash, and one of a version to come.
     let recording = fs::read(folder.join("x.mcap")).unwrap();
-    write("cut.mcap", &recording[..6000]);
+    write("cut.mcap", &recording[..9000]);
     let mut hole = recording.clone();
     hole[2000..2512].fill(0xFF);
     write("hole.mcap", &hole);

@@ -218,7 +218,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
         );
     }
     hold("clock", &format!("clock {RECORDING}"));
-    hold("settings", "settings show tests/data/settings-v5.bin");
+    hold("settings", "settings show tests/data/settings-v1.bin");
     let out = folder.path().join("whole.mcap");
     hold("recover", &format!("recover {RECORDING} --out {}", out.display()));
 }
@@ -324,7 +324,7 @@ fn strikes_and_faults_that_are_received_hold_their_schema() {
 
 #[test]
 fn every_answer_of_a_bead_holds_its_schema() {
-    let block = fs::read(format!("{ROOT}/tests/data/settings-v5.bin")).unwrap();
+    let block = fs::read(format!("{ROOT}/tests/data/settings-v1.bin")).unwrap();
     let line = Line::new();
     let mut beads = [Bead::new(3, &block)];
     for (action, name) in [
@@ -346,6 +346,6 @@ fn every_answer_of_a_bead_holds_its_schema() {
     let read = documents(&line.run(&mut beads, &["settings", "read", "--format", "json"]));
     assert_eq!(
         read,
-        printed("settings show tests/data/settings-v5.bin --format json")
+        printed("settings show tests/data/settings-v1.bin --format json")
     );
 }

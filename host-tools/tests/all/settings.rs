@@ -9,6 +9,7 @@ use std::thread;
 
 use crate::program::{self, said};
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::name::Name;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{
     Block, Header, MAX_FRAME, Message, Outcome, Reply, Request, RequestDecoder, Settings as Told, encode,
@@ -50,7 +51,8 @@ fn a_bead_is_named_and_calibrated_from_a_file() {
     fs::write(folder.join("left.toml"), text).unwrap();
     done("settings make left.toml --out own.settings");
     let own = Settings::decode(&fs::read(folder.join("own.settings")).unwrap()).unwrap();
-    assert_eq!((own.name.as_str(), own.bead.stiffness), ("left", 4e5));
+    let stated = own.description();
+    assert_eq!((stated.name.as_str(), stated.intruder.stiffness), ("left", 4e5));
     for file in ["own.settings", "left.toml"] {
         let shown: Value =
             serde_json::from_slice(&done(&format!("settings show {file} --format json"))).unwrap();
@@ -63,10 +65,7 @@ fn a_bead_is_named_and_calibrated_from_a_file() {
     done("settings make --template again.toml --from own.settings");
     done("settings make again.toml");
     let again = Settings::decode(&fs::read(folder.join("again.settings")).unwrap()).unwrap();
-    assert_eq!(
-        (again.bead, again.force, again.window),
-        (own.bead, own.force, own.window)
-    );
+    assert_eq!(again, own);
 
     // Of a scenario's bead.
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
@@ -75,7 +74,7 @@ fn a_bead_is_named_and_calibrated_from_a_file() {
     ));
     done("settings make bead-8.toml");
     let eighth = Settings::decode(&fs::read(folder.join("bead-8.settings")).unwrap()).unwrap();
-    assert_eq!(eighth.bead, paper().bead);
+    assert_eq!(eighth, paper());
 }
 
 #[test]
@@ -186,12 +185,8 @@ fn a_change_on_a_bead_is_told_before_it_is_sent_and_only_that_is_sent() {
     let told = String::from_utf8(output.stdout).unwrap();
     assert_eq!(told, "name: \"\" -> \"left\"\naddress: 0 -> 7\n");
     let named = Settings::decode(&sent.unwrap()).unwrap();
-    let expected = Settings {
-        name: named.name,
-        address: 7,
-        ..paper()
-    };
-    assert_eq!((named, named.name.as_str()), (expected, "left"));
+    let expected = paper().with(|bead| (bead.name, bead.address) = (Name::new("left").unwrap(), 7));
+    assert_eq!(Ok(named), expected);
 
     let (output, sent) = set(&paper(), &["k=4e5"]);
     let told = String::from_utf8(output.stdout).unwrap();
@@ -202,10 +197,8 @@ fn a_change_on_a_bead_is_told_before_it_is_sent_and_only_that_is_sent() {
         ..Bead::paper()
     };
     assert_eq!(
-        stiffer.bead,
+        Ok(stiffer),
         derive(&bead, &FrontEnd::reference(), &Capture::default())
-            .unwrap()
-            .bead
     );
 
     for (changes, status, why) in [

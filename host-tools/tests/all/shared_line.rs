@@ -3,21 +3,27 @@
 use std::fs;
 use std::process::Output;
 
-use crate::beads::{Bead, Line};
+use crate::beads::{Bead as FakeBead, Line};
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::Request;
 use serde_json::Value;
 
 fn block(address: u8) -> Vec<u8> {
-    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/settings-v5.bin");
-    let settings = Settings::decode(&fs::read(data).unwrap()).unwrap();
+    let paper = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
     let mut block = [0; BLOCK_MAX];
-    let length = Settings { address, ..settings }.encode(&mut block).unwrap();
+    let settings = paper.with(|one| one.address = address).unwrap();
+    let length = settings.encode(&mut block).unwrap();
     block[..length].to_vec()
 }
 
-fn two() -> [Bead; 2] {
-    [1, 2].map(|address| Bead::new(address, &block(address)))
+fn name_of(block: &[u8]) -> String {
+    let settings = Settings::decode(block).unwrap();
+    settings.description().name.as_str().to_owned()
+}
+
+fn two() -> [FakeBead; 2] {
+    [1, 2].map(|address| FakeBead::new(address, &block(address)))
 }
 
 fn words(line: &str) -> Vec<&str> {
@@ -93,5 +99,5 @@ fn the_settings_of_one_of_two_beads_are_read_written_changed_and_reset() {
     assert!(said.contains("no reply from the bead with address 2"), "{said}");
     assert_eq!((beads[0].address, beads[1].address), (1, 7));
     assert!(beads[0].done.is_empty());
-    assert_eq!(Settings::decode(&beads[1].block).unwrap().name.as_str(), "left");
+    assert_eq!(name_of(&beads[1].block), "left");
 }

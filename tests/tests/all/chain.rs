@@ -53,7 +53,7 @@ fn record(path: &Path, ran: &[(Emulation, Ran)]) {
         .iter()
         .map(|(emulation, ran)| {
             let origin = Origin {
-                address: emulation.settings.address,
+                address: emulation.settings.description().address,
                 bead: Some(emulation.truth.bead),
                 ..Origin::default()
             };

@@ -83,8 +83,10 @@ fn outcome(answered: &Answered, request: u16) -> Outcome {
 }
 
 fn write(length: u16) -> Request {
-    let mut settings = QUIET.settings;
-    settings.window.length = length;
+    let settings = QUIET
+        .settings
+        .with(|bead| bead.capture.length = f64::from(length) * 1e-5)
+        .unwrap_or_else(|error| panic!("{error}"));
     let mut block = [0; BLOCK_MAX];
     let bytes = settings.encode(&mut block).expect("there is room");
     Request::WriteSettings {

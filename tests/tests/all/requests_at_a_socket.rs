@@ -100,7 +100,9 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
             bead(&[&arguments[..], &["--port", port, "--timeout", "20"]].concat()),
             (0, String::new())
         );
-        let addressed = Settings { address: 9, ..other };
+        let addressed = other
+            .with(|bead| bead.address = 9)
+            .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(read("addressed.settings"), block(&addressed));
         assert_eq!(write("other.settings"), (0, String::new()));
 

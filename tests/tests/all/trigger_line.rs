@@ -7,6 +7,7 @@ use bead::comparison::front_end::FrontEnd;
 use bead::comparison::replay::replay;
 use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_model::design::Description;
 use bead_model::settings::BLOCK_MAX;
 use bead_tests::{Heard, Requests, image, paper, workspace};
 use bead_wire::{FaultCause, Outcome, Request, StrikeFlags};
@@ -24,7 +25,15 @@ fn row() -> (Scenario, Solution) {
 
 /// A bead whose threshold nothing reaches.
 fn deafen(emulation: &mut Emulation) {
-    emulation.settings.window.threshold = DEAF;
+    change(emulation, |bead| {
+        bead.capture.threshold = f64::from(DEAF) * bead.force.per_code;
+    });
+}
+
+/// Gives the bead of a run other settings.
+fn change(emulation: &mut Emulation, change: impl FnOnce(&mut Description)) {
+    let settings = emulation.settings.with(change);
+    emulation.settings = settings.unwrap_or_else(|error| panic!("{error}"));
     let mut block = [0; BLOCK_MAX];
     let length = emulation
         .settings
@@ -134,13 +143,9 @@ fn falls(run: &Emulation, quiet: usize, apart: usize) -> Vec<u64> {
 fn a_strike_that_follows_soon_takes_no_others_place_on_the_line_and_is_told_as_soon_as_that_is_free() {
     let mut run = paper(1, 0.1, Some(1));
     // Windows that end before the line falls.
-    run.settings.window.length = run.settings.window.history + 40;
-    let mut block = [0; BLOCK_MAX];
-    let length = run
-        .settings
-        .encode(&mut block)
-        .unwrap_or_else(|error| panic!("{error}"));
-    run.block = block[..length].to_vec();
+    change(&mut run, |bead| {
+        bead.capture.length = bead.capture.history + 40e-5
+    });
     // Half a block later, the bead looks at other times.
     for quiet in [0, 100] {
         // The line is still high when the other strike is found, or low, or it is low when it would have to

@@ -57,14 +57,15 @@ fn outcome(answered: &Answered, request: u16) -> Outcome {
 
 /// The settings with which noise triggers without end: each sample is compared with the one before it.
 fn triggered_by_noise(settings: &Settings) -> Settings {
-    let mut settings = *settings;
-    settings.window.threshold = 5;
-    settings.window.lookback = 1;
-    settings.window.history = 128;
-    settings.window.length = 1024;
-    // They do not tell of the noise that there is.
-    settings.chain.gate = fixed::FixedI32::from_bits(0);
-    settings
+    let noisy = settings.with(|bead| {
+        bead.capture.threshold = 5.0 * bead.force.per_code;
+        bead.capture.lookback = 1e-5;
+        bead.capture.history = 128e-5;
+        bead.capture.length = 1024e-5;
+        // They do not state the noise that there is.
+        bead.force.noise = 0.0;
+    });
+    noisy.unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! the errors are those of the fixed-point estimators.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use crate::UNDELAYED;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{Energy, Scan, Settings, StrikeFlags, Window, WindowRecord};
 use bead_testing::Collector;
@@ -45,14 +46,14 @@ fn strike_felt(
     let solution = simulate(&scenario).unwrap();
 
     let mut front_end = FrontEnd::reference();
-    front_end.force.sensitive.noise_rms = force_noise;
+    front_end.force.noise = force_noise;
     for (sensor, span) in [
         (&mut front_end.force, force_span),
         (&mut front_end.acceleration, acceleration_span),
     ] {
-        sensor.sensitive.per_code = span / 4096.0;
-        sensor.sensitive.pole_hz = None;
-        (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+        sensor.per_code = span / 4096.0;
+        sensor.pole = 0.0;
+        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
     }
     // Zeros and noise take the same number of samples at every rate.
     let history = Capture::default().history * 100e3 / f64::from(rate);
@@ -84,10 +85,10 @@ fn strike_felt(
         };
         let force = code(
             force + force_noise * noise.next(),
-            front_end.force.sensitive.per_code,
+            front_end.force.per_code,
             128.3,
         );
-        let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
+        let acceleration = code(acceleration, front_end.acceleration.per_code, 2048.2);
         codes.push(Scan::new([force, force, acceleration, acceleration]));
     }
     let truth = solution.at(solution.end()).intruder_dissipated(HOST).unwrap() * 1e9;
@@ -193,10 +194,10 @@ fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
         let mut bead = Bead::paper();
         change(&mut bead);
         let mut front_end = FrontEnd::reference();
-        front_end.force.sensitive.noise_rms = 0.0;
+        front_end.force.noise = 0.0;
         for sensor in [&mut front_end.force, &mut front_end.acceleration] {
-            sensor.sensitive.pole_hz = None;
-            (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+            sensor.pole = 0.0;
+            (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
         }
         let settings = derive(&bead, &front_end, &Capture::default()).unwrap();
         errors_and_flags(&Strike {
@@ -234,10 +235,7 @@ fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
             front_mass: told,
             ..Bead::paper()
         };
-        let settings = Settings {
-            name: strike.settings.name,
-            ..derive(&bead, &strike.front_end, &Capture::default()).unwrap()
-        };
+        let settings = derive(&bead, &strike.front_end, &Capture::default()).unwrap();
         let report = Collector::measure(&settings, 0, &strike.codes).reports[0];
         (report.absorbed_predicted.joules() * 1e9 / strike.truth - 1.0) * 100.0
     };

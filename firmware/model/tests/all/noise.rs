@@ -3,6 +3,7 @@
 //! `cargo test --release -p bead-model noise -- --nocapture` prints the table of `docs/estimators.md`.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use crate::UNDELAYED;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
@@ -33,12 +34,12 @@ fn strike(speed: f64) -> (Solution, f64) {
 /// gate for single samples.
 fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4] {
     let mut front_end = FrontEnd::reference();
-    front_end.force.sensitive.noise_rms = noise[0];
+    front_end.force.noise = noise[0];
     for sensor in [&mut front_end.force, &mut front_end.acceleration] {
-        sensor.sensitive.pole_hz = None;
-        (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+        sensor.pole = 0.0;
+        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
     }
-    let calibration = [&front_end.force, &front_end.acceleration].map(|sensor| sensor.sensitive.per_code);
+    let calibration = [&front_end.force, &front_end.acceleration].map(|sensor| sensor.per_code);
     let capture = Capture::of(&Bead::paper(), &front_end);
     let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
     let [force_noise, acceleration_noise] = noise.map(|rms| Normal::new(0.0, rms).unwrap());

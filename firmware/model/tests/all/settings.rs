@@ -1,26 +1,23 @@
-//! Settings blocks of other versions: a block of yesterday is migrated, and others are refused by their
-//! number.
+//! The settings block: what it holds, which blocks are refused, and which settings.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::company::Company;
-use bead_model::scale::Scale;
-use bead_model::{Settings, SettingsError};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, LEAST_WIDTH, Neighbours, derive};
+use bead_model::name::Name;
+use bead_model::quantity::SensedForce;
+use bead_model::settings::{BLOCK_MAX, VERSION};
+use bead_model::violation::{Bound, Coefficient, Key};
+use bead_model::{Settings, SettingsError, Violation};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-/// The block of version 3 that `tests/data/README.md` tells of.
-const YESTERDAY: &[u8] = include_bytes!("../../../../tests/data/settings-v3.bin");
-/// A block of version 4: the built-in settings of its last day.
-const VERSION_4: &[u8] = include_bytes!("../../../../tests/data/settings-v4.bin");
-/// The same of version 5.
-const VERSION_5: &[u8] = include_bytes!("../../../../tests/data/settings-v5.bin");
-/// What version 6 added, of a bead that is alone.
-const ALONE: [u8; 17] = [0; 17];
+/// The paper's bead behind the reference front end in a block of version 1, made from the description of the
+/// format alone (`tests/data/README.md`).
+const PAPER: &[u8] = include_bytes!("../../../../tests/data/settings-v1.bin");
 /// Bytes of a block before its body: magic, version, length.
 const HEADER: usize = 8;
 
-/// The block of yesterday with another version and another body.
 fn block(version: u16, body: &[u8]) -> Vec<u8> {
-    let mut block = YESTERDAY[..4].to_vec();
+    let mut block = PAPER[..4].to_vec();
     block.extend(version.to_le_bytes());
     block.extend((body.len() as u16).to_le_bytes());
     block.extend(body);
@@ -28,140 +25,466 @@ fn block(version: u16, body: &[u8]) -> Vec<u8> {
     block
 }
 
-/// The body of the block of yesterday.
 fn body() -> &'static [u8] {
-    &YESTERDAY[HEADER..YESTERDAY.len() - 4]
+    &PAPER[HEADER..PAPER.len() - 4]
+}
+
+fn paper() -> Settings {
+    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
+}
+
+/// The paper's bead with the same intruder in two beads behind it.
+fn in_company() -> Description {
+    let bead = Bead::paper();
+    Description {
+        company: Neighbours::new([true, false, false, true], false, bead.intruder()),
+        ..*paper().description()
+    }
 }
 
 #[test]
-fn settings_of_version_3_are_migrated_with_address_0() {
-    assert_eq!(YESTERDAY, block(3, body()));
-    let settings = Settings::decode(YESTERDAY).unwrap();
-    assert_eq!(settings.address, 0);
-    // What the paper's bead was given then, by `bead settings show` of that day.
-    assert_eq!(settings.sample_rate_hz, 100_000);
-    assert_eq!(
-        (settings.bead.intruder_mass, settings.bead.stiffness),
-        (3.7e-3, 3.95e5)
-    );
-    assert_eq!((settings.window.history, settings.window.length), (160, 672));
-    assert_eq!((settings.window.threshold, settings.window.lookback), (26, 50));
-    // The ringing stood last.
-    assert_eq!(settings.ringing.frequency.to_bits(), 110_409_876);
-    assert_eq!(settings.ringing.decay_tolerance.to_bits(), 19_661);
-    // Every bit is kept: written anew, it is the old body, the address, no powers of two, no company.
-    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+fn the_block_of_version_1_is_the_papers_bead_to_the_bit() {
+    assert_eq!(Settings::decode(PAPER), Ok(paper()));
+    let mut buffer = [0; BLOCK_MAX];
+    let length = paper().encode(&mut buffer).unwrap();
+    assert_eq!(buffer[..length], *PAPER);
+}
+
+#[test]
+fn a_block_needs_its_room_and_has_its_length() {
+    let (settings, mut room) = (Settings::new(&in_company()).unwrap(), [0; BLOCK_MAX]);
+    let length = settings.encode(&mut room).unwrap();
+    for short in (0..length).step_by(if cfg!(miri) { 19 } else { 1 }) {
+        let refused = settings.encode(&mut [0; BLOCK_MAX][..short]);
+        assert_eq!(refused, Err(SettingsError::BufferTooSmall), "{short}");
+        assert!(Settings::decode(&room[..short]).is_err(), "{short}");
+    }
+    assert_eq!(settings.encode(&mut [0; BLOCK_MAX][..length]), Ok(length));
+    assert_eq!(Settings::decode(&room[..length]), Ok(settings));
+    assert_eq!(Settings::block_length(&room), Some(length));
+    assert_eq!(Settings::block_length(&room[..HEADER]), Some(length));
+    assert_eq!(Settings::block_length(&room[..HEADER - 1]), None);
+    for bit in (0..length * 8).step_by(if cfg!(miri) { 41 } else { 1 }) {
+        let mut damaged = room;
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        assert!(Settings::decode(&damaged[..length]).is_err(), "bit {bit}");
+    }
+    room[0] = b'b';
+    assert_eq!(Settings::block_length(&room), None);
+    assert_eq!(Settings::decode(&room), Err(SettingsError::Magic));
+    assert_eq!(Settings::decode(&[0xff; 64]), Err(SettingsError::Erased));
+}
+
+#[test]
+fn the_longest_settings_have_room_in_a_block() {
+    let mut longest = in_company();
+    longest.name = Name::new("sixteen bytes ok").unwrap();
+    longest.address = 254;
+    longest.company = Neighbours::new([true; 4], true, longest.intruder);
+    let mut buffer = [0; BLOCK_MAX];
+    let settings = Settings::new(&longest).unwrap();
     let length = settings.encode(&mut buffer).unwrap();
-    assert_eq!(buffer[..length], block(6, &[body(), &[0; 7], &ALONE].concat()));
+    // The sample rate has two more bytes at most.
+    assert!(length + 2 <= BLOCK_MAX, "{length} bytes");
 }
 
 #[test]
-fn settings_of_version_4_are_migrated_without_powers_of_two() {
-    let settings = Settings::decode(VERSION_4).unwrap();
-    assert_eq!(settings.scale, Scale::default());
-    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
-    let length = settings.encode(&mut buffer).unwrap();
-    let body = &VERSION_4[HEADER..VERSION_4.len() - 4];
-    assert_eq!(VERSION_4, block(4, body));
-    assert_eq!(buffer[..length], block(6, &[body, &[0; 6], &ALONE].concat()));
-}
-
-#[test]
-fn settings_of_version_5_are_migrated_as_of_a_bead_that_is_alone() {
-    let settings = Settings::decode(VERSION_5).unwrap();
-    assert_eq!(settings.company, Company::default());
-    assert!(settings.company.is_alone());
-    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
-    let length = settings.encode(&mut buffer).unwrap();
-    let body = &VERSION_5[HEADER..VERSION_5.len() - 4];
-    assert_eq!(VERSION_5, block(5, body));
-    assert_eq!(buffer[..length], block(6, &[body, &ALONE].concat()));
-}
-
-#[test]
-fn settings_of_an_older_or_a_later_version_are_refused_by_their_number() {
-    for version in [0, 1, 2, 7, 0xFFFF] {
+fn blocks_of_other_versions_are_refused_by_their_number() {
+    for version in [2, 3, 6] {
+        let error = Settings::decode(&block(version, body())).unwrap_err();
+        assert_eq!(error, SettingsError::Unreleased(version));
+        assert!(
+            error.to_string().starts_with(&format!(
+                "settings block of version {version}, unreleased: `bead settings make` makes it anew of"
+            )),
+            "{error}"
+        );
+    }
+    for version in [0, 7, 0xFFFF] {
         let error = Settings::decode(&block(version, body())).unwrap_err();
         assert_eq!(error, SettingsError::Version(version));
         assert_eq!(
             error.to_string(),
-            format!("settings block of version {version}, this program knows 3 to 6")
+            format!("settings block of version {version}, this program knows 1")
         );
     }
 }
 
 #[test]
-fn a_body_that_is_not_its_versions_is_refused() {
-    let (longer, shorter) = ([body(), &[5]].concat(), &body()[..body().len() - 1]);
-    assert_eq!(Settings::decode(&block(3, &longer)), Err(SettingsError::Body));
-    assert_eq!(Settings::decode(&block(3, shorter)), Err(SettingsError::Body));
-    // The body of version 4 has an address, and 255 is none.
-    assert_eq!(Settings::decode(&block(4, body())), Err(SettingsError::Body));
-    assert_eq!(Settings::decode(&block(4, &longer)).unwrap().address, 5);
-    assert_eq!(
-        Settings::decode(&block(4, &[body(), &[255]].concat())),
-        Err(SettingsError::Invalid("address 255 is every bead's"))
-    );
-}
-
-/// The settings of yesterday with one number of the bead changed.
-fn with(change: impl FnOnce(&mut Settings)) -> Result<(), SettingsError> {
-    let mut settings = Settings::decode(YESTERDAY).unwrap();
-    change(&mut settings);
-    settings.validate()
-}
-
-#[test]
-fn a_bead_whose_physics_is_not_finite_and_positive_is_refused_whichever_number_it_is() {
-    type Number = fn(&mut Settings) -> &mut f32;
-    let numbers: [Number; 7] = [
-        |s| &mut s.bead.mass,
-        |s| &mut s.bead.intruder_mass,
-        |s| &mut s.bead.front_mass,
-        |s| &mut s.bead.stiffness,
-        |s| &mut s.bead.damping,
-        |s| &mut s.bead.contact_stiffness,
-        |s| &mut s.bead.relaxation,
-    ];
-    for (n, number) in numbers.into_iter().enumerate() {
-        for value in [
-            f32::INFINITY,
-            f32::NEG_INFINITY,
-            f32::NAN,
-            -1.0,
-            0.0,
-            1e38,
-            f32::MAX,
-        ] {
-            let refused = with(|settings| *number(settings) = value);
-            // The sensor of this bead has nothing in front of it.
-            let allowed = n == 2 && value == 0.0;
-            assert_eq!(refused.is_ok(), allowed, "number {n} = {value}");
-        }
+fn a_body_of_another_length_is_refused() {
+    let longer = [body(), &[5]].concat();
+    for body in [&longer[..], &body()[..body().len() - 1]] {
+        assert_eq!(Settings::decode(&block(VERSION, body)), Err(SettingsError::Body));
     }
-    assert_eq!(with(|_| ()), Ok(()));
 }
 
 #[test]
-fn a_name_that_no_terminal_should_see_is_refused_where_the_block_is() {
-    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+fn a_name_that_no_terminal_should_show_is_refused_in_a_block() {
     for name in [&b"a\x1b]52;c;"[..], b"\xff\xfe", b"bell\x07", b"a\0b"] {
         // Postcard writes the sixteen bytes of the name first.
         let mut bytes = body().to_vec();
-        bytes[..16].fill(0);
         bytes[..name.len()].copy_from_slice(name);
-        let refused = Settings::decode(&block(3, &bytes)).unwrap_err();
+        let expected = Violation {
+            key: Key::Name,
+            bound: Bound::Text,
+        };
         assert_eq!(
-            refused,
-            SettingsError::Invalid("name is not UTF-8, or has a control character"),
+            Settings::decode(&block(VERSION, &bytes)),
+            Err(SettingsError::Invalid(expected)),
             "{name:?}"
         );
     }
-    let named = bead_model::settings::Name::new("Kügelchen").unwrap();
-    let settings = Settings {
-        name: named,
-        ..Settings::decode(YESTERDAY).unwrap()
+}
+
+/// The violation of the paper's bead in company after a change.
+fn refused(change: impl FnOnce(&mut Description)) -> Violation {
+    let mut description = in_company();
+    change(&mut description);
+    Settings::new(&description).unwrap_err()
+}
+
+type Number = fn(&mut Description) -> &mut f64;
+
+/// Every number of a description that is above 0.
+const POSITIVE: [(Key, Number); 13] = [
+    (Key::BeadMass, |one| &mut one.bead.mass),
+    (Key::IntruderMass, |one| &mut one.intruder.mass),
+    (Key::IntruderStiffness, |one| &mut one.intruder.stiffness),
+    (Key::IntruderDamping, |one| &mut one.intruder.damping),
+    (Key::ContactStiffness, |one| &mut one.contact.stiffness),
+    (Key::ForcePerCode, |one| &mut one.force.per_code),
+    (Key::WideForcePerCode, |one| &mut one.force.wide_per_code),
+    (Key::AccelerationPerCode, |one| &mut one.acceleration.per_code),
+    (Key::WideAccelerationPerCode, |one| {
+        &mut one.acceleration.wide_per_code
+    }),
+    (Key::Threshold, |one| &mut one.capture.threshold),
+    (Key::CompanyMass, |one| &mut one.company.mass),
+    (Key::CompanyStiffness, |one| &mut one.company.stiffness),
+    (Key::CompanyDamping, |one| &mut one.company.damping),
+];
+/// Every number that is 0 or more.
+const NOT_NEGATIVE: [(Key, Number); 8] = [
+    (Key::ContactRelaxation, |one| &mut one.contact.relaxation),
+    (Key::ForcePole, |one| &mut one.force.pole),
+    (Key::WideForcePole, |one| &mut one.force.wide_pole),
+    (Key::AccelerationPole, |one| &mut one.acceleration.pole),
+    (Key::WideAccelerationPole, |one| &mut one.acceleration.wide_pole),
+    (Key::Lookback, |one| &mut one.capture.lookback),
+    (Key::History, |one| &mut one.capture.history),
+    (Key::Length, |one| &mut one.capture.length),
+];
+
+#[test]
+fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() {
+    for (key, number) in POSITIVE {
+        for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let found = refused(|one| *number(one) = value);
+            assert_eq!(found.key, key, "{value}");
+            assert!(
+                matches!(found.bound, Bound::Positive | Bound::NotNegative),
+                "{found}"
+            );
+        }
+    }
+    for (key, number) in NOT_NEGATIVE {
+        for value in [-1e-9, f64::NAN, f64::INFINITY] {
+            let bound = Bound::NotNegative;
+            assert_eq!(refused(|one| *number(one) = value), Violation { key, bound });
+        }
+    }
+    let found = refused(|one| one.capture.sample_rate_hz = 0);
+    assert_eq!((found.key, found.bound), (Key::SampleRate, Bound::Positive));
+    assert_eq!(found.to_string(), "capture.sample_rate must be above 0");
+}
+
+#[test]
+fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
+    for (key, number) in POSITIVE.into_iter().chain(NOT_NEGATIVE) {
+        for value in [1e300, 1e-300, 1e38, 1e18] {
+            let mut description = in_company();
+            *number(&mut description) = value;
+            let found = Settings::new(&description);
+            // Filters may be as fast as one likes, and a relaxation of 0 is elastic.
+            let fast = value > 1.0 && matches!(number_of(key), Some("pole"));
+            assert_eq!(found.is_ok(), fast, "{key:?} = {value}: {found:?}");
+        }
+    }
+}
+
+/// The last part of the path of a pole.
+fn number_of(key: Key) -> Option<&'static str> {
+    key.path().ends_with("pole").then_some("pole")
+}
+
+#[test]
+fn masses_are_parts_of_one_another() {
+    let host = |one: &Description| one.bead.mass - one.intruder.mass;
+    let cases = [
+        (
+            refused(|one| one.intruder.mass = one.bead.mass),
+            Key::IntruderMass,
+            Bound::BelowBead,
+        ),
+        (
+            refused(|one| one.bead.front_mass = -1e-9),
+            Key::FrontMass,
+            Bound::BelowHost,
+        ),
+        (
+            refused(|one| one.bead.front_mass = host(one)),
+            Key::FrontMass,
+            Bound::BelowHost,
+        ),
+        (
+            refused(|one| one.company.mass = one.bead.mass),
+            Key::CompanyMass,
+            Bound::BelowBead,
+        ),
+    ];
+    for (found, key, bound) in cases {
+        assert_eq!(found, Violation { key, bound });
+    }
+    assert!(paper().with(|one| one.bead.front_mass = 0.5 * host(one)).is_ok());
+}
+
+#[test]
+fn address_places_flag_and_noise_have_their_limits() {
+    let cases = [
+        (refused(|one| one.address = 255), Key::Address, Bound::OneBead),
+        (refused(|one| one.company.behind = 15), Key::Behind, Bound::Places),
+        (
+            refused(|one| one.company.elsewhere = 2),
+            Key::Elsewhere,
+            Bound::Flag,
+        ),
+    ];
+    for (found, key, bound) in cases {
+        assert_eq!(found, Violation { key, bound });
+    }
+    assert!(paper().with(|one| one.address = 254).is_ok());
+    assert!(paper().with(|one| one.company.elsewhere = 1).is_ok());
+    for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
+        assert_eq!(refused(|one| one.force.noise = noise).key, Key::ForceNoise);
+        let found = refused(|one| one.acceleration.noise = noise);
+        assert_eq!(found.key, Key::AccelerationNoise);
+    }
+}
+
+#[test]
+fn each_time_and_the_threshold_are_allowed_up_to_their_limits_and_not_beyond() {
+    type Set = fn(&mut Capture, f64);
+    // The paper's window has 160 scans of history and 672 in all.
+    let times: [(Key, Set, [u32; 2]); 3] = [
+        (Key::History, |capture, time| capture.history = time, [128, 256]),
+        (Key::Length, |capture, time| capture.length = time, [161, 1024]),
+        (Key::Lookback, |capture, time| capture.lookback = time, [1, 159]),
+    ];
+    for (key, set, [least, most]) in times {
+        for samples in [0, least - 1, least, most, most + 1, 70_000] {
+            let found = paper().with(|one| set(&mut one.capture, f64::from(samples) * 1e-5));
+            let expected = (least..=most).contains(&samples);
+            assert_eq!(found.is_ok(), expected, "{key:?}: {samples}");
+            assert!(expected || found.unwrap_err().key == key, "{key:?}: {samples}");
+        }
+    }
+    for codes in [1, 4095, 4096, 70_000] {
+        let found = paper().with(|one| {
+            one.force.noise = 0.0;
+            one.capture.threshold = f64::from(codes) * one.force.per_code;
+        });
+        assert_eq!(found.is_ok(), (2..=4095).contains(&codes), "{codes}");
+    }
+    let found = refused(|one| one.capture.threshold = 0.4 * one.force.per_code);
+    assert_eq!((found.key, found.bound), (Key::Threshold, Bound::Codes));
+}
+
+#[test]
+fn the_trigger_is_at_least_twice_the_gate() {
+    let with_noise = |noise: f64| {
+        paper().with(|one| {
+            one.capture.threshold = 26.0 * one.force.per_code;
+            one.force.noise = noise;
+        })
     };
-    let length = settings.encode(&mut buffer).unwrap();
-    assert_eq!(Settings::decode(&buffer[..length]), Ok(settings));
+    // 26 codes of 1/256 N are six standard deviations of 16.927 mN, of which rounding is 1.128 mN.
+    let most = (26.0 / 256.0 / 6.0_f64).hypot(0.0).powi(2) - (1.0 / 256.0_f64).powi(2) / 12.0;
+    assert!(with_noise(0.999 * most.sqrt()).is_ok());
+    let found = with_noise(1.001 * most.sqrt()).unwrap_err();
+    assert_eq!((found.key, found.bound), (Key::Threshold, Bound::AboveNoise));
+}
+
+#[test]
+fn the_noise_of_the_front_end_makes_the_gate() {
+    let settings = paper().with(|one| {
+        (one.force.noise, one.force.per_code) = (3e-3, 4e-3 * 12_f64.sqrt());
+    });
+    // Three times the root of the squares of 3 and 4 mN.
+    let gate = settings.unwrap().chain.gate;
+    assert!((gate.to_num::<f64>() - 0.015).abs() < 2.0 * SensedForce::DELTA.to_num::<f64>());
+}
+
+#[test]
+fn poles_and_units_have_their_limits() {
+    for (number, key, unit) in [
+        (POSITIVE[5].1, Key::ForcePole, Key::ForcePerCode),
+        (POSITIVE[6].1, Key::WideForcePole, Key::WideForcePerCode),
+        (POSITIVE[7].1, Key::AccelerationPole, Key::AccelerationPerCode),
+        (
+            POSITIVE[8].1,
+            Key::WideAccelerationPole,
+            Key::WideAccelerationPerCode,
+        ),
+    ] {
+        let pole = NOT_NEGATIVE.iter().find(|(other, _)| *other == key).unwrap().1;
+        // The slope is as great as the unit at a lag of two samples: f_s/4π.
+        let delay = if key.path().ends_with("wide_pole") {
+            27.0 / 21e6
+        } else {
+            0.0
+        };
+        let slowest = 1.0 / (std::f64::consts::TAU * (2e-5 + delay));
+        assert!(
+            paper().with(|one| *pole(one) = 1.0001 * slowest).is_ok(),
+            "{key:?}"
+        );
+        let bound = Bound::Pole;
+        assert_eq!(
+            refused(|one| *pole(one) = 0.9999 * slowest),
+            Violation { key, bound }
+        );
+        assert_eq!(refused(|one| *pole(one) = 1e-300), Violation { key, bound });
+        // The codes of both channels, with their slopes, stay below the range of the sums.
+        let is_force = matches!(unit, Key::ForcePerCode | Key::WideForcePerCode);
+        let found = refused(|one| *number(one) = if is_force { 2.0 } else { 32.0 });
+        assert!(matches!(found.bound, Bound::Unit { .. }), "{found:?}");
+        assert_eq!(found.key, unit);
+        if !is_force {
+            let found = refused(|one| *number(one) = 16.1);
+            assert_eq!((found.key, found.bound), (unit, Bound::Reach));
+        }
+    }
+    // A small bead has less room for its force.
+    let small = |newtons: f64| {
+        paper().with(|one| {
+            one.bead.mass *= 0.01;
+            one.intruder.mass *= 0.01;
+            one.intruder.stiffness *= 0.01;
+            one.intruder.damping *= 0.01;
+            one.force.wide_per_code = newtons / 4095.0;
+            one.force.wide_pole = 0.0;
+        })
+    };
+    let powers = small(1.0).unwrap().scale.incoming;
+    assert!(powers > 2, "{powers}");
+    // Without a pole the slope takes out the delay of 27/21 µs: twice 9/140 of the unit.
+    let most = f64::from(1 << (15 - powers)) / (1.0 + 9.0 / 70.0);
+    assert!(small(0.999 * most).is_ok());
+    let found = small(1.001 * most).unwrap_err();
+    assert_eq!((found.key, found.bound), (Key::WideForcePerCode, Bound::Reach));
+}
+
+#[test]
+fn a_wave_that_is_too_short_is_refused_with_its_width() {
+    // As wide as 2.5 samples at the least: M/κ to the power 2/5.
+    let stiffer = |width: f64| {
+        let now = Bead::paper().pulse_width(1.0) * 1e5;
+        paper().with(|one| one.contact.stiffness *= (now / width).powf(2.5))
+    };
+    assert!(stiffer(1.0004 * LEAST_WIDTH).is_ok());
+    let Bound::Width { samples } = stiffer(0.9996 * LEAST_WIDTH).unwrap_err().bound else {
+        panic!("too short a wave");
+    };
+    assert!((samples - 0.9996 * LEAST_WIDTH).abs() < 1e-6, "{samples}");
+}
+
+#[test]
+fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
+    let cases: [(fn(&mut Description), Key, Coefficient); 5] = [
+        (
+            |one| one.intruder.stiffness = 1e12,
+            Key::IntruderStiffness,
+            Coefficient::Stiffness,
+        ),
+        (
+            |one| one.contact.relaxation = 1e-12,
+            Key::ContactRelaxation,
+            Coefficient::Relaxation,
+        ),
+        (
+            |one| one.company.stiffness = 1e12,
+            Key::CompanyStiffness,
+            Coefficient::CompanyStiffness,
+        ),
+        (
+            |one| one.company.damping = 1e9,
+            Key::CompanyDamping,
+            Coefficient::CompanyDamping,
+        ),
+        (
+            |one| one.company.mass = 0.999_99 * one.bead.mass,
+            Key::CompanyMass,
+            Coefficient::CompanyRatio,
+        ),
+    ];
+    for (change, key, expected) in cases {
+        let found = refused(change);
+        let Bound::Format { coefficient, .. } = found.bound else {
+            panic!("{found:?}");
+        };
+        assert_eq!((found.key, coefficient), (key, expected));
+    }
+}
+
+#[test]
+fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
+    type Limit = fn(&mut Capture) -> &mut f64;
+    let limits: [(Key, Limit); 3] = [
+        (Key::Disagreement, |capture| &mut capture.disagreement),
+        (Key::RingFrequencyTolerance, |capture| {
+            &mut capture.ring_frequency_tolerance
+        }),
+        (Key::RingDecayTolerance, |capture| {
+            &mut capture.ring_decay_tolerance
+        }),
+    ];
+    for (key, limit) in limits {
+        for (value, bits) in [(0.001, 66), (0.015, 983), (0.3, 19_661), (1e4, 655_360_000)] {
+            let settings = paper().with(|one| *limit(&mut one.capture) = value).unwrap();
+            let found = match key {
+                Key::Disagreement => settings.disagreement,
+                Key::RingDecayTolerance => settings.ringing.decay_tolerance,
+                _ => settings.ringing.frequency_tolerance,
+            };
+            assert_eq!(found.to_bits(), bits, "{key:?} {value}");
+        }
+        for value in [0.0, -0.25, 9e-4, 2e4, f64::INFINITY, f64::NAN] {
+            let found = refused(|one| *limit(&mut one.capture) = value);
+            let [least, most] = [1e-3, 1e4];
+            assert_eq!(
+                (found.key, found.bound),
+                (key, Bound::Range { least, most }),
+                "{value}"
+            );
+        }
+    }
+}
+
+#[test]
+fn those_behind_stand_in_their_bits_with_their_numbers() {
+    let settings = Settings::new(&in_company()).unwrap();
+    let company = settings.company;
+    assert_eq!((company.behind, company.elsewhere), (0b1001, false));
+    assert_eq!(
+        (company.stiffness, company.damping),
+        (settings.chain.stiffness, settings.chain.damping)
+    );
+    // Where none is behind, the numbers of its intruder do not matter.
+    let mut alone = in_company();
+    (alone.company.behind, alone.company.elsewhere) = (0, 1);
+    let expected = Company {
+        elsewhere: true,
+        ..Company::default()
+    };
+    assert_eq!(Settings::new(&alone).unwrap().company, expected);
 }

@@ -2,6 +2,7 @@
 //! the errors.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use crate::UNDELAYED;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{Scan, Settings, Shape, Window, WindowRecord};
 use hertz_chain::{PulseSearch, Scenario, Solution, simulate};
@@ -27,9 +28,9 @@ fn chain(speed: f64, beads: usize, host: usize, stiffness: f64) -> Solution {
 fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings, Vec<Scan>) {
     let mut front_end = FrontEnd::reference();
     for sensor in [&mut front_end.force, &mut front_end.acceleration] {
-        sensor.sensitive.per_code *= range;
-        sensor.sensitive.pole_hz = None;
-        (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+        sensor.per_code *= range;
+        sensor.pole = 0.0;
+        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
     }
     let settings = derive(&Bead::paper(), &front_end, &Capture::default()).unwrap();
     let mut state = 1_u64;
@@ -59,8 +60,8 @@ fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings
                     .round()
                     .clamp(0.0, 4095.0) as u16
             };
-            let force = code(force, front_end.force.sensitive.per_code, 128.3);
-            let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
+            let force = code(force, front_end.force.per_code, 128.3);
+            let acceleration = code(acceleration, front_end.acceleration.per_code, 2048.2);
             Scan::new([force, force, acceleration, acceleration])
         })
         .collect();

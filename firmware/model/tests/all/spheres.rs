@@ -7,7 +7,9 @@
 
 use std::f64::consts::PI;
 
-use bead_model::design::{Bead, Capture, DesignError, FrontEnd, derive};
+use crate::UNDELAYED;
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::violation::{Bound, Violation};
 use bead_model::{Energy, Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Material, Scenario, Solution, simulate};
@@ -76,7 +78,7 @@ fn chain(material: Material, relaxation: f64, diameter: f64, part: f64) -> (Scen
 }
 
 /// Errors of A and B, in per cent, and the flags of the first report; or why there are no settings.
-fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), DesignError> {
+fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), Violation> {
     let samples = (solution.end() * RATE) as usize;
     let felt: Vec<(f64, f64)> = (0..samples)
         .map(|n| {
@@ -91,10 +93,10 @@ fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), D
         (&mut front_end.force, 1.5 * force),
         (&mut front_end.acceleration, 2.6 * acceleration),
     ] {
-        sensor.sensitive.per_code = span / 4096.0;
-        sensor.sensitive.noise_rms = 0.0;
-        sensor.sensitive.pole_hz = None;
-        (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+        sensor.per_code = span / 4096.0;
+        sensor.noise = 0.0;
+        sensor.pole = 0.0;
+        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
     }
     let capture = Capture {
         threshold: force / 60.0,
@@ -114,8 +116,8 @@ fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), D
             let code = |value: f64, per_code: f64, zero: f64| {
                 (value / per_code + zero).round().clamp(0.0, 4095.0) as u16
             };
-            let force = code(force, front_end.force.sensitive.per_code, 128.3);
-            let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
+            let force = code(force, front_end.force.per_code, 128.3);
+            let acceleration = code(acceleration, front_end.acceleration.per_code, 2048.2);
             Scan::new([force, force, acceleration, acceleration])
         });
     let collected = Collector::measure(&settings, 0, &scans.collect::<Vec<_>>());
@@ -149,7 +151,13 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                 let found = errors(&simulate(&scenario).unwrap(), &bead);
                 if width < 2.5 {
                     assert!(
-                        matches!(found, Err(DesignError::TooFast { .. })),
+                        matches!(
+                            found,
+                            Err(Violation {
+                                bound: Bound::Width { .. },
+                                ..
+                            })
+                        ),
                         "{what}: {found:?}"
                     );
                     refused += 1;

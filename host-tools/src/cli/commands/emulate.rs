@@ -685,7 +685,7 @@ fn record(
             let mut lanes = Vec::new();
             for ((emulation, ran), parts) in ran.iter().zip(&parts) {
                 let lane = writer.join(&Origin {
-                    address: emulation.settings.address,
+                    address: emulation.settings.description().address,
                     bead: Some(emulation.truth.bead),
                     port: None,
                     clock: Some("emulator".to_owned()),

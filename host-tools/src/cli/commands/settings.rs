@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bead_model::calibration::Channel;
-use bead_model::sensor::Sensor;
-use bead_model::settings::{Settings, VERSION};
+use bead_model::converter::CONVERSION;
+use bead_model::design::{Description, Neighbours};
+use bead_model::reduced_chain::FOLLOWERS;
+use bead_model::settings::{Settings, SettingsError, VERSION};
 use bead_wire::{Block, KEY, Message, Outcome, Request};
 use clap::{ArgGroup, Args, Subcommand};
-use fixed::types::extra::LeEqU32;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -20,7 +20,6 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::line::conversation::{Answer, Conversation, LineError};
 use crate::line::key;
-use crate::recording::physical::Physical;
 use crate::tables::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -312,61 +311,52 @@ pub(crate) struct Report {
     version: u16,
     bytes: usize,
     /// In SI units, as a file for `bead settings make` has them.
-    settings: Physical,
-    /// The bits of the block.
+    settings: Description,
+    /// The bits of the coefficients that follow.
     settings_raw: serde_json::Value,
 }
 
 fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result<(), Failure> {
     let settings = Settings::decode(block).map_err(|error| {
-        Failure::input(format!(
-            "{}{error}; take the tools that were built with the image",
-            whose()
-        ))
+        let advice = match error {
+            SettingsError::Version(_) => "; take the tools that were built with the image",
+            _ => "",
+        };
+        Failure::input(format!("{}{error}{advice}", whose()))
     })?;
     let report = Report {
         version: VERSION,
         bytes: block.len(),
-        settings: Physical::of(&settings),
+        settings: *settings.description(),
         settings_raw: serde_json::to_value(settings).expect("settings are numbers and texts"),
     };
     output::print(format, &report, || table(&settings))
 }
 
-/// Every setting with its unit. Coefficients are shown as the numbers that they stand for.
+/// Every setting with its unit, and the coefficients that follow, as the numbers that they stand for.
 fn table(settings: &Settings) -> String {
-    let Settings {
-        name,
-        sample_rate_hz,
-        bead,
-        force,
-        acceleration,
-        window,
-        observer,
-        chain,
-        incident,
-        disagreement,
-        ringing,
-        address,
-        scale,
-        company: _,
-    } = settings;
-    let rate = f64::from(*sample_rate_hz);
-    let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
-    let part = |part: f64| format!("{:.1} %", part * 100.0);
-    let number = |value: f64| format!("{value:.6e}");
-    let scaled = |value: f64, powers: i8| number(value * 2f64.powi(powers.into()));
-    let powers = |powers: u8| i8::try_from(powers).unwrap_or(i8::MAX);
-    let gram = |kilogram: f32| format!("{:.4} g", kilogram * 1e3);
-    let threshold = f64::from(window.threshold) * force.sensitive.per_code.to_num::<f64>();
-    let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate;
-    let relaxation = format!("{:.3} µs", relaxation * 1e6);
-    let incident = format!("{:.4} nJ", incident.to_num::<f64>());
-    let name = output::either(name.as_str().is_empty(), "-", name.as_str());
-    let mut rows = vec![
-        ("name", name),
-        ("address", address.to_string()),
-        ("sample rate", format!("{rate} Hz")),
+    let mut rows = of_bead(settings.description());
+    rows.extend(of_sensors(settings.description()));
+    rows.extend(of_window(settings));
+    rows.extend(of_estimators(settings));
+    rows.extend(of_tolerances(settings));
+    let rows = rows.into_iter().map(|(name, value)| [name.to_owned(), value]);
+    output::table("setting |", rows)
+}
+
+type Row = (&'static str, String);
+
+fn of_bead(description: &Description) -> Vec<Row> {
+    let bead = description.physics();
+    let gram = |kilogram: f64| format!("{:.4} g", kilogram * 1e3);
+    let name = description.name.as_str();
+    vec![
+        ("name", output::either(name.is_empty(), "-", name)),
+        ("address", description.address.to_string()),
+        (
+            "sample rate",
+            format!("{} Hz", description.capture.sample_rate_hz),
+        ),
         ("bead with its intruder, M", gram(bead.mass)),
         ("intruder, m", gram(bead.intruder_mass)),
         ("in front of the force sensor", gram(bead.front_mass)),
@@ -374,111 +364,139 @@ fn table(settings: &Settings) -> String {
         ("its damping, c", format!("{:.4} N·s/m", bead.damping)),
         ("contacts, κ", format!("{:.5e} N/m^1.5", bead.contact_stiffness)),
         ("contacts, τ", format!("{:.3} µs", bead.relaxation * 1e6)),
-    ];
-    let names = [
-        "force, a code",
-        "force, pole",
-        "force, a code at the low gain",
-        "force, low gain sampled later by",
-    ];
-    rows.extend(names.into_iter().zip(sensor(force, rate, 1e3, "mN")));
-    let names = [
-        "acceleration, a code",
-        "acceleration, pole",
-        "acceleration, a code at the low gain",
-        "acceleration, low gain sampled later by",
-    ];
-    rows.extend(names.into_iter().zip(sensor(acceleration, rate, 1.0, "m/s²")));
-    let rise = format!("{} codes ({:.1} mN)", window.threshold, threshold * 1e3);
-    let drifted = part(ringing.frequency_tolerance.to_num());
-    let [frequency, decay]: [f64; 2] = [ringing.frequency.to_num(), ringing.decay.to_num()];
-    rows.extend([
+    ]
+}
+
+fn of_sensors(description: &Description) -> Vec<Row> {
+    let code = |per_code: f64, scale: f64, unit: &str| format!("{:.6} {unit}", per_code * scale);
+    let pole = |hz: f64| {
+        if hz > 0.0 {
+            format!("{:.1} kHz", 1e-3 * hz)
+        } else {
+            "none".to_owned()
+        }
+    };
+    let later = || format!("{:.3} µs", CONVERSION * 1e6);
+    let (force, acceleration) = (&description.force, &description.acceleration);
+    vec![
+        ("force, a code", code(force.per_code, 1e3, "mN")),
+        ("force, pole", pole(force.pole)),
+        (
+            "force, a code at the low gain",
+            code(force.wide_per_code, 1e3, "mN"),
+        ),
+        ("force, low gain sampled later by", later()),
+        ("acceleration, a code", code(acceleration.per_code, 1.0, "m/s²")),
+        ("acceleration, pole", pole(acceleration.pole)),
+        (
+            "acceleration, a code at the low gain",
+            code(acceleration.wide_per_code, 1.0, "m/s²"),
+        ),
+        ("acceleration, low gain sampled later by", later()),
+    ]
+}
+
+fn of_window(settings: &Settings) -> Vec<Row> {
+    let (window, rate) = (&settings.window, f64::from(settings.sample_rate_hz));
+    let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
+    let threshold = f64::from(window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
+    vec![
         ("window", samples(window.length)),
         ("before and with the trigger", samples(window.history)),
-        ("trigger, rise", rise),
+        (
+            "trigger, rise",
+            format!("{} codes ({:.1} mN)", window.threshold, threshold * 1e3),
+        ),
         ("trigger, within", samples(window.lookback)),
+    ]
+}
+
+fn of_estimators(settings: &Settings) -> Vec<Row> {
+    let Settings {
+        observer,
+        chain,
+        scale,
+        incident,
+        ..
+    } = settings;
+    let number = |value: f64| format!("{value:.6e}");
+    let scaled = |value: f64, powers: i32| number(value * 2f64.powi(powers));
+    let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / f64::from(settings.sample_rate_hz);
+    vec![
         ("A, weight at the start", number(observer.start.to_num())),
         (
             "A, weight at the end",
-            scaled(observer.end.to_num(), powers(scale.observer)),
+            scaled(observer.end.to_num(), scale.observer.into()),
         ),
         (
             "A, energy",
-            scaled(observer.energy.to_num(), scale.measured) + " nJ/(m/s²)²",
+            scaled(observer.energy.to_num(), scale.measured.into()) + " nJ/(m/s²)²",
         ),
-        ("B, relaxation of the contacts", relaxation),
         (
-            "B, contact",
-            scaled(chain.contact.to_num(), powers(scale.contact)),
+            "B, relaxation of the contacts",
+            format!("{:.3} µs", relaxation * 1e6),
         ),
+        ("B, contact", scaled(chain.contact.to_num(), scale.contact.into())),
         (
             "B, incoming force",
-            scaled(chain.incoming.to_num(), powers(scale.incoming)),
+            scaled(chain.incoming.to_num(), scale.incoming.into()),
         ),
         ("B, stiffness", number(chain.stiffness.to_num())),
         ("B, damping", number(chain.damping.to_num())),
         (
             "B, intruder",
-            scaled(chain.intruder.to_num(), powers(scale.masses)),
+            scaled(chain.intruder.to_num(), scale.masses.into()),
         ),
-        ("B, intruders behind", behind(settings)),
+        ("B, intruders behind", behind(&settings.description().company)),
         ("B, gate", format!("{:.3} mN", chain.gate.to_num::<f64>() * 1e3)),
         (
             "B, energy",
-            scaled(chain.energy.to_num(), scale.predicted) + " nJ",
+            scaled(chain.energy.to_num(), scale.predicted.into()) + " nJ",
         ),
-        ("incident wave of 1 N", incident),
-        ("A and B are told to differ from", part(disagreement.to_num())),
+        (
+            "incident wave of 1 N",
+            format!("{:.4} nJ", incident.to_num::<f64>()),
+        ),
+    ]
+}
+
+fn of_tolerances(settings: &Settings) -> Vec<Row> {
+    let (ringing, capture) = (&settings.ringing, &settings.description().capture);
+    let part = |part: f64| format!("{:.1} %", part * 100.0);
+    let [frequency, decay]: [f64; 2] = [ringing.frequency.to_num(), ringing.decay.to_num()];
+    vec![
+        ("A and B are told to differ from", part(capture.disagreement)),
         ("the intruder rings at", format!("{frequency:.1} Hz")),
-        ("and is told to have drifted from", drifted),
-        ("its ringing dies away with", format!("{decay:.1} /s")),
-        ("and so from", part(ringing.decay_tolerance.to_num())),
-    ]);
-    let rows = rows.into_iter().map(|(name, value)| [name.to_owned(), value]);
-    output::table("setting |", rows)
-}
-
-/// The intruders of the followers.
-fn behind(settings: &Settings) -> String {
-    let company = &settings.company;
-    let places: Vec<_> = (0..8)
-        .filter(|follower| company.behind >> follower & 1 == 1)
-        .collect();
-    let places: Vec<_> = places.iter().map(|follower| (follower + 1).to_string()).collect();
-    let elsewhere = match company.elsewhere {
-        true => "; others near by",
-        false => "",
-    };
-    match places.is_empty() {
-        true => format!("none{elsewhere}"),
-        false => format!(
-            "in bead {} behind: {} g, {} N/m, {} N·s/m{elsewhere}",
-            places.join(", "),
-            company.intruder.mass * 1e3,
-            company.intruder.stiffness,
-            company.intruder.damping
+        (
+            "and is told to have drifted from",
+            part(capture.ring_frequency_tolerance),
         ),
-    }
+        ("its ringing dies away with", format!("{decay:.1} /s")),
+        ("and so from", part(capture.ring_decay_tolerance)),
+    ]
 }
 
-/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is
-/// sampled. `scale` is the shown unit in the sensor's.
-fn sensor<F: LeEqU32>(sensor: &Sensor<F>, rate: f64, scale: f64, unit: &str) -> [String; 4] {
-    let channels = [&sensor.sensitive, &sensor.wide];
-    // The slope is g f_s (1/ω_p - δ) / 2; the sensitive channel has no delay δ.
-    let lead =
-        |channel: &Channel<F>| 2.0 * channel.slope.to_num::<f64>() / channel.per_code.to_num::<f64>() / rate;
-    let [early, late] = channels.map(lead);
-    let code = |channel: &Channel<F>| {
-        let per_code: f64 = channel.per_code.to_num();
-        format!("{:.6} {unit}", per_code * scale)
+/// The intruders of the beads behind.
+fn behind(company: &Neighbours) -> String {
+    let places: Vec<_> = (0..FOLLOWERS)
+        .filter(|follower| company.holds(*follower))
+        .map(|follower| (follower + 1).to_string())
+        .collect();
+    let elsewhere = if company.elsewhere == 1 {
+        "; others near by"
+    } else {
+        ""
     };
-    let [code, wide_code] = channels.map(code);
-    let pole = match early > 0.0 {
-        true => format!("{:.1} kHz", 1e-3 / (std::f64::consts::TAU * early)),
-        false => "none".to_owned(),
-    };
-    [code, pole, wide_code, format!("{:.3} µs", (early - late) * 1e6)]
+    if places.is_empty() {
+        return format!("none{elsewhere}");
+    }
+    format!(
+        "in bead {} behind: {} g, {} N/m, {} N·s/m{elsewhere}",
+        places.join(", "),
+        company.mass * 1e3,
+        company.stiffness,
+        company.damping
+    )
 }
 
 #[cfg(test)]
@@ -501,13 +519,10 @@ mod tests {
         assert_eq!(row("B, relaxation of the contacts"), "4.200 µs");
         let value = |text: String| text.split(' ').next().unwrap().parse::<f64>().unwrap();
         let near = |value: f64, expected: f64| (value / expected - 1.0).abs() < 1e-3;
-        assert!(near(
-            value(row("force, a code")),
-            1e3 * front_end.force.sensitive.per_code
-        ));
+        assert!(near(value(row("force, a code")), 1e3 * front_end.force.per_code));
         assert!(near(
             value(row("acceleration, a code")),
-            front_end.acceleration.sensitive.per_code
+            front_end.acceleration.per_code
         ));
         for pole in ["force, pole", "acceleration, pole"] {
             assert!(near(value(row(pole)), 40.0), "{}", row(pole));

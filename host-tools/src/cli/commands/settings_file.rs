@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use bead_model::design::{Bead, FrontEnd, Neighbours};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use clap::Args;
@@ -15,7 +15,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::comparison::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
-use crate::recording::physical::{Change, Physical};
+use crate::recording::physical::{self, Change};
 
 const AFTER_HELP: &str = "\
 The file explains each of its keys. Masses are weighed, springs and damper come from ring-downs (`bead \
@@ -62,7 +62,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         let inputs = [&arguments.scenario, &arguments.from];
         let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
         let target = place::target(file, Kind::Scenario, &inputs, arguments.overwrite)?;
-        let text = template(arguments)?.to_toml();
+        let text = physical::to_toml(&template(arguments)?);
         target.write_bytes(text)?;
         output::note(format_args!(
             "wrote {0}; edit it, then: bead settings make {0}",
@@ -75,7 +75,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         .clone()
         .unwrap_or_else(|| file.with_extension("settings"));
     let target = place::target(&out, Kind::Settings, &[file], arguments.overwrite)?;
-    let (_, settings) = physical(file)?;
+    let settings = read_toml(file)?;
     let block = block(&settings).or_input(|| file.display().to_string())?;
     target.write_bytes(&block)?;
     let (length, out) = (block.len(), out.display());
@@ -86,11 +86,11 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
 }
 
 /// The bead to start from.
-fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
+fn template(arguments: &MakeArguments) -> Result<Description, Failure> {
     if let Some(from) = &arguments.from {
         let settings = Settings::decode(&load(from, None)?);
         let settings = settings.map_err(|error| Failure::input(format!("{}: {error}", from.display())))?;
-        return Ok(Physical::of(&settings));
+        return Ok(*settings.description());
     }
     let (bead, neighbours) = match &arguments.scenario {
         None => (Bead::paper(), Neighbours::default()),
@@ -104,13 +104,15 @@ fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
             (bead_of(&solution, bead)?, neighbours_of(&solution, bead))
         }
     };
-    Ok(Physical::new(&bead, &neighbours, &FrontEnd::reference()))
+    let front_end = FrontEnd::reference();
+    let capture = Capture::of(&bead, &front_end);
+    Ok(Description::new(&bead, &neighbours, &front_end, &capture))
 }
 
-/// Reads a file of physical quantities.
-fn physical(file: &Path) -> Result<(Physical, Settings), Failure> {
+/// The settings of a file of physical quantities.
+fn read_toml(file: &Path) -> Result<Settings, Failure> {
     let text = read_text(file, "a file that `bead settings make --template` wrote")?;
-    Ok(Physical::parse(&text, &file.display().to_string())?)
+    Ok(physical::parse(&text, &file.display().to_string())?)
 }
 
 fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
@@ -150,14 +152,17 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     let refused = |error| Failure::input(format!("{name}: {error}"));
     let is_toml = file.extension().is_some_and(|ending| ending == "toml");
     let bytes = match is_toml {
-        true => block(&physical(file)?.1).map_err(refused)?,
+        true => block(&read_toml(file)?).map_err(refused)?,
         false => block_in(file)?,
     };
     let Some(address) = address else {
         return Ok(bytes);
     };
     let settings = Settings::decode(&bytes).map_err(refused)?;
-    block(&Settings { address, ..settings }).map_err(refused)
+    let settings = settings
+        .with(|description| description.address = address)
+        .map_err(|violation| refused(violation.into()))?;
+    block(&settings).map_err(refused)
 }
 
 /// Settings after some changes.
@@ -168,25 +173,16 @@ pub(super) struct Changed {
     pub(super) block: Vec<u8>,
 }
 
-/// Changes some keys of settings: see [`Physical::set`].
+/// Changes some keys of settings: see [`physical::set`].
 pub(super) fn changed(settings: &Settings, assignments: &[String]) -> Result<Changed, Failure> {
-    let before = Physical::of(settings);
-    let mut after = before.clone();
+    let before = *settings.description();
+    let mut after = before;
     for assignment in assignments {
-        after.set(assignment)?;
+        physical::set(&mut after, assignment)?;
     }
-    let changes = before.changes(&after);
-    let derived = after.settings()?;
-    // Name and address have no part in the coefficients, which then keep every bit.
-    let told_only = |change: &Change| matches!(change.key, "name" | "address");
-    let settings = match changes.iter().all(told_only) {
-        true => Settings {
-            name: derived.name,
-            address: derived.address,
-            ..*settings
-        },
-        false => derived,
-    };
-    let block = block(&settings).map_err(Failure::input)?;
-    Ok(Changed { changes, block })
+    let settings = physical::derived(&after)?;
+    Ok(Changed {
+        changes: physical::changes(&before, &after),
+        block: block(&settings).map_err(Failure::input)?,
+    })
 }

@@ -1,14 +1,17 @@
-//! Quantities as people write and read them: a file, a change on a command line, a difference.
+//! Settings as people write and read them: a file, a change on a command line, a difference.
 
 use std::fmt::{self, Write};
 
+use bead_model::design::{Capture, Description};
 use bead_model::settings::Settings;
+use bead_model::violation::Key;
 use hertz_chain::{InputError, TomlFile};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::recording::physical::keys::{KEYS, Key, TABLES};
-use crate::recording::physical::quantities::Physical;
+use crate::recording::physical::keys::{KEYS, KeyRow, TABLES};
+use crate::recording::physical::refusal::refusal;
+use crate::recording::physical::values::{pointer, shown, value};
 
 /// A change of one key.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,9 +20,9 @@ pub struct Change {
     pub key: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// What it was.
+    /// The value before the change.
     pub from: Value,
-    /// What it is.
+    /// The value after it.
     pub to: Value,
 }
 
@@ -31,107 +34,125 @@ impl fmt::Display for Change {
     }
 }
 
-impl Physical {
-    /// Reads the text of a file; `name` is what messages call it.
-    ///
-    /// # Errors
-    /// One line with file, line, key, what is wrong and what would do.
-    pub fn parse(text: &str, name: &str) -> Result<(Self, Settings), InputError> {
-        let file = TomlFile::parse(text, name)?;
-        let physical: Self = file.read()?;
-        let settings = physical.settings().map_err(|error| file.locate(error))?;
-        Ok((physical, settings))
-    }
-
-    /// Sets a key as on a command line: `intruder.stiffness=4e5`, `k=4e5`.
-    ///
-    /// # Errors
-    /// One line: no such key, or a value of another kind.
-    pub fn set(&mut self, assignment: &str) -> Result<(), InputError> {
-        let (name, text) = assignment.split_once('=').ok_or_else(|| {
-            InputError::at(
-                "",
-                format!("`{assignment}` sets nothing"),
-                "write KEY=VALUE, such as name=left or k=3.9e5",
-            )
-        })?;
-        let (name, text) = (name.trim(), text.trim());
-        let key = find(name)?;
-        let value = match (key.path, text.parse::<u64>(), text.parse::<f64>()) {
-            ("name", ..) => text.into(),
-            (path, Ok(whole), _) if is_whole(path) => whole.into(),
-            (_, _, Ok(number)) if number.is_finite() => number.into(),
-            _ => Value::Null,
-        };
-        *self = self.with(key, value).map_err(|_| {
-            let unit = if key.unit.is_empty() {
-                String::new()
-            } else {
-                format!(", in {}", key.unit)
-            };
-            InputError::at(
-                key.path,
-                format!("`{text}` is no value of it"),
-                format!("give {}{unit}", kind(key)),
-            )
-        })?;
-        Ok(())
-    }
-
-    /// What differs from `self` in `other`.
-    pub fn changes(&self, other: &Self) -> Vec<Change> {
-        let change = |key: &'static Key| {
-            let (from, to) = (self.get(key), other.get(key));
-            (from != to).then_some(Change {
-                key: key.path,
-                unit: key.unit,
-                from,
-                to,
-            })
-        };
-        KEYS.iter().filter_map(change).collect()
-    }
-
-    /// The file, with every key explained.
-    pub fn to_toml(&self) -> String {
-        let mut text = String::from(
-            "# A bead in physical quantities, SI units. `bead settings make` makes its settings of it,\n\
-             # `bead settings write` gives them to the bead.\n\n",
-        );
-        let mut table = "";
-        for key in KEYS {
-            let (of, name) = key.path.split_once('.').unwrap_or(("", key.path));
-            if of != table {
-                table = of;
-                let what = TABLES
-                    .iter()
-                    .find(|(name, _)| *name == of)
-                    .map_or("", |(_, what)| what);
-                // Writing to a string cannot fail.
-                let _ = write!(text, "\n# {what}\n[{of}]\n");
-            }
-            let entry = format!("{name} = {}", shown(&self.get(key)));
-            let unit = if key.unit.is_empty() {
-                String::new()
-            } else {
-                format!("{}  ", key.unit)
-            };
-            let letter = if key.letter.is_empty() {
-                String::new()
-            } else {
-                format!("{}: ", key.letter)
-            };
-            let _ = writeln!(text, "{entry:<34} # {unit}{letter}{}", key.what);
-        }
-        text
-    }
+/// Derives the settings of a file with a description; `name` is what messages call it.
+///
+/// # Errors
+/// One line with file, line, key, what is wrong and what would do.
+pub fn parse(text: &str, name: &str) -> Result<Settings, InputError> {
+    let file = TomlFile::parse(text, name)?;
+    let description: Description = file.read()?;
+    derived(&description).map_err(|error| file.locate(error))
 }
 
-/// A key by its path or by its letter.
-fn find(name: &str) -> Result<&'static Key, InputError> {
-    let named = |key: &&Key| key.path == name || key.letter == name && !name.is_empty();
+/// The settings that the image takes with this description.
+///
+/// # Errors
+/// The key that no bead has, what is wrong, and what would do.
+pub fn derived(description: &Description) -> Result<Settings, InputError> {
+    let (rate, of_image) = (
+        description.capture.sample_rate_hz,
+        Capture::default().sample_rate_hz,
+    );
+    if rate != of_image {
+        let what = format!("{rate} Hz, and the image samples at {of_image} Hz alone");
+        let advice = format!("give {of_image}, or leave it out");
+        return Err(InputError::at(Key::SampleRate.path(), what, advice));
+    }
+    Settings::new(description).map_err(|violation| refusal(description, violation))
+}
+
+/// Sets a key as on a command line: `intruder.stiffness=4e5`, `k=4e5`.
+///
+/// # Errors
+/// One line: no such key, or a value of another kind.
+pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputError> {
+    let (name, text) = assignment.split_once('=').ok_or_else(|| {
+        InputError::at(
+            "",
+            format!("`{assignment}` sets nothing"),
+            "write KEY=VALUE, such as name=left or k=3.9e5",
+        )
+    })?;
+    let (name, text) = (name.trim(), text.trim());
+    let row = find(name)?;
+    let value = match (row.key, text.parse::<u64>(), text.parse::<f64>()) {
+        (Key::Name, ..) => text.into(),
+        (key, Ok(whole), _) if is_whole(key) => whole.into(),
+        (_, _, Ok(number)) if number.is_finite() => number.into(),
+        _ => Value::Null,
+    };
+    let mut all = serde_json::to_value(*description).unwrap_or_default();
+    if let Some(place) = all.pointer_mut(&pointer(row.key)) {
+        *place = value;
+    }
+    *description = serde_json::from_value(all).map_err(|_| {
+        let unit = if row.unit.is_empty() {
+            String::new()
+        } else {
+            format!(", in {}", row.unit)
+        };
+        InputError::at(
+            row.path(),
+            format!("`{text}` is no value of it"),
+            format!("give {}{unit}", kind(row.key)),
+        )
+    })?;
+    Ok(())
+}
+
+/// The keys whose values differ.
+pub fn changes(before: &Description, after: &Description) -> Vec<Change> {
+    let change = |row: &'static KeyRow| {
+        let (from, to) = (value(before, row.key), value(after, row.key));
+        (from != to).then_some(Change {
+            key: row.path(),
+            unit: row.unit,
+            from,
+            to,
+        })
+    };
+    KEYS.iter().filter_map(change).collect()
+}
+
+/// The text of a file with every key explained.
+pub fn to_toml(description: &Description) -> String {
+    let mut text = String::from(
+        "# A bead in physical quantities, SI units. `bead settings make` makes its settings of it,\n\
+         # `bead settings write` gives them to the bead.\n\n",
+    );
+    let mut table = "";
+    for row in KEYS {
+        let (of, name) = row.path().split_once('.').unwrap_or(("", row.path()));
+        if of != table {
+            table = of;
+            let what = TABLES
+                .iter()
+                .find(|(name, _)| *name == of)
+                .map_or("", |(_, what)| what);
+            // Writing to a string cannot fail.
+            let _ = write!(text, "\n# {what}\n[{of}]\n");
+        }
+        let entry = format!("{name} = {}", shown(&value(description, row.key)));
+        let unit = if row.unit.is_empty() {
+            String::new()
+        } else {
+            format!("{}  ", row.unit)
+        };
+        let letter = if row.letter.is_empty() {
+            String::new()
+        } else {
+            format!("{}: ", row.letter)
+        };
+        let _ = writeln!(text, "{entry:<34} # {unit}{letter}{}", row.what);
+    }
+    text
+}
+
+/// A row by the path or the letter of its key.
+fn find(name: &str) -> Result<&'static KeyRow, InputError> {
+    let named = |row: &&KeyRow| row.path() == name || row.letter == name && !name.is_empty();
     KEYS.iter().find(named).ok_or_else(|| {
-        let known: Vec<_> = KEYS.iter().map(|key| key.path).collect();
+        let known: Vec<_> = KEYS.iter().map(KeyRow::path).collect();
         InputError::at(
             name,
             "no such key",
@@ -140,101 +161,72 @@ fn find(name: &str) -> Result<&'static Key, InputError> {
     })
 }
 
-fn is_whole(path: &str) -> bool {
-    matches!(
-        path,
-        "address" | "capture.sample_rate" | "company.behind" | "company.elsewhere"
-    )
+fn is_whole(key: Key) -> bool {
+    matches!(key, Key::Address | Key::SampleRate | Key::Behind | Key::Elsewhere)
 }
 
-fn kind(key: &Key) -> &'static str {
-    match is_whole(key.path) {
-        true => "a whole number",
-        false => "a number",
-    }
-}
-
-/// A value as TOML, and as people read it.
-fn shown(value: &Value) -> String {
-    match value {
-        Value::Number(number) if number.is_f64() => match number.as_f64() {
-            Some(float) if float != 0.0 && !(1e-3..1e6).contains(&float.abs()) => format!("{float:e}"),
-            Some(float) => format!("{float:?}"),
-            None => number.to_string(),
-        },
-        // As in TOML: quotes and control characters escaped.
-        other => other.to_string(),
+fn kind(key: Key) -> &'static str {
+    match key {
+        Key::Name => "up to 16 bytes of text without control characters",
+        key if is_whole(key) => "a whole number",
+        _ => "a number",
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, FrontEnd, Neighbours};
+    use bead_model::design::{Bead, FrontEnd, Intruder, Neighbours};
+    use bead_model::name::Name;
 
-    fn paper() -> Physical {
-        Physical {
-            name: "left".into(),
+    fn paper() -> Description {
+        let (bead, front_end) = (Bead::paper(), FrontEnd::reference());
+        Description {
+            name: Name::new("left").unwrap(),
             address: 3,
-            ..Physical::new(&Bead::paper(), &Neighbours::default(), &FrontEnd::reference())
+            ..Description::new(
+                &bead,
+                &Neighbours::default(),
+                &front_end,
+                &Capture::of(&bead, &front_end),
+            )
         }
     }
 
     #[test]
     fn a_file_that_was_written_is_read_to_the_same_bits() {
         let bead = paper();
-        let text = bead.to_toml();
-        let (read, settings) = Physical::parse(&text, "bead.toml").unwrap();
-        assert_eq!(read, bead, "{text}");
-        assert_eq!(settings, bead.settings().unwrap());
-        assert_eq!(settings.name.as_str(), "left");
-        for key in KEYS {
-            let name = format!("{} =", key.path.rsplit('.').next().unwrap());
-            let explained = |line: &str| line.starts_with(&name) && line.ends_with(key.what);
-            assert!(text.lines().any(explained), "{}", key.path);
+        let text = to_toml(&bead);
+        let settings = parse(&text, "bead.toml").unwrap();
+        assert_eq!(*settings.description(), bead, "{text}");
+        assert_eq!(settings, Settings::new(&bead).unwrap());
+        for row in KEYS {
+            let name = format!("{} =", row.path().rsplit('.').next().unwrap());
+            let explained = |line: &str| line.starts_with(&name) && line.ends_with(row.what);
+            assert!(text.lines().any(explained), "{}", row.path());
         }
     }
 
     #[test]
-    fn a_block_comes_back_as_the_numbers_that_it_was_made_of() {
-        let bead = paper();
-        let settings = bead.settings().unwrap();
-        let back = Physical::of(&settings);
-        let near = |key: &Key| {
-            let [a, b] = [bead.get(key), back.get(key)].map(|value| value.as_f64().unwrap_or(0.0));
-            (a - b).abs() <= 1e-7 * a.abs()
-        };
-        // The block has no noise of the acceleration: the bead measures it.
-        for key in KEYS.iter().filter(|key| key.path != "acceleration.noise") {
-            assert!(near(key), "{}: {} and {}", key.path, bead.get(key), back.get(key));
-        }
-        assert_eq!((back.intruder.stiffness, back.force.pole), (3.95e5, 40e3));
-        let again = back.settings().unwrap();
-        assert_eq!(
-            (
-                again.bead,
-                again.force,
-                again.acceleration,
-                again.window,
-                again.chain.gate
-            ),
-            (
-                settings.bead,
-                settings.force,
-                settings.acceleration,
-                settings.window,
-                settings.chain.gate
-            )
-        );
+    fn a_block_shows_every_number_as_it_was_typed() {
+        let typed = "395123.4567891";
+        let text = to_toml(&paper()).replacen("395000.0", typed, 1);
+        let settings = parse(&text, "bead.toml").unwrap();
+        let mut block = [0; bead_model::settings::BLOCK_MAX];
+        let length = settings.encode(&mut block).unwrap();
+        let back = Settings::decode(&block[..length]).unwrap();
+        assert_eq!(back, settings);
+        let shown = to_toml(back.description());
+        assert!(shown.contains(&format!("stiffness = {typed} ")), "{shown}");
     }
 
     #[test]
     fn a_change_is_told_with_its_unit_and_changes_nothing_else() {
-        let bead = Physical::of(&paper().settings().unwrap());
-        let mut other = bead.clone();
-        other.set("k=4.1e5").unwrap();
-        other.set("name = right one").unwrap();
-        let told: Vec<_> = bead.changes(&other).iter().map(Change::to_string).collect();
+        let bead = paper();
+        let mut other = bead;
+        set(&mut other, "k=4.1e5").unwrap();
+        set(&mut other, "name = right one").unwrap();
+        let told: Vec<_> = changes(&bead, &other).iter().map(Change::to_string).collect();
         assert_eq!(
             told,
             [
@@ -242,21 +234,26 @@ mod tests {
                 "intruder.stiffness: 395000.0 -> 410000.0 N/m"
             ]
         );
-        let (before, after) = (bead.settings().unwrap(), other.settings().unwrap());
-        assert_eq!(after.bead.stiffness, 4.1e5);
         assert_eq!(
-            (before.force, before.chain.contact),
-            (after.force, after.chain.contact)
+            other,
+            Description {
+                name: Name::new("right one").unwrap(),
+                intruder: Intruder {
+                    stiffness: 4.1e5,
+                    ..bead.intruder
+                },
+                ..bead
+            }
         );
     }
 
     #[test]
     fn what_is_wrong_is_told_with_line_and_key() {
-        let text = paper().to_toml();
+        let text = to_toml(&paper());
         let refused = |from: &str, to: &str| {
             let changed = text.replacen(from, to, 1);
             assert_ne!(changed, text);
-            Physical::parse(&changed, "bead.toml").unwrap_err().to_string()
+            parse(&changed, "bead.toml").unwrap_err().to_string()
         };
         let line = |of: &str| 1 + text.lines().position(|line| line.starts_with(of)).unwrap();
         let begins = |found: String, of: &str, rest: &str| {
@@ -305,25 +302,25 @@ mod tests {
                 "history = 0.0016",
                 "history = 0.01",
                 "history =",
-                "capture.history: history is longer than 256 samples; give 1.28e-3 to 2.56e-3 s",
+                "capture.history: 0.01 is longer than 256 samples; give 1.28e-3 to 2.56e-3 s",
             ),
             (
                 "length = 0.00672",
                 "length = 1e-3",
                 "length =",
-                "capture.length: window is not longer than its history; give more than capture.history",
+                "capture.length: 0.001 is not longer than the history; give more than capture.history",
             ),
             (
                 "lookback = 5e-4",
                 "lookback = 0.5",
                 "lookback =",
-                "capture.lookback: lookback is 0 or not shorter than the history; give more than 0, and less",
+                "capture.lookback: 0.5 is not between 0 and the history; give more than 0, and less",
             ),
             (
                 "threshold = 0.1",
                 "threshold = 1e-3",
                 "threshold =",
-                "capture.threshold: threshold is ",
+                "capture.threshold: 0.001 is not a rise of 1 to 4095 codes; give N",
             ),
             (
                 "sample_rate = 100000",
@@ -372,7 +369,7 @@ mod tests {
                 "per_code = 0.00390625",
                 "per_code = 1e3",
                 "per_code =",
-                "force.per_code: force per code: 1.000e3, and 4.7e-6 to 2.0e0 can be computed with; give what a code",
+                "force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give what a code",
             ),
         ] {
             begins(refused(from, to), of, rest);
@@ -394,7 +391,7 @@ mod tests {
             "=3",
             "",
         ] {
-            let error = paper().set(wrong).unwrap_err().to_string();
+            let error = set(&mut paper(), wrong).unwrap_err().to_string();
             assert_eq!(error.lines().count(), 1, "{error}");
         }
     }

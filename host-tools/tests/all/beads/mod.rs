@@ -183,7 +183,7 @@ impl Bead {
             Request::WriteSettings { block } => {
                 self.block = block.bytes().to_vec();
                 if let Ok(settings) = bead_model::settings::Settings::decode(&self.block) {
-                    self.address = settings.address;
+                    self.address = settings.description().address;
                 }
                 self.settings()
             }

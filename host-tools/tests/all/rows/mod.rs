@@ -131,9 +131,8 @@ fn settings(solution: &Solution, bead: usize) -> Settings {
         FrontEnd::default().calibration(),
     );
     let neighbours = neighbours_of(solution, bead);
-    let mut settings = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front)).unwrap();
-    settings.address = bead as u8;
-    settings
+    let settings = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front)).unwrap();
+    settings.with(|one| one.address = bead as u8).unwrap()
 }
 
 /// The messages of the strikes that are not lost, each with the sample index at which it is made.

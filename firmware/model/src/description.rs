@@ -1,0 +1,240 @@
+//! The settings of a bead as its owner states them: physics, calibration and capture, in SI units.
+//!
+//! A [`Description`] is the content of a settings block, of the file `bead.toml` and of the `settings` in
+//! JSON. [`Settings`](crate::Settings) has the coefficients that follow from it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::capture::Capture;
+use crate::front_end::{FrontEnd, SensorScale};
+use crate::name::Name;
+use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
+use crate::violation::{Bound, Key, Violation};
+
+/// Address to which every bead listens.
+const EVERY_BEAD: u8 = 0xFF;
+/// Greatest noise of a sensor, in its unit, rms: three times of it is a gate that its format holds.
+const NOISE_MOST: f64 = 1e4;
+/// Range of a tolerance. A smaller one loses more than 1 % in its format.
+const TOLERANCE: [f64; 2] = [1e-3, 1e4];
+
+/// All settings of a bead, SI units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// The name that its owner gave the bead.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(with = "&str"))]
+    pub name: Name,
+    /// Address of the bead, 0 to 254: it tells beads apart on a shared line and in merged streams. 0 where
+    /// nobody gave it one.
+    #[serde(default)]
+    pub address: u8,
+    /// The host.
+    pub bead: Host,
+    /// The mass on springs inside it.
+    pub intruder: Intruder,
+    /// The contacts of the chain.
+    pub contact: Contact,
+    /// The intruders of the beads near by.
+    #[serde(default)]
+    pub company: Neighbours,
+    /// The force sensor; quantities in N.
+    pub force: SensorScale,
+    /// The acceleration sensor; quantities in m/s².
+    pub acceleration: SensorScale,
+    /// When a strike is taken.
+    #[serde(default)]
+    pub capture: Capture,
+}
+
+/// The bead around the intruder.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Host {
+    /// M, its mass with the intruder, kg.
+    pub mass: f64,
+    /// The part of it in front of the crystal of the force sensor, kg.
+    #[serde(default)]
+    pub front_mass: f64,
+}
+
+/// A contact between two beads.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// κ, N/m^1.5.
+    pub stiffness: f64,
+    /// τ, relaxation time, s.
+    pub relaxation: f64,
+}
+
+impl Description {
+    /// A bead without a name, with address 0.
+    pub fn new(bead: &Bead, neighbours: &Neighbours, front_end: &FrontEnd, capture: &Capture) -> Self {
+        Self {
+            name: Name::default(),
+            address: 0,
+            bead: Host {
+                mass: bead.mass,
+                front_mass: bead.front_mass,
+            },
+            intruder: bead.intruder(),
+            contact: Contact {
+                stiffness: bead.contact_stiffness,
+                relaxation: bead.relaxation,
+            },
+            company: *neighbours,
+            force: front_end.force,
+            acceleration: front_end.acceleration,
+            capture: *capture,
+        }
+    }
+
+    /// The bead with its intruder and its contacts.
+    pub fn physics(&self) -> Bead {
+        Bead {
+            mass: self.bead.mass,
+            intruder_mass: self.intruder.mass,
+            front_mass: self.bead.front_mass,
+            stiffness: self.intruder.stiffness,
+            damping: self.intruder.damping,
+            contact_stiffness: self.contact.stiffness,
+            relaxation: self.contact.relaxation,
+        }
+    }
+
+    /// Checks each setting by itself, before anything is computed from it.
+    ///
+    /// # Errors
+    /// The first setting outside its bound.
+    pub(crate) fn check(&self) -> Result<(), Violation> {
+        require(self.name.is_text(), Key::Name, Bound::Text)?;
+        require(self.address != EVERY_BEAD, Key::Address, Bound::OneBead)?;
+        self.check_numbers()?;
+        self.check_masses()?;
+        let samples = self.physics().pulse_width(1.0) * f64::from(self.capture.sample_rate_hz);
+        require(
+            samples >= LEAST_WIDTH,
+            Key::ContactStiffness,
+            Bound::Width { samples },
+        )
+    }
+
+    /// Checks signs and ranges.
+    fn check_numbers(&self) -> Result<(), Violation> {
+        let Self {
+            bead,
+            intruder,
+            contact,
+            force,
+            acceleration,
+            capture,
+            ..
+        } = self;
+        let positive = [
+            (Key::BeadMass, bead.mass),
+            (Key::IntruderMass, intruder.mass),
+            (Key::IntruderStiffness, intruder.stiffness),
+            (Key::IntruderDamping, intruder.damping),
+            (Key::ContactStiffness, contact.stiffness),
+            (Key::ForcePerCode, force.per_code),
+            (Key::WideForcePerCode, force.wide_per_code),
+            (Key::AccelerationPerCode, acceleration.per_code),
+            (Key::WideAccelerationPerCode, acceleration.wide_per_code),
+            (Key::SampleRate, capture.sample_rate_hz.into()),
+            (Key::Threshold, capture.threshold),
+        ];
+        check_each(&positive, Bound::Positive, |value| value > 0.0)?;
+        let not_negative = [
+            (Key::ContactRelaxation, contact.relaxation),
+            (Key::ForcePole, force.pole),
+            (Key::WideForcePole, force.wide_pole),
+            (Key::AccelerationPole, acceleration.pole),
+            (Key::WideAccelerationPole, acceleration.wide_pole),
+            (Key::CompanyMass, self.company.mass),
+            (Key::CompanyStiffness, self.company.stiffness),
+            (Key::CompanyDamping, self.company.damping),
+            (Key::Lookback, capture.lookback),
+            (Key::History, capture.history),
+            (Key::Length, capture.length),
+        ];
+        check_each(&not_negative, Bound::NotNegative, |value| value >= 0.0)?;
+        check_ranges(
+            &[
+                (Key::ForceNoise, force.noise),
+                (Key::AccelerationNoise, acceleration.noise),
+            ],
+            [0.0, NOISE_MOST],
+        )?;
+        check_ranges(
+            &[
+                (Key::Disagreement, capture.disagreement),
+                (Key::RingFrequencyTolerance, capture.ring_frequency_tolerance),
+                (Key::RingDecayTolerance, capture.ring_decay_tolerance),
+            ],
+            TOLERANCE,
+        )
+    }
+
+    /// Checks that each mass is a part of the one that it belongs to, and the intruders behind.
+    fn check_masses(&self) -> Result<(), Violation> {
+        let (bead, intruder) = (&self.bead, &self.intruder);
+        require(intruder.mass < bead.mass, Key::IntruderMass, Bound::BelowBead)?;
+        let holds = (0.0..bead.mass - intruder.mass).contains(&bead.front_mass);
+        require(holds, Key::FrontMass, Bound::BelowHost)?;
+        require(self.company.elsewhere <= 1, Key::Elsewhere, Bound::Flag)?;
+        let company = &self.company;
+        let behind = company.places().ok_or(Violation {
+            key: Key::Behind,
+            bound: Bound::Places,
+        })?;
+        if behind == 0 {
+            return Ok(());
+        }
+        let positive = [
+            (Key::CompanyMass, company.mass),
+            (Key::CompanyStiffness, company.stiffness),
+            (Key::CompanyDamping, company.damping),
+        ];
+        check_each(&positive, Bound::Positive, |value| value > 0.0)?;
+        require(company.mass < bead.mass, Key::CompanyMass, Bound::BelowBead)
+    }
+}
+
+/// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list, which
+/// takes 2 KiB of the image.
+#[inline(never)]
+fn check_each(values: &[(Key, f64)], bound: Bound, holds: fn(f64) -> bool) -> Result<(), Violation> {
+    match values
+        .iter()
+        .find(|(_, value)| !(value.is_finite() && holds(*value)))
+    {
+        Some(&(key, _)) => Err(Violation { key, bound }),
+        None => Ok(()),
+    }
+}
+
+/// Checks that each value is in a range.
+#[inline(never)]
+fn check_ranges(values: &[(Key, f64)], [least, most]: [f64; 2]) -> Result<(), Violation> {
+    match values.iter().find(|(_, value)| !(least..=most).contains(value)) {
+        Some(&(key, _)) => Err(Violation {
+            key,
+            bound: Bound::Range { least, most },
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses the setting `key` unless its bound `holds`.
+pub(crate) fn require(holds: bool, key: Key, bound: Bound) -> Result<(), Violation> {
+    if holds {
+        Ok(())
+    } else {
+        Err(Violation { key, bound })
+    }
+}

@@ -1,0 +1,211 @@
+//! Which setting is refused, and which bound it violates.
+
+use core::fmt;
+
+macro_rules! keys {
+    ($($name:ident $path:literal)*) => {
+        /// A setting that the owner states, by its place in `bead.toml`.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Key {
+            $(#[doc = concat!("`", $path, "`.")] $name),*
+        }
+
+        impl Key {
+            /// Its place: `intruder.stiffness`.
+            pub const fn path(self) -> &'static str {
+                match self {
+                    $(Self::$name => $path),*
+                }
+            }
+        }
+    };
+}
+
+keys! {
+    Name "name"
+    Address "address"
+    BeadMass "bead.mass"
+    FrontMass "bead.front_mass"
+    IntruderMass "intruder.mass"
+    IntruderStiffness "intruder.stiffness"
+    IntruderDamping "intruder.damping"
+    ContactStiffness "contact.stiffness"
+    ContactRelaxation "contact.relaxation"
+    Behind "company.behind"
+    Elsewhere "company.elsewhere"
+    CompanyMass "company.mass"
+    CompanyStiffness "company.stiffness"
+    CompanyDamping "company.damping"
+    ForcePerCode "force.per_code"
+    WideForcePerCode "force.wide_per_code"
+    ForcePole "force.pole"
+    WideForcePole "force.wide_pole"
+    ForceNoise "force.noise"
+    AccelerationPerCode "acceleration.per_code"
+    WideAccelerationPerCode "acceleration.wide_per_code"
+    AccelerationPole "acceleration.pole"
+    WideAccelerationPole "acceleration.wide_pole"
+    AccelerationNoise "acceleration.noise"
+    SampleRate "capture.sample_rate"
+    Threshold "capture.threshold"
+    Lookback "capture.lookback"
+    History "capture.history"
+    Length "capture.length"
+    Disagreement "capture.disagreement"
+    RingFrequencyTolerance "capture.ring_frequency_tolerance"
+    RingDecayTolerance "capture.ring_decay_tolerance"
+}
+
+/// A coefficient that follows from the settings; its format may not hold it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coefficient {
+    /// [`Observer::start`](crate::observer::Observer::start).
+    OldAcceleration,
+    /// [`Observer::end`](crate::observer::Observer::end).
+    NewAcceleration,
+    /// [`Observer::energy`](crate::observer::Observer::energy).
+    EnergyByAcceleration,
+    /// [`ReducedChain::contact`](crate::reduced_chain::ReducedChain::contact).
+    Contact,
+    /// [`ReducedChain::relaxation`](crate::reduced_chain::ReducedChain::relaxation).
+    Relaxation,
+    /// [`ReducedChain::incoming`](crate::reduced_chain::ReducedChain::incoming).
+    Incoming,
+    /// [`ReducedChain::stiffness`](crate::reduced_chain::ReducedChain::stiffness).
+    Stiffness,
+    /// [`ReducedChain::damping`](crate::reduced_chain::ReducedChain::damping).
+    Damping,
+    /// [`ReducedChain::intruder`](crate::reduced_chain::ReducedChain::intruder).
+    Intruder,
+    /// [`ReducedChain::host`](crate::reduced_chain::ReducedChain::host).
+    Host,
+    /// [`ReducedChain::energy`](crate::reduced_chain::ReducedChain::energy).
+    EnergyByVelocity,
+    /// [`Settings::incident`](crate::Settings::incident).
+    Incident,
+    /// [`Ringing::frequency`](crate::shape::Ringing::frequency).
+    RingFrequency,
+    /// [`Ringing::decay`](crate::shape::Ringing::decay).
+    RingDecay,
+    /// [`Company::stiffness`](crate::company::Company::stiffness).
+    CompanyStiffness,
+    /// [`Company::damping`](crate::company::Company::damping).
+    CompanyDamping,
+    /// [`Company::ratio`](crate::company::Company::ratio).
+    CompanyRatio,
+}
+
+/// A bound of a setting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// Finite and above 0.
+    Positive,
+    /// Finite, and 0 or more.
+    NotNegative,
+    /// Below the mass of the bead.
+    BelowBead,
+    /// 0 or more, and below the mass of the bead without its intruder.
+    BelowHost,
+    /// From `least` to `most`, in the unit of the setting.
+    Range {
+        /// The least allowed value.
+        least: f64,
+        /// The greatest allowed value.
+        most: f64,
+    },
+    /// Not 255, the address of every bead.
+    OneBead,
+    /// Text without control characters.
+    Text,
+    /// Digits from 1 to 4, each at most once.
+    Places,
+    /// 0 or 1.
+    Flag,
+    /// A wave of 1 m/s at least [`LEAST_WIDTH`](crate::physics::LEAST_WIDTH) samples wide.
+    Width {
+        /// Full width at half its height, samples.
+        samples: f64,
+    },
+    /// A coefficient that its format holds to 1e-4 of itself.
+    Format {
+        /// The coefficient.
+        coefficient: Coefficient,
+        /// Its value in the units of the sample rate.
+        value: f64,
+        /// Range of the format.
+        range: [f64; 2],
+    },
+    /// A unit per code that its format holds to 1e-4 of itself.
+    Unit {
+        /// Range of the format, in the unit of the setting.
+        range: [f64; 2],
+    },
+    /// A pole above f_s/4π.
+    Pole,
+    /// Codes that reach less far than the sums: 32 kN, less for a small bead, or 65 km/s².
+    Reach,
+    /// A history of at least 128 samples.
+    LongHistory,
+    /// A history of at most 256 samples.
+    ShortHistory,
+    /// A window longer than its history.
+    LongWindow,
+    /// A window of at most 1024 samples.
+    ShortWindow,
+    /// A time above 0 and below the history.
+    Lookback,
+    /// A rise of 1 to 4095 codes.
+    Codes,
+    /// A rise of at least twice the gate: six standard deviations of the noise.
+    AboveNoise,
+}
+
+impl Bound {
+    /// What is wrong with a setting that violates the bound.
+    pub const fn text(&self) -> &'static str {
+        match self {
+            Self::Positive => "must be above 0",
+            Self::NotNegative => "must be 0 or more",
+            Self::BelowBead => "must be below the mass of the bead",
+            Self::BelowHost => "must be a part of the bead's mass without its intruder",
+            Self::Range { .. } => "is out of its range",
+            Self::OneBead => "is 255, the address of every bead",
+            Self::Text => "is not UTF-8, or has a control character",
+            Self::Places => "names no beads behind",
+            Self::Flag => "must be 0 or 1",
+            Self::Width { .. } => "makes a wave of 1 m/s too short for the sample rate",
+            Self::Format { .. } => "gives a coefficient that its format does not hold",
+            Self::Unit { .. } => "does not fit its format",
+            Self::Pole => "is below f_s/4π",
+            Self::Reach => "gives codes that reach beyond 32 kN, for a small bead less, or 65 km/s²",
+            Self::LongHistory => {
+                "is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot"
+            }
+            Self::ShortHistory => "is longer than 256 samples",
+            Self::LongWindow => "is not longer than the history",
+            Self::ShortWindow => "is longer than 1024 samples",
+            Self::Lookback => "is not between 0 and the history",
+            Self::Codes => "is not a rise of 1 to 4095 codes",
+            Self::AboveNoise => "is within the noise: below twice the gate, six standard deviations",
+        }
+    }
+}
+
+/// A setting outside its bound. Its text has no numbers: formatting those would take 4 KiB of the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Violation {
+    /// The setting.
+    pub key: Key,
+    /// The bound.
+    pub bound: Bound,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.key.path())?;
+        f.write_str(" ")?;
+        f.write_str(self.bound.text())
+    }
+}
+
+impl core::error::Error for Violation {}
