@@ -9,14 +9,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bead::recording::file::{About, Origin, Part, Writer};
-use bead::recording::physical::to_toml;
-use bead::tables::whole::Target;
 use bead_fuzz::line::{crc, mended, to_cobs};
 use bead_fuzz::strikes::short_window;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Meter, Scan};
+use bead_recording::file::{About, Origin, Part, Writer};
+use bead_recording::physical::to_toml;
+use bead_tables::whole::Target;
 use bead_testing::{Speaker, block_of};
 use bead_wire::{ANY, Key, Kind, MAX_REQUEST, Message, Request, Ticket, encode_request};
 

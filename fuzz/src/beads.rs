@@ -1,8 +1,8 @@
 //! Beads in physical quantities, in TOML, and the settings that are made of them.
 
-use bead::recording::physical::{parse, to_toml};
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
+use bead_recording::physical::{parse, to_toml};
 
 use crate::text;
 

@@ -1,6 +1,6 @@
 //! Scripts of faults in TOML, provoked in a run that is not begun.
 
-use bead::bench::faults::{parse, provoke};
+use bead_bench::faults::{parse, provoke};
 use stm32f405_qemu::Run;
 
 use crate::text;

@@ -1,8 +1,8 @@
 //! Frames of a bead: every decoder comes to the same verdict, and that of the protocol's page.
 
-use bead::recording::frames::{Frame, Frames, Item, Piece};
-use bead::recording::protobuf;
-use bead::tables::printable::printable;
+use bead_recording::frames::{Frame, Frames, Item, Piece};
+use bead_recording::protobuf;
+use bead_tables::printable::printable;
 use bead_wire::{Cause, Decoder, Header, Kind, MAX_FRAME, Message, RequestDecoder, VERSION, encode};
 
 use crate::line::{crc, from_cobs, mended, runs};

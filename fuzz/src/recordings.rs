@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use bead::comparison::replay::replay;
-use bead::recording::clock::{self, CommonTime};
-use bead::recording::file::{Part, Recording};
-use bead::recording::frames::Item;
-use bead::recording::raw;
-use bead::recording::received::Received;
+use bead_compare::replay::replay;
+use bead_recording::clock::{self, CommonTime};
+use bead_recording::file::{Part, Recording};
+use bead_recording::frames::Item;
+use bead_recording::raw;
+use bead_recording::received::Received;
 
 use crate::file;
 

@@ -3,11 +3,11 @@
 //! An input is a block, and what the sensors say: groups of five bytes, a number of scans and two codes for
 //! all of them.
 
-use bead::recording::physical::{parse, to_toml};
-use bead::recording::signal::Signal;
-use bead::recording::strikes::ScanCodes;
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Meter, Scan, Settings};
+use bead_recording::physical::{parse, to_toml};
+use bead_recording::signal::Signal;
+use bead_recording::strikes::ScanCodes;
 use bead_testing::Collector;
 
 use crate::line::crc;

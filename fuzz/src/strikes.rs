@@ -2,16 +2,16 @@
 
 use std::sync::{Arc, LazyLock};
 
-use bead::comparison::replay::replay;
-use bead::export::{samples, strikes as table};
-use bead::recording::arrival::rise;
-use bead::recording::clock::{Live, Segments, Tracker};
-use bead::recording::frames::{Frame, Frames, Item, Piece};
-use bead::recording::received::LastSaid;
-use bead::recording::signal::Signal;
-use bead::recording::strikes::{FetchedNames, GivenSettings, RecordedStrike, Strikes};
+use bead_compare::replay::replay;
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_recording::arrival::rise;
+use bead_recording::clock::{Live, Segments, Tracker};
+use bead_recording::export::{samples, strikes as table};
+use bead_recording::frames::{Frame, Frames, Item, Piece};
+use bead_recording::received::LastSaid;
+use bead_recording::signal::Signal;
+use bead_recording::strikes::{FetchedNames, GivenSettings, RecordedStrike, Strikes};
 use bead_wire::Message;
 
 use crate::line::{mended, runs};

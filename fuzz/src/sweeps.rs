@@ -1,7 +1,7 @@
 //! Sweeps in TOML, and the points of those that are accepted.
 
-use bead::sweep::definition::Definition;
-use bead::sweep::plan::Plan;
+use hertz_sweep::definition::Definition;
+use hertz_sweep::plan::Plan;
 
 use crate::text;
 

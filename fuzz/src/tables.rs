@@ -1,8 +1,8 @@
 //! Tables of sweeps, read and drawn.
 
-use bead::sweep::picture::chart;
-use bead::sweep::view::View;
-use bead::tables::Reader;
+use bead_tables::Reader;
+use hertz_sweep::picture::chart;
+use hertz_sweep::view::View;
 
 use crate::file;
 

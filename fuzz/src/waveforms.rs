@@ -1,6 +1,6 @@
 //! Waveforms of other instruments: text tables, WAV, Parquet, recordings.
 
-use bead::waveform::{Choice, Waveform};
+use bead_instrument::{Choice, Waveform};
 
 use crate::file;
 

@@ -5,15 +5,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use bead::bench::emulation::Emulation;
-use bead::bench::image::find_image;
-use bead::comparison::front_end::FrontEnd;
-use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::recording::frames::{self, Frame};
+use bead_bench::emulation::Emulation;
+use bead_bench::image::find_image;
+use bead_compare::front_end::FrontEnd;
+use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::Settings;
 use bead_model::design::{
     Bead, Capture, Description, FrontEnd as FrontEndDesign, Intruder, Neighbours, derive,
 };
+use bead_recording::frames::{self, Frame};
 use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};

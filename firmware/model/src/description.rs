@@ -205,8 +205,8 @@ impl Description {
     }
 }
 
-/// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list, which
-/// takes 2 KiB of the image.
+/// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list,
+/// which takes 2 KiB of the image.
 #[inline(never)]
 fn check_each(values: &[(Key, f64)], bound: Bound, holds: fn(f64) -> bool) -> Result<(), Violation> {
     match values

@@ -3,7 +3,9 @@
 mod collector;
 mod flash;
 mod speaker;
+mod strike;
 
 pub use collector::Collector;
 pub use flash::{FlashFailure, PowerCutFlash};
 pub use speaker::{Speaker, block_of};
+pub use strike::one_sample_strike;

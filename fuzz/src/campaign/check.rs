@@ -3,13 +3,13 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use bead::bench::emulation::{Emulation, Ran};
-use bead::bench::faults::{Kind, Planned};
-use bead::bench::image::find_image;
-use bead::bench::run::RunReport;
-use bead::comparison::front_end::{FrontEnd, SAMPLE_RATE_HZ};
-use bead::comparison::sensed::{load_scenario, simulate_with_ring_down};
-use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_bench::emulation::{Emulation, Ran};
+use bead_bench::faults::{Kind, Planned};
+use bead_bench::image::find_image;
+use bead_bench::run::RunReport;
+use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::sensed::{load_scenario, simulate_with_ring_down};
+use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use bead::bench::faults::{self, Kind, Planned};
-use bead::comparison::sensed::Timing;
+use bead_bench::faults::{self, Kind, Planned};
+use bead_compare::sensed::Timing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -32,7 +32,7 @@ strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be 
 /// The programs, and where each is built from.
 const PROGRAMS: [(&str, &str); 2] = [
     ("bead", "host-tools"),
-    ("bead-figures", "host-tools/figures-command"),
+    ("bead-figures", "host-tools/hertz/figures-command"),
 ];
 
 /// Greatest size of a program, bytes.

@@ -174,7 +174,11 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
         let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
         let page = read("docs/library.md");
-        for folder in ["host-tools/chain", "host-tools/emulator", "firmware/wire"] {
+        for folder in [
+            "host-tools/hertz/chain",
+            "host-tools/stm32f405-qemu",
+            "firmware/wire",
+        ] {
             let program = read(&format!("{folder}/examples/library.rs"));
             let code = program
                 .strip_prefix("//! The example of docs/library.md.\n\n")

@@ -129,7 +129,7 @@ const TASKS: &[Task] = &[
     Task {
         name: "dist",
         about: "Make the archive of a release in target/dist, and try it from an empty folder without Rust",
-        more: "In it are `bead` as `cargo install --path host-tools` makes it, with the emulator's overlay and the flash \
+        more: "In it are `bead` as `cargo install --path host-tools/bead` makes it, with the emulator's overlay and the flash \
                image inside, completions, manual pages, the book, notices, bills of materials, and the image for a debug \
                probe. Beside it lies its SHA-256.",
         run: Run::Alone(|steps| {

@@ -16,12 +16,12 @@ use crate::files::{copy_tree, read, write};
 use crate::step::{Line, Steps, Stop};
 use crate::tools::{self, Tool};
 
-const MODEL: &str = "host-tools/chain/src/model.rs";
+const MODEL: &str = "host-tools/hertz/chain/src/model.rs";
 /// Equations of motion on vectors.
-const LANES: &str = "host-tools/chain/src/solver/lanes.rs";
-const KERNEL: &str = "host-tools/chain/src/solver/kernel.rs";
+const LANES: &str = "host-tools/hertz/chain/src/solver/lanes.rs";
+const KERNEL: &str = "host-tools/hertz/chain/src/solver/kernel.rs";
 /// Contacts that open or close inside a step.
-const CROSSING: &str = "host-tools/chain/src/solver/crossing.rs";
+const CROSSING: &str = "host-tools/hertz/chain/src/solver/crossing.rs";
 /// Test that runs all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
@@ -130,7 +130,7 @@ const PARTS: [(&str, &str, &str, &str); 4] = [
     (
         "solver",
         "hertz-chain",
-        "-f host-tools/chain/src/solver/*.rs",
+        "-f host-tools/hertz/chain/src/solver/*.rs",
         "--skip counts:: --skip two_hundred --skip long_viscous --skip takes_longer",
     ),
 ];

@@ -10,7 +10,8 @@ pub(crate) const HOST: &str =
 
 /// The packages that others can use, for crates.io: each may depend on those before it.
 pub(crate) const PUBLISHED: &str = "-p bead-crc -p hertz-chain -p stm32f405-qemu -p bead-model -p bead-wire \
-    -p bead-store -p hertz-charts -p hertz-figures -p absorber-bead";
+    -p bead-store -p hertz-charts -p hertz-figures -p hertz-sweep -p bead-tables -p bead-recording -p bead-line \
+    -p bead-instrument -p bead-compare -p bead-bench -p absorber-bead";
 
 /// The flash image, as cargo builds it.
 pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabihf -p bead-firmware";
@@ -28,7 +29,7 @@ mod tests {
 
     #[test]
     fn the_images_on_embassy_are_those_that_ask_for_it() {
-        let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulator/images/Cargo.toml");
+        let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/../stm32f405-qemu/images/Cargo.toml");
         let manifest = std::fs::read_to_string(manifest).unwrap();
         let programs = manifest.split("[[bin]]\nname = \"").skip(1);
         let mut asked = "--features embassy".to_owned();

@@ -3,7 +3,7 @@
 use crate::step::{Line, Steps, Stop};
 
 /// What it needs.
-const REQUIREMENTS: &str = "host-tools/tests/requirements.txt";
+const REQUIREMENTS: &str = "host-tools/bead/tests/requirements.txt";
 
 /// Sets up `target/python`, unless it is there.
 ///

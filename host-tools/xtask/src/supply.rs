@@ -50,7 +50,7 @@ const PRODUCTS: [Product; 2] = [
     Product {
         title: "In `bead` and `bead-figures`, which carry the image too",
         packages: "-p absorber-bead -p bead-figures",
-        folder: "host-tools/figures-command",
+        folder: "host-tools/hertz/figures-command",
         name: "bead",
         targets: &["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"],
     },

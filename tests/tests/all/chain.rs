@@ -3,17 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use bead::bench::emulation::{Emulation, Placed, Ran};
-use bead::bench::several::{self, Clocks};
-use bead::comparison::front_end::FrontEnd;
-use bead::comparison::row::{Chain, Member, Place, Row, RowComparison, among, compare};
-use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::comparison::strike::FullChain;
-use bead::comparison::verdict::Echoes;
-use bead::recording::clock::CommonTime;
-use bead::recording::file::{About, Origin, Part, Recording, State, Writer};
-use bead::recording::received::Received;
-use bead::tables::whole::Target;
+use bead_bench::emulation::{Emulation, Placed, Ran};
+use bead_bench::several::{self, Clocks};
+use bead_compare::front_end::FrontEnd;
+use bead_compare::row::{Chain, Member, Place, Row, RowComparison, among, compare};
+use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead_compare::strike::FullChain;
+use bead_compare::verdict::Echoes;
+use bead_recording::clock::CommonTime;
+use bead_recording::file::{About, Origin, Part, Recording, State, Writer};
+use bead_recording::received::Received;
+use bead_tables::whole::Target;
 use bead_tests::{image, workspace};
 use hertz_chain::{Scenario, Solution};
 

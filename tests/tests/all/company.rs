@@ -3,12 +3,12 @@
 
 use std::path::PathBuf;
 
-use bead::bench::emulation::Emulation;
-use bead::comparison::emulated::EmulatorReport;
-use bead::comparison::front_end::FrontEnd;
-use bead::comparison::replay::replay;
-use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::recording::strikes::assemble;
+use bead_bench::emulation::Emulation;
+use bead_compare::emulated::EmulatorReport;
+use bead_compare::front_end::FrontEnd;
+use bead_compare::replay::replay;
+use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead_recording::strikes::assemble;
 use bead_tests::{Heard, image, workspace};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};

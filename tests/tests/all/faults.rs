@@ -2,12 +2,12 @@
 
 use std::fs;
 
-use bead::bench::emulation::Emulation;
-use bead::bench::faults::{self, Planned};
-use bead::comparison::replay::replay;
-use bead::comparison::sensed::Timing;
-use bead::recording::frames::Frame;
-use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_bench::emulation::Emulation;
+use bead_bench::faults::{self, Planned};
+use bead_compare::replay::replay;
+use bead_compare::sensed::Timing;
+use bead_recording::frames::Frame;
+use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
 use bead_wire::Message;
 use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};

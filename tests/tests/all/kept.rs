@@ -1,7 +1,7 @@
 //! Strikes that the bead keeps: fetched later, they are bit for bit what was sent first, also after a reset.
 
-use bead::bench::emulation::Emulation;
-use bead::bench::faults;
+use bead_bench::emulation::Emulation;
+use bead_bench::faults;
 use bead_tests::{Answered, Heard, Requests, paper};
 use bead_wire::{Fetched, Kept, Message, Outcome, Request};
 

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use crate::store::{STORE_RANGE, StoreFlash};
-use bead::bench::emulation::Emulation;
+use bead_bench::emulation::Emulation;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::{BURST, Secret, Store, Vault};
 use bead_tests::{Answered, Requests, paper, replied};

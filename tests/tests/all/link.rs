@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
-use bead::recording::frames::{self, Frame};
+use bead_recording::frames::{self, Frame};
 use bead_tests::{Heard, paper};
 use proptest::prelude::*;
 

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use bead::bench::bridge::Bridge;
-use bead::recording::frames::decode;
+use bead_bench::bridge::Bridge;
+use bead_recording::frames::decode;
 use bead_tests::paper;
 use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
 use stm32f405_qemu::{Inputs, Uart};

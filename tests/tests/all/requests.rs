@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Answered, Requests, paper};
 use bead_wire::Message;
 use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, encode_request};
@@ -270,7 +270,7 @@ fn a_bead_says_what_a_block_costs_since_it_was_last_asked() {
 fn a_self_test_names_what_fails() {
     // A force that never moves, and a supply that is too low.
     let mut run = paper(0, 0.1, Some(1));
-    run.faults = bead::bench::faults::parse(
+    run.faults = bead_bench::faults::parse(
         "[[fault]]\nat = 0.05\nkind = \"force_stuck\"\n[[fault]]\nat = 0.05\nkind = \"supply\"\nvolts = 2.7\n",
         "faults",
     )
@@ -432,7 +432,7 @@ fn a_raw_stream_ends_when_asked_and_is_refused_if_it_is_too_long() {
 #[test]
 fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     let mut run = paper(2, 0.1, Some(1));
-    run.faults = bead::bench::faults::parse("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n", "faults")
+    run.faults = bead_bench::faults::parse("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n", "faults")
         .unwrap_or_else(|failure| panic!("{failure}"));
     let mut requests = Requests::new(&run);
     requests.send(0.05, &[9, 1, 0]);

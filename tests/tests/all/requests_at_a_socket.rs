@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use bead::bench::bridge::{Bridge, Door, serve};
-use bead::bench::emulation::Emulation;
 use bead::cli::Cli;
+use bead_bench::bridge::{Bridge, Door, serve};
+use bead_bench::emulation::Emulation;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_tests::{paper, settings_at};
@@ -233,7 +233,7 @@ fn a_bead_is_asked_from_the_command_line() {
 fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
     let mut run = paper(1, 0.1, Some(1));
     run.faults =
-        bead::bench::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
+        bead_bench::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
             .unwrap_or_else(|failure| panic!("{failure}"));
     behind_a_socket(&run, |port, _| {
         let (status, why) = bead(&["command", "self-test", "--port", port, "--timeout", "20"]);

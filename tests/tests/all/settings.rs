@@ -4,13 +4,13 @@
 use std::sync::LazyLock;
 
 use crate::store::{STORE_RANGE, StoreFlash};
-use bead::bench::emulation::{Emulation, SETTINGS_ADDRESS};
-use bead::comparison::replay::replay;
-use bead::recording::frames::Frame;
-use bead::recording::strikes::assemble;
+use bead_bench::emulation::{Emulation, SETTINGS_ADDRESS};
+use bead_compare::replay::replay;
 use bead_model::Settings;
 use bead_model::design::Description;
 use bead_model::settings::BLOCK_MAX;
+use bead_recording::frames::Frame;
+use bead_recording::strikes::assemble;
 use bead_store::Store;
 use bead_tests::{Answered, Requests, paper, settings_at};
 use bead_wire::Message;

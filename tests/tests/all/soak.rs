@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use bead::bench::bridge::Bridge;
-use bead::comparison::sensed::Timing;
-use bead::recording::frames::{Item, Reader};
-use bead::recording::strikes::Strikes;
+use bead_bench::bridge::Bridge;
+use bead_compare::sensed::Timing;
+use bead_recording::frames::{Item, Reader};
+use bead_recording::strikes::Strikes;
 use bead_tests::paper_at;
 use bead_wire::{Message, Status, StrikeFlags};
 

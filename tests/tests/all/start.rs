@@ -3,7 +3,7 @@
 use std::fs;
 use std::time::Duration;
 
-use bead::recording::strikes::assemble;
+use bead_recording::strikes::assemble;
 use bead_tests::{Answered, Requests, image, paper};
 use bead_wire::{FaultCause, Outcome, Request, Standing};
 use object::{Object, ObjectSymbol};
@@ -72,7 +72,7 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     let faults = heard
         .faults()
         .map(|fault| (fault.cause, fault.detail.as_str().to_owned()));
-    let offset = |strike: &bead::recording::strikes::RecordedStrike| {
+    let offset = |strike: &bead_recording::strikes::RecordedStrike| {
         let first = strike.said.first_index;
         let same = |offset: &u64| {
             let rows = &machine.stimulus[(first - offset) as usize..];

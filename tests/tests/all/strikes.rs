@@ -1,8 +1,8 @@
 //! Strikes through the image: how many, how accurate, and the same on the host in every bit.
 
-use bead::bench::emulation::Ran;
-use bead::comparison::replay::replay;
-use bead::recording::strikes::assemble;
+use bead_bench::emulation::Ran;
+use bead_compare::replay::replay;
+use bead_recording::strikes::assemble;
 use bead_tests::{Heard, LEAD_IN, paper};
 use bead_wire::StrikeFlags;
 

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use bead::bench::emulation::{Emulation, Placed, Ran};
-use bead::comparison::front_end::FrontEnd;
-use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::recording::clock::compare;
-use bead::recording::file::{About, Writer};
-use bead::recording::strikes::assemble;
-use bead::tables::whole::Target;
+use bead_bench::emulation::{Emulation, Placed, Ran};
+use bead_compare::front_end::FrontEnd;
+use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead_recording::clock::compare;
+use bead_recording::file::{About, Writer};
+use bead_recording::strikes::assemble;
+use bead_tables::whole::Target;
 use bead_tests::{Heard, image, paper_at};
 use bead_wire::Message;
 use bead_wire::Sync;

@@ -1,14 +1,14 @@
 //! The trigger line, and windows that a host asks for: beads that feel little keep what they felt.
 
-use bead::bench::emulation::{Emulation, Placed, Ran};
-use bead::bench::error::BenchError;
-use bead::bench::several::{self, Clocks};
-use bead::comparison::front_end::FrontEnd;
-use bead::comparison::replay::replay;
-use bead::comparison::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_bench::emulation::{Emulation, Placed, Ran};
+use bead_bench::error::BenchError;
+use bead_bench::several::{self, Clocks};
+use bead_compare::front_end::FrontEnd;
+use bead_compare::replay::replay;
+use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::design::Description;
 use bead_model::settings::BLOCK_MAX;
+use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, Requests, image, paper, workspace};
 use bead_wire::{FaultCause, Outcome, Request, StrikeFlags};
 use hertz_chain::{Scenario, Solution};

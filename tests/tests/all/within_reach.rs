@@ -1,9 +1,9 @@
 //! No settings that a bead takes, no strikes and no input leave one that does not answer: the image in QEMU.
 //! `any_settings.rs` tries thousands on a model of it.
 
-use bead::recording::strikes::assemble;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
+use bead_recording::strikes::assemble;
 use bead_tests::{Answered, Requests, SUPPLY_WAIT, any_settings, paper, replied};
 use bead_wire::{Block, FaultCause, Message, Outcome, Request, SettingsSource, StrikeFlags};
 use proptest::prelude::Rng;
@@ -177,7 +177,7 @@ fn five_boots_that_fail_at_once_bring_the_built_in_settings_and_a_reboot_the_own
             )
         })
         .collect();
-    run.faults = bead::bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults = bead_bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
     let mut requests = struck(1.2, 0);
     requests.machine.faults = run.machine().faults;
     requests.machine.flash[0].1 = run.block.clone();
@@ -217,7 +217,7 @@ fn a_boot_that_has_run_for_a_second_is_no_failed_one() {
     let faults: String = [0.05, 0.15, 0.25, 0.35, 1.7]
         .map(|at| format!("[[fault]]\nat = {at}\nkind = \"hard_fault\"\n"))
         .concat();
-    run.faults = bead::bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults = bead_bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
     requests.machine.faults = run.machine().faults;
     let answered = requests.run();
     assert_eq!(answered.outcome.resets.len(), 5);
@@ -234,7 +234,7 @@ fn a_fault_whose_frame_never_left_is_told_with_each_identity_and_counted() {
     let mut run = paper(0, 0.1, Some(1));
     let faults =
         format!("[[fault]]\nat = 0.05\nkind = \"panic\"\n[[fault]]\nat = {again}\nkind = \"hard_fault\"\n");
-    run.faults = bead::bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults = bead_bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
     requests.machine.faults = run.machine().faults;
     let answered = requests.run();
     println!("first scan after {first} s; {:?}", answered.outcome.resets);
@@ -267,7 +267,7 @@ fn an_overrun_in_the_block_of_the_trigger_is_told_with_the_samples_that_it_cost(
         let at = trigger as f64 / 100e3 + after;
         let faults = format!("[[fault]]\nat = {at}\nkind = \"adc_overrun\"\n");
         run.faults =
-            bead::bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+            bead_bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
         let answered = Requests::new(&run).run();
         let gap = answered
             .heard
@@ -297,7 +297,7 @@ fn an_overrun_in_the_block_of_the_trigger_is_told_with_the_samples_that_it_cost(
 /// Runs two strikes with `faults`; gives the flags of the strikes, and what was told.
 fn flags(faults: &str) -> (Vec<StrikeFlags>, Answered) {
     let mut run = paper(2, 0.1, Some(1));
-    run.faults = bead::bench::faults::parse(faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults = bead_bench::faults::parse(faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
     let answered = Requests::new(&run).run();
     let strikes = assemble(answered.heard.frames.clone(), None);
     (strikes.iter().map(|strike| strike.said.flags).collect(), answered)

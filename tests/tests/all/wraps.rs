@@ -7,10 +7,10 @@
 
 use std::fs;
 
-use bead::bench::emulation::Emulation;
-use bead::comparison::replay::replay;
-use bead::comparison::sensed::Timing;
-use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_bench::emulation::Emulation;
+use bead_compare::replay::replay;
+use bead_compare::sensed::Timing;
+use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
 use bead_wire::{FaultCause, StrikeFlags};
 use object::{Object, ObjectSymbol};
@@ -85,7 +85,7 @@ fn assert_measured(emulation: &Emulation, strikes: &[RecordedStrike]) {
 #[test]
 fn frames_are_numbered_past_2_to_the_32_and_none_is_lost() {
     const NEXT: u32 = u32::MAX - 60;
-    let number_of = |frame: &bead::recording::frames::Frame| frame.header.sequence;
+    let number_of = |frame: &bead_recording::frames::Frame| frame.header.sequence;
     let (emulation, outcome, heard) = written(&["counters", "COUNTERS"], 80, RUNNING_NS, NEXT, |heard| {
         heard.frames.iter().any(|frame| number_of(frame) == NEXT)
     });

@@ -400,7 +400,8 @@ fn a_wave_that_is_too_short_is_refused_with_its_width() {
 
 #[test]
 fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
-    let cases: [(fn(&mut Description), Key, Coefficient); 5] = [
+    type Edit = fn(&mut Description);
+    let cases: [(Edit, Key, Coefficient); 5] = [
         (
             |one| one.intruder.stiffness = 1e12,
             Key::IntruderStiffness,

@@ -1,0 +1,621 @@
+//! The flash image in QEMU, on what a bead of a simulated chain would sense.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bead_model::design::{Capture, Description, LEAST_WIDTH};
+use bead_model::layout::BASELINE;
+use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::violation::{Bound, Violation};
+use bead_wire::{Counters, Message};
+use hertz_chain::{Scenario, Solution};
+use stm32f405_qemu::{End, Outcome, PinInput, Reset, Run, Since};
+
+use crate::error::BenchError;
+use crate::faults::{self, Planned};
+use crate::image;
+use crate::playback::{Again, Playback};
+use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
+use bead_compare::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
+use bead_compare::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
+use bead_instrument::Waveform;
+use bead_recording::file::{RecordingError, Writer};
+use bead_recording::frames::{self, Frame};
+use bead_recording::physical::refusal;
+
+/// Flash address at which the image finds settings that a probe wrote (`memory.x`).
+pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
+/// Quiet time after the last strike, s: the bead sends its status every second. The noise goes on, since a
+/// sensor without noise counts as broken.
+const TAIL: f64 = 1.2;
+
+/// Longest run, s of the bead's time. Its codes take 2.4 MB a second.
+const LONGEST: f64 = 1200.0;
+
+/// The pin of the sync input (`firmware/src/sync.rs`).
+const SYNC_PIN: &str = "PA15";
+/// The pins of the trigger line (`firmware/src/line.rs`): the board joins them.
+const PULL_PIN: &str = "PB10";
+const LINE_PIN: &str = "PB11";
+/// Length of a sync pulse, s. The bead uses its rising edge.
+const SYNC_PULSE: f64 = 1e-3;
+/// The crystal, Hz.
+const CRYSTAL_HZ: f64 = 8e6;
+
+/// A finished run.
+pub struct Ran {
+    /// The bytes that the bead sent.
+    pub stream: Vec<u8>,
+    /// The frames in them.
+    pub frames: Vec<Frame>,
+    /// Counts of frames received, refused and lost.
+    pub counters: Counters,
+    /// Time at which each byte was sent, in ns of true time since power-up.
+    pub sent_ns: Vec<u64>,
+    /// True time of the first triggered scan, in ns since power-up.
+    pub first_scan_ns: u64,
+    /// Intervals in which the bead held the trigger line low, in ns of true time since power-up; empty unless
+    /// [`Emulation::pulls`] is set.
+    pub pulls_ns: Vec<[u64; 2]>,
+    /// The resets after power-up.
+    pub resets: Vec<Reset>,
+    /// Failure of an image that ended before its time was over; the other fields hold its work until then.
+    pub failure: Option<String>,
+    /// Counts of the emulator.
+    pub report: EmulatorReport,
+}
+
+impl Ran {
+    /// The run, if it came to its end.
+    ///
+    /// # Errors
+    /// The image failed before its time was over.
+    pub fn whole(self) -> Result<Self, BenchError> {
+        match &self.failure {
+            Some(why) => Err(BenchError::Mute(why.clone())),
+            None => Ok(self),
+        }
+    }
+}
+
+impl Ran {
+    /// Records the bytes that were sent. A run of bytes has the time of its last byte: true time since the
+    /// first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+        self.pieces(zero_ns)
+            .try_for_each(|(at, run)| writer.write(run, Some(at), |_| {}))
+    }
+
+    /// The runs of bytes that were sent, each with its time as in [`write`](Self::write), ns.
+    pub fn pieces(&self, zero_ns: u64) -> impl Iterator<Item = (u64, &[u8])> {
+        let mut sent = self.sent_ns.iter();
+        self.stream.split_inclusive(|byte| *byte == 0).map(move |run| {
+            let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
+            (zero_ns + at.saturating_sub(self.first_scan_ns), run)
+        })
+    }
+}
+
+/// A bead as it is put into the chain and switched on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    /// Its place in the chain: one with an intruder.
+    pub bead: usize,
+    /// Its address on the line.
+    pub address: u8,
+    /// Seed of its noise; `None` without noise.
+    pub seed: Option<u64>,
+    /// Deviation of its crystal, ppm, rounded to whole hertz of the crystal: an eighth of a ppm.
+    pub clock_ppm: f64,
+    /// Time of its first scan, in s on the time that all beads of the run share.
+    pub began: f64,
+}
+
+impl Placed {
+    /// A bead alone, with a true crystal.
+    pub fn alone(bead: usize, seed: Option<u64>) -> Self {
+        Self {
+            bead,
+            address: 0,
+            seed,
+            clock_ppm: 0.0,
+            began: 0.0,
+        }
+    }
+}
+
+/// A stimulus on the time of a bead's own clock, whose seconds are shorter if it is fast.
+#[derive(Clone)]
+struct OnClock<S> {
+    sensed: S,
+    /// Seconds of the clock in a true second.
+    rate: f64,
+}
+
+impl<S: Stimulus> Stimulus for OnClock<S> {
+    fn force(&mut self, time: f64) -> f64 {
+        self.sensed.force(time / self.rate)
+    }
+
+    fn acceleration(&mut self, time: f64) -> f64 {
+        self.sensed.acceleration(time / self.rate)
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        self.sensed.silent_until(time / self.rate) * self.rate
+    }
+}
+
+/// A run that is ready to start.
+pub struct Emulation {
+    /// The bead's settings.
+    pub settings: Settings,
+    /// Settings block in flash.
+    pub block: Vec<u8>,
+    /// The truth of the run.
+    pub truth: RunTruth,
+    /// Faults to inject.
+    pub faults: Vec<Planned>,
+    /// Time of an instruction: 2^`shift` ns, as `Run::shift`.
+    pub shift: Option<u8>,
+    /// TCP port for a debugger, as `Run::gdb`.
+    pub gdb: Option<u16>,
+    /// Waveform at the sensors, if it is not a strike of the chain.
+    pub waveform: Option<Waveform>,
+    /// True to record [`Ran::pulls_ns`]. Each edge of any pin then takes memory.
+    pub pulls: bool,
+    codes: Digitised,
+    again: Again,
+    image: PathBuf,
+}
+
+impl Emulation {
+    /// A bead [alone](Placed::alone): derives its settings and digitises its sensors.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no settings fit it.
+    pub fn prepare(
+        scenario: &Scenario,
+        solution: &Solution,
+        bead: usize,
+        front_end: &FrontEnd,
+        seed: Option<u64>,
+        timing: Timing,
+        image: &Path,
+    ) -> Result<Self, BenchError> {
+        Self::place(
+            scenario,
+            solution,
+            Placed::alone(bead, seed),
+            front_end,
+            timing,
+            image,
+        )
+    }
+
+    /// Derives the settings of a bead and digitises its sensors. `timing` is on the time that all beads
+    /// share.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no settings fit it.
+    pub fn place(
+        scenario: &Scenario,
+        solution: &Solution,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+    ) -> Result<Self, BenchError> {
+        let truth = Truth::of(scenario, solution, placed.bead)?;
+        let settings = settings_of(solution, placed, front_end)?;
+        let feel = |timing| Sensed::new(solution, placed.bead, timing);
+        Self::feeling(settings, truth, placed, front_end, timing, image, feel)
+    }
+
+    /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do.
+    /// `truth` is kept as what is true of it.
+    ///
+    /// # Errors
+    /// The bead has no intruder, no settings fit it, or the waveform is too long.
+    pub fn play(
+        solution: &Solution,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+        waveform: Waveform,
+        truth: Truth,
+    ) -> Result<Self, BenchError> {
+        let settings = settings_of(solution, placed, front_end)?;
+        let feel = |timing| Sensed::playing(&waveform, timing);
+        let emulation = Self::feeling(settings, truth, placed, front_end, timing, image, feel)?;
+        Ok(Self {
+            waveform: Some(waveform),
+            ..emulation
+        })
+    }
+
+    fn feeling<F: Felt + Send + 'static>(
+        settings: Settings,
+        truth: Truth,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+        feel: impl Fn(Timing) -> Sensed<F>,
+    ) -> Result<Self, BenchError> {
+        let Placed { bead, seed, .. } = placed;
+        let mut block = [0; BLOCK_MAX];
+        let length = settings
+            .encode(&mut block)
+            .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
+        let timing = Timing {
+            lead_in: timing.lead_in - placed.began,
+            ..timing
+        };
+        let sensed = feel(timing);
+        let lasts = sensed.long();
+        if timing.strikes > 1 && timing.interval < lasts {
+            // Rounded up, so that the time in the message suffices.
+            let least = (lasts * 1e4).ceil() / 1e4;
+            return Err(BenchError::Unfit(format!(
+                "--interval {} s: a strike and its ring-down take {least} s; give at least that",
+                timing.interval,
+            )));
+        }
+        let long = placed.began + timing.start(timing.strikes.saturating_sub(1)) + lasts + TAIL;
+        if long > LONGEST {
+            return Err(BenchError::Unfit(format!(
+                "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
+                 --strikes or a shorter --interval",
+                timing.strikes, timing.interval
+            )));
+        }
+        let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
+        let rate = 1.0 + clock_ppm * 1e-6;
+        let sensed = OnClock { sensed, rate };
+        let scans = timing.scans(lasts + TAIL);
+        let codes = front_end.digitise(&sensed, scans, seed);
+        let behind = *front_end;
+        let again: Again = Arc::new(move |seed| behind.digitise(&sensed, scans, Some(seed)).scans);
+        let truth = RunTruth {
+            bead,
+            truth,
+            starts: timing.starts(rate),
+            front_end: *front_end,
+            seed,
+            clock_ppm,
+            sync_edges: Vec::new(),
+            began: placed.began,
+            line_low: Vec::new(),
+            stimulus: None,
+        };
+        Ok(Self {
+            settings,
+            block: block[..length].to_vec(),
+            truth,
+            faults: Vec::new(),
+            shift: None,
+            gdb: None,
+            waveform: None,
+            pulls: false,
+            codes,
+            again,
+            image: image.to_owned(),
+        })
+    }
+
+    /// Adds edges at the sync input, at these times in s on the time that all beads share, up to the end of
+    /// the codes.
+    pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
+        self.sync_until(edges, self.seconds());
+    }
+
+    /// Adds edges as [`sync`](Self::sync), up to a time of the bead's own, s.
+    pub fn sync_until(&mut self, edges: impl IntoIterator<Item = f64>, until: f64) {
+        let began = self.truth.began;
+        let own = edges.into_iter().map(|edge| edge - began);
+        let on = own.take_while(|edge| *edge < until).filter(|edge| *edge > 0.0);
+        self.truth.sync_edges = on.collect();
+    }
+
+    /// Lets others hold the trigger line low in these intervals, in s on the time that all beads share, while
+    /// the bead is on.
+    pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
+        let (began, seconds) = (self.truth.began, self.seconds());
+        let own = low.into_iter().map(|times| times.map(|time| time - began));
+        let on = own.filter(|[fall, rise]| *fall > 0.0 && *rise < seconds);
+        self.truth.line_low = on.collect();
+    }
+
+    /// The codes of the run for one that goes on without end.
+    pub(super) fn playback(&self) -> Playback {
+        Playback::new(
+            self.codes.scans.clone(),
+            self.truth.seed.map(|seed| (seed, Arc::clone(&self.again))),
+        )
+    }
+
+    /// Virtual time from the first scan to the end, s.
+    pub fn seconds(&self) -> f64 {
+        self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// The machine with the image, its settings and its stimulus: what [`run`](Self::run) executes.
+    pub fn machine(&self) -> Run {
+        let mut run = Run::new(&self.image);
+        run.stimulus = self.codes.scans.clone();
+        run.sample_period_ns = u64::from(1_000_000_000 / SAMPLE_RATE_HZ);
+        run.flash = vec![(SETTINGS_ADDRESS, self.block.clone())];
+        run.functions = [
+            ("observer", "bead_model::observer::"),
+            ("reduced_chain", "bead_model::reduced_chain::"),
+            ("window", "bead_model::window::"),
+            ("window", "bead_model::meter::Measurement::"),
+            ("trigger", "bead_model::meter::before_rise"),
+            ("framing", "bead_wire::"),
+        ]
+        .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
+        .to_vec();
+        run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
+        run.tail_ns = 0;
+        run.shift = self.shift;
+        run.gdb = self.gdb;
+        run.hse_ppm = self.truth.clock_ppm;
+        let ns = |seconds: f64| (seconds * 1e9).round() as u64;
+        let pulse = |edge: &f64| [ns(*edge), ns(edge + SYNC_PULSE)];
+        run.pin_inputs = vec![PinInput {
+            pin: SYNC_PIN.to_owned(),
+            since: Since::FirstScan,
+            changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
+        }];
+        if !self.truth.line_low.is_empty() {
+            // High from the first scan on.
+            let low = self.truth.line_low.iter().flatten().map(|time| ns(*time));
+            run.pin_inputs.push(PinInput {
+                pin: LINE_PIN.to_owned(),
+                since: Since::FirstScan,
+                changes_ns: std::iter::once(0).chain(low).collect(),
+            });
+        }
+        run.record_pins = self.pulls;
+        faults::provoke(&self.faults, &mut run);
+        // An image that keeps the core busy runs some thirty times slower here than on silicon.
+        run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
+        run
+    }
+
+    /// Runs the image.
+    ///
+    /// # Errors
+    /// The file is no image, QEMU fails, or the image never samples. One that fails after its first sample is
+    /// no error: [`Ran::failure`] says how.
+    pub fn run(&self) -> Result<Ran, BenchError> {
+        let clock = Instant::now();
+        let outcome = self.machine().execute()?;
+        let (frames, counters) = frames::decode(&outcome.uart);
+        let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
+        let failure = failure(&outcome);
+        let changes = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
+        Ok(Ran {
+            pulls_ns: changes.map_or_else(Vec::new, |pin| pulls(&pin.changes)),
+            first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
+            stream: outcome.uart,
+            frames,
+            counters,
+            sent_ns: outcome.uart_ns,
+            failure,
+            resets: outcome.resets,
+            report,
+        })
+    }
+
+    fn report(
+        &self,
+        outcome: &Outcome,
+        frames: &[Frame],
+        real_seconds: f64,
+    ) -> Result<EmulatorReport, BenchError> {
+        let Some(sampling) = &outcome.sampling else {
+            let why = failure(outcome).unwrap_or_else(|| {
+                let last = outcome.log.last().map(ToString::to_string);
+                let last = last.as_deref().unwrap_or("nothing");
+                let seconds = outcome.virtual_ns as f64 * 1e-9;
+                format!("it never started to sample in {seconds:.1} s; the last that it logged: {last}")
+            });
+            return Err(BenchError::Mute(format!("{}: {why}", image::shown(&self.image))));
+        };
+        let counted = outcome.instructions.as_ref().ok_or_else(|| {
+            BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
+        })?;
+        let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
+        // None also where the compiler left no function with the label.
+        let per_sample = |label: &str, samples: u64| {
+            let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
+            Some(function.instructions as f64 / samples as f64)
+        };
+        let windows = frames.iter().filter_map(|frame| match &frame.message {
+            Message::Strike(strike) => Some(strike.samples),
+            _ => None,
+        });
+        let (in_windows, estimated) = samples_in(windows);
+        Ok(EmulatorReport {
+            image: image::file_name(&self.image),
+            qemu: stm32f405_qemu::qemu_version(None).ok(),
+            instructions_per_sample: InstructionsPerSample {
+                observer: per_sample("observer", estimated),
+                reduced_chain: per_sample("reduced_chain", estimated),
+                window: per_sample("window", in_windows),
+                framing: per_sample("framing", in_windows),
+                trigger: per_sample("trigger", sampling.scans),
+                total: counted.working.map(|blocks| blocks.instructions_per_scan()),
+                worst_block: counted.worst_block.map(|block| block.instructions_per_scan()),
+                idle: counted.idle.map(|blocks| blocks.instructions_per_scan()),
+                run: counted.total as f64 / sampling.scans.max(1) as f64,
+            },
+            instructions_available: 1e9 / f64::from(outcome.instruction_ns) / f64::from(SAMPLE_RATE_HZ),
+            overruns: outcome.overruns,
+            resets: outcome.resets.len(),
+            scans: sampling.scans,
+            saturated: self.codes.saturated,
+            unknown_registers: outcome
+                .unknown_registers
+                .iter()
+                .map(|register| register.name.clone())
+                .collect(),
+            unmodelled: outcome.unmodelled.clone(),
+            virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
+            real_seconds,
+            log: outcome.log.iter().map(ToString::to_string).collect(),
+        })
+    }
+}
+
+/// Samples in windows of these lengths, and those of them that the estimates took.
+fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
+    windows.fold((0, 0), |(all, estimated), samples| {
+        // An image of another firmware may give any length.
+        let after_baseline = u64::from(samples).saturating_sub(BASELINE.into());
+        (all + u64::from(samples), estimated + after_baseline)
+    })
+}
+
+/// Failure of an image that ended before its time was over. A fault that a reset follows is none.
+fn failure(outcome: &Outcome) -> Option<String> {
+    match &outcome.end {
+        // That is how test firmware ends. A bead's never does.
+        End::Breakpoint(place) => Some(format!(
+            "the image stopped at a breakpoint of its own, at {place}, at {:.6} s",
+            outcome.virtual_ns as f64 * 1e-9
+        )),
+        _ => outcome.verdict().err(),
+    }
+}
+
+/// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is
+/// left out.
+fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
+    let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
+    let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);
+    low.map(|pair| [pair[0].0, pair[1].0]).collect()
+}
+
+/// The settings of a bead behind a front end.
+///
+/// # Errors
+/// The bead has no intruder, or no settings fit it.
+pub fn settings_of(
+    solution: &Solution,
+    placed: Placed,
+    front_end: &FrontEnd,
+) -> Result<Settings, BenchError> {
+    let bead = placed.bead;
+    let physics = bead_of(solution, bead)?;
+    let front = front_end.calibration();
+    let neighbours = neighbours_of(solution, bead);
+    let capture = Capture::of(&physics, &front);
+    let description = Description {
+        address: placed.address,
+        ..Description::new(&physics, &neighbours, &front, &capture)
+    };
+    Settings::new(&description).map_err(|violation| match violation {
+        Violation {
+            bound: Bound::Width { samples },
+            ..
+        } => {
+            let diameter = 2e3 * solution.model().radius(bead);
+            BenchError::Unfit(format!(
+                "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
+                 material, since a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured",
+                SAMPLE_RATE_HZ / 1000,
+                diameter * LEAST_WIDTH / samples
+            ))
+        }
+        violation => BenchError::unfit(
+            &format!("no settings fit bead {bead} and this front end"),
+            refusal(&description, violation),
+        ),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use stm32f405_qemu::Place;
+
+    use super::*;
+
+    #[test]
+    fn windows_shorter_than_their_baseline_are_counted() {
+        assert_eq!(
+            samples_in([672, 9, 0].into_iter()),
+            (681, 672 - u64::from(BASELINE))
+        );
+    }
+
+    #[test]
+    fn an_image_that_ends_before_its_time_has_failed() {
+        let place = Place {
+            address: 0x0800_018a,
+            function: Some("dead".to_owned()),
+        };
+        let mut outcome = Outcome::default();
+        assert_eq!(failure(&outcome), None);
+        outcome.virtual_ns = 1_000_000;
+        for (end, says) in [
+            (
+                End::LockedUp(Some(place.clone())),
+                "locked up at 0x0800018a (dead)",
+            ),
+            (End::Faulted, "stands in the handler of a fault"),
+            (End::Panicked, "the image panicked"),
+            (
+                End::Breakpoint(place),
+                "a breakpoint of its own, at 0x0800018a (dead), at 0.001000 s",
+            ),
+        ] {
+            outcome.end = end;
+            let said = failure(&outcome).unwrap();
+            assert!(said.contains(says), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_strike_that_began_last_is_found_by_a_sample_index() {
+        let truth = |starts: Vec<f64>| RunTruth {
+            bead: 8,
+            truth: Truth {
+                peak_force: 6.0,
+                absorbed: 1e-6,
+            },
+            starts,
+            front_end: FrontEnd::default(),
+            seed: None,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
+            began: 0.0,
+            line_low: Vec::new(),
+            stimulus: None,
+        };
+        assert_eq!(truth(Vec::new()).begun(u64::MAX), None);
+        let three = truth(vec![100.25, 300.0, 500.75]);
+        for (index, begun) in [
+            (0, None),
+            (100, None),
+            (101, Some(0)),
+            (299, Some(0)),
+            (300, Some(1)),
+            (500, Some(1)),
+            (501, Some(2)),
+            (u64::MAX, Some(2)),
+        ] {
+            assert_eq!(three.begun(index), begun, "{index}");
+        }
+        // A file may have them in any order; the answer is one of them.
+        let turned = truth(vec![500.0, f64::INFINITY, 100.0, -1.0]);
+        assert!(turned.begun(200).is_none_or(|begun| begun < 4));
+    }
+}

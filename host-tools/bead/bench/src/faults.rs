@@ -1,0 +1,547 @@
+//! Faults to provoke in a run of the image, from a TOML file.
+//!
+//! ```toml
+//! [[fault]]
+//! at = 0.012              # s after the first scan
+//! kind = "adc_overrun"
+//!
+//! [[fault]]
+//! at = 0.1
+//! kind = "force_stuck"
+//! duration = 0.25         # s; without it, to the end of the run
+//! ```
+
+use std::ops::Range;
+use std::path::Path;
+
+use bead_wire::FaultCause;
+use hertz_chain::{InputError, TomlFile, read_text};
+use serde::{Deserialize, Serialize};
+use stm32f405_qemu::{Fault, FaultKind, Run};
+
+use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
+
+/// Kind of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The converter loses a conversion.
+    AdcOverrun,
+    /// The DMA stream of the converter meets a bus error.
+    AdcDmaError,
+    /// The force code stays what it is.
+    ForceStuck,
+    /// The acceleration code stays what it is.
+    AccelerationStuck,
+    /// The force code lies at its upper rail.
+    ForceRailed,
+    /// The acceleration code lies at its upper rail.
+    AccelerationRailed,
+    /// The supply has the voltage of `volts`.
+    Supply,
+    /// No byte leaves the bead's port.
+    UartStall,
+    /// An interrupt that has no handler: the image's own code panics.
+    Panic,
+    /// A jump out of memory.
+    HardFault,
+    /// The processor never leaves an interrupt's handler.
+    Hang,
+    /// A loop that pushes on the stack for ever.
+    StackOverflow,
+    /// The power goes, and comes back at once.
+    PowerCut,
+}
+
+const KINDS: [(&str, Kind); 13] = [
+    ("adc_overrun", Kind::AdcOverrun),
+    ("adc_dma_error", Kind::AdcDmaError),
+    ("force_stuck", Kind::ForceStuck),
+    ("acceleration_stuck", Kind::AccelerationStuck),
+    ("force_railed", Kind::ForceRailed),
+    ("acceleration_railed", Kind::AccelerationRailed),
+    ("supply", Kind::Supply),
+    ("uart_stall", Kind::UartStall),
+    ("panic", Kind::Panic),
+    ("hard_fault", Kind::HardFault),
+    ("hang", Kind::Hang),
+    ("stack_overflow", Kind::StackOverflow),
+    ("power_cut", Kind::PowerCut),
+];
+
+/// Supply voltages at which the part works, V (DocID022152, general operating conditions).
+const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
+/// A good supply, V.
+const GOOD_VOLTS: f64 = 3.3;
+/// Threshold of the bead's detector of a low supply, V (`firmware/src/health.rs`).
+const LOW_VOLTS: f64 = 2.93;
+/// Time within which the bead finds a sensor that is stuck or railed, s (`firmware/src/health.rs`).
+const FOUND: f64 = 0.065;
+/// Longest stall of the port that the bead always rides out, s.
+const RIDDEN_OUT: f64 = 0.5;
+/// Shortest stall of the port after which the bead always resets itself, s.
+const GIVEN_UP: f64 = 1.5;
+
+/// Time-out of the watchdog, s.
+const WATCHDOG: f64 = 2.0;
+
+/// Most faults of a run. A fault of a sensor changes the stimulus to its end, so many of them take long to
+/// prepare.
+const MOST: usize = 10_000;
+
+impl Kind {
+    /// Name in the file.
+    pub fn name(self) -> &'static str {
+        let found = KINDS.iter().find(|(_, kind)| *kind == self);
+        found.map_or("", |(name, _)| name)
+    }
+
+    /// True if the fault has a duration.
+    fn lasts(self) -> bool {
+        self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
+    }
+
+    /// For the fault of a sensor, the columns of the stimulus that it changes: those of both gains.
+    fn columns(self) -> Option<Range<usize>> {
+        match self {
+            Self::ForceStuck | Self::ForceRailed => Some(0..2),
+            Self::AccelerationStuck | Self::AccelerationRailed => Some(2..4),
+            _ => None,
+        }
+    }
+}
+
+/// A fault, when, and for how long.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Planned {
+    /// Kind of the fault.
+    pub kind: Kind,
+    /// Start, s after the first scan.
+    pub at: f64,
+    /// Duration, s, if the fault has one; `None` for the rest of the run.
+    pub duration: Option<f64>,
+    /// The supply, V.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volts: Option<f64>,
+}
+
+impl Planned {
+    /// Cause that the bead must report; `None` if it must not notice the fault.
+    pub fn cause(&self) -> Option<FaultCause> {
+        match self.kind {
+            Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
+            Kind::AdcDmaError => Some(FaultCause::DmaError),
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                self.sensor_cause().filter(|_| self.found())
+            }
+            Kind::Supply => (self.volts? < LOW_VOLTS).then_some(FaultCause::SupplyLow),
+            Kind::UartStall => (self.duration? >= GIVEN_UP).then_some(FaultCause::Panic),
+            Kind::Panic => Some(FaultCause::Panic),
+            Kind::HardFault => Some(FaultCause::HardFault),
+            Kind::Hang => Some(FaultCause::Watchdog),
+            Kind::StackOverflow => Some(FaultCause::StackOverflow),
+            // The bead's identity says so: a power-on reset is no fault.
+            Kind::PowerCut => None,
+        }
+    }
+
+    /// Cause under which a bead reports the fault of a sensor that lasts long enough.
+    pub fn sensor_cause(&self) -> Option<FaultCause> {
+        match self.kind {
+            Kind::ForceStuck => Some(FaultCause::ForceStuck),
+            Kind::AccelerationStuck => Some(FaultCause::AccelerationStuck),
+            Kind::ForceRailed => Some(FaultCause::ForceRailed),
+            Kind::AccelerationRailed => Some(FaultCause::AccelerationRailed),
+            _ => None,
+        }
+    }
+
+    /// True if the fault ends in a reset.
+    pub fn resets(&self) -> bool {
+        use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
+        let fatal = |cause| matches!(cause, DmaError | Panic | HardFault | Watchdog | StackOverflow);
+        self.cause().is_some_and(fatal) || self.kind == Kind::PowerCut
+    }
+
+    /// Longest time to the bead's report, s: with its restart, if the fault ends in a reset.
+    pub fn reported_within(&self) -> f64 {
+        const FRAME: f64 = 0.05;
+        const START: f64 = 0.5;
+        match self.kind {
+            Kind::AdcOverrun => FRAME,
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                FOUND + FRAME
+            }
+            Kind::Supply => FOUND + FRAME,
+            Kind::Hang => WATCHDOG + START,
+            Kind::UartStall => self.duration.unwrap_or(0.0) + START,
+            _ => START,
+        }
+    }
+
+    /// True if the fault hides a strike that begins at `time`, s after the first scan, from the force sensor.
+    pub fn hides(&self, time: f64) -> bool {
+        /// Time from the start of a strike to the end of its rise, s.
+        const PULSE: f64 = 0.01;
+        let blind = matches!(self.kind, Kind::ForceStuck | Kind::ForceRailed);
+        let until = self.duration.map_or(f64::INFINITY, |duration| self.at + duration);
+        blind && (self.at - PULSE..until).contains(&time)
+    }
+
+    fn found(&self) -> bool {
+        self.duration.is_none_or(|duration| duration >= FOUND)
+    }
+
+    /// Makes a fault happen that is not the supply's.
+    fn provoke_by_itself(&self, run: &mut Run) {
+        let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault::after_first_scan(ns(at), kind));
+        match self.kind {
+            Kind::AdcOverrun => fail(self.at, FaultKind::AdcOverrun),
+            Kind::AdcDmaError => fail(self.at, FaultKind::AdcDmaError),
+            Kind::Panic => fail(self.at, FaultKind::UnhandledInterrupt),
+            Kind::HardFault => fail(self.at, FaultKind::WildJump),
+            Kind::Hang => fail(self.at, FaultKind::Hang),
+            Kind::StackOverflow => fail(self.at, FaultKind::RunawayStack),
+            Kind::PowerCut => fail(self.at, FaultKind::PowerCut),
+            Kind::UartStall => {
+                let for_ns = self.duration.map_or(u64::MAX, ns);
+                fail(self.at, FaultKind::TransmitterStalled { for_ns });
+            }
+            // All of them together say what it is.
+            Kind::Supply => {}
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+                let from = rows(self.at);
+                let many = self.duration.map_or(usize::MAX, rows);
+                let stuck = run.stimulus.get(from).copied();
+                let Some((columns, stuck)) = self.kind.columns().zip(stuck) else {
+                    return;
+                };
+                let codes = match self.kind {
+                    Kind::ForceRailed | Kind::AccelerationRailed => [CODES - 1; 4],
+                    _ => stuck,
+                };
+                for row in run.stimulus.iter_mut().skip(from).take(many) {
+                    row[columns.clone()].copy_from_slice(&codes[columns.clone()]);
+                }
+            }
+        }
+    }
+}
+
+/// Makes faults happen in a run. Of faults of one sensor that overlap, the last one counts.
+pub fn provoke(faults: &[Planned], run: &mut Run) {
+    for fault in faults {
+        fault.provoke_by_itself(run);
+    }
+    run.faults.extend(supply(faults).into_iter().map(|(at, volts)| {
+        let millivolts = (volts * 1e3).round() as u32;
+        Fault::after_first_scan(ns(at), FaultKind::Supply { millivolts })
+    }));
+}
+
+/// The supply under these faults: from when on, in s after the first scan, it has which voltage, in V. Of
+/// faults that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a
+/// good supply if none does.
+pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
+    let ends = |fault: &Planned| fault.at + fault.duration.unwrap_or(f64::INFINITY);
+    let mut faults: Vec<_> = faults.iter().filter(|fault| fault.kind == Kind::Supply).collect();
+    faults.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let mut times: Vec<_> = faults.iter().flat_map(|fault| [fault.at, ends(fault)]).collect();
+    times.retain(|time| time.is_finite());
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let at = |time: f64| {
+        let lasts = faults
+            .iter()
+            .rfind(|fault| (fault.at..ends(fault)).contains(&time));
+        (time, lasts.and_then(|fault| fault.volts).unwrap_or(GOOD_VOLTS))
+    };
+    times.into_iter().map(at).collect()
+}
+
+/// A time in ns.
+fn ns(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
+}
+
+/// Reads a file of faults.
+///
+/// # Errors
+/// One line with file, line, key, what is wrong and what would do.
+pub fn load(path: &Path) -> Result<Vec<Planned>, InputError> {
+    let text = read_text(path, "a file of faults in TOML")?;
+    parse(&text, &path.display().to_string())
+}
+
+/// Reads the text of a file of faults; `name` is what messages call it.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
+    let file = TomlFile::parse(text, name)?;
+    (1..)
+        .zip(entries(&file)?)
+        .map(|(number, entry)| entry.planned(number).map_err(|error| file.locate(error)))
+        .collect()
+}
+
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Faults {
+    #[serde(default)]
+    fault: Vec<Entry>,
+}
+
+/// A table `[[fault]]` as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    at: Option<f64>,
+    kind: Option<String>,
+    duration: Option<f64>,
+    volts: Option<f64>,
+}
+
+fn entries(file: &TomlFile<'_>) -> Result<Vec<Entry>, InputError> {
+    let faults: Faults = file.read().map_err(|error| {
+        let (what, advice) = match error.key.as_str() {
+            "fault" => ("not an array of tables", "write [[fault]]"),
+            key if key.starts_with("fault[") => return error,
+            _ => (error.what.as_str(), "faults are tables [[fault]]"),
+        };
+        InputError {
+            what: what.to_owned(),
+            advice: advice.to_owned(),
+            ..error
+        }
+    })?;
+    if faults.fault.is_empty() {
+        let advice = "add a table [[fault]] with at and kind";
+        return Err(file.locate(InputError::at("", "no fault", advice)));
+    }
+    let many = faults.fault.len();
+    if many > MOST {
+        let what = format!("{many} faults are more than {MOST}");
+        return Err(file.locate(InputError::at("fault", what, "provoke fewer in one run")));
+    }
+    Ok(faults.fault)
+}
+
+impl Entry {
+    /// Checks the table, which is the `number`th of its file, from 1.
+    fn planned(self, number: usize) -> Result<Planned, InputError> {
+        let error = |key: &str, what: &str, advice: &str| {
+            InputError::at(format!("fault[{number}].{key}"), what, advice)
+        };
+        let ensure = |holds: bool, key: &str, what: &str, advice: &str| {
+            holds.then_some(()).ok_or_else(|| error(key, what, advice))
+        };
+        let (duration, volts) = (self.duration, self.volts);
+
+        let kinds = format!("give one of: {}", KINDS.map(|(name, _)| name).join(", "));
+        let name = self.kind.ok_or_else(|| error("kind", "missing", &kinds))?;
+        let found = KINDS.iter().find(|(known, _)| *known == name);
+        let &(_, kind) = found.ok_or_else(|| error("kind", "unknown kind", &kinds))?;
+        let keys = match (kind, kind.lasts()) {
+            (Kind::Supply, _) => "at, kind, volts, duration",
+            (_, true) => "at, kind, duration",
+            _ => "at, kind",
+        };
+        for (key, value) in [("duration", duration), ("volts", volts)] {
+            let (what, advice) = (format!("{name} has no such key"), format!("it has {keys}"));
+            ensure(value.is_none() || keys.contains(key), key, &what, &advice)?;
+        }
+
+        let advice = "give s after the first scan, such as 0.012";
+        let at = self.at.ok_or_else(|| error("at", "missing", advice))?;
+        ensure((0.0..1e6).contains(&at), "at", "not a time", advice)?;
+        if kind == Kind::UartStall {
+            let duration = duration.ok_or_else(|| error("duration", "missing", "give s, such as 0.2"))?;
+            let foretold = duration > 0.0 && duration <= RIDDEN_OUT || (GIVEN_UP..1e6).contains(&duration);
+            let what = "not a time that can be foretold";
+            let advice = "give up to 0.5 s, which the bead rides out, or at least 1.5 s, which it does not";
+            ensure(foretold, "duration", what, advice)?;
+        }
+        let lasts = duration.is_none_or(|s| s > 0.0 && s < 1e6);
+        ensure(lasts, "duration", "not a time above zero", "give s, such as 0.25")?;
+        let advice = "give 1.8 to 3.6, such as 2.7";
+        let given = volts.is_some() || kind != Kind::Supply;
+        ensure(given, "volts", "missing", advice)?;
+        let works = volts.is_none_or(|v| VOLTS.contains(&v));
+        ensure(works, "volts", "not a voltage that the part works at", advice)?;
+        Ok(Planned {
+            kind,
+            at,
+            duration,
+            volts,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(text: &str) -> String {
+        parse(text, "f.toml").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_kind_is_read_by_its_name() {
+        for (name, kind) in KINDS {
+            let more = match kind {
+                Kind::Supply => "volts = 2.5",
+                Kind::UartStall => "duration = 0.5",
+                _ => "",
+            };
+            let text = format!("[[fault]]\nat = 1\nkind = \"{name}\"\n{more}\n");
+            let planned = parse(&text, "f.toml").unwrap();
+            assert_eq!((planned[0].kind, planned[0].at), (kind, 1.0), "{name}");
+            assert_eq!(serde_json::to_value(kind).unwrap(), name);
+            let page = include_str!("../../../../docs/how-to.md");
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "{name} is missing in docs/how-to.md"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_file_line_key_and_what_would_do() {
+        let cases = [
+            ("", "f.toml:1: no fault; add"),
+            (
+                "fault = 3",
+                "f.toml:1: fault: not an array of tables; write [[fault]]",
+            ),
+            ("x = 1\n", "f.toml:1: x: unknown key; faults are"),
+            ("[[fault]\n", "f.toml:1: not TOML ("),
+            (
+                "\n[[fault]]\nat = 1.0\n",
+                "f.toml:2: fault[1].kind: missing; give one of: adc_overrun, ",
+            ),
+            (
+                "[[fault]]\nkind = \"panic\"\n",
+                "f.toml:1: fault[1].at: missing; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"panik\"\n",
+                "f.toml:3: fault[1].kind: unknown kind; give one of: adc_overrun, adc_dma_error, force_stuck",
+            ),
+            (
+                "[[fault]]\nat = -1.0\nkind = \"panic\"\n",
+                "f.toml:2: fault[1].at: not a time; give s",
+            ),
+            (
+                "[[fault]]\nat = nan\nkind = \"panic\"\n",
+                "f.toml:2: fault[1].at: not a time; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"panic\"\n[[fault]]\nat = 1.0\nkind = \"hang\"\nduration = 1.0\n",
+                "f.toml:7: fault[2].duration: hang has no such key; it has at, kind",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"force_stuck\"\nduration = 0\n",
+                "f.toml:4: fault[1].duration: not a time above zero; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"uart_stall\"\nduration = 1.0\n",
+                "f.toml:4: fault[1].duration: not a time that can be foretold; give up to 0.5 s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"uart_stall\"\n",
+                "f.toml:1: fault[1].duration: missing; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"supply\"\n",
+                "f.toml:1: fault[1].volts: missing; give 1.8 to 3.6",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"supply\"\nvolts = 5.0\n",
+                "f.toml:4: fault[1].volts: not a voltage that the part works at; give 1.8 to 3.6",
+            ),
+        ];
+        for (text, expected) in cases {
+            let said = refused(text);
+            assert!(said.starts_with(expected), "{text:?}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_file_has_ten_thousand_faults_at_most() {
+        let many = |count: usize| "[[fault]]\nat = 1.0\nkind = \"panic\"\n".repeat(count);
+        assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 10_000);
+        assert_eq!(
+            refused(&many(MOST + 1)),
+            "f.toml:1: fault: 10001 faults are more than 10000; provoke fewer in one run"
+        );
+        let page = include_str!("../../../../docs/how-to.md");
+        assert!(page.contains("A file has up to 10,000 faults."));
+    }
+
+    #[test]
+    fn a_sensor_is_stuck_or_railed_in_its_own_columns_for_its_own_time() {
+        let mut run = Run::new("none");
+        run.stimulus = (0..100)
+            .map(|row| [row, 1000 + row, 2000 + row, 3000 + row])
+            .collect();
+        let before = run.stimulus.clone();
+        let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
+                    [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
+        provoke(&parse(text, "f.toml").unwrap(), &mut run);
+        for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
+            let mut expected = *before;
+            if (10..30).contains(&row) {
+                expected[..2].copy_from_slice(&[10, 1010]);
+            }
+            if row >= 50 {
+                expected[2..].fill(4095);
+            }
+            assert_eq!(*after, expected, "row {row}");
+        }
+    }
+
+    #[test]
+    fn a_supply_that_dips_comes_back() {
+        let mut run = Run::new("none");
+        let text = "[[fault]]\nat = 0.1\nkind = \"supply\"\nvolts = 2.7\nduration = 0.05\n";
+        provoke(&parse(text, "f.toml").unwrap(), &mut run);
+        let expected = [(100_000_000, 2700), (150_000_000, 3300)];
+        let expected = expected
+            .map(|(at_ns, millivolts)| Fault::after_first_scan(at_ns, FaultKind::Supply { millivolts }));
+        assert_eq!(run.faults, expected);
+    }
+
+    #[test]
+    fn a_short_dip_of_the_supply_does_not_end_a_longer_one() {
+        let supply = |text: &str| {
+            let faults = text
+                .split(';')
+                .map(|fault| format!("[[fault]]\nkind = \"supply\"\n{fault}\n"));
+            let faults = parse(&faults.collect::<String>().replace(',', "\n"), "f.toml").unwrap();
+            let mut run = Run::new("none");
+            provoke(&faults, &mut run);
+            let levels = run.faults.iter().map(|fault| match fault.kind {
+                FaultKind::Supply { millivolts } => (fault.at_ns / 1_000_000, millivolts),
+                kind => panic!("{kind:?}"),
+            });
+            levels.collect::<Vec<_>>()
+        };
+        let long = "at = 0.05, volts = 2.5, duration = 0.3";
+        let short = "at = 0.1, volts = 2.6, duration = 0.125";
+        let expected = [(50, 2500), (100, 2600), (225, 2500), (350, 3300)];
+        assert_eq!(supply(&format!("{long};{short}")), expected);
+        assert_eq!(supply(&format!("{short};{long}")), expected);
+        // One that lasts to the end of the run is there again after another one.
+        let expected = [(50, 2800), (100, 2600), (225, 2800)];
+        assert_eq!(supply(&format!("at = 0.05, volts = 2.8;{short}")), expected);
+        // One that is over before the other.
+        let expected = [(50, 2500), (100, 2600), (150, 2600), (225, 3300)];
+        assert_eq!(
+            supply(&format!("at = 0.05, volts = 2.5, duration = 0.1;{short}")),
+            expected
+        );
+    }
+}

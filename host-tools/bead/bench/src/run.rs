@@ -1,0 +1,517 @@
+//! The result of a run of the image: its frames, strikes and faults, and the verdict on them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{bail, ensure};
+use bead_wire::{FaultCause, Message, Status};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::emulation::{Emulation, Ran};
+use crate::fault_reports::{CheckedFaults, FaultReports, Outcome, ResetLog, check_reports};
+use crate::faults::{Kind, Planned};
+use bead_compare::emulated::InstructionsPerSample;
+use bead_compare::front_end::SAMPLE_RATE_HZ;
+use bead_compare::given::Given;
+use bead_compare::replay::replay;
+use bead_compare::report::count;
+use bead_compare::sensed::Truth;
+use bead_compare::verdict::last_statuses;
+use bead_recording::frames::{Frame, Reader};
+use bead_recording::strikes::{RecordedStrike, assemble};
+
+/// The result of a run, as in the JSON of `bead emulate`. SI units.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub struct RunReport {
+    /// Frames received, lost, corrupt, and dropped by the bead.
+    pub frames: FrameCounts,
+    /// ADC overruns, by the bead or by the converter: the greater count.
+    pub overruns: u64,
+    /// Resets after power-up.
+    pub resets: usize,
+    /// The strikes.
+    pub strikes: Vec<MeasuredStrike>,
+    /// Weaker waves that came after a strike's window and were measured as well: beads that parted meet
+    /// again.
+    pub echoes: Vec<MeasuredStrike>,
+    /// Strikes that the bead found and did not measure, because their frames found no room on the line.
+    pub strikes_passed_over: u64,
+    /// Runs of scans that the bead lost: first index, and first index after. A strike in one was not seen.
+    pub gaps: Vec<[u64; 2]>,
+    /// Strikes that a fault of the force sensor hid.
+    #[serde(skip)]
+    pub hidden: usize,
+    /// The faults of the fault file.
+    pub provoked: Vec<ProvokedFault>,
+    /// The faults that the bead reported.
+    pub faults: Vec<ReportedFault>,
+    /// Reports, resets and strikes that are wrong where faults were provoked, a line each.
+    #[serde(skip)]
+    pub wrong: Vec<String>,
+    /// The last health frame.
+    pub health: Option<Value>,
+    /// Instructions for each sample.
+    pub instructions_per_sample: InstructionsPerSample,
+    /// Instructions that fit between two samples.
+    pub instructions_available: f64,
+    /// Scans beyond a rail: force, acceleration.
+    pub saturated: [usize; 2],
+    /// Registers that the image touched and no model knows.
+    pub unknown_registers: Vec<String>,
+    /// The recording that was left.
+    pub recording: Option<PathBuf>,
+    /// True if a waveform was played, which may hold any number of strikes.
+    #[serde(skip)]
+    pub played: bool,
+}
+
+/// A fault of the fault file, and its outcome.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub struct ProvokedFault {
+    /// The fault.
+    #[serde(flatten)]
+    pub fault: Planned,
+    /// The cause that the bead must report; none if it must not notice.
+    #[schemars(with = "Option<NameOrNumber>")]
+    pub cause: Option<FaultCause>,
+    /// True if it was reported.
+    pub reported: bool,
+    /// True if no report is required because of other faults: the bead was starting, hung, or was reset
+    /// before it could.
+    pub excused: bool,
+}
+
+/// The JSON of a number of a list: its name, or the number where this version knows no name.
+#[derive(schemars::JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "its schema alone is used")]
+enum NameOrNumber {
+    Name(String),
+    Number(u8),
+}
+
+/// A fault that the bead reported.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[expect(missing_docs, reason = "the fields are those of the frame and its header")]
+pub struct ReportedFault {
+    pub sample_index: u64,
+    #[schemars(with = "NameOrNumber")]
+    pub cause: FaultCause,
+    pub boot: u32,
+    pub detail: String,
+}
+
+/// Counts of frames.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub struct FrameCounts {
+    /// Frames received.
+    pub received: u64,
+    /// Frames that the sequence numbers miss.
+    pub lost: u64,
+    /// Runs of bytes that are no frame.
+    pub corrupt: u64,
+    /// Frames that the bead could not send, by cause.
+    pub dropped_by_cause: BTreeMap<&'static str, u64>,
+}
+
+/// A strike as the bead measured it, beside the truth. SI units.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub struct MeasuredStrike {
+    /// Sample index of the trigger.
+    pub sample_index: u64,
+    /// Highest force, N.
+    pub peak_force: f64,
+    /// Estimate A, J.
+    pub absorbed_measured: f64,
+    /// Estimate B, J.
+    pub absorbed_predicted: f64,
+    /// Names of the flags that are set.
+    pub flags: Vec<&'static str>,
+    /// By the full chain; none for an echo, and where a waveform was played.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<Truth>,
+    /// By f64 estimates from the waveform that was played.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given: Option<Given>,
+    /// True if replay gives every bit.
+    pub replay_identical: bool,
+    /// The first difference of replay.
+    #[serde(skip)]
+    pub first_difference: Option<String>,
+}
+
+impl MeasuredStrike {
+    fn of(strike: &RecordedStrike, truth: Option<Truth>) -> Self {
+        let replay = replay(strike);
+        Self {
+            sample_index: strike.said.trigger_index,
+            peak_force: strike.said.peak_force.newtons(),
+            absorbed_measured: strike.said.absorbed_measured.joules(),
+            absorbed_predicted: strike.said.absorbed_predicted.joules(),
+            flags: strike.said.flags.names().collect(),
+            truth,
+            given: None,
+            replay_identical: replay.identical(),
+            first_difference: replay.first_difference,
+        }
+    }
+}
+
+impl RunReport {
+    /// The result of a run of `emulation`. Every strike is replayed.
+    pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
+        let checked = check_faults(emulation, &ran);
+        let Ran {
+            frames,
+            counters,
+            report: measured,
+            ..
+        } = ran;
+        let statuses = last_statuses(&frames);
+        let counted =
+            |count: fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
+        let truth = &emulation.truth;
+        let mut begun = None;
+        let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
+        let reported = reported(&frames);
+        let CheckedFaults { outcomes, wrong } = checked;
+        let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
+        let health = frames.iter().rev().find(is_health).map(Frame::body);
+        let gaps = gaps(&frames);
+        let strikes_passed_over = passed_over(&frames);
+        for strike in assemble(frames, Some(emulation.settings)) {
+            let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
+            if let Some(waveform) = &emulation.waveform {
+                let given = begun.filter(|_| measured.resets == 0).map(|begun| {
+                    let start = truth.starts[begun];
+                    let samples = f64::from(strike.said.samples);
+                    let time = |sample: f64| (sample - start) / f64::from(emulation.settings.sample_rate_hz);
+                    let first = strike.said.first_index as f64;
+                    Given::of(waveform, &emulation.settings, time(first)..time(first + samples))
+                });
+                strikes.push(MeasuredStrike {
+                    given,
+                    ..MeasuredStrike::of(&strike, None)
+                });
+                continue;
+            }
+            // After a reset the indices begin anew and do not tell which strike it was.
+            if measured.resets == 0 && begun.is_some() && begun == before {
+                echoes.push(MeasuredStrike::of(&strike, None));
+            } else {
+                strikes.push(MeasuredStrike::of(&strike, Some(truth.truth)));
+            }
+        }
+        Self {
+            frames: FrameCounts {
+                received: counters.frames,
+                lost: counters.lost,
+                corrupt: counters.rejected.total(),
+                dropped_by_cause: BTreeMap::from([
+                    ("queue_full", counted(|status| status.frames_dropped_queue_full)),
+                    ("too_long", counted(|status| status.frames_dropped_too_long)),
+                ]),
+            },
+            // The bead must have noticed what the converter saw.
+            overruns: measured.overruns.max(counted(|status| status.overruns)),
+            resets: measured.resets,
+            strikes,
+            echoes,
+            strikes_passed_over,
+            gaps,
+            hidden: hidden(&emulation.faults, &truth.starts),
+            provoked: provoked(&emulation.faults, &outcomes),
+            wrong,
+            faults: reported,
+            health,
+            instructions_per_sample: measured.instructions_per_sample,
+            instructions_available: measured.instructions_available,
+            saturated: measured.saturated,
+            unknown_registers: measured.unknown_registers,
+            recording,
+            played: emulation.waveform.is_some(),
+        }
+    }
+
+    /// The strikes and their echoes.
+    pub fn measured(&self) -> impl Iterator<Item = &MeasuredStrike> {
+        self.strikes.iter().chain(&self.echoes)
+    }
+
+    /// Checks the run after `struck` strikes.
+    ///
+    /// # Errors
+    /// The gravest check that failed, in one line.
+    pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
+        if let Some(what) = self
+            .measured()
+            .find_map(|strike| strike.first_difference.as_ref())
+        {
+            bail!("replay differs: {what}");
+        }
+        if !self.provoked.is_empty() {
+            return self.verdict_on_faults(struck as usize);
+        }
+        let FrameCounts { lost, corrupt, .. } = self.frames;
+        let (overruns, resets, seen) = (self.overruns, self.resets, self.strikes.len());
+        ensure!(
+            lost + corrupt == 0,
+            "{} lost and {corrupt} corrupt; see `bead decode` of the recording",
+            count(lost, "frame")
+        );
+        ensure!(
+            overruns == 0,
+            "{}: the image is too slow for its sample rate",
+            count(overruns, "overrun")
+        );
+        ensure!(
+            resets == 0,
+            "the image reset {}; its fault frames say why",
+            count(resets as u64, "time")
+        );
+        if self.played {
+            ensure!(
+                seen >= struck as usize,
+                "{} seen where the waveform was played {}; its force has to rise by the trigger's threshold \
+                 (docs/front-end.md)",
+                count(seen as u64, "strike"),
+                count(u64::from(struck), "time")
+            );
+            return Ok(());
+        }
+        ensure!(
+            seen == struck as usize,
+            "{seen} of {} seen; strikes closer than a window, or below the trigger, are not",
+            count(u64::from(struck), "strike")
+        );
+        Ok(())
+    }
+
+    /// With faults: each is reported, no report is spurious, and all losses are counted.
+    fn verdict_on_faults(&self, struck: usize) -> anyhow::Result<()> {
+        if let Some(what) = self.wrong.first() {
+            bail!("{what}");
+        }
+        let cut = self
+            .faults
+            .iter()
+            .filter(|fault| fault.cause == FaultCause::StrikeCut);
+        let resets = self.resets;
+        // A converter whose DMA stream stops also overruns.
+        let overrun = |fault: &Planned| matches!(fault.kind, Kind::AdcOverrun | Kind::AdcDmaError);
+        let overruns = self
+            .provoked
+            .iter()
+            .filter(|provoked| overrun(&provoked.fault))
+            .count();
+        let FrameCounts { lost, corrupt, .. } = self.frames;
+        let dropped: u64 = self.frames.dropped_by_cause.values().sum();
+        let unseen = self.strikes_passed_over as usize + self.gaps.len();
+        let known = self.strikes.len() + cut.count() + unseen + self.hidden;
+        ensure!(
+            self.overruns <= overruns as u64,
+            "{} where {overruns} were provoked",
+            count(self.overruns, "overrun")
+        );
+        // A reset cuts the frame that is being sent, and takes what waits with it.
+        ensure!(
+            lost == dropped && corrupt <= resets as u64,
+            "{} lost and {corrupt} corrupt where the bead dropped {dropped} and {} cut one each at most",
+            count(lost, "frame"),
+            count(resets as u64, "reset")
+        );
+        ensure!(
+            resets > 0 || known >= struck,
+            "{known} of {} measured, cut, passed over, in a gap that was reported, or hidden by a fault of the force sensor",
+            count(struck as u64, "strike")
+        );
+        Ok(())
+    }
+}
+
+/// Number of strikes, by the indices at which they begin, that no bead could see for these faults.
+fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
+    let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
+    times
+        .filter(|time| faults.iter().any(|fault| fault.hides(*time)))
+        .count()
+}
+
+fn gaps(frames: &[Frame]) -> Vec<[u64; 2]> {
+    let gaps = frames.iter().filter_map(|frame| match &frame.message {
+        Message::Gap(gap) => Some([gap.first_index, gap.end_index]),
+        _ => None,
+    });
+    gaps.collect()
+}
+
+/// Strikes passed over, in all boots: the count begins anew with each, and only grows meanwhile.
+fn passed_over(frames: &[Frame]) -> u64 {
+    let (mut before, mut last) = (0, (0, 0));
+    for frame in frames {
+        let Message::Guard(guard) = &frame.message else {
+            continue;
+        };
+        let now = (frame.header.boot, u64::from(guard.strikes_passed_over));
+        if now.0 != last.0 || now.1 < last.1 {
+            before += last.1;
+        }
+        last = now;
+    }
+    before + last.1
+}
+
+fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
+    let faults = frames.iter().filter_map(|frame| match &frame.message {
+        Message::Fault(fault) => Some(ReportedFault {
+            sample_index: frame.header.sample_index,
+            cause: fault.cause,
+            boot: fault.boot,
+            detail: fault.detail.as_str().to_owned(),
+        }),
+        _ => None,
+    });
+    faults.collect()
+}
+
+/// Checks the reports of the faults of a run.
+fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
+    if emulation.faults.is_empty() {
+        return CheckedFaults::default();
+    }
+    let (mut reader, mut frames) = (Reader::default(), Vec::new());
+    for (at_ns, piece) in ran.pieces(0) {
+        reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
+    }
+    let end_ns = (ran.report.virtual_seconds * 1e9) as u64;
+    let log = ResetLog::new(&ran.resets, ran.first_scan_ns, end_ns);
+    let rows = emulation.machine().stimulus;
+    let starts = emulation.truth.starts.iter();
+    // A waveform that is played may hold no strike.
+    let starts: Vec<f64> = match emulation.waveform {
+        Some(_) => Vec::new(),
+        None => starts
+            .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
+            .collect(),
+    };
+    let reports = FaultReports::new(&frames);
+    check_reports(&emulation.faults, &rows, &starts, &log, &reports)
+}
+
+/// The faults of the fault file with their outcomes, in time.
+fn provoked(planned: &[Planned], outcomes: &[Outcome]) -> Vec<ProvokedFault> {
+    let mut in_time: Vec<_> = planned.iter().zip(outcomes).collect();
+    in_time.sort_by(|(a, _), (b, _)| a.at.total_cmp(&b.at));
+    let provoked = |(fault, outcome): (&Planned, &Outcome)| ProvokedFault {
+        fault: *fault,
+        cause: fault.cause(),
+        reported: *outcome == Outcome::Reported,
+        excused: *outcome == Outcome::Excused,
+    };
+    in_time.into_iter().map(provoked).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_wire::Arrival;
+
+    #[test]
+    fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
+        let faults = "[[fault]]\nat = 0.5\nduration = 0.25\nkind = \"force_stuck\"\n\
+                      [[fault]]\nat = 1.2\nduration = 0.25\nkind = \"acceleration_stuck\"";
+        let faults = crate::faults::parse(faults, "f.toml").unwrap();
+        // One every 0.1 s: at 0.5, 0.6 and 0.7 s the sensor stands still.
+        let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
+        assert_eq!(hidden(&faults, &starts), 3);
+        assert_eq!(hidden(&[], &starts), 0);
+    }
+
+    #[test]
+    fn of_each_boot_of_each_bead_the_last_status_counts() {
+        let told = |address: u8, boot: u8, uptime_ms: u64, overruns: u32| {
+            let mut status = Message::draw(bead_wire::Kind::Status, &mut || 0);
+            let Message::Status(body) = &mut status else {
+                panic!("a status")
+            };
+            (body.uptime_ms, body.overruns) = (uptime_ms, overruns);
+            Frame::of(address, boot, Arrival::Next { lost: 0 }, status)
+        };
+        let frames = [
+            told(7, 0, 1000, 0),
+            told(8, 0, 500, 4),
+            told(7, 0, 2000, 1),
+            told(8, 0, 1500, 5),
+            // A power cycle, and a reset.
+            told(7, 0, 700, 0),
+            told(7, 0, 1700, 2),
+            told(7, 1, 2700, 0),
+        ];
+        let overruns: Vec<u32> = last_statuses(&frames)
+            .iter()
+            .map(|status| status.overruns)
+            .collect();
+        assert_eq!(overruns, [1, 5, 2, 0]);
+    }
+
+    #[test]
+    fn what_a_check_says_no_to_is_the_gravest() {
+        let strike = |first_difference: Option<&str>| MeasuredStrike {
+            sample_index: 0,
+            peak_force: 0.0,
+            absorbed_measured: 0.0,
+            absorbed_predicted: 0.0,
+            flags: Vec::new(),
+            truth: None,
+            given: None,
+            replay_identical: first_difference.is_none(),
+            first_difference: first_difference.map(str::to_owned),
+        };
+        let report = |lost, overruns, resets, strikes| RunReport {
+            frames: FrameCounts {
+                received: 9,
+                lost,
+                corrupt: 0,
+                dropped_by_cause: BTreeMap::new(),
+            },
+            overruns,
+            resets,
+            strikes,
+            echoes: Vec::new(),
+            strikes_passed_over: 0,
+            gaps: Vec::new(),
+            hidden: 0,
+            provoked: Vec::new(),
+            faults: Vec::new(),
+            wrong: Vec::new(),
+            health: None,
+            instructions_per_sample: InstructionsPerSample {
+                observer: None,
+                reduced_chain: None,
+                window: None,
+                framing: None,
+                trigger: None,
+                total: None,
+                worst_block: None,
+                idle: None,
+                run: 0.0,
+            },
+            instructions_available: 1250.0,
+            saturated: [0, 0],
+            unknown_registers: Vec::new(),
+            recording: None,
+            played: false,
+        };
+        let says = |report: RunReport| match report.verdict(1) {
+            Ok(()) => "passed".to_owned(),
+            Err(why) => why.to_string(),
+        };
+        assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
+        assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));
+        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frame lost"));
+        assert!(says(report(0, 2, 3, vec![strike(None)])).starts_with("2 overruns"));
+        assert!(says(report(0, 0, 3, vec![strike(None)])).starts_with("the image reset 3 times"));
+        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strike seen"));
+    }
+}

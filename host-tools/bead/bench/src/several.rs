@@ -1,0 +1,284 @@
+//! Several beads of one chain on one strike and one time: their places, and their runs.
+//!
+//! # Design
+//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the
+//! beads share is true time: the strike, the sync line, and the times in the recording.
+//!
+//! The trigger line goes from bead to bead. All beads run without it first. A bead that would have kept a
+//! window for what the others pulled then runs once more, with the line as they pulled it, until nothing
+//! changes any more (waveform relaxation: Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls
+//! milliseconds after what made it pull, so each round is right for that much longer, and the last one to the
+//! nanosecond. Where all beads feel the strike, none runs twice.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bead_wire::{Message, Strike, StrikeFlags};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::emulation::{Emulation, Placed, Ran};
+use crate::error::BenchError;
+use bead_recording::file::{BeadIndex, RecordingError, Writer};
+
+/// Deviations of the crystals.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Clocks {
+    /// One after another, ppm; a single one is every bead's.
+    Each(Vec<f64>),
+    /// By chance, up to this either way, ppm.
+    Spread(f64),
+}
+
+/// The beads at these places. Each has its place as its address, unless one is too far behind for that: then
+/// they are counted from 1. What is left to chance follows from `seed`, and so does the noise, if there is
+/// any.
+///
+/// # Errors
+/// There are more beads than addresses, or not as many clocks as beads.
+pub fn placed(
+    beads: &[usize],
+    clocks: &Clocks,
+    start_spread: f64,
+    seed: u64,
+    noise: bool,
+) -> Result<Vec<Placed>, BenchError> {
+    if let Clocks::Each(ppm) = clocks
+        && ppm.len() != 1
+        && ppm.len() != beads.len()
+    {
+        return Err(BenchError::Unfit(format!(
+            "[clock] ppm has {} crystals for {} beads; give one for each, or one for all",
+            ppm.len(),
+            beads.len()
+        )));
+    }
+    let by_place = beads.iter().all(|bead| *bead <= LAST_ADDRESS);
+    if !by_place && beads.len() > LAST_ADDRESS {
+        return Err(BenchError::Unfit(format!(
+            "--bead: {} beads, and a line has {LAST_ADDRESS} addresses for them; give fewer",
+            beads.len()
+        )));
+    }
+    let mut chance = ChaCha8Rng::seed_from_u64(seed ^ BY_CHANCE);
+    let place = |(number, &bead): (usize, &usize)| Placed {
+        bead,
+        address: (if by_place { bead } else { number + 1 }) as u8,
+        // Neighbouring seeds have nothing in common.
+        seed: noise.then(|| seed.wrapping_add(bead as u64)),
+        clock_ppm: {
+            let part = chance.random_range(-1.0..=1.0);
+            match clocks {
+                Clocks::Each(ppm) => *ppm.get(number).unwrap_or(&ppm[0]),
+                Clocks::Spread(most) => part * most,
+            }
+        },
+        began: chance.random_range(0.0..=1.0) * start_spread,
+    };
+    Ok(beads.iter().enumerate().map(place).collect())
+}
+
+/// Addresses from 1 to this one are single beads'.
+const LAST_ADDRESS: usize = 254;
+/// Keeps what is left to chance apart from the noise of the same seed.
+const BY_CHANCE: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Runs the beads, as many at once as this computer has cores. `done` is told how many have come to their
+/// end.
+///
+/// # Errors
+/// One of them cannot be prepared or run.
+pub fn run(
+    placed: &[Placed],
+    prepare: impl Fn(Placed) -> Result<Emulation, BenchError> + Sync,
+    done: impl Fn(usize) + Sync,
+) -> Result<Vec<(Emulation, Ran)>, BenchError> {
+    let beads = placed.len();
+    let count = AtomicUsize::new(0);
+    let one = |placed: &Placed| -> Result<(Emulation, Ran), BenchError> {
+        let mut emulation = prepare(*placed)?;
+        // Alone, nobody hears it on the trigger line.
+        emulation.pulls = beads > 1;
+        let ran = emulation.run()?;
+        done(count.fetch_add(1, Ordering::Relaxed) + 1);
+        Ok((emulation, ran))
+    };
+    // Of several errors, that of the first bead is told.
+    let all: Vec<_> = placed.par_iter().with_max_len(1).map(one).collect();
+    let mut all = all.into_iter().collect::<Result<Vec<_>, _>>()?;
+    loop {
+        let lines: Vec<_> = (0..all.len()).map(|bead| pulled_by_others(&all, bead)).collect();
+        let again = all.par_iter_mut().with_max_len(1).zip(lines);
+        let again: Vec<_> = again.map(|(one, line)| run_again(one, line)).collect();
+        if !again.into_iter().collect::<Result<Vec<_>, _>>()?.contains(&true) {
+            return Ok(all);
+        }
+    }
+}
+
+/// Intervals in which the other beads hold the trigger line low, in s of the time that all share.
+fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
+    let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
+    let mut low: Vec<[f64; 2]> = others
+        .flat_map(|(_, (emulation, ran))| {
+            let shared = |ns: u64| emulation.truth.began + (ns as f64 - ran.first_scan_ns as f64) * 1e-9;
+            ran.pulls_ns.iter().map(move |times| times.map(shared))
+        })
+        .collect();
+    low.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    low.dedup_by(|later, earlier| {
+        let joined = later[0] <= earlier[1];
+        if joined {
+            earlier[1] = earlier[1].max(later[1]);
+        }
+        joined
+    });
+    low
+}
+
+/// Runs a bead again with the line as it is now, if that may make a difference. True if it ran.
+fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Result<bool, BenchError> {
+    let before = falls_followed(emulation, ran);
+    let given = std::mem::take(&mut emulation.truth.line_low);
+    emulation.line(line);
+    if falls_followed(emulation, ran) == before {
+        emulation.truth.line_low = given;
+        return Ok(false);
+    }
+    *ran = emulation.run()?;
+    Ok(true)
+}
+
+/// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
+const LINE_DELAY: u64 = 600;
+
+/// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a
+/// strike of its own, and none whose window would reach back into that.
+fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
+    let history = emulation.settings.window.history;
+    let own: Vec<_> = ran
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
+                Some(deaf_to_line(strike, history))
+            }
+            _ => None,
+        })
+        .collect();
+    let falls = emulation.truth.line_low.iter().map(|[fall, _]| *fall);
+    falls
+        .filter(|fall| {
+            let index = emulation.truth.index_at(*fall);
+            !own.iter().any(|window| window.contains(&index))
+        })
+        .collect()
+}
+
+/// Indices at which a bead surely follows no fall of the line, because of a strike of its own. Windows begin
+/// `history` scans before their trigger.
+fn deaf_to_line(strike: &Strike, history: u16) -> Range<f64> {
+    /// Greatest error of the index of a fall, scans.
+    const UNSURE: f64 = 3.0;
+    // An image of another firmware may give any index.
+    let last = strike.first_index.saturating_add(strike.samples.into());
+    let end = last.saturating_add(u64::from(history) + LINE_DELAY);
+    strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE
+}
+
+/// Records the bytes of all beads, in the order of time.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(ran: &[(BeadIndex, &Ran, f64)], writer: &mut Writer) -> Result<(), RecordingError> {
+    let mut pieces: Vec<_> = ran
+        .iter()
+        .flat_map(|(bead, ran, began)| {
+            let zero_ns = (began * 1e9).round() as u64;
+            ran.pieces(zero_ns).map(move |(at, bytes)| (at, *bead, bytes))
+        })
+        .collect();
+    // Of pieces at one time, the first bead's is first.
+    pieces.sort_by_key(|(at, ..)| *at);
+    for (at, bead, bytes) in pieces {
+        writer.write_of(bead, bytes, Some(at), |_| {})?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use bead_wire::Kind;
+
+    use super::*;
+
+    #[test]
+    fn an_image_may_say_any_index_of_a_window() {
+        let Message::Strike(drawn) = Message::draw(Kind::Strike, &mut || 0) else {
+            panic!("a strike");
+        };
+        let strike = Strike {
+            first_index: 1000,
+            trigger_index: 1159,
+            samples: 672,
+            ..drawn
+        };
+        assert_eq!(deaf_to_line(&strike, 160), 1162.0..2429.0);
+        let strike = Strike {
+            first_index: u64::MAX,
+            ..strike
+        };
+        assert_eq!(deaf_to_line(&strike, 160).end, u64::MAX as f64);
+    }
+
+    #[test]
+    fn chance_follows_from_the_seed_and_stays_within_its_bounds() {
+        let place = |seed| placed(&[7, 8, 9], &Clocks::Spread(100.0), 0.01, seed, true).unwrap();
+        assert_eq!(place(1), place(1));
+        assert_ne!(place(1), place(2));
+        for one in place(3) {
+            assert!(
+                one.clock_ppm.abs() <= 100.0 && (0.0..=0.01).contains(&one.began),
+                "{one:?}"
+            );
+            assert_eq!(
+                (usize::from(one.address), one.seed),
+                (one.bead, Some(3 + one.bead as u64))
+            );
+        }
+    }
+
+    #[test]
+    fn beads_too_far_behind_for_an_address_are_counted() {
+        let clocks = Clocks::Each(vec![0.0]);
+        let place = |beads: &[usize]| placed(beads, &clocks, 0.0, 1, false);
+        let addresses = |beads| {
+            place(beads)
+                .unwrap()
+                .iter()
+                .map(|one| one.address)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(addresses(&[200, 254]), [200, 254]);
+        assert_eq!(addresses(&[200, 255]), [1, 2]);
+        let many: Vec<usize> = (1..=255).collect();
+        assert!(place(&many).unwrap_err().to_string().contains("254 addresses"));
+    }
+
+    #[test]
+    fn there_is_a_clock_for_each_bead_or_one_for_all() {
+        let place = |ppm: &[f64]| placed(&[7, 8, 9], &Clocks::Each(ppm.to_vec()), 0.0, 1, false);
+        let ppm = |of| {
+            place(of)
+                .unwrap()
+                .iter()
+                .map(|one| one.clock_ppm)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(ppm(&[20.0]), [20.0; 3]);
+        assert_eq!(ppm(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+        let refused = place(&[1.0, 2.0]).unwrap_err().to_string();
+        assert!(refused.contains("2 crystals for 3 beads"), "{refused}");
+    }
+}

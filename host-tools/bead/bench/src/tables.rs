@@ -1,0 +1,338 @@
+//! The tables of a scenario file that describe the bench: `[front_end]` and `[clock]`.
+//!
+//! ```toml
+//! [front_end]
+//! sensors = "strong"      # or "weak", the default
+//! force_span = 48.0       # N
+//!
+//! [clock]
+//! ppm = [20.0, -35.0]     # crystal of each bead
+//! sync_period = 0.1       # s
+//! ```
+//!
+//! The chain simulator does not know them, and a command that emulates nothing passes over them.
+
+use hertz_chain::{InputError, Scenario, TomlFile};
+use serde::Deserialize;
+
+use crate::several::Clocks;
+use bead_compare::front_end::FrontEnd;
+use bead_recording::clock::CRYSTAL_PPM;
+
+/// Least time between two edges at the sync input, s. The bead reports edges that are more than 10 ms apart
+/// (`firmware/src/sync.rs`); the rest is for its own delay.
+const SYNC_LEAST: f64 = 0.02;
+/// Greatest time from the first bead's start to the last one's, s.
+const START_SPREAD_MOST: f64 = 60.0;
+/// Greatest `shift`.
+const SHIFT_MOST: u8 = 10;
+
+/// The tables of the bench. Each may be missing.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BenchTables {
+    /// The front end of every bead.
+    pub front_end: FrontEndTable,
+    /// The beads' crystals, starts and sync edges.
+    pub clock: ClockTable,
+}
+
+impl BenchTables {
+    /// Reads the tables out of the text of a scenario file; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// [`InputError`] with file, line, key, what is wrong and what would do.
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
+        let text = Self::text_in(text, file)?;
+        let file = TomlFile::parse(&text, file)?;
+        let tables: Self = file.read()?;
+        tables.check().map_err(|error| file.locate(error))?;
+        Ok(tables)
+    }
+
+    /// The text of the tables alone, with each line at its number in the scenario file.
+    ///
+    /// # Errors
+    /// The file is not TOML.
+    pub fn text_in(text: &str, file: &str) -> Result<String, InputError> {
+        Ok(TomlFile::parse(text, file)?.split(&Scenario::OTHER_TABLES).1)
+    }
+
+    fn check(&self) -> Result<(), InputError> {
+        self.front_end.front_end()?;
+        self.clock.check()
+    }
+}
+
+/// Pairs of sensors that fit the front end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sensors {
+    /// For weak strikes: 16 N and ±250 m/s² at the high gain, 256 N and ±4000 m/s² at the low one.
+    #[default]
+    Weak,
+    /// For strong strikes: a sixth as sensitive, six times the noise; 1536 N and ±24 km/s² at the low gain.
+    Strong,
+}
+
+impl Sensors {
+    /// The front end behind these sensors.
+    pub fn front_end(self) -> FrontEnd {
+        match self {
+            Self::Weak => FrontEnd::default(),
+            Self::Strong => FrontEnd::default().behind_weaker_sensors(6.0),
+        }
+    }
+}
+
+/// `[front_end]`: how it differs from the reference.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FrontEndTable {
+    /// The pair of sensors.
+    pub sensors: Sensors,
+    /// Noise of the force at the high gain, N rms.
+    pub force_noise: Option<f64>,
+    /// Noise of the acceleration at the high gain, m/s² rms.
+    pub acceleration_noise: Option<f64>,
+    /// Force that the 4096 codes span at the high gain, N; a thirty-second of it is below zero.
+    pub force_span: Option<f64>,
+    /// Acceleration that the 4096 codes span at the high gain, m/s²; half of it is below zero.
+    pub acceleration_span: Option<f64>,
+    /// Force that the 4096 codes span at the low gain, N.
+    pub wide_force_span: Option<f64>,
+    /// Acceleration that the 4096 codes span at the low gain, m/s².
+    pub wide_acceleration_span: Option<f64>,
+    /// Pole of the anti-alias filters, Hz; 0 for none.
+    pub pole: Option<f64>,
+}
+
+impl FrontEndTable {
+    /// The front end that the table describes.
+    ///
+    /// # Errors
+    /// [`InputError`] without file and line: no front end has such a value.
+    pub fn front_end(&self) -> Result<FrontEnd, InputError> {
+        let mut front_end = self.sensors.front_end();
+        let FrontEnd { force, acceleration } = &mut front_end;
+        for (channel, key, span, advice) in [
+            (
+                &mut force.sensitive,
+                "force_span",
+                self.force_span,
+                "N, such as 16.0",
+            ),
+            (
+                &mut force.wide,
+                "wide_force_span",
+                self.wide_force_span,
+                "N, such as 256.0",
+            ),
+            (
+                &mut acceleration.sensitive,
+                "acceleration_span",
+                self.acceleration_span,
+                "m/s², such as 500.0",
+            ),
+            (
+                &mut acceleration.wide,
+                "wide_acceleration_span",
+                self.wide_acceleration_span,
+                "m/s², such as 8000.0",
+            ),
+        ] {
+            if let Some(span) = span {
+                ensure(span.is_finite() && span > 0.0, "front_end", key, span, || {
+                    format!("give more than 0, in {advice}")
+                })?;
+                *channel = channel.with_span(span);
+            }
+        }
+        for (sensor, key, rms, advice) in [
+            (force, "force_noise", self.force_noise, "N rms, such as 0.005"),
+            (
+                acceleration,
+                "acceleration_noise",
+                self.acceleration_noise,
+                "m/s² rms, such as 0.05",
+            ),
+        ] {
+            if let Some(rms) = rms {
+                ensure(rms.is_finite() && rms >= 0.0, "front_end", key, rms, || {
+                    format!("give 0 or more, in {advice}")
+                })?;
+                sensor.sensitive.noise_rms = rms;
+                // The sensor's own noise is in both channels.
+                sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
+            }
+        }
+        if let Some(hz) = self.pole {
+            ensure(hz.is_finite() && hz >= 0.0, "front_end", "pole", hz, || {
+                "give Hz, such as 40e3, or 0 for none".to_owned()
+            })?;
+            for channel in front_end.channels_mut() {
+                channel.pole_hz = (hz > 0.0).then_some(hz);
+            }
+        }
+        Ok(front_end)
+    }
+}
+
+/// `[clock]`: crystals, starts and sync edges.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ClockTable {
+    /// How fast each bead's crystal is, ppm, below 0 for a slow one. A single one is every bead's.
+    pub ppm: Vec<f64>,
+    /// Greatest ppm of crystals that chance chooses by the seed.
+    pub spread: Option<f64>,
+    /// Time within which chance starts each bead by the seed, s.
+    pub start_spread: f64,
+    /// Time between edges at the sync input (PA15), which all beads share, s.
+    pub sync_period: Option<f64>,
+    /// Time of an instruction, as QEMU's -icount counts it: 2^`shift` ns.
+    pub shift: Option<u8>,
+}
+
+impl ClockTable {
+    /// The crystals.
+    pub fn clocks(&self) -> Clocks {
+        match (self.spread, &self.ppm[..]) {
+            (Some(spread), _) => Clocks::Spread(spread),
+            (None, []) => Clocks::Each(vec![0.0]),
+            (None, ppm) => Clocks::Each(ppm.to_vec()),
+        }
+    }
+
+    fn check(&self) -> Result<(), InputError> {
+        for (key, ppm) in self
+            .ppm
+            .iter()
+            .map(|ppm| ("ppm", ppm))
+            .chain(self.spread.iter().map(|ppm| ("spread", ppm)))
+        {
+            ensure(ppm.abs() < CRYSTAL_PPM, "clock", key, *ppm, || {
+                format!("a crystal is off by less than {CRYSTAL_PPM} ppm")
+            })?;
+        }
+        if self.spread.is_some() && !self.ppm.is_empty() {
+            return Err(InputError::at(
+                "clock.spread",
+                "stands beside ppm",
+                "leave one of them out",
+            ));
+        }
+        ensure(
+            (0.0..=START_SPREAD_MOST).contains(&self.start_spread),
+            "clock",
+            "start_spread",
+            self.start_spread,
+            || format!("give s, at most {START_SPREAD_MOST}"),
+        )?;
+        if let Some(period) = self.sync_period {
+            ensure(
+                period.is_finite() && period >= SYNC_LEAST,
+                "clock",
+                "sync_period",
+                period,
+                || format!("give s, at least {SYNC_LEAST}"),
+            )?;
+        }
+        match self.shift.filter(|shift| *shift > SHIFT_MOST) {
+            Some(shift) => Err(InputError::at(
+                "clock.shift",
+                format!("{shift} is out of range"),
+                format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns"),
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Refuses the value of a key that does not hold.
+fn ensure(
+    holds: bool,
+    table: &str,
+    key: &str,
+    value: f64,
+    advice: impl FnOnce() -> String,
+) -> Result<(), InputError> {
+    if holds {
+        return Ok(());
+    }
+    Err(InputError::at(
+        format!("{table}.{key}"),
+        format!("{value} is out of range"),
+        advice(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(tables: &str) -> Result<BenchTables, String> {
+        let text = Scenario::paper().to_toml() + "\n" + tables;
+        assert_eq!(Scenario::from_toml(&text, "s.toml"), Ok(Scenario::paper()));
+        BenchTables::from_toml(&text, "s.toml").map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn tables_of_the_bench_stand_beside_those_of_the_chain() {
+        assert_eq!(read("").unwrap(), BenchTables::default());
+        let read = read(
+            "[front_end]\nsensors = \"strong\"\npole = 0\n# why\n[clock]\nppm = [4.0]\nstart_spread = 0.01\n",
+        );
+        let tables = read.unwrap();
+        assert_eq!(tables.clock.clocks(), Clocks::Each(vec![4.0]));
+        assert_eq!(tables.clock.start_spread, 0.01);
+        let front_end = tables.front_end.front_end().unwrap();
+        assert!(front_end.force.wide.pole_hz.is_none());
+        assert!(front_end.force.wide.range().1 > 1400.0);
+    }
+
+    #[test]
+    fn a_value_that_no_bench_has_is_refused_with_line_and_key() {
+        let lines = Scenario::paper().to_toml().lines().count();
+        for (tables, key, why) in [
+            (
+                "[front_end]\nforce_span = 0.0",
+                "front_end.force_span",
+                "0 is out of range; give more than 0, in N",
+            ),
+            ("[front_end]\npole = inf", "front_end.pole", "inf is out of range"),
+            (
+                "[front_end]\nforce_noise = -1.0",
+                "front_end.force_noise",
+                "-1 is out of range",
+            ),
+            (
+                "[front_end]\nsensors = \"loud\"",
+                "front_end.sensors",
+                "`loud` is not known; known are `weak` or `strong`",
+            ),
+            ("[front_end]\nspam = 1.0", "front_end.spam", "unknown key"),
+            (
+                "[clock]\nppm = [5000.0]",
+                "clock.ppm",
+                "a crystal is off by less than 1000 ppm",
+            ),
+            (
+                "[clock]\nsync_period = 0.0",
+                "clock.sync_period",
+                "give s, at least 0.02",
+            ),
+            ("[clock]\nshift = 11", "clock.shift", "give 0 to 10"),
+            ("[clock]\nstart_spread = 61.0", "clock.start_spread", "at most 60"),
+        ] {
+            let refused = read(tables).unwrap_err();
+            let expected = format!("s.toml:{}: {key}: ", lines + 3);
+            assert!(
+                refused.starts_with(&expected) && refused.contains(why),
+                "{refused}"
+            );
+        }
+        let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();
+        assert!(both.contains("clock.spread: stands beside ppm"), "{both}");
+    }
+}

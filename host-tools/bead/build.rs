@@ -1,0 +1,126 @@
+//! Passes on where the emulator's overlay and the flash image are built, so that `bead` can carry both.
+//!
+//! # Design
+//! `cargo install --path host-tools/bead` has to give a program that emulates wherever it is. So an image
+//! that is not built yet is built here, by a cargo of its own, in the same target directory: for another
+//! target and another profile, cargo takes another lock. Where `cargo xtask` builds the image at the same
+//! time, the second one waits and finds all in place. An image that is there is taken as it is, so that a
+//! change of the firmware does not compile the host tools anew: `cargo xtask build` builds the image anew,
+//! and `bead` is linked with it.
+
+use std::env;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::UNIX_EPOCH;
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    let built = env::var("DEP_STM32F405_QEMU_BUILT").expect("the emulator's build script says it");
+    println!("cargo::rustc-env=STM32F405_QEMU_BUILT={built}");
+
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
+    let root = root
+        .ancestors()
+        .nth(2)
+        .expect("the host tools lie inside the workspace");
+    let image = target_directory().join(TARGET).join("firmware/bead-firmware");
+    if !is_there(&image) {
+        build(root, &image);
+    }
+    if !is_there(&image) {
+        println!(
+            "cargo::warning=the flash image is not built, so that `bead` carries none: `cargo xtask build` says why"
+        );
+        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes
+        // it: an old one, as cargo compiles again for each file that is newer than this run.
+        println!("cargo::rerun-if-changed={}", image.display());
+        let folder = image.parent().expect("it lies in a directory");
+        fs::create_dir_all(folder)
+            .and_then(|()| File::create(&image)?.set_modified(UNIX_EPOCH))
+            .expect("the target directory can be written to");
+    }
+    println!("cargo::rustc-env=BEAD_IMAGE={}", image.display());
+    // What is installed needs no symbols.
+    println!("cargo::rustc-link-arg-bins=-s");
+}
+
+fn is_there(image: &Path) -> bool {
+    image.metadata().is_ok_and(|found| found.len() > 0)
+}
+
+/// The target directory: OUT_DIR is TARGET/release/build/bead-HASH/out, with a triple before `release` if one
+/// was asked for.
+fn target_directory() -> PathBuf {
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
+    let profile = out
+        .ancestors()
+        .nth(3)
+        .expect("OUT_DIR lies in the target directory");
+    let above = profile.parent().expect("a profile lies in the target directory");
+    let triple = env::var("TARGET").expect("cargo sets it");
+    match above.file_name().is_some_and(|name| *name == *triple) {
+        true => above
+            .parent()
+            .expect("a triple lies in the target directory")
+            .to_owned(),
+        false => above.to_owned(),
+    }
+}
+
+/// Builds the image.
+fn build(root: &Path, image: &Path) {
+    let folder = image
+        .ancestors()
+        .nth(3)
+        .expect("TARGET/thumb…/firmware/bead-firmware");
+    let mut cargo = Command::new(env::var_os("CARGO").expect("cargo sets it"));
+    cargo
+        .current_dir(root)
+        .args([
+            "build",
+            "--profile",
+            "firmware",
+            "--target",
+            TARGET,
+            "-p",
+            "bead-firmware",
+            "--target-dir",
+        ])
+        .arg(folder)
+        .stdin(Stdio::null());
+    // What is meant for the build of the host tools is not for the image.
+    for (name, _) in env::vars_os() {
+        let name = name.to_string_lossy().into_owned();
+        let of_this_build = [
+            "CARGO_FEATURE_",
+            "CARGO_CFG_",
+            "CARGO_PKG_",
+            "CARGO_MANIFEST_",
+            "DEP_",
+        ];
+        let wrappers = [
+            "RUSTC_WORKSPACE_WRAPPER",
+            "CLIPPY_ARGS",
+            "CARGO_ENCODED_RUSTFLAGS",
+        ];
+        if of_this_build.iter().any(|start| name.starts_with(start)) || wrappers.contains(&name.as_str()) {
+            cargo.env_remove(&name);
+        }
+    }
+    // Without the target, or on a system without it, `bead` is built all the same.
+    match cargo.output() {
+        Ok(output) if output.status.success() => {}
+        Ok(output) => {
+            let said = String::from_utf8_lossy(&output.stderr);
+            let why = said
+                .lines()
+                .find(|line| line.starts_with("error"))
+                .unwrap_or("it does not say why");
+            println!("cargo::warning=building the flash image: {why}");
+        }
+        Err(error) => println!("cargo::warning=building the flash image: {error}"),
+    }
+}

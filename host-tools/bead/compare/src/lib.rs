@@ -1,0 +1,24 @@
+//! A recorded strike, held against replay, f64 estimates and the full chain; and the report of it.
+
+pub mod emulated;
+pub mod error;
+pub mod f64_estimators;
+pub mod front_end;
+pub mod given;
+pub mod pictures;
+mod quantities;
+pub mod reference;
+pub mod reference_report;
+pub mod replay;
+pub mod report;
+pub mod row;
+pub mod sensed;
+mod signal;
+pub mod spread;
+mod statistics;
+pub mod strike;
+pub mod strike_report;
+#[cfg(test)]
+mod testing;
+pub mod velocity;
+pub mod verdict;

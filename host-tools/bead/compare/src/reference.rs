@@ -1,0 +1,499 @@
+//! A strike as its bead measured it, held against the record of another instrument.
+//!
+//! # Design
+//! The two share no clock and perhaps no calibration. So a delay and a gain are found first, for force and
+//! for acceleration each: the delay where the cross-correlation is greatest, then between samples where the
+//! correlation is; the gain by least squares. Everything else is said of the two as they then lie over each
+//! other, at the bead's samples, as far as the other record reaches.
+
+use serde::Serialize;
+
+use bead_model::layout::BASELINE;
+
+use crate::f64_estimators;
+use crate::front_end::SCAN_SKEW;
+use crate::given::{Given, physics};
+use crate::signal::{gated, least, sensed};
+use bead_instrument::{Trace, Waveform};
+use bead_recording::strikes::RecordedStrike;
+
+/// Samples on either side of its peak by which a strike is looked for.
+const PULSE: usize = 60;
+/// The longest record that is searched, s.
+const LONGEST: f64 = 100.0;
+/// The part of a strike's energy that the other record has to reach over.
+const COVERED: f64 = 0.9;
+
+/// A value by both instruments.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Sides {
+    /// By the bead.
+    pub bead: f64,
+    /// By the other instrument, as its file has it.
+    pub reference: f64,
+}
+
+impl Sides {
+    /// The bead's, relative to the reference.
+    pub fn off(&self) -> f64 {
+        self.bead / self.reference - 1.0
+    }
+}
+
+/// One quantity of a strike by both instruments, SI units.
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
+pub struct Aligned {
+    /// Pearson's coefficient of the two, with the delay taken out.
+    pub correlation: f64,
+    /// The bead's values as a multiple of the reference's.
+    pub gain: f64,
+    /// Time since the bead's trigger, less the time in the reference's file, s.
+    pub delay: f64,
+    /// Time of the top of the strongest pulse, s: since the bead's trigger, and in the reference's file.
+    pub arrival: Sides,
+    /// Delay of the top of the bead's pulse, beyond `delay`, s.
+    pub arrival_off: f64,
+    /// Height of that top.
+    pub peak: Sides,
+    /// ∫ of the square over time.
+    pub energy: Sides,
+    /// Root mean square of bead less gain times reference.
+    pub residual_rms: f64,
+    /// `residual_rms` as a part of the bead's peak.
+    pub residual_part: f64,
+    /// Samples of the bead that the reference reaches over.
+    pub samples: usize,
+    /// The points of a picture.
+    #[serde(skip)]
+    pub points: Vec<Point>,
+}
+
+/// Both sides at one sample of the bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Since the trigger, s.
+    pub time: f64,
+    /// By the bead.
+    pub bead: f64,
+    /// Gain times the reference.
+    pub reference: f64,
+}
+
+/// An estimate by the bead, in f64 from the bead's samples, and in f64 from the reference, J.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Absorbed {
+    /// By the bead.
+    pub bead: f64,
+    /// In f64 from the same samples.
+    pub f64_samples: f64,
+    /// In f64 from the reference, as its file has it; none where it lacks the quantity.
+    pub reference: Option<f64>,
+}
+
+/// A strike against the record of another instrument.
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
+pub struct AgainstReference {
+    /// Force, N; none if the reference has none.
+    pub force: Option<Aligned>,
+    /// Acceleration of the intruder, m/s²; none if the reference has none.
+    pub acceleration: Option<Aligned>,
+    /// Estimate A.
+    pub absorbed_measured: Absorbed,
+    /// Estimate B.
+    pub absorbed_predicted: Absorbed,
+}
+
+/// Holds a strike against a reference.
+///
+/// # Errors
+/// Samples or settings of the strike are missing, or the reference does not hold it: one line each.
+pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstReference, String> {
+    let number = strike.said.strike;
+    let settings = strike
+        .settings
+        .as_ref()
+        .ok_or_else(|| format!("strike {number} came without settings, so its samples have no units"))?;
+    if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
+        return Err(format!(
+            "strike {number} misses {} of its {} samples; choose another with --strike",
+            strike.missing(),
+            strike.said.samples
+        ));
+    }
+    let rate = f64::from(settings.sample_rate_hz);
+    let force = sensed(&strike.scans, 0, &settings.force);
+    let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
+    let before = strike.said.trigger_index.saturating_sub(strike.said.first_index) as f64 / rate;
+    let align = |trace: &Option<Trace>, name, bead: &[f64], first| {
+        let trace = trace
+            .as_ref()
+            .map(|trace| aligned(name, bead, first, rate, trace, reference.start));
+        trace.transpose()
+    };
+    let of_force = align(&reference.force, "force", &force, -before)?;
+    let of_acceleration = align(
+        &reference.acceleration,
+        "acceleration",
+        &acceleration,
+        SCAN_SKEW - before,
+    )?;
+
+    let (bead, neighbours) = physics(settings);
+    let noise = strike.said.force_noise.newtons();
+    let last = |energies: Vec<f64>| energies.last().copied().unwrap_or(0.0);
+    // The stretch of the reference that the bead's window saw, in the time of its traces.
+    let window = |aligned: &Aligned, skew: f64| {
+        let first = skew - before - aligned.delay - reference.start;
+        Given::of(reference, settings, first..first + force.len() as f64 / rate)
+    };
+    let measured = of_acceleration.as_ref().map(|aligned| window(aligned, SCAN_SKEW));
+    let predicted = of_force.as_ref().map(|aligned| window(aligned, 0.0));
+    Ok(AgainstReference {
+        absorbed_measured: Absorbed {
+            bead: strike.said.absorbed_measured.joules(),
+            f64_samples: last(f64_estimators::measured(&bead, &acceleration, rate)),
+            reference: measured.and_then(|given| given.absorbed_measured),
+        },
+        absorbed_predicted: Absorbed {
+            bead: strike.said.absorbed_predicted.joules(),
+            f64_samples: last(f64_estimators::predicted(
+                &bead,
+                &neighbours,
+                &gated(&force, settings, noise, 1),
+                rate,
+            )),
+            reference: predicted.and_then(|given| given.absorbed_predicted),
+        },
+        force: of_force,
+        acceleration: of_acceleration,
+    })
+}
+
+/// Lays a reference over the bead's samples, the first of which is `first` s after the trigger.
+fn aligned(
+    name: &str,
+    bead: &[f64],
+    first: f64,
+    rate: f64,
+    reference: &Trace,
+    start: f64,
+) -> Result<Aligned, String> {
+    let long = reference.end() - reference.begin();
+    if long > LONGEST {
+        return Err(format!(
+            "the reference is {long:.1} s long, and {LONGEST} s are searched at most; cut the strike out of it"
+        ));
+    }
+    let mut reference = reference.clone();
+    let coarse = coarse(bead, rate, &mut reference);
+    // The overlap as it is at the coarse delay, so that all delays are judged by the same samples.
+    let inside = |sample: &usize| {
+        let time = *sample as f64 / rate + coarse;
+        (reference.begin()..=reference.end()).contains(&time)
+    };
+    let overlap: Vec<usize> = (0..bead.len()).filter(inside).collect();
+    let square = |samples: &mut dyn Iterator<Item = f64>| samples.map(|value| value * value).sum::<f64>();
+    let whole = square(&mut bead.iter().copied());
+    let covered = square(&mut overlap.iter().map(|sample| bead[*sample]));
+    if covered < COVERED * whole || overlap.len() < 8 {
+        return Err(format!(
+            "the reference's {name} reaches over {:.0} % of the energy of the bead's, and {:.0} % are needed; is it a longer \
+             record of the same strike?",
+            100.0 * covered / whole,
+            100.0 * COVERED
+        ));
+    }
+    let own: Vec<f64> = overlap.iter().map(|sample| bead[*sample]).collect();
+    // The bead sees no faster than from sample to sample.
+    let at = |shift: f64, reference: &mut Trace| -> Vec<f64> {
+        let time = |sample: &usize| *sample as f64 / rate + shift;
+        let values = overlap
+            .iter()
+            .map(|sample| reference.around(time(sample), 1.0 / rate));
+        values.collect()
+    };
+    let step = 1.5 / rate;
+    let shift = least(coarse - step, coarse + step, |shift| {
+        -correlation(&own, &at(shift, &mut reference.clone())).abs()
+    });
+    let other = at(shift, &mut reference);
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (square_own, square_other) = (product(&own, &own), product(&other, &other));
+    if square_other == 0.0 || square_own == 0.0 {
+        return Err(format!(
+            "the {name} of the reference or of the bead is 0 all the time"
+        ));
+    }
+    let gain = product(&own, &other) / square_other;
+    let points = overlap
+        .iter()
+        .zip(own.iter().zip(&other))
+        .map(|(sample, (bead, other))| Point {
+            time: first + *sample as f64 / rate,
+            bead: *bead,
+            reference: gain * other,
+        });
+    let points: Vec<_> = points.collect();
+    let rest = points
+        .iter()
+        .map(|point| (point.bead - point.reference).powi(2))
+        .sum::<f64>();
+    let residual_rms = (rest / points.len() as f64).sqrt();
+    let [(bead_top, bead_height), (top, height)] = [&own, &other].map(|values| summit(values));
+    let skipped = overlap[0] as f64;
+    let time = |sample: f64| first + (skipped + sample) / rate;
+    // In the reference's file a time is later by this than after the trigger.
+    let into_file = shift + start - first;
+    Ok(Aligned {
+        correlation: correlation(&own, &other),
+        gain,
+        delay: -into_file,
+        arrival: Sides {
+            bead: time(bead_top),
+            reference: time(top) + into_file,
+        },
+        arrival_off: (bead_top - top) / rate,
+        peak: Sides {
+            bead: bead_height,
+            reference: height,
+        },
+        energy: Sides {
+            bead: square_own / rate,
+            reference: square_other / rate,
+        },
+        residual_rms,
+        residual_part: residual_rms / bead_height.abs(),
+        samples: points.len(),
+        points,
+    })
+}
+
+/// Time of the reference at the bead's first sample, s, to a sample: where the pulse and the reference have
+/// the greatest cross-correlation. A sensor that is wired the other way round is found too.
+fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
+    let peak = greatest(bead);
+    let from = peak.saturating_sub(PULSE);
+    let pulse = &bead[from..(peak + PULSE).min(bead.len())];
+    let begin = reference.begin();
+    let count = ((reference.end() - begin) * rate).floor() as usize + 1;
+    // At rest before and after, so that the pulse may stand over either end.
+    let mut resampled = vec![0.0; count + 2 * pulse.len()];
+    for (sample, value) in resampled[pulse.len()..][..count].iter_mut().enumerate() {
+        *value = reference.around(begin + sample as f64 / rate, 1.0 / rate);
+    }
+    let match_at = |lag: usize| -> f64 {
+        let along = resampled[lag..].iter().zip(pulse);
+        along.map(|(other, own)| other * own).sum::<f64>().abs()
+    };
+    // The pulse's energy up to each of its samples. Where the reference does not reach over it, nothing can
+    // be said.
+    let mut energy = vec![0.0];
+    for value in pulse {
+        energy.push(energy[energy.len() - 1] + value * value);
+    }
+    let covers = |lag: &usize| {
+        let within = |sample: usize| (pulse.len() + sample).saturating_sub(*lag).min(pulse.len());
+        energy[within(count)] - energy[within(0)] >= COVERED * energy[pulse.len()]
+    };
+    let lags = 0..count + pulse.len();
+    let too_short = !lags.clone().any(|lag| covers(&lag));
+    let mut best = (0, f64::NEG_INFINITY);
+    for lag in lags.filter(|lag| too_short || covers(lag)) {
+        let found = match_at(lag);
+        if found > best.1 {
+            best = (lag, found);
+        }
+    }
+    begin + (best.0 as f64 - pulse.len() as f64 - from as f64) / rate
+}
+
+fn greatest(values: &[f64]) -> usize {
+    let order = |a: &usize, b: &usize| values[*a].abs().total_cmp(&values[*b].abs());
+    (0..values.len()).max_by(order).unwrap_or(0)
+}
+
+/// Pearson's coefficient.
+fn correlation(one: &[f64], other: &[f64]) -> f64 {
+    let count = one.len() as f64;
+    let [mean, other_mean] = [one, other].map(|values| values.iter().sum::<f64>() / count);
+    let (mut both, mut square, mut other_square) = (0.0, 0.0, 0.0);
+    for (a, b) in one.iter().zip(other) {
+        let (a, b) = (a - mean, b - other_mean);
+        both += a * b;
+        square += a * a;
+        other_square += b * b;
+    }
+    if square * other_square > 0.0 {
+        both / (square * other_square).sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// Place, in samples, and height of the top of the strongest pulse, of either sign: of the parabola through
+/// the samples above nine tenths of it, by least squares, or through three.
+fn summit(values: &[f64]) -> (f64, f64) {
+    let top = greatest(values);
+    let sign = values[top].signum();
+    let high = |at: usize| values[at] * sign > 0.9 * values[top].abs();
+    let mut from = top;
+    while from > 0 && high(from - 1) {
+        from -= 1;
+    }
+    let mut to = top;
+    while to + 1 < values.len() && high(to + 1) {
+        to += 1;
+    }
+    let (from, to) = (
+        from.min(top.saturating_sub(1)),
+        to.max((top + 1).min(values.len() - 1)),
+    );
+    // Sums of powers of the place relative to the top, and of the values.
+    let (mut s, mut v) = ([0.0; 5], [0.0; 3]);
+    for (at, value) in values.iter().enumerate().take(to + 1).skip(from) {
+        let x = at as f64 - top as f64;
+        for (power, sum) in s.iter_mut().enumerate() {
+            *sum += x.powi(power as i32);
+        }
+        for (power, sum) in v.iter_mut().enumerate() {
+            *sum += value * x.powi(power as i32);
+        }
+    }
+    // Cramer's rule for value = a + b x + c x².
+    let determinant = |m: [[f64; 3]; 3]| -> f64 {
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
+            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
+    };
+    let matrix = [[s[0], s[1], s[2]], [s[1], s[2], s[3]], [s[2], s[3], s[4]]];
+    let of = |column: usize| {
+        let mut matrix = matrix;
+        (0..3).for_each(|row| matrix[row][column] = v[row]);
+        determinant(matrix)
+    };
+    let whole = determinant(matrix);
+    let [a, b, c] = [of(0), of(1), of(2)].map(|part| part / whole);
+    let place = -b / (2.0 * c);
+    if place.is_finite() && place.abs() <= (to - from) as f64 && c * sign < 0.0 {
+        (top as f64 + place, a + 0.5 * b * place)
+    } else {
+        (top as f64, values[top])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hertz_chain::Scenario;
+
+    use super::*;
+    use crate::sensed::simulate_with_ring_down;
+    use crate::testing::recorded_strike;
+
+    /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0
+    /// `late` s after the striker hit, its values `gain` times as high.
+    fn other(rate_hz: f64, late: f64, gain: f64) -> Waveform {
+        let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();
+        let count = ((solution.end() - late) * rate_hz) as usize;
+        let mut force = solution.force_curve(8);
+        let mut acceleration = solution.acceleration_curve(8).unwrap();
+        let along = |of: &mut dyn FnMut(f64) -> f64| -> Vec<f64> {
+            (0..count).map(|n| gain * of(late + n as f64 / rate_hz)).collect()
+        };
+        Waveform {
+            force: Some(Trace::even(along(&mut |time| force.at(time)), rate_hz)),
+            acceleration: Some(Trace::even(along(&mut |time| acceleration.at(time)), rate_hz)),
+            start: -5.0,
+            remarks: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn delay_and_gain_of_another_instrument_are_found_between_samples() {
+        let strike = recorded_strike();
+        // The strike of the test hits at 20 ms; index 1 is time 0.
+        let trigger = (strike.said.trigger_index as f64 - 1.0) * 1e-5 - 0.02;
+        for (rate_hz, late, gain) in [(1e6, 0.3e-3, 1.0), (44.1e3 * 3.0, 0.0, 0.35), (2.5e6, 1e-3, -2.0)] {
+            let found = compare(&strike, &other(rate_hz, late, gain)).unwrap();
+            for (aligned, noise) in [(found.force.unwrap(), 8e-3), (found.acceleration.unwrap(), 0.12)] {
+                // Time since the trigger, less the file's, which is -5 s where the chain's is `late`.
+                let delay = late - trigger + 5.0;
+                let off = (aligned.delay - delay) * 1e6;
+                println!(
+                    "{rate_hz} Hz: delay off by {off:.4} µs, gain {:.5}, correlation {:.6}, residual {:.4}, arrival {:.4} µs",
+                    aligned.gain,
+                    aligned.correlation,
+                    aligned.residual_rms,
+                    aligned.arrival_off * 1e6
+                );
+                assert!(off.abs() < 0.1, "{off} µs");
+                assert!((aligned.gain * gain - 1.0).abs() < 1e-3, "{}", aligned.gain);
+                assert!(
+                    (aligned.correlation * gain.signum()) > 0.9999,
+                    "{}",
+                    aligned.correlation
+                );
+                assert!(aligned.residual_rms < noise, "{}", aligned.residual_rms);
+                assert!(aligned.arrival_off.abs() < 0.2e-6, "{}", aligned.arrival_off);
+                assert!((aligned.peak.off().abs() - (1.0 / gain - 1.0).abs()).abs() < 2.0);
+                assert!((aligned.peak.bead / aligned.peak.reference * gain - 1.0).abs() < 2e-3);
+                assert!((aligned.energy.bead / aligned.energy.reference * gain * gain - 1.0).abs() < 2e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn both_estimates_from_a_good_reference_are_the_beads() {
+        let found = compare(&recorded_strike(), &other(1e6, 0.2e-3, 1.0)).unwrap();
+        for (absorbed, most) in [(found.absorbed_measured, 1e-3), (found.absorbed_predicted, 2e-3)] {
+            let off = absorbed.bead / absorbed.reference.unwrap() - 1.0;
+            let samples = absorbed.bead / absorbed.f64_samples - 1.0;
+            println!("{absorbed:?}: {off:.2e}, {samples:.2e}");
+            assert!(off.abs() < most && samples.abs() < most, "{off} {samples}");
+        }
+    }
+
+    #[test]
+    fn a_reference_of_something_else_says_so() {
+        let strike = recorded_strike();
+        let mut short = other(1e6, 0.0, 1.0);
+        let force = short.force.as_mut().unwrap();
+        let few: Vec<f64> = force
+            .points()
+            .map(|(_, value)| value)
+            .skip(1400)
+            .take(300)
+            .collect();
+        *force = Trace::even(few, 1e6);
+        let why = compare(&strike, &short).err().unwrap();
+        assert!(
+            why.contains("reaches over") && why.contains("90 % are needed"),
+            "{why}"
+        );
+        // A sine has little in common with a solitary wave.
+        let sine = (0..20_000).map(|n| (f64::from(n) * 0.9).sin()).collect();
+        let strange = Waveform {
+            force: Some(Trace::even(sine, 1e6)),
+            acceleration: None,
+            start: 0.0,
+            remarks: Vec::new(),
+        };
+        let found = compare(&strike, &strange).unwrap();
+        let correlation = found.force.unwrap().correlation.abs();
+        assert!(correlation < 0.3, "{correlation}");
+        assert!(found.absorbed_measured.reference.is_none() && found.acceleration.is_none());
+        // Of the time that is gone nothing is known.
+        let mut lossy = recorded_strike();
+        lossy.scans.truncate(100);
+        assert!(compare(&lossy, &strange).err().unwrap().contains("misses"));
+    }
+
+    #[test]
+    fn the_top_of_a_parabola_is_found_between_samples_with_either_sign() {
+        let values: Vec<f64> = (0..80)
+            .map(|n| 5.0 - (f64::from(n) - 40.3).powi(2) / 200.0)
+            .collect();
+        let (place, height) = summit(&values);
+        assert!((place - 40.3).abs() < 1e-9 && (height - 5.0).abs() < 1e-9);
+        let turned: Vec<f64> = values.iter().map(|value| -value).collect();
+        assert!((summit(&turned).1 + 5.0).abs() < 1e-9);
+    }
+}

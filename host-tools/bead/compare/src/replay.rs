@@ -1,0 +1,597 @@
+//! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
+
+use bead_model::layout::BASELINE;
+use bead_model::{Meter, Origin, Settings, Sink, Window, WindowRecord};
+use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
+
+use bead_recording::strikes::{Chunk, RecordedStrike, ScanCodes};
+
+/// The replay of one strike.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// The result on this computer; none where samples or settings are missing.
+    pub said: Option<Strike>,
+    /// Estimates after every sample, A and B.
+    pub energies: Vec<(Energy, Energy)>,
+    /// The first difference of device and replay; none if they agree in every bit.
+    pub first_difference: Option<String>,
+}
+
+impl Replay {
+    /// True if replay gives everything that the bead sent, bit for bit.
+    pub fn identical(&self) -> bool {
+        self.first_difference.is_none()
+    }
+
+    fn impossible(why: String) -> Self {
+        Self {
+            said: None,
+            energies: Vec::new(),
+            first_difference: Some(why),
+        }
+    }
+}
+
+/// At 100 kHz a bead gets there in three million years.
+const INDEX_MOST: u64 = i64::MAX as u64;
+
+/// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire
+/// at the same sample.
+pub fn replay(strike: &RecordedStrike) -> Replay {
+    let number = strike.said.strike;
+    let Some(settings) = &strike.settings else {
+        return Replay::impossible(format!(
+            "strike {number}: no settings were received, so there is nothing to replay it with"
+        ));
+    };
+    // The bead's code counts on from these.
+    let indices = [strike.said.first_index, strike.said.trigger_index];
+    if let Some(index) = indices.into_iter().find(|index| *index > INDEX_MOST) {
+        return Replay::impossible(format!(
+            "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
+             bead sent; record it again"
+        ));
+    }
+    if strike.missing() > 0 {
+        return Replay::impossible(format!(
+            "strike {number}: {} of its {} samples were not received, from sample index {} on",
+            strike.missing(),
+            strike.said.samples,
+            strike.said.first_index + strike.scans.len() as u64
+        ));
+    }
+
+    let mut window = Window::open(number, strike.said.first_index);
+    let mut record = WindowRecord::new();
+    record.clear();
+    let mut energies = Vec::with_capacity(strike.scans.len());
+    for codes in &strike.scans {
+        window.process(settings, &[codes.scan()], &mut record);
+        energies.push((
+            window.absorbed_measured(settings),
+            window.absorbed_predicted(settings),
+        ));
+    }
+    let (said, shape) = window.report(settings, &record);
+    let first_difference = differs_in_chunks(strike, &energies)
+        .or_else(|| differs_in_results(strike, &said, &shape))
+        .map(|what| format!("strike {number}: {what}"))
+        .or_else(|| differs_as_stream(strike, settings));
+    Replay {
+        said: Some(said),
+        energies,
+        first_difference,
+    }
+}
+
+fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> Option<String> {
+    // The first sample after which a hundredth is absorbed. Before, there are few bits in which to differ.
+    let last = energies.last().map_or((0, 0), |(a, b)| (a.bits(), b.bits()));
+    let start = energies
+        .iter()
+        .position(|(measured, predicted)| measured.bits() > last.0 / 100 && predicted.bits() > last.1 / 100);
+    let mut before = 0;
+    strike.chunks.iter().find_map(|chunk| {
+        let agreed = std::mem::replace(&mut before, chunk.end);
+        let (measured, predicted) = energies[chunk.end - 1];
+        let index = strike.said.first_index + chunk.end as u64 - 1;
+        [
+            ("absorbed_measured", chunk.absorbed_measured, measured),
+            ("absorbed_predicted", chunk.absorbed_predicted, predicted),
+        ]
+        .into_iter()
+        .find(|(_, device, replay)| device != replay)
+        .map(|(what, device, replay)| {
+            let pair = [device, replay].map(|energy| Number {
+                bits: i128::from(energy.bits()),
+                si: Some((energy.joules(), "J")),
+            });
+            let why = if start.is_none_or(|start| agreed <= start) {
+                FROM_THE_START
+            } else {
+                FROM_SOMEWHERE
+            };
+            format!("{what} at sample index {index}: {}; {why}", apart(pair))
+        })
+    })
+}
+
+/// The usual cause of a difference, by its place.
+const FROM_THE_START: &str = "as it is off from the start of the window, the bead usually ran with other settings than the \
+     recording carries, or with an image of another version";
+const FROM_SOMEWHERE: &str = "as all before it agrees, usually a code of the window was damaged on its way, or the bead's \
+     memory was";
+const IN_THE_REPORT: &str =
+    "as the energies of all its chunks agree, usually the bead ran an image of another version";
+
+/// Bits of a group of fields that is not there.
+const ABSENT: i128 = i128::MIN;
+
+/// A number of a frame, by device or by replay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Number {
+    /// As it travels.
+    bits: i128,
+    /// In SI units, where it is a quantity.
+    si: Option<(f64, &'static str)>,
+}
+
+/// The difference of device and replay: both values, and the highest bit that differs.
+fn apart([device, replay]: [Number; 2]) -> String {
+    let shown = |who: &str, number: Number| match number.si {
+        _ if number.bits == ABSENT => format!("{who} has none"),
+        Some((value, unit)) => format!("{who} {value:.9e} {unit} ({:#x})", number.bits),
+        None => format!("{who} {} ({:#x})", number.bits, number.bits),
+    };
+    let bits = device.bits ^ replay.bits;
+    let highest = 127 - bits.leading_zeros();
+    if [device.bits, replay.bits].contains(&ABSENT) {
+        return format!("{}, {}", shown("device", device), shown("replay", replay));
+    }
+    let steps = device.bits.abs_diff(replay.bits);
+    format!(
+        "{}, {}; the highest bit that differs is bit {highest}, and they are {steps} of the last bit apart",
+        shown("device", device),
+        shown("replay", replay)
+    )
+}
+
+/// The first field of a body in which device and replay differ.
+fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields, rate: Option<u32>) -> Option<String> {
+    let mut pairs = numbers(device, rate).into_iter().zip(numbers(replay, rate));
+    let ((field, device), (_, replay)) =
+        pairs.find(|((_, device), (_, replay))| device.bits != replay.bits)?;
+    Some(format!(
+        "{field} of the {what} frame: {}; {IN_THE_REPORT}",
+        apart([device, replay])
+    ))
+}
+
+/// Every field of a body, by name, at `rate` scans a second. A missing group differs from every present one.
+fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, Number)> {
+    let mut all = Vec::new();
+    body.each(&mut |field, value| {
+        let bits = match value {
+            Value::Integer(bits) => bits,
+            Value::Group(None) => ABSENT,
+            Value::Group(Some(group)) => {
+                let named = |(inner, number)| (format!("{}.{inner}", field.name), number);
+                all.extend(numbers(group, rate).into_iter().map(named));
+                return;
+            }
+            // The results of a strike have none of these.
+            Value::Text(_) | Value::Bytes(_) => return,
+        };
+        let si = match field.kind {
+            FieldKind::Quantity(unit) => i64::try_from(bits)
+                .ok()
+                .and_then(|bits| unit.si(bits, rate))
+                .map(|value| (value, unit.symbol)),
+            _ => None,
+        };
+        all.push((field.name.into(), Number { bits, si }));
+    });
+    all
+}
+
+/// Removes what depends on the bead's state before the window.
+fn of_the_window(strike: &Strike) -> Strike {
+    Strike {
+        flags: strike.flags.without(StrikeFlags::OF_THE_BEAD),
+        ..*strike
+    }
+}
+
+fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
+    let rate = strike.rate();
+    differs("strike", &of_the_window(&strike.said), said, rate)
+        .or_else(|| differs("shape", &strike.shape?, shape, rate))
+}
+
+#[derive(Default)]
+struct Heard {
+    chunks: Vec<Chunk>,
+    report: Option<(Strike, Shape)>,
+}
+
+impl Sink for Heard {
+    fn chunk(&mut self, chunk: &bead_model::Chunk) {
+        let end = self.chunks.last().map_or(0, |chunk| chunk.end) + chunk.scans.len();
+        self.chunks.push(Chunk {
+            end,
+            absorbed_measured: chunk.absorbed_measured,
+            absorbed_predicted: chunk.absorbed_predicted,
+        });
+    }
+
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.report = Some((*strike, *shape));
+    }
+}
+
+/// Scans that stand in for those before the window. It begins where the detector's history began, and the
+/// recording does not hold the quiet before that, which armed the detector.
+///
+/// The quiet start of the window stands in for it, again and again. After an earlier strike the window may
+/// start on a slope: repeated, that would jump, and no jump arms a detector. There the scan with the highest
+/// force is held, from which nothing rises.
+fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&'a [ScanCodes]> {
+    let quiet = strike.scans.get(..usize::from(BASELINE))?;
+    // These are compared with scans before the window.
+    let length = usize::from(settings.window.lookback).max(quiet.len());
+    let start = &strike.scans[..length.min(strike.scans.len())];
+    let force = |codes: &&ScanCodes| codes.sensitive[0];
+    let [lowest, highest] = [start.iter().min_by_key(force)?, start.iter().max_by_key(force)?];
+    if force(&highest) - force(&lowest) < settings.window.threshold {
+        Some(quiet)
+    } else {
+        Some(std::slice::from_ref(highest))
+    }
+}
+
+fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
+    let number = strike.said.strike;
+    let quiet = quiet_before(strike, settings)?;
+    // Of a strike right after the start the bead had less before the window, too.
+    let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
+    let (mut meter, mut settings) = (Meter::new(), *settings);
+    if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
+        meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
+        // The force has not opened this window, and must not do so here. Where it rises before, the detector
+        // was not armed yet: it was when the window was asked for, which may be later than its trigger.
+        settings.window.threshold = u16::MAX;
+    }
+    let mut heard = Heard::default();
+    let first = strike.said.first_index - before;
+    let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
+    for (offset, codes) in (0..).zip(stream) {
+        let fired = meter.strikes();
+        meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut heard);
+        let index = first.wrapping_add(offset);
+        if meter.strikes() > fired && index != strike.said.trigger_index {
+            return Some(format!(
+                "strike {number}: the detector fires at sample index {index}, the device's at {}",
+                strike.said.trigger_index
+            ));
+        }
+    }
+    let Some((said, shape)) = heard.report else {
+        return Some(format!(
+            "strike {number}: the detector does not fire on these samples, the device's fired at {}",
+            strike.said.trigger_index
+        ));
+    };
+    let said = Strike {
+        strike: number,
+        ..said
+    };
+    let shape = Shape {
+        strike: number,
+        ..shape
+    };
+    differs_in_results(strike, &said, &shape)
+        .map(|what| format!("strike {number}, as a stream: {what}"))
+        .or_else(|| {
+            (heard.chunks != strike.chunks)
+                .then(|| format!("strike {number}, as a stream: the chunks are cut otherwise"))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{recorded_after, recorded_strike};
+    use bead_wire::{Acceleration, Codes, Decay, Force, Frequency, Impulse, Samples, Waveform};
+
+    #[test]
+    fn a_strike_that_this_code_made_replays_to_the_same_bits() {
+        let replay = replay(&recorded_strike());
+        assert_eq!(replay.first_difference, None);
+        assert_eq!(replay.energies.len(), 672);
+    }
+
+    #[test]
+    fn a_strike_right_after_the_start_replays_to_the_same_bits() {
+        // With less before it no strike is found, and none is lost without a word: the detector was not
+        // armed.
+        let earliest = (0..300).find_map(|quiet| recorded_after(f64::from(quiet) * 1e-5));
+        let earliest = earliest.expect("3 ms are enough");
+        let reach = u64::from(earliest.settings.unwrap().window.history);
+        assert!(earliest.said.first_index < reach, "{}", earliest.said.first_index);
+        assert_eq!(replay(&earliest).first_difference, None);
+        for more in 1..10 {
+            let later = recorded_after(3e-3 + f64::from(more) * 2e-4).unwrap();
+            assert_eq!(replay(&later).first_difference, None);
+        }
+    }
+
+    /// What a bead reports of these scans, if it saw `past` before them and was asked for them at this sample
+    /// index.
+    fn reported(strike: RecordedStrike, past: &[ScanCodes], asked: Option<u64>) -> RecordedStrike {
+        let settings = strike.settings.unwrap();
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        if let Some(at) = asked {
+            meter.keep_around(strike.said.trigger_index, at, Origin::Line);
+        }
+        let first = strike.said.first_index - past.len() as u64;
+        for (index, codes) in (first..).zip(past.iter().chain(&strike.scans)) {
+            meter.process(&settings, index, [codes.scan()], &mut heard);
+        }
+        let (said, shape) = heard.report.unwrap();
+        assert_eq!(said.trigger_index, strike.said.trigger_index);
+        let flags = match asked {
+            Some(_) => StrikeFlags::TRIGGERED_BY_LINE,
+            None => StrikeFlags::NONE,
+        };
+        RecordedStrike {
+            said: Strike {
+                flags: said.flags.with(flags),
+                ..said
+            },
+            shape: Some(shape),
+            chunks: heard.chunks,
+            ..strike
+        }
+    }
+
+    /// The paper's strike while the force still falls from an earlier one, by a code at each scan until scan
+    /// `end` of the window, as a bead reports it.
+    fn recorded_on_a_slope(end: u16) -> RecordedStrike {
+        let mut strike = recorded_strike();
+        let mut past = vec![strike.scans[0]; 320];
+        let falls = (0..320 + end).rev();
+        for (left, codes) in falls.zip(past.iter_mut().chain(&mut strike.scans)) {
+            codes.sensitive[0] += left;
+        }
+        reported(strike, &past, None)
+    }
+
+    #[test]
+    fn a_window_that_was_asked_for_may_have_a_rise_before_the_detector_was_armed() {
+        let mut strike = recorded_strike();
+        let rest = strike.scans[0];
+        strike.scans.fill(rest);
+        // The meter saw little before, and is armed a history after the rise.
+        for codes in &mut strike.scans[55..] {
+            codes.sensitive[0] += 100;
+        }
+        let asked = strike.said.first_index + 400;
+        let good = reported(strike, &[rest; 10], Some(asked));
+        assert_eq!(replay(&good).first_difference, None);
+        // The force alone would not have opened it there.
+        let mut strike = good.clone();
+        strike.said.flags = StrikeFlags::NONE;
+        assert!(!replay(&strike).identical());
+    }
+
+    #[test]
+    fn a_strike_on_the_slope_of_an_earlier_one_replays_to_the_same_bits_and_its_trigger_is_held() {
+        // Also one whose slope is longer than the baseline.
+        for end in [20, 64, 100] {
+            let good = recorded_on_a_slope(end);
+            assert_eq!(replay(&good).first_difference, None, "{end}");
+            let settings = good.settings.unwrap();
+            let mut strike = good.clone();
+            strike.said.trigger_index += 1;
+            assert!(!replay(&strike).identical(), "{end}");
+            // A detector that fires elsewhere, or never, shows also where all else agrees.
+            for threshold in [settings.window.threshold / 2, 2000] {
+                let mut settings = settings;
+                settings.window.threshold = threshold;
+                let what = differs_as_stream(&good, &settings).unwrap();
+                assert!(what.contains("the device's"), "{end}, {threshold}: {what}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_bit_of_any_chunk_is_found_with_its_sample_index() {
+        let good = recorded_strike();
+        for chunk in 0..good.chunks.len() {
+            let mut strike = good.clone();
+            let flipped = strike.chunks[chunk].absorbed_predicted.bits() ^ 1;
+            strike.chunks[chunk].absorbed_predicted = Energy::from_bits(flipped);
+            let what = replay(&strike).first_difference.unwrap();
+            let index = strike.said.first_index + strike.chunks[chunk].end as u64 - 1;
+            assert!(
+                what.contains(&format!("absorbed_predicted at sample index {index}:")),
+                "{what}"
+            );
+        }
+    }
+
+    #[test]
+    fn one_unit_of_any_field_of_the_report_is_found_by_name() {
+        let good = recorded_strike();
+        let check = |name: &str, change: fn(&mut Strike)| {
+            let mut strike = good.clone();
+            change(&mut strike.said);
+            let what = replay(&strike).first_difference.unwrap();
+            assert!(what.contains(name), "{name}: {what}");
+        };
+        check("trigger_index", |said| said.trigger_index += 1);
+        check("peak_force", |said| {
+            said.peak_force = Force::from_bits(said.peak_force.bits() + 1)
+        });
+        check("peak_index", |said| said.peak_index += 1);
+        check("acceleration_max", |said| {
+            said.acceleration_max = Acceleration::from_bits(said.acceleration_max.bits() + 1)
+        });
+        check("acceleration_min", |said| {
+            said.acceleration_min = Acceleration::from_bits(said.acceleration_min.bits() + 1)
+        });
+        check("absorbed_measured", |said| {
+            said.absorbed_measured = Energy::from_bits(said.absorbed_measured.bits() + 1)
+        });
+        check("absorbed_predicted", |said| {
+            said.absorbed_predicted = Energy::from_bits(said.absorbed_predicted.bits() + 1)
+        });
+        check("incident_energy", |said| {
+            said.incident_energy = Energy::from_bits(said.incident_energy.bits() + 1)
+        });
+        check("flags", |said| {
+            said.flags = StrikeFlags::from_bits(said.flags.bits() ^ 1)
+        });
+    }
+
+    #[test]
+    fn one_unit_of_any_field_of_the_shape_is_found_by_name() {
+        let good = recorded_strike();
+        let check = |name: &str, change: fn(&mut Shape)| {
+            let mut strike = good.clone();
+            change(strike.shape.as_mut().unwrap());
+            let what = replay(&strike).first_difference.unwrap();
+            assert!(what.contains(name), "{name}: {what}");
+        };
+        check("arrival", |shape| {
+            shape.arrival = Samples::from_bits(shape.arrival.bits() + 1)
+        });
+        check("width", |shape| {
+            shape.width = Samples::from_bits(shape.width.bits() + 1)
+        });
+        check("impulse", |shape| {
+            shape.impulse = Impulse::from_bits(shape.impulse.bits() + 1)
+        });
+        check("ring_frequency", |shape| {
+            shape.ring_frequency = Frequency::from_bits(shape.ring_frequency.bits() + 1)
+        });
+        check("ring_decay", |shape| {
+            shape.ring_decay = Decay::from_bits(shape.ring_decay.bits() + 1)
+        });
+    }
+
+    #[test]
+    fn one_code_changed_is_found() {
+        let mut strike = recorded_strike();
+        strike.scans[300].sensitive[1] ^= 1;
+        assert!(!replay(&strike).identical());
+    }
+
+    #[test]
+    fn a_difference_is_told_in_si_units_and_bits_with_what_it_usually_means() {
+        let good = recorded_strike();
+        let said = |change: &dyn Fn(&mut RecordedStrike)| {
+            let mut strike = good.clone();
+            change(&mut strike);
+            replay(&strike).first_difference.unwrap()
+        };
+        let what =
+            said(&|strike| strike.said.peak_force = Force::from_bits(strike.said.peak_force.bits() ^ 0x10));
+        let device = good.said.peak_force.bits() ^ 0x10;
+        let parts = [
+            "strike 0: peak_force of the strike frame: device 6.",
+            &format!("N ({device:#x}), replay 6."),
+            "the highest bit that differs is bit 4, and they are 16 of the last bit apart",
+            "an image of another version",
+        ];
+        for part in parts {
+            assert!(what.contains(part), "{part}: {what}");
+        }
+        // Another damper shows from the start, a code that was damaged from there on.
+        let what = said(&|strike| {
+            let settings = strike.settings.as_mut().unwrap();
+            settings.observer.energy += fixed::types::I2F30::from_bits(1 << 12);
+        });
+        assert!(
+            what.contains("other settings than the recording carries"),
+            "{what}"
+        );
+        let what = said(&|strike| strike.scans[400].sensitive[1] ^= 0x40);
+        assert!(what.contains("a code of the window was damaged"), "{what}");
+        // The shape has a quantity that needs the sample rate.
+        let what = said(&|strike| {
+            let shape = strike.shape.as_mut().unwrap();
+            shape.width = Samples::from_bits(shape.width.bits() + 1);
+        });
+        assert!(what.contains("width of the shape frame: device"), "{what}");
+    }
+
+    #[test]
+    fn an_index_that_no_bead_reaches_is_refused() {
+        let changes: [fn(&mut Strike, u64); 3] = [
+            |said, index| said.first_index = index,
+            |said, index| said.trigger_index = index,
+            |said, index| {
+                said.trigger_index = index;
+                said.flags = said.flags.with(StrikeFlags::FROM_OUTSIDE);
+            },
+        ];
+        for change in changes {
+            // At the end of the numbers a window, its history or its last sample lies behind them.
+            for before_end in [0, 1, 31, 160, 671, 672, 1000, i64::MAX as u64] {
+                let index = u64::MAX - before_end;
+                let mut strike = recorded_strike();
+                change(&mut strike.said, index);
+                let what = replay(&strike).first_difference.unwrap();
+                assert!(
+                    what.contains(&format!("its sample index {index} is none that a bead reaches")),
+                    "{what}"
+                );
+                // Nor is the place of what is missing told.
+                strike.scans.truncate(632);
+                assert!(!replay(&strike).identical());
+            }
+            let mut strike = recorded_strike();
+            change(&mut strike.said, INDEX_MOST);
+            let what = replay(&strike).first_difference.unwrap();
+            assert!(!what.contains("none that a bead reaches"), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_waveform_frame_without_samples_changes_nothing() {
+        let good = recorded_strike();
+        let mut strike = RecordedStrike {
+            scans: Vec::new(),
+            chunks: Vec::new(),
+            ..good.clone()
+        };
+        let empty = Waveform {
+            strike: 0,
+            first_index: good.said.first_index,
+            codes: Codes::default(),
+            wide: Codes::default(),
+            absorbed_measured: Energy::from_bits(0),
+            absorbed_predicted: Energy::from_bits(0),
+        };
+        strike.push(&empty);
+        assert_eq!((strike.scans.len(), strike.chunks.len()), (0, 0));
+        // Also one of no samples at all is replayed.
+        strike.said.samples = 0;
+        assert!(!replay(&strike).identical());
+    }
+
+    #[test]
+    fn missing_samples_and_settings_are_named() {
+        let mut strike = recorded_strike();
+        strike.scans.truncate(632);
+        strike.chunks.pop();
+        let what = replay(&strike).first_difference.unwrap();
+        assert!(what.contains("40 of its 672 samples"), "{what}");
+        let strike = RecordedStrike {
+            settings: None,
+            ..recorded_strike()
+        };
+        assert!(replay(&strike).first_difference.unwrap().contains("no settings"));
+    }
+}

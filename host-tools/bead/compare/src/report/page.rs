@@ -1,0 +1,253 @@
+//! A report as one HTML file that needs nothing from outside.
+
+use hertz_charts::{COLUMN, Chart, Error, style};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::report::content::{Block, Cell, Column, Medium, Report, Section, Table};
+
+const PAGE_STYLE: &str = "\
+*{box-sizing:border-box}\
+body{margin:0;background:var(--paper);color:var(--text);\
+font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}\
+main{max-width:908px;margin:0 auto;padding:40px 24px 72px}\
+h1{font-size:1.9rem;line-height:1.2;margin:.15em 0 .5em;letter-spacing:-.01em}\
+h2{font-size:1.2rem;margin:2.6em 0 .5em}p{margin:.5em 0 1em;max-width:72ch}\
+.above{color:var(--faint);font-size:.9rem;margin:0}\
+.verdict{display:inline-block;padding:.2em .8em;border-radius:1em;font-weight:600;font-size:.92rem;\
+border:1.5px solid currentColor}\
+.pass{color:var(--sensed)}.fail{color:var(--predicted)}\
+.key{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:1.6em 0}\
+.key div{border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
+.key b{display:block;font-size:1.45rem;line-height:1.25;font-variant-numeric:tabular-nums}\
+.key span{color:var(--faint);font-size:.86rem}\
+.scroll{overflow-x:auto}.scroll+.scroll{margin-top:1.4em}\
+table{border-collapse:collapse;width:100%;font-size:.93rem;font-variant-numeric:tabular-nums}\
+th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);white-space:nowrap}\
+th:first-child,td:first-child{text-align:left;padding-left:0}\
+thead th{color:var(--faint);font-weight:500}\
+.facts td{white-space:normal;text-align:left;overflow-wrap:anywhere}.facts td:first-child{color:var(--faint);width:25%}\
+svg.chart{display:block;width:100%;height:auto;margin:.6em 0 0}.narrow{display:none}\
+.bins{display:inline-flex;align-items:flex-end;height:22px;width:84px;gap:1px}\
+.bins i{flex:1;min-height:1px;background:var(--measured)}\
+.bar{height:9px;border-radius:5px;background:var(--grid);min-width:180px;overflow:hidden}\
+.bar i{display:block;height:100%;background:var(--measured);border-radius:5px}\
+pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;\
+border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
+details summary{cursor:pointer;color:var(--faint)}\
+@media(max-width:640px){main{padding:22px 14px 48px}h1{font-size:1.45rem}.wide,.more{display:none}\
+.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .25em}.bins{width:44px;gap:0}th:first-child,td:first-child{white-space:normal}\
+.key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
+@media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
+th,td{padding:.25em .4em;white-space:normal}pre{white-space:pre-wrap}\
+tr,svg.chart,.key div{break-inside:avoid}.key{grid-template-columns:repeat(5,1fr)}.key b{font-size:1.1rem;white-space:nowrap}\
+tbody tr:nth-child(-n+3){break-after:avoid}tbody tr:nth-last-child(-n+3){break-before:avoid}\
+h2,h2+p,thead,summary{break-after:avoid}}";
+
+impl Report {
+    /// The report as an HTML page.
+    ///
+    /// # Errors
+    /// A chart cannot be drawn.
+    pub fn page(&self) -> Result<String, Error> {
+        let (class, verdict) = match &self.verdict {
+            Ok(verdict) => ("pass", *verdict),
+            Err(why) => ("fail", &why[..]),
+        };
+        let sections = self.sections.iter().filter(|section| section.is_on_page());
+        let sections: Vec<Markup> = sections.map(section).collect::<Result<_, _>>()?;
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width,initial-scale=1";
+                    title { (self.title) }
+                    style { (PreEscaped(style())) (PreEscaped(PAGE_STYLE)) }
+                }
+                body {
+                    main {
+                        p.above { (self.above) }
+                        h1 { (self.title) }
+                        p { span.verdict.(class) { (verdict) } }
+                        @if !self.tiles.is_empty() {
+                            div.key {
+                                @for (value, name) in &self.tiles { div { b { (value) } span { (name) } } }
+                            }
+                        }
+                        @for section in sections { (section) }
+                    }
+                }
+            }
+        };
+        Ok(page.into_string())
+    }
+}
+
+impl Section {
+    fn is_on_page(&self) -> bool {
+        self.blocks.iter().any(|block| match block {
+            Block::Table(table) => table.medium.is_page() && !table.rows.is_empty(),
+            _ => true,
+        })
+    }
+}
+
+fn section(section: &Section) -> Result<Markup, Error> {
+    let blocks = blocks(&section.blocks)?;
+    Ok(html! { h2 { (section.heading) } (blocks) })
+}
+
+fn blocks(blocks: &[Block]) -> Result<Markup, Error> {
+    let blocks: Vec<Markup> = blocks.iter().map(block).collect::<Result<_, _>>()?;
+    Ok(html! { @for block in blocks { (block) } })
+}
+
+fn block(block: &Block) -> Result<Markup, Error> {
+    Ok(match block {
+        Block::Text(text) | Block::Line(text) => html! { p { (text) } },
+        Block::Failure(text) => html! { p.fail { (text) } },
+        Block::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
+        Block::Table(shown) if shown.medium.is_page() && !shown.rows.is_empty() => table(shown),
+        Block::Table(_) => html! {},
+        Block::Chart(wide) => {
+            let narrow = Chart {
+                width: COLUMN,
+                ..Chart::clone(wide)
+            };
+            let [wide, narrow] = [wide.inline_svg()?, narrow.inline_svg()?];
+            html! { div.wide { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } }
+        }
+        Block::Verbatim(text) => html! { pre { (text) } },
+        Block::Folded {
+            summary,
+            open,
+            blocks: hidden,
+        } => {
+            let hidden = blocks(hidden)?;
+            html! { details open[*open] { summary { (summary) } (hidden) } }
+        }
+    })
+}
+
+fn table(table: &Table) -> Markup {
+    if table.columns.is_empty() {
+        return html! {
+            table.facts {
+                tbody { @for row in &table.rows { tr { @for cell in row { (self::cell(cell, None)) } } } }
+            }
+        };
+    }
+    let columns = || {
+        table
+            .columns
+            .iter()
+            .enumerate()
+            .filter(|(_, column)| column.medium.is_page())
+    };
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        @for (place, column) in columns() {
+                            @let group = table.group.as_ref().filter(|_| place == 0);
+                            th class=[class(column, None)] { (group.unwrap_or(&column.name)) }
+                        }
+                    }
+                }
+                tbody {
+                    @for row in &table.rows {
+                        tr { @for (place, column) in columns() { (cell(row.get(place).unwrap_or(&EMPTY), Some(column))) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+const EMPTY: Cell = Cell::Text(String::new());
+
+fn class(column: &Column, met: Option<bool>) -> Option<&'static str> {
+    match (column.medium, met) {
+        (Medium::Wide, None) => Some("more"),
+        (Medium::Wide, Some(true)) => Some("more pass"),
+        (Medium::Wide, Some(false)) => Some("more fail"),
+        (_, None) => None,
+        (_, Some(true)) => Some("pass"),
+        (_, Some(false)) => Some("fail"),
+    }
+}
+
+fn cell(cell: &Cell, column: Option<&Column>) -> Markup {
+    let met = match cell {
+        Cell::Judged(_, met) => Some(*met),
+        _ => None,
+    };
+    let class = column.and_then(|column| class(column, met));
+    html! {
+        td class=[class] {
+            @match cell {
+                Cell::Text(text) | Cell::Judged(text, _) => (text),
+                Cell::Histogram(counts) => {
+                    @let most = counts.iter().copied().max().unwrap_or(1).max(1);
+                    span.bins {
+                        @for count in counts { i style=(format!("height:{:.0}%", 100.0 * *count as f64 / most as f64)) {} }
+                    }
+                }
+                Cell::Bar(part) => {
+                    div.bar { i style=(format!("width:{:.1}%", 100.0 * part.clamp(0.0, 1.0))) {} }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hertz_charts::{Axis, Ink, Mark, Panel, Series};
+
+    #[test]
+    fn a_page_needs_nothing_from_outside_and_escapes_its_text() {
+        let curve = Series {
+            name: "<curve>".to_owned(),
+            ink: Ink::Chain,
+            mark: Mark::Line,
+            points: vec![(0.0, 0.0), (1.0, 1.0)],
+        };
+        let chart = Chart::new(Axis::new("<x>", 0.0..1.0), vec![Panel::new("<y>", vec![curve])]);
+        let table = Table::new("<a> | <b>", [vec!["<c>".into(), Cell::judged("<d>", Some(true))]]);
+        let report = Report {
+            above: "<above>".to_owned(),
+            title: "<title>".to_owned(),
+            verdict: Err("<why>".to_owned()),
+            tiles: vec![("<1>".to_owned(), "<tile>".to_owned())],
+            sections: vec![
+                Section::new("<heading>")
+                    .text("<text>")
+                    .with(Block::Failure("<failure>".to_owned()))
+                    .with(Block::List(vec!["<line>".to_owned()]))
+                    .table(table.group("<group>"))
+                    .chart(chart),
+                Section::facts("facts", [("name", "<fact>".to_owned())]),
+                Section::scenario("title = \"<scenario>\""),
+            ],
+        };
+        let page = report.page().unwrap();
+        for outside in ["<script", "<link", "<img", "src=", "@import", "url("] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        let namespaces = page.matches("http://www.w3.org/2000/svg").count();
+        assert_eq!(page.matches("http").count(), namespaces);
+        for text in [
+            "above", "title", "why", "1", "tile", "heading", "text", "failure", "line", "group", "b", "c",
+            "d", "x", "y", "curve", "fact", "scenario",
+        ] {
+            let escaped = format!("&lt;{text}&gt;");
+            assert!(page.contains(&escaped), "{text} is missing");
+        }
+        for raw in ["<why>", "<title><", "<c>", "<fact>", "<scenario>", "<curve>"] {
+            assert!(!page.contains(raw), "{raw} is not escaped");
+        }
+    }
+}

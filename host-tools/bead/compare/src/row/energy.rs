@@ -1,0 +1,347 @@
+//! The energy along a row: E(n) after n intruders, and T, the part of it that each lets pass.
+//!
+//! # Design
+//! The beads measure what their intruders take. What is left after n of them is what came to the first bead
+//! less what the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is
+//! the first bead's own too: the work that its force does on the host of the reduced chain, which it moves,
+//! over the main wave. (The law of a solitary wave, by which the bead itself reports an incident energy from
+//! the peak force, holds between equal beads; a host is as light as its shell while the intruder lags behind,
+//! and with 12 g it gives 13 % too little.) Only where samples are missing, where the force left the sensor's
+//! range, or under a static load, it is the simulation's. All is a part of E(0), so that the speed of a
+//! strike does not matter, and strikes are averaged. What a host took that did not record is the
+//! simulation's. The simulation is put through the same sum.
+//!
+//! The paper's E(n) is another: the energy at the end in a chain with n intruders, over that in one without
+//! ([`energies_left`]). In a row of ten, intruders behind the n-th send waves back to it. Where intruders are
+//! light this changes nothing (m = 2.7 g: 1e-4), with heavy ones it does (12 g: 0.02 after the first). So it
+//! stands beside as a column of its own. Where the contacts lose energy too, the sum leaves out what they
+//! lose, and the column has it.
+
+use hertz_chain::{TransmissionFit, energies_left};
+use serde::Serialize;
+
+use crate::error::CompareError;
+use crate::row::chain::Chain;
+use crate::row::member::{Felt, Pair};
+use crate::row::strikes::Row;
+
+/// The energy along a row, as in the JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct EnergyAlong {
+    /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
+    pub incident: Option<Pair>,
+    /// The first bead that recorded.
+    pub incident_at: Option<usize>,
+    /// Who says so, on the device's side: `bead`, or `simulation`.
+    pub incident_by: &'static str,
+    /// After 0, 1 and all further intruders.
+    pub after: Vec<After>,
+    /// The line through ln E(n), of what was measured on end.
+    pub fit: Sides<Option<Fit>>,
+    /// Hosts between the first and the last that recorded which did not: there is no fit then.
+    pub not_measured: Vec<usize>,
+    /// Why there is no energy along the row, or why that of the wave is not the bead's own.
+    #[serde(skip)]
+    why: Option<&'static str>,
+}
+
+/// The energy that n intruders leave.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct After {
+    /// Number of intruders.
+    pub n: usize,
+    /// The bead of the last of them; none after 0.
+    pub bead: Option<usize>,
+    /// E(n) as a part of E(0).
+    pub left: Sides<f64>,
+    /// T = E(n) / E(n-1); by A and B of what a bead measured only.
+    pub transmission: Option<Transmission>,
+}
+
+/// A value from four sides.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Sides<V> {
+    /// By the beads' estimate A.
+    pub by_a: V,
+    /// By their estimate B.
+    pub by_b: V,
+    /// By what the chain's intruders take in the simulation of this row.
+    pub f64_chain: V,
+    /// By simulations of rows with n intruders each, as in the paper's Fig. 5.
+    pub rows_of_n: V,
+}
+
+/// The part of the energy that an intruder lets pass.
+pub type Transmission = Sides<Option<f64>>;
+
+/// E(n) = E(0) Tⁿ.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Fit {
+    /// T.
+    pub transmission: f64,
+    /// E(0) of the line.
+    pub initial: f64,
+    /// Standard error of T, from the scatter about the line.
+    pub uncertainty: f64,
+    /// Root mean square of that scatter: how far from exponential the energies are.
+    pub residual: f64,
+}
+
+impl<V: Copy> Sides<V> {
+    /// Each of the four.
+    pub fn each(&self) -> [V; 4] {
+        [self.by_a, self.by_b, self.f64_chain, self.rows_of_n]
+    }
+
+    fn of(side: impl Fn(usize) -> V) -> Self {
+        Self {
+            by_a: side(0),
+            by_b: side(1),
+            f64_chain: side(2),
+            rows_of_n: side(3),
+        }
+    }
+}
+
+/// The energy that a host's intruder took, as a part of the energy at the first bead: by A, by B, by the
+/// chain.
+struct Taken {
+    bead: usize,
+    measured: Option<[f64; 2]>,
+    f64_chain: f64,
+}
+
+impl EnergyAlong {
+    pub(super) fn of(row: &Row, chain: &Chain) -> Result<Self, CompareError> {
+        let none = |why| Self {
+            incident: None,
+            incident_at: None,
+            incident_by: "simulation",
+            after: Vec::new(),
+            fit: Sides::of(|_| None),
+            not_measured: Vec::new(),
+            why,
+        };
+        let first = row.members.iter().position(|member| !member.felt.is_empty());
+        let Some(first) = first else {
+            return Ok(none(None));
+        };
+        let leader = &row.members[first];
+        let Some(simulated) = leader.chain.incident() else {
+            return Ok(none(Some(
+                "the main wave does not come from the striker's end: there is no E(n) and no T",
+            )));
+        };
+        let rows_of_n = energies_left(&chain.scenario).map_err(CompareError::from)?;
+        // Of all its strikes or of none, so that all are parts of the same.
+        let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
+        let came = |felt: &Felt| felt.incident.filter(|_| is_own).unwrap_or(simulated);
+        let end = chain.solution.at(chain.scenario.duration);
+        let taken = |host: &usize| {
+            let member = row.members.iter().position(|member| member.bead == *host);
+            Taken {
+                bead: *host,
+                measured: member.and_then(|place| share(row, first, place, came)),
+                f64_chain: end.intruder_dissipated(*host).unwrap_or(0.0) / simulated,
+            }
+        };
+        let taken: Vec<Taken> = chain.hosts.iter().map(taken).collect();
+        let count = leader.felt.len() as f64;
+        let after = after(&taken, leader.bead, &rows_of_n);
+        let (fit, not_measured) = fits(&after, &taken);
+        Ok(Self {
+            incident: Some(Pair {
+                device: leader.felt.iter().map(came).sum::<f64>() / count,
+                f64_chain: simulated,
+            }),
+            incident_at: Some(leader.bead),
+            incident_by: if is_own { "bead" } else { "simulation" },
+            after,
+            fit,
+            not_measured,
+            why: match (is_own, leader.chain.is_loaded()) {
+                (true, _) => None,
+                (false, true) => Some(
+                    "the chain is under a load, and the bead reckons without: the energy that came to the first bead is the \
+                     simulation's",
+                ),
+                (false, false) => Some(
+                    "the first bead has a strike without all its samples, or beyond its sensor's range: the energy that came to \
+                     it is the simulation's",
+                ),
+            },
+        })
+    }
+
+    pub(super) fn notes(&self) -> Vec<String> {
+        let mut notes: Vec<String> = self.why.map(str::to_owned).into_iter().collect();
+        if !self.not_measured.is_empty() {
+            let beads: Vec<String> = self.not_measured.iter().map(usize::to_string).collect();
+            notes.push(format!(
+                "no T is fitted to the beads' energies: {} between them measured nothing",
+                beads.join(", ")
+            ));
+        }
+        notes
+    }
+}
+
+/// The energy that the bead at `place` took by A and by B, as a part of that at the bead at `first`: the mean
+/// over the strikes that both felt.
+fn share(row: &Row, first: usize, place: usize, came: impl Fn(&Felt) -> f64) -> Option<[f64; 2]> {
+    let (mut sum, mut count) = ([0.0; 2], 0.0);
+    for strike in &row.strikes {
+        let felt = row.felt(strike);
+        if let (Some(leader), Some(felt)) = (felt[first], felt[place]) {
+            sum[0] += felt.device.absorbed_measured / came(leader);
+            sum[1] += felt.device.absorbed_predicted / came(leader);
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| sum.map(|sum| sum / count))
+}
+
+/// E(n) from what each host's intruder took, as parts of what came to `first`.
+fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
+    let of = |taken: &Taken| {
+        let [a, b] = taken.measured.unwrap_or([taken.f64_chain; 2]);
+        [a, b, taken.f64_chain]
+    };
+    let before: f64 = taken
+        .iter()
+        .filter(|one| one.bead < first)
+        .map(|one| one.f64_chain)
+        .sum();
+    let whole = 1.0 + before;
+    let mut left = [whole; 3];
+    let mut all = vec![After {
+        n: 0,
+        bead: None,
+        left: Sides::of(|_| 1.0),
+        transmission: None,
+    }];
+    for (n, one) in (1..).zip(taken) {
+        let was = left;
+        for (left, taken) in left.iter_mut().zip(of(one)) {
+            *left -= taken;
+        }
+        let through = |side: usize| match side {
+            3 => Some(rows_of_n[n] / rows_of_n[n - 1]),
+            2 => Some(left[2] / was[2]),
+            _ => one.measured.map(|_| left[side] / was[side]),
+        };
+        all.push(After {
+            n,
+            bead: Some(one.bead),
+            left: Sides::of(|side| match side {
+                3 => rows_of_n[n],
+                _ => left[side] / whole,
+            }),
+            transmission: Some(Sides::of(through)),
+        });
+    }
+    all
+}
+
+/// The lines through what was measured, and which hosts between measured nothing.
+fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
+    let is_measured = |one: &Taken| one.measured.is_some();
+    let (Some(from), Some(to)) = (
+        taken.iter().position(is_measured),
+        taken.iter().rposition(is_measured),
+    ) else {
+        return (Sides::of(|_| None), Vec::new());
+    };
+    let gaps = taken[from..=to].iter().filter(|one| !is_measured(one));
+    let gaps: Vec<usize> = gaps.map(|one| one.bead).collect();
+    // Before the first of them, and after each.
+    let stretch = &after[from..=to + 1];
+    let fit = |side: usize| {
+        let points: Vec<(usize, f64)> = stretch.iter().map(|one| (one.n, one.left.each()[side])).collect();
+        let fit = TransmissionFit::of(&points).filter(|_| side > 1 || gaps.is_empty())?;
+        Some(Fit {
+            transmission: fit.transmission,
+            initial: fit.initial,
+            uncertainty: fit.uncertainty,
+            residual: fit.residual,
+        })
+    };
+    (Sides::of(fit), gaps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hosts from bead 7 on that each take a tenth of what came, and by B a thousandth of it more; those of
+    /// which `measured` is false did not record.
+    fn taken(measured: &[bool]) -> Vec<Taken> {
+        let mut left = 1.0;
+        let one = |(n, measured): (usize, &bool)| {
+            let f64_chain = 0.1 * left;
+            left -= f64_chain;
+            Taken {
+                bead: 7 + n,
+                measured: measured.then_some([f64_chain, f64_chain * 1.001]),
+                f64_chain,
+            }
+        };
+        measured.iter().enumerate().map(one).collect()
+    }
+
+    fn powers(count: usize) -> Vec<f64> {
+        (0..=count).map(|n| 0.9_f64.powi(n as i32)).collect()
+    }
+
+    #[test]
+    fn what_is_left_is_what_came_less_what_was_taken() {
+        let taken = taken(&[true; 5]);
+        let after = after(&taken, 7, &powers(5));
+        for one in &after {
+            let expected = 0.9_f64.powi(one.n as i32);
+            assert!((one.left.by_a - expected).abs() < 1e-12, "{one:?}");
+            assert!((one.left.f64_chain - expected).abs() < 1e-12, "{one:?}");
+            assert!(one.left.by_b <= one.left.by_a);
+        }
+        let (fit, gaps) = fits(&after, &taken);
+        assert!(gaps.is_empty());
+        for side in [fit.by_a, fit.f64_chain, fit.rows_of_n].map(Option::unwrap) {
+            assert!(
+                (side.transmission - 0.9).abs() < 1e-12 && side.residual < 1e-12,
+                "{side:?}"
+            );
+        }
+        assert!(fit.by_b.unwrap().transmission < 0.9);
+    }
+
+    #[test]
+    fn a_host_that_did_not_record_takes_what_the_simulation_says_and_has_no_transmission() {
+        let taken = taken(&[true, false, true, true]);
+        let after = after(&taken, 7, &powers(4));
+        assert!((after[4].left.by_a - 0.9_f64.powi(4)).abs() < 1e-12);
+        let transmission = after[2].transmission.unwrap();
+        assert_eq!((transmission.by_a, transmission.by_b), (None, None));
+        assert!((transmission.f64_chain.unwrap() - 0.9).abs() < 1e-12);
+        let (fit, gaps) = fits(&after, &taken);
+        assert_eq!((gaps, fit.by_a), (vec![8], None));
+    }
+
+    #[test]
+    fn hosts_before_the_first_that_recorded_count_by_the_simulation() {
+        // The energy at bead 9 is the unit; the two before took a part of the energy at bead 7.
+        let mut taken = taken(&[false, false, true, true, true]);
+        for one in &mut taken {
+            one.f64_chain /= 0.81;
+            one.measured = one.measured.map(|both| both.map(|energy| energy / 0.81));
+        }
+        let after = after(&taken, 9, &powers(5));
+        for one in &after {
+            assert!(
+                (one.left.by_a - 0.9_f64.powi(one.n as i32)).abs() < 1e-12,
+                "{one:?}"
+            );
+        }
+        let (fit, _) = fits(&after, &taken);
+        assert!((fit.by_a.unwrap().transmission - 0.9).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,195 @@
+//! Waves that come to a bead after the main one.
+//!
+//! # Design
+//! Such a wave is low and on a tail of the main one, and noise alone makes or hides dips beside it. So the
+//! simulated force, which has no noise, says where there is one, and the bead what it sensed about then.
+//! Where the simulation has none the bead's own must be plain to count. Both forces are means over `SMOOTH`
+//! samples, which takes 1 % from a wave of 0.3 ms.
+
+use std::ops::Range;
+
+use serde::Serialize;
+
+use crate::strike::SensedPoint;
+
+/// Samples in a mean: odd.
+const SMOOTH: usize = 9;
+/// Greatest distance of the bead's wave from the simulated one, in samples.
+const NEAR: usize = 15;
+
+/// Conditions of a wave.
+#[derive(Clone, Copy)]
+struct Plain {
+    /// Least height, as a part of the main one.
+    height: f64,
+    /// Before and after it the force is below this part of its height.
+    fall: f64,
+}
+
+const SIMULATED: Plain = Plain {
+    height: 5e-3,
+    fall: 0.5,
+};
+const UNEXPECTED: Plain = Plain {
+    height: 2e-2,
+    fall: 0.25,
+};
+
+/// The strongest wave after the main one: by the bead, and by the chain at the same samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct LaterWave {
+    /// By the bead.
+    pub device: Option<Wave>,
+    /// By the chain.
+    pub f64_chain: Option<Wave>,
+}
+
+/// A wave after the main one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Wave {
+    /// Highest force, N.
+    pub peak_force: f64,
+    /// From the highest force of the main wave to that of this one, s.
+    pub after: f64,
+}
+
+/// The strongest later wave of a strike. `None` if neither saw one.
+pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
+    let smooth = |value: fn(&SensedPoint) -> f64| -> Vec<f64> {
+        let values: Vec<f64> = force.iter().map(value).collect();
+        let means = values
+            .windows(SMOOTH)
+            .map(|some| some.iter().sum::<f64>() / SMOOTH as f64);
+        means.collect()
+    };
+    let (sensed, simulated) = (smooth(|point| point.sensed), smooth(|point| point.simulated));
+    let (main_sensed, main) = (
+        highest(&sensed, 0..sensed.len())?,
+        highest(&simulated, 0..simulated.len())?,
+    );
+    let wave = |values: &[f64], main: usize, at: usize| Wave {
+        peak_force: values[at],
+        after: force[at].time - force[main].time,
+    };
+    let Some(at) = strongest(&simulated, main, SIMULATED) else {
+        let own = strongest(&sensed, main_sensed, UNEXPECTED)?;
+        return Some(LaterWave {
+            device: Some(wave(&sensed, main_sensed, own)),
+            f64_chain: None,
+        });
+    };
+    let near = at.saturating_sub(NEAR)..(at + NEAR + 1).min(sensed.len());
+    Some(LaterWave {
+        device: highest(&sensed, near).map(|own| wave(&sensed, main_sensed, own)),
+        f64_chain: Some(wave(&simulated, main, at)),
+    })
+}
+
+/// The place of the highest value in a range.
+fn highest(values: &[f64], mut range: Range<usize>) -> Option<usize> {
+    let first = range.next()?;
+    Some(range.fold(
+        first,
+        |best, at| if values[at] > values[best] { at } else { best },
+    ))
+}
+
+/// The place of the top of the strongest wave after the main one.
+fn strongest(values: &[f64], main: usize, plain: Plain) -> Option<usize> {
+    let later = waves(values, main, plain);
+    later.into_iter().max_by(|a, b| values[*a].total_cmp(&values[*b]))
+}
+
+/// The places of the tops of the waves after the main one.
+fn waves(values: &[f64], main: usize, plain: Plain) -> Vec<usize> {
+    let (least, fall) = (plain.height * values[main], plain.fall);
+    let mut waves = Vec::new();
+    // The wave that is being looked at, and the least force since the one before.
+    let (mut top, mut low) = (None, values[main]);
+    for at in main + 1..values.len() {
+        let value = values[at];
+        match top {
+            Some(before) if value > values[before] => top = Some(at),
+            Some(before) if value < fall * values[before] => {
+                waves.push(before);
+                (top, low) = (None, value);
+            }
+            Some(_) => {}
+            None => {
+                low = low.min(value);
+                if value > least && low < fall * value {
+                    top = Some(at);
+                }
+            }
+        }
+    }
+    waves
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bells of these heights, each 20 samples after the one before.
+    fn force(heights: &[f64]) -> Vec<f64> {
+        let bell = |at: f64, height: f64| height * (-(at / 4.0).powi(2)).exp();
+        let samples = 20 * (heights.len() + 1);
+        (0..samples)
+            .map(|sample| {
+                let after = |n: usize| sample as f64 - 20.0 * (n + 1) as f64;
+                heights
+                    .iter()
+                    .enumerate()
+                    .map(|(n, height)| bell(after(n), *height))
+                    .sum()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_wave_is_what_rises_from_half_its_height_and_falls_to_it() {
+        let found = |heights: &[f64]| waves(&force(heights), 20, SIMULATED);
+        assert_eq!(found(&[7.0, 1.0, 0.5]), [40, 60]);
+        assert_eq!(found(&[7.0, 0.0, 0.03]), [] as [usize; 0], "too low");
+        // A shoulder of the main wave is none.
+        let mut shoulder = force(&[7.0]);
+        shoulder[26] += 0.1;
+        assert_eq!(waves(&shoulder, 20, SIMULATED), [] as [usize; 0]);
+        // One that the window cuts has no height.
+        assert_eq!(waves(&force(&[7.0, 1.0])[..41], 20, SIMULATED), [] as [usize; 0]);
+    }
+
+    fn points(sensed: &[f64], simulated: &[f64]) -> Vec<SensedPoint> {
+        let both = sensed.iter().zip(simulated).enumerate();
+        both.map(|(n, (&sensed, &simulated))| SensedPoint {
+            time: n as f64 * 1e-5,
+            sensed,
+            simulated,
+        })
+        .collect()
+    }
+
+    #[test]
+    fn the_bead_says_what_it_sensed_where_the_chain_has_a_wave() {
+        let sensed = force(&[7.0, 0.0, 0.8]);
+        let simulated: Vec<f64> = sensed.iter().map(|force| 0.5 * force).collect();
+        let found = later_wave(&points(&sensed, &simulated)).unwrap();
+        let (device, chain) = (found.device.unwrap(), found.f64_chain.unwrap());
+        assert!(
+            (device.peak_force / chain.peak_force - 2.0).abs() < 1e-9,
+            "{found:?}"
+        );
+        assert!((device.after - 40e-5).abs() < 1e-12 && chain.after == device.after);
+    }
+
+    #[test]
+    fn a_wave_of_the_bead_alone_must_be_plain() {
+        let quiet = force(&[7.0]);
+        let mut simulated = quiet.clone();
+        simulated.resize(80, 0.0);
+        let alone = |height| later_wave(&points(&force(&[7.0, 0.0, height]), &simulated));
+        let found = alone(0.8).unwrap();
+        assert!(found.f64_chain.is_none() && found.device.is_some());
+        assert_eq!(alone(0.1), None);
+    }
+}

@@ -1,0 +1,64 @@
+//! The beads of a recording that belong to the row of a scenario.
+
+use crate::row::chain::Chain;
+use bead_recording::file::{Bead, Part};
+use bead_recording::received::Received;
+
+/// A bead of a recording at its place in the chain.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// Its place.
+    pub bead: usize,
+    /// Its frames.
+    pub received: Received,
+}
+
+/// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
+/// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
+/// it.
+pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec<String>) {
+    let mut places: Vec<Place> = Vec::new();
+    let mut notes = Vec::new();
+    for (bead, received) in received.recording.beads.iter().zip(received.each()) {
+        let (address, at) = (bead.origin.address, bead.place());
+        let why = if !chain.hosts.contains(&at) {
+            Some("has no intruder in this scenario".to_owned())
+        } else if places.iter().any(|other| other.bead == at) {
+            Some("is there twice".to_owned())
+        } else {
+            of_another(bead, text)
+        };
+        match why {
+            Some(why) => notes.push(format!("bead {at} (address {address}) is left out: it {why}")),
+            None => places.push(Place { bead: at, received }),
+        }
+    }
+    places.sort_by_key(|place| place.bead);
+    if places.is_empty() {
+        return (places, notes);
+    }
+    let is_missing = |host: &&usize| places.iter().all(|place| place.bead != **host);
+    let missing: Vec<String> = chain
+        .hosts
+        .iter()
+        .filter(is_missing)
+        .map(usize::to_string)
+        .collect();
+    if !missing.is_empty() {
+        let (beads, took) = match missing.len() {
+            1 => ("bead", "its intruder"),
+            _ => ("beads", "their intruders"),
+        };
+        notes.push(format!(
+            "{beads} {} of the scenario did not record: what {took} took is the simulation's",
+            missing.join(", ")
+        ));
+    }
+    (places, notes)
+}
+
+/// Why a bead is of another chain, if it carries a scenario of its own.
+fn of_another(bead: &Bead, text: &str) -> Option<String> {
+    let own = bead.parts.get(&Part::Scenario)?;
+    (**own != *text.as_bytes()).then(|| "carries another scenario".to_owned())
+}

@@ -1,0 +1,290 @@
+//! The report of a row.
+
+use crate::report::{
+    Block, Cell, DASH, EnergyUnit, Fact, Report, Section, Table, count, number, percent, percent_within,
+    signed,
+};
+use crate::row::arrivals::Speed;
+use crate::row::chain::Chain;
+use crate::row::compare::RowComparison;
+use crate::row::energy::{After, EnergyAlong, Fit};
+use crate::row::later::Wave;
+use crate::row::member::{BeadOfRow, Pair};
+use crate::row::pictures::{details, overview};
+use crate::row::strikes::Row;
+use crate::spread::Spread;
+
+/// A row, compared, and what is known of the run.
+pub struct ComparedRow<'a> {
+    /// The recording's name.
+    pub recording: &'a str,
+    /// The beads' strikes.
+    pub row: &'a Row,
+    /// The chain that they are held against.
+    pub chain: &'a Chain,
+    /// The comparison.
+    pub compared: &'a RowComparison,
+    /// The striker's velocity in words, if it was fitted.
+    pub velocity: Option<String>,
+    /// Command, versions and date of the report.
+    pub made: &'a [Fact],
+    /// The scenario, as its author wrote it.
+    pub scenario: &'a str,
+}
+
+impl ComparedRow<'_> {
+    /// The report.
+    pub fn report(&self) -> Report {
+        let compared = self.compared;
+        let title = &self.chain.scenario.title[..];
+        let strikes = count(compared.strikes as u64, "strike");
+        let missing = Section::new("What is missing").with(Block::List(compared.notes.clone()));
+        let sections = [
+            (!compared.notes.is_empty()).then_some(missing),
+            Some(self.wave()),
+            Some(self.beads()),
+            Some(Section::new("All beads").table(self.totals())),
+            Some(Section::new("Speed of the wave").table(self.speeds())),
+            self.later(),
+            energy(&compared.energy),
+            Some(self.intruders()),
+            Some(self.facts()),
+            Some(Section::scenario(self.scenario)),
+        ];
+        Report {
+            above: format!("{} beads, {strikes} · {}", compared.beads.len(), self.recording),
+            title: if title.is_empty() { "A row of beads" } else { title }.to_owned(),
+            verdict: compared.failure.clone().map_or(Ok("Every check passed"), Err),
+            tiles: self.tiles(),
+            sections: sections.into_iter().flatten().collect(),
+        }
+    }
+
+    fn tiles(&self) -> Vec<(String, String)> {
+        let compared = self.compared;
+        let identical = compared
+            .beads
+            .iter()
+            .filter(|bead| bead.replay_identical == Some(true));
+        let identical = format!("{} of {}", identical.count(), compared.beads.len());
+        let worst = |which: usize| {
+            let spreads = compared.beads.iter().filter_map(|bead| bead.spread.get(which));
+            let worst = spreads.max_by(|a, b| a.mean.abs().total_cmp(&b.mean.abs()));
+            worst.map_or(DASH.to_owned(), |worst| percent(worst.mean))
+        };
+        let fit = |fit: Option<Fit>| fit.map_or(DASH.to_owned(), |fit| format!("{:.5}", fit.transmission));
+        let rms = compared
+            .arrivals
+            .off_rms_s
+            .map(|rms| format!("{:.2} µs", rms * 1e6));
+        let in_simulation = fit(compared.energy.fit.f64_chain);
+        let transmission = format!("T of an intruder, by the beads’ A; {in_simulation} in the simulation");
+        vec![
+            (fit(compared.energy.fit.by_a), transmission),
+            (worst(0), "A, where it is furthest off".to_owned()),
+            (worst(1), "B, where it is furthest off".to_owned()),
+            (
+                rms.unwrap_or(DASH.to_owned()),
+                "arrivals off the simulation, rms".to_owned(),
+            ),
+            (identical, "beads replayed bit for bit".to_owned()),
+        ]
+    }
+
+    fn wave(&self) -> Section {
+        let text = "Green is what the beads sensed, each at its place in the chain and on the time that their sync edges give \
+                    them in common. Grey below it is the simulation. What is left after n intruders is what came to the first \
+                    bead, less what the beads measured that their intruders took.";
+        let chart = overview(self.row, self.chain, self.compared);
+        Section::new("The wave along the row").text(text).chart(chart)
+    }
+
+    fn intruders(&self) -> Section {
+        let text = "Their accelerations, and the part of the wave’s energy that each lets pass.";
+        let chart = details(self.row, self.chain, self.compared);
+        Section::new("The intruders").text(text).chart(chart)
+    }
+
+    fn beads(&self) -> Section {
+        let compared = self.compared;
+        let text = "The wave comes when the force has risen to half its height. Goals: A within 0.2 % of the simulation, B within \
+                    0.5 %, every bit replayed.";
+        let more: usize = compared.beads.iter().map(|bead| bead.strikes_left_out).sum();
+        let more = (more > 0).then(|| {
+            let more = count(more as u64, "strike");
+            format!("{more}, after the first of each bead, count only in its means and in the verdict")
+        });
+        let rms = compared.arrivals.off_rms_s;
+        let velocity = self.velocity.as_ref();
+        let mut section = Section::new("Each bead")
+            .text(text)
+            .table(self.table_of_beads())
+            .line(more)
+            .line(rms.map(|rms| format!("arrivals are off by {:.3} µs rms", rms * 1e6)))
+            .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")));
+        for bead in &compared.beads {
+            let difference = bead.first_difference.clone();
+            section.blocks.extend(difference.map(Block::Failure));
+            if !bead.flags.is_empty() {
+                section = section.text(format!("Bead {} has flags: {}", bead.bead, bead.flags.join(", ")));
+            }
+        }
+        section
+    }
+
+    fn table_of_beads(&self) -> Table {
+        let compared = self.compared;
+        let energies = |of: fn(&BeadOfRow) -> Option<Pair>| {
+            EnergyUnit::of(compared.beads.iter().filter_map(of).map(|pair| pair.device))
+        };
+        let (wave, a, b) = (
+            energies(|bead| bead.incident),
+            energies(|bead| bead.absorbed_measured),
+            energies(|bead| bead.absorbed_predicted),
+        );
+        let row = |bead: &BeadOfRow| {
+            let arrival = compared.arrivals.at(bead.bead);
+            let flags = Some(bead.flags.join(", ")).filter(|flags| !flags.is_empty());
+            let replay = bead.replay_identical;
+            let same = replay.map(|same| if same { "identical" } else { "differs" }.to_owned());
+            let mut row = vec![
+                bead.bead.to_string().into(),
+                format!("{} of {}", bead.strikes - bead.strikes_left_out, compared.strikes).into(),
+                Cell::known(arrival.map(|arrival| format!("{:.5}", arrival.device_s * 1e3))),
+                Cell::known(arrival.map(|arrival| format!("{} µs", signed(arrival.off_s * 1e6, 2)))),
+            ];
+            row.extend(pair(bead.peak_force, 1.0, 4));
+            row.extend(pair(bead.width, 1e6, 2));
+            row.extend(pair(bead.incident, wave.scale, 3));
+            row.push(pair(bead.absorbed_measured, a.scale, 2)[0].clone());
+            row.extend(judged(bead.spread.first()));
+            row.push(pair(bead.absorbed_predicted, b.scale, 2)[0].clone());
+            row.extend(judged(bead.spread.get(1)));
+            row.extend([Cell::known(same), Cell::known(flags)]);
+            row
+        };
+        let [wave, a, b] = [wave, a, b].map(|unit| unit.symbol);
+        let headings = format!(
+            "bead | ^strikes | arrival (ms) | off by | peak (N) | ~off by | width (µs) | ~off by | ^wave ({wave}) | ^off by \
+             | ^A ({a}) | A off by | ^±0.2 % | ^B ({b}) | B off by | ^±0.5 % | ~replay | ^flags"
+        );
+        Table::new(&headings, compared.beads.iter().map(row))
+    }
+
+    /// The losses of all beads together.
+    fn totals(&self) -> Table {
+        let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>().to_string();
+        let most = self
+            .compared
+            .beads
+            .iter()
+            .filter_map(|bead| bead.instructions_per_sample);
+        let most = most.reduce(f64::max).map(|most| format!("{most:.1}"));
+        let rows = [
+            ("frames lost", Some(sum(|bead| bead.frames_lost))),
+            ("frames corrupt", Some(sum(|bead| bead.frames_corrupt))),
+            ("overruns", Some(sum(|bead| bead.overruns))),
+            ("instructions a sample, at most", most),
+        ];
+        let row = |(name, value): (&str, Option<String>)| Some(vec![name.into(), value?.into()]);
+        Table::new("all beads |", rows.into_iter().filter_map(row))
+    }
+
+    fn speeds(&self) -> Table {
+        let row = |speed: &Speed| {
+            vec![
+                format!("{} to {}", speed.from, speed.to).into(),
+                format!("{:.3}", speed.device).into(),
+                format!("{:.3}", speed.f64_chain).into(),
+                percent(speed.off()).into(),
+            ]
+        };
+        let headings = "from bead | wave (m/s) | f64 chain (m/s) | off by";
+        Table::new(headings, self.compared.arrivals.speeds.iter().map(row))
+    }
+
+    fn later(&self) -> Option<Section> {
+        let cells = |wave: Option<Wave>| {
+            [
+                Cell::known(wave.map(|wave| number(wave.peak_force * 1e3, 1))),
+                Cell::known(wave.map(|wave| number(wave.after * 1e3, 3))),
+            ]
+        };
+        let row = |bead: &BeadOfRow| {
+            let later = bead.later_wave?;
+            let mut row = vec![bead.bead.to_string().into()];
+            row.extend([later.device, later.f64_chain].into_iter().flat_map(cells));
+            Some(row)
+        };
+        let headings = "later wave at bead | peak (mN) | ~after (ms) | f64 chain (mN) | ~after (ms)";
+        let table = Table::new(headings, self.compared.beads.iter().filter_map(row));
+        let text = "The strongest wave after the main one, where there is one.";
+        (!table.rows.is_empty()).then(|| Section::new("Later waves").text(text).table(table))
+    }
+
+    fn facts(&self) -> Section {
+        let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>();
+        let (lost, refused) = (sum(|bead| bead.frames_lost), sum(|bead| bead.frames_corrupt));
+        let frames = ("frames", format!("{lost} lost, {refused} refused"));
+        Section::facts("The run", self.made.iter().cloned().chain([frames]))
+    }
+}
+
+/// The bead's value, and its deviation.
+fn pair(pair: Option<Pair>, scale: f64, digits: usize) -> [Cell; 2] {
+    [
+        Cell::known(pair.map(|pair| number(pair.device * scale, digits))),
+        Cell::known(pair.map(|pair| percent(pair.off()))),
+    ]
+}
+
+/// The deviation of an estimate, and whether its goals are met.
+fn judged(spread: Option<&Spread>) -> [Cell; 2] {
+    let met = spread.map(|spread| spread.pass);
+    let off = spread.map(|spread| percent_within(spread.mean, spread.uncertainty));
+    [
+        Cell::judged(off.unwrap_or(DASH.to_owned()), met),
+        Cell::verdict(met),
+    ]
+}
+
+/// The energy along the row; `None` where no wave came to it.
+fn energy(energy: &EnergyAlong) -> Option<Section> {
+    let (incident, at) = (energy.incident?, energy.incident_at?);
+    let row = |after: &After| {
+        let mut row = vec![
+            after.n.to_string().into(),
+            Cell::known(after.bead.map(|bead| bead.to_string())),
+        ];
+        row.extend(after.left.each().map(|left| number(left * 100.0, 3).into()));
+        let through = after.transmission.map_or([None; 4], |through| through.each());
+        row.extend(through.map(|through| Cell::known(through.map(|through| number(through, 5)))));
+        row
+    };
+    let mut fit: Vec<Cell> = vec!["Tⁿ".into()];
+    fit.resize(6, "".into());
+    let shown = |fit: Fit| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
+    fit.extend(energy.fit.each().map(|fit| Cell::known(fit.map(shown))));
+    // A narrow window has the two sides that are compared.
+    let headings =
+        "n | ~bead | E(n), % by A | ~by B | f64 chain | ~rows of n | T by A | ~by B | f64 chain | ~rows of n";
+    let table = Table::new(headings, energy.after.iter().map(row).chain([fit]));
+    let by = if energy.incident_by == "bead" {
+        "by its own force"
+    } else {
+        "of the simulation, as its own force is not known whole"
+    };
+    let unit = EnergyUnit::of([incident.device, incident.f64_chain]);
+    let [device, f64_chain] = [incident.device, incident.f64_chain].map(|joules| unit.number(joules, 3));
+    let symbol = unit.symbol;
+    let line = format!(
+        "energy of the wave at bead {at}: {device} {symbol} {by}, {f64_chain} {symbol} in the f64 chain"
+    );
+    let text = "From the energy of the wave at the first bead is taken what each bead measured, by A and by B; the column f64 \
+                chain is the same sum in the simulation of this row. Rows of n is the paper’s Fig. 5: for each n a chain with \
+                n intruders, and the energy that it has at the end. Heavy intruders send waves back to those before them, and \
+                then the two differ. The line through ln E(n) gives one T for all; what stands after ± is its standard error, \
+                from the distance of the energies from the line.";
+    let section = Section::new("Energy after n intruders");
+    Some(section.text(text).table(table).line(Some(line)))
+}

@@ -1,0 +1,450 @@
+//! Signals at the sensors of a bead in a simulated chain, strike after strike, and the truth of its report.
+
+use std::ops::Range;
+use std::path::Path;
+
+use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
+use bead_model::reduced_chain::FOLLOWERS;
+use hertz_chain::{Curve, Options, Scenario, Solution, read_text, simulate_with};
+use serde::{Deserialize, Serialize};
+
+use crate::error::CompareError;
+use crate::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use bead_instrument::Waveform;
+use bead_instrument::trace::{FADE, Trace};
+use bead_tables::printable::first_of;
+
+/// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
+pub const RING_DOWN: f64 = 6e-3;
+
+/// The bead and its surroundings, from which its settings are derived.
+///
+/// # Errors
+/// The bead has no intruder, and so senses nothing; the message names those that have one.
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
+    let model = solution.model();
+    let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
+        let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
+        let what = if with.is_empty() {
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned()
+        } else {
+            format!(
+                "this bead has no intruder; give one of: {}",
+                first_of(&with, BEADS_TOLD)
+            )
+        };
+        return Err(CompareError::Unfit(format!("--bead {bead}: {what}")));
+    };
+    if bead + 1 == model.bodies() {
+        return Err(CompareError::Unfit(format!(
+            "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
+        )));
+    }
+    // The reduced chain is uniform: every bead behind the host counts as a host, and every contact as the
+    // host's right one.
+    let behind = model.contact(bead + 1);
+    Ok(Bead {
+        mass: model.mass(bead),
+        intruder_mass: intruder.oscillator.mass,
+        front_mass: 0.0,
+        stiffness: intruder.oscillator.stiffness,
+        damping: intruder.oscillator.damping,
+        contact_stiffness: behind.stiffness,
+        relaxation: behind.relaxation,
+    })
+}
+
+/// Distance within which other intruders change the ringing of a bead within a window, in beads: a wave goes
+/// there and back in 6 ms.
+const NEAR: usize = 8;
+
+/// The intruders around a bead. Those of its followers count for estimate B if they are like that of the
+/// first follower that holds one.
+pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
+    let intruders = solution.model().intruders();
+    let at = |place: usize| {
+        intruders
+            .iter()
+            .find(|one| one.bead == place)
+            .map(|one| one.oscillator)
+    };
+    let followers = std::array::from_fn::<_, FOLLOWERS, _>(|follower| at(bead + 1 + follower));
+    let first = followers.iter().flatten().next().copied();
+    let behind = followers.map(|held| held.is_some() && held == first);
+    let counted = |place: usize| {
+        place == bead
+            || place
+                .checked_sub(bead + 1)
+                .and_then(|follower| behind.get(follower))
+                == Some(&true)
+    };
+    let others = intruders
+        .iter()
+        .map(|one| one.bead)
+        .filter(|place| !counted(*place));
+    let intruder = first.map_or_else(Intruder::default, |held| Intruder {
+        mass: held.mass,
+        stiffness: held.stiffness,
+        damping: held.damping,
+    });
+    let elsewhere = others.into_iter().any(|place| place.abs_diff(bead) <= NEAR);
+    Neighbours::new(behind, elsewhere, intruder)
+}
+
+/// A warning where the reduced chain of estimate B is not like the real chain, or its steps are long.
+///
+/// The reduced chain has four beads behind the host, which touch without force, and a free end. Three real
+/// beads are as good (0.15 %). With fewer, the reflection from the end comes back while the intruder still
+/// moves.
+pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
+    let model = solution.model();
+    let behind = (model.bodies() - 1).saturating_sub(bead);
+    if behind < 3 {
+        return Some(format!(
+            "bead {bead} is followed by {behind} only: estimate B reckons with {FOLLOWERS} and is off here; A is not concerned"
+        ));
+    }
+    let load = model.contact(model.bodies() - 1).load;
+    if load > 0.0 {
+        return Some(format!(
+            "the chain is pressed together by {load} N: estimate B reckons with beads that touch without force and is off \
+             here; A is not concerned, and the bead's forces are what comes on top of the load"
+        ));
+    }
+    let samples = bead_of(solution, bead).ok()?.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ);
+    // A shorter wave is refused, not warned of.
+    (LEAST_WIDTH..LONG_STEPS).contains(&samples).then(|| {
+        // Fitted to the worst errors in docs/spheres.md, and of heavier intruders.
+        let steps = 3.9 / samples;
+        format!(
+            "a wave of 1 m/s is {samples:.1} samples wide at bead {bead}: A is off by up to {:.1} %, B by up to {:.1} %; from \
+             {LONG_STEPS} samples on, by less than 0.2 and 1 %",
+            0.7 * steps.powf(3.6),
+            2.2 * steps.powf(2.3),
+        )
+    })
+}
+
+/// Width of a wave of 1 m/s, in samples, below which a sample is a long step.
+const LONG_STEPS: f64 = 5.6;
+
+/// The only bead with an intruder, for commands that name no bead.
+///
+/// # Errors
+/// No bead has an intruder, or more than one has.
+pub fn only_host(scenario: &Scenario) -> Result<usize, CompareError> {
+    let hosts: Vec<usize> = scenario
+        .intruders
+        .iter()
+        .flat_map(|intruder| intruder.beads.clone())
+        .collect();
+    match hosts[..] {
+        [host] => Ok(host),
+        [] => Err(CompareError::Unfit(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
+        )),
+        _ => Err(CompareError::Unfit(format!(
+            "several beads have intruders ({}); say which with --bead",
+            first_of(&hosts, BEADS_TOLD)
+        ))),
+    }
+}
+
+/// Beads of a list that are told.
+pub const BEADS_TOLD: usize = 10;
+
+/// Reads a scenario together with its text.
+///
+/// # Errors
+/// The file is missing or is no scenario; the message names file, line and key.
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), CompareError> {
+    // Read once: a pipe has its text only once.
+    let text = read_text(path, "a scenario file in TOML")?;
+    let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
+    Ok((scenario, text))
+}
+
+/// Simulates a scenario and [`RING_DOWN`] beyond its end.
+///
+/// # Errors
+/// The scenario cannot be integrated.
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, CompareError> {
+    let options = Options::default().with_duration(scenario.duration + RING_DOWN);
+    Ok(simulate_with(scenario, &options)?)
+}
+
+/// One strike at one bead by the full chain.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Truth {
+    /// Highest force at the bead's incoming contact over the scenario's duration, beyond a static load, N.
+    pub peak_force: f64,
+    /// ∫ c ẋ² dt of its intruder over the scenario's duration, J.
+    pub absorbed: f64,
+}
+
+impl Truth {
+    /// The truth for bead `bead`, from a solution of `scenario`.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no force ever reaches it.
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, CompareError> {
+        bead_of(solution, bead)?;
+        let summary = solution.summary();
+        let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
+        let absorbed = solution.at(scenario.duration).intruder_dissipated(bead);
+        match (peak, absorbed) {
+            (Some(peak), Some(absorbed)) => Ok(Self {
+                peak_force: peak.force - solution.model().contact(bead).load,
+                absorbed,
+            }),
+            _ => Err(CompareError::Unfit(format!(
+                "no force reaches bead {bead} within {} s; make the scenario's duration longer",
+                scenario.duration
+            ))),
+        }
+    }
+}
+
+/// Times of the strikes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Quiet time before the first strike, s.
+    pub lead_in: f64,
+    /// Number of strikes.
+    pub strikes: u32,
+    /// Time from strike to strike, s.
+    pub interval: f64,
+}
+
+impl Timing {
+    /// Time at which the striker of strike `number`, from 0, touches the chain, s.
+    ///
+    /// Strikes do not wait for the sample clock. Each comes at another phase of it; the golden ratio spreads
+    /// the phases evenly.
+    pub fn start(&self, number: u32) -> f64 {
+        let phase = (f64::from(number) * 0.618_033_988_749_894_9).fract();
+        self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// Start of each strike as a fractional sample index, by a clock with `rate` seconds in a true second.
+    /// Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+    pub fn starts(&self, rate: f64) -> Vec<f64> {
+        let index = |number| 1.0 + self.start(number) * rate * f64::from(SAMPLE_RATE_HZ);
+        (0..self.strikes).map(index).collect()
+    }
+
+    /// Scans from power-up to the end of the last strike; a strike takes `long` seconds.
+    pub fn scans(&self, long: f64) -> usize {
+        let last = self.strikes.saturating_sub(1);
+        ((self.start(last) + long) * f64::from(SAMPLE_RATE_HZ)).ceil() as usize + 1
+    }
+}
+
+/// Signal of one strike at a sensor.
+pub trait Felt: Clone + Sync {
+    /// The quantity at a time since the strike began, s, in its SI unit.
+    fn at(&mut self, since: f64) -> f64;
+}
+
+impl Felt for Curve {
+    fn at(&mut self, since: f64) -> f64 {
+        Curve::at(self, since)
+    }
+}
+
+impl Felt for Trace {
+    fn at(&mut self, since: f64) -> f64 {
+        Trace::at(self, since)
+    }
+}
+
+/// Signals at the sensors of one bead: the same strike again and again, with quiet between.
+#[derive(Clone)]
+pub struct Sensed<F = Curve> {
+    timing: Timing,
+    /// Duration of a strike, s.
+    long: f64,
+    /// Start and end of the strike that was asked for last, s.
+    last: Range<f64>,
+    force: Option<F>,
+    acceleration: Option<F>,
+}
+
+impl Sensed<Trace> {
+    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform
+    /// does not have stays at rest.
+    pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
+        Self {
+            timing,
+            long: waveform.seconds() + FADE,
+            last: 0.0..0.0,
+            force: waveform.force.clone(),
+            acceleration: waveform.acceleration.clone(),
+        }
+    }
+}
+
+impl Sensed {
+    /// The sensors of bead `bead`, which has an intruder, in `solution`. They pass no constant force, so they
+    /// feel what comes on top of a static load.
+    pub fn new(solution: &Solution, bead: usize, timing: Timing) -> Self {
+        Self {
+            timing,
+            long: solution.end(),
+            last: 0.0..0.0,
+            force: Some(solution.force_beyond_curve(bead)),
+            acceleration: solution.acceleration_curve(bead),
+        }
+    }
+}
+
+impl<F> Sensed<F> {
+    /// Duration of a strike, s.
+    pub fn long(&self) -> f64 {
+        self.long
+    }
+
+    /// Start of the strike at `time`, s; `None` if there is none.
+    fn strike_at(&self, time: f64) -> Option<f64> {
+        let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
+        if guess < 0.0 {
+            return None;
+        }
+        let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
+        // A strike starts up to one sample after its place in the row. Until then the strike before still
+        // counts.
+        let mut start = self.timing.start(number);
+        if time < start && number > 0 {
+            start = self.timing.start(number - 1);
+        }
+        Some(start).filter(|start| (0.0..=self.long).contains(&(time - start)))
+    }
+
+    /// Time since the start of the strike at `time`, s. It is fast where times follow one another.
+    fn since_start(&mut self, time: f64) -> Option<f64> {
+        let since = time - self.last.start;
+        if self.last.contains(&time) && since <= self.long {
+            return Some(since);
+        }
+        let start = self.strike_at(time)?;
+        // The next strike may start before the end of this one, by a sample.
+        let most = self.timing.interval - 1.0 / f64::from(SAMPLE_RATE_HZ);
+        self.last = start..start + self.long.min(most);
+        Some(time - start)
+    }
+}
+
+impl<F: Felt> Stimulus for Sensed<F> {
+    fn force(&mut self, time: f64) -> f64 {
+        let since = self.since_start(time);
+        let felt = since.zip(self.force.as_mut());
+        felt.map_or(0.0, |(since, force)| force.at(since))
+    }
+
+    fn acceleration(&mut self, time: f64) -> f64 {
+        let since = self.since_start(time);
+        let felt = since.zip(self.acceleration.as_mut());
+        felt.map_or(0.0, |(since, acceleration)| acceleration.at(since))
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        if self.strike_at(time).is_some() {
+            return time;
+        }
+        let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
+        let guess = guess.max(0.0) as u32;
+        // A strike starts up to one sample after its place in the row.
+        let near = guess..self.timing.strikes.min(guess.saturating_add(3));
+        let mut starts = near.map(|number| self.timing.start(number));
+        starts.find(|start| *start >= time).unwrap_or(f64::INFINITY)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hertz_chain::simulate;
+
+    use super::*;
+
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        let mut scenario = Scenario::paper();
+        scenario.duration = 1e-3;
+        scenario
+    }
+
+    #[test]
+    fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
+        let mut scenario = short_scenario();
+        scenario.intruders[0].beads = vec![4, 9];
+        let solution = simulate(&scenario).unwrap();
+        let error = bead_of(&solution, 5).unwrap_err();
+        assert!(error.to_string().contains("one of: 4, 9"), "{error}");
+        scenario.intruders.clear();
+        let solution = simulate(&scenario).unwrap();
+        assert!(
+            bead_of(&solution, 5)
+                .unwrap_err()
+                .to_string()
+                .contains("[[intruder]]")
+        );
+    }
+
+    #[test]
+    fn the_paper_bead_is_found_in_the_paper_scenario() {
+        let solution = simulate(&short_scenario()).unwrap();
+        let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
+        for (found, stated) in [
+            (found.mass, stated.mass),
+            (found.intruder_mass, stated.intruder_mass),
+            (found.stiffness, stated.stiffness),
+            (found.damping, stated.damping),
+            (found.contact_stiffness, stated.contact_stiffness),
+            (found.relaxation, stated.relaxation),
+        ] {
+            assert!((found / stated - 1.0).abs() < 1e-12, "{found} {stated}");
+        }
+    }
+
+    #[test]
+    fn a_sensor_feels_no_static_load() {
+        let mut scenario = short_scenario();
+        scenario.chain.precompression = 2.0;
+        let solution = simulate(&scenario).unwrap();
+        let timing = Timing {
+            lead_in: 0.02,
+            strikes: 1,
+            interval: 0.05,
+        };
+        let mut sensed = Sensed::new(&solution, 2, timing);
+        assert_eq!(sensed.force(timing.start(0)), 0.0);
+        let there = solution.at(0.3e-3).force(2) - 2.0;
+        let felt = sensed.force(timing.start(0) + 0.3e-3);
+        assert!(there > 1.0 && (felt - there).abs() < 1e-6, "{felt} {there}");
+    }
+
+    #[test]
+    fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
+        let scenario = Scenario::paper();
+        let solution = simulate_with_ring_down(&scenario).unwrap();
+        let timing = Timing {
+            lead_in: 0.02,
+            strikes: 3,
+            interval: 0.05,
+        };
+        let mut sensed = Sensed::new(&solution, 8, timing);
+        let phase = |n: u32| (timing.start(n) * f64::from(SAMPLE_RATE_HZ)).fract();
+        assert!((phase(1) - phase(2)).abs() > 0.1);
+        for number in 0..3 {
+            for since in [0.5e-3, 1.6e-3, 3e-3, 11.9e-3] {
+                let time = timing.start(number) + since;
+                assert!((sensed.force(time) - solution.at(since).force(8)).abs() < 1e-6);
+                let expected = solution.at(since).intruder_acceleration(8).unwrap();
+                assert!((sensed.acceleration(time) - expected).abs() < 1e-4);
+            }
+        }
+        for quiet in [0.0, 0.0199, 0.02 + 0.045, 0.15 + 0.02, 1.0] {
+            assert_eq!((sensed.force(quiet), sensed.acceleration(quiet)), (0.0, 0.0));
+        }
+    }
+}

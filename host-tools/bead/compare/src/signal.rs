@@ -1,0 +1,112 @@
+//! The signals of a strike from its codes, in SI units and f64.
+
+use bead_model::calibration::Channel;
+use bead_model::layout::BASELINE;
+use bead_model::reduced_chain::FOOT;
+use bead_model::sensor::Sensor;
+use bead_model::settings::Settings;
+use fixed::types::extra::LeEqU32;
+
+use crate::f64_estimators;
+use bead_recording::strikes::{RecordedStrike, ScanCodes};
+
+/// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
+/// It comes from the channel at the high gain wherever that is away from its rails.
+pub(crate) fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
+    let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
+    // Codes that were not sent had no part in the window.
+    let wide = |scan: &ScanCodes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
+    let wide: Vec<f64> = scans.iter().map(wide).collect();
+    let values = channel(&sensitive, &calibration.sensitive);
+    let wides = channel(&wide, &calibration.wide);
+    let believable = |at: usize| {
+        let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
+        sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
+    };
+    // The two channels are made to agree where both see a strong signal.
+    let per_code = calibration.sensitive.per_code.to_num::<f64>();
+    let differences: Vec<f64> = (0..scans.len())
+        .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
+        .map(|at| wides[at] - values[at])
+        .filter(|difference| difference.is_finite())
+        .collect();
+    let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
+    (0..scans.len())
+        .map(|at| {
+            if believable(at) || wides[at].is_nan() {
+                values[at]
+            } else {
+                wides[at] - offset
+            }
+        })
+        .collect()
+}
+
+/// A channel's codes in its unit.
+fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
+    let quiet = &codes[..usize::from(BASELINE)];
+    let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
+    let (per_code, slope) = (channel.per_code.to_num::<f64>(), channel.slope.to_num::<f64>());
+    let values: Vec<f64> = codes.iter().map(|code| (code - zero) * per_code).collect();
+    // The slope is per change over two samples.
+    f64_estimators::lead(&values, 2.0 * slope / per_code)
+}
+
+/// Noise of the force before the strike, N rms.
+pub(crate) fn force_noise(strike: &RecordedStrike) -> f64 {
+    let quiet = strike.scans.iter().take(usize::from(BASELINE));
+    let quiet = quiet.map(|scan| f64::from(scan.sensitive[0]));
+    let count = quiet.clone().count().max(1) as f64;
+    let mean = quiet.clone().sum::<f64>() / count;
+    let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let per_code = strike.settings.map(|settings| settings.force.sensitive.per_code);
+    codes * per_code.map_or(0.0, |per_code| per_code.to_num())
+}
+
+/// The force as estimate B of the bead takes it, N, in `finer` steps a sample; `noise` is the force's noise,
+/// N rms. The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
+/// for noise.
+pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64, finer: usize) -> Vec<f64> {
+    let gate = f64::max(settings.chain.gate.to_num(), 3.0 * noise);
+    let foot = usize::from(settings.window.noise_end()) * finer;
+    let mut silent = 0;
+    (0..)
+        .zip(force)
+        .map(|(sample, &force)| {
+            let quiet = sample >= foot && force.abs() < gate;
+            silent = if quiet { silent + 1 } else { 0 };
+            let is_wave = sample >= foot && silent <= usize::from(FOOT) * finer;
+            if is_wave { force } else { 0.0 }
+        })
+        .collect()
+}
+
+/// The place of the minimum of a function that has one between `low` and `high`: golden section, to a
+/// millionth of the interval.
+pub(crate) fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5f64.sqrt() - 1.0);
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut fa, mut fb) = (f(a), f(b));
+    for _ in 0..29 {
+        if fa < fb {
+            (high, b, fb) = (b, a, fa);
+            a = high - ratio * (high - low);
+            fa = f(a);
+        } else {
+            (low, a, fa) = (a, b, fb);
+            b = low + ratio * (high - low);
+            fb = f(b);
+        }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn golden_section_finds_the_bottom_of_a_parabola() {
+        assert!((least(-3.0, 5.0, |x| (x - 1.234).powi(2)) - 1.234).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,282 @@
+//! Several strikes against the simulation: mean and scatter of the deviations, with their uncertainty.
+//!
+//! # Design
+//! Noise moves each strike's estimate by itself, so that a strike says little about the bead. Over several
+//! strikes the mean says how far off the bead is, and the root mean square how much noise adds. A goal is
+//! missed where the deviation is beyond it by more than can be chance: where the whole interval that holds
+//! the true value in nineteen cases of twenty lies beyond the goal. The interval of the mean is Student's,
+//! the lower end of that of the scatter comes from the chi-squared distribution (Wilson and Hilferty's
+//! approximation, PNAS 17, 684, 1931). A strike alone is held to the goal of the mean.
+
+use serde::Serialize;
+
+use crate::report::{count, percent_within};
+use crate::strike::{GOAL, Values};
+
+/// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what
+/// docs/accuracy.md promises with the front end's noise.
+const SCATTER: [f64; 2] = [5e-3, 1e-2];
+
+/// The deviations of one estimate over several strikes, as parts of the full chain's value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Spread {
+    /// `A` or `B`.
+    pub estimate: &'static str,
+    /// Number of strikes.
+    pub strikes: usize,
+    /// Mean of the deviations.
+    pub mean: f64,
+    /// The true mean lies within this much of it in 19 cases of 20; none for a strike alone at a given
+    /// velocity.
+    pub uncertainty: Option<f64>,
+    /// Root mean square of the deviations about their mean; none for a strike alone.
+    pub scatter: Option<f64>,
+    /// The true scatter is above this in 39 cases of 40.
+    pub scatter_at_least: Option<f64>,
+    /// Greatest mean.
+    pub goal: f64,
+    /// Greatest scatter.
+    pub scatter_goal: f64,
+    /// True if neither is missed by more than chance explains.
+    pub pass: bool,
+}
+
+/// Mean and sum of squares of values that come one after another (Welford, Technometrics 4, 419, 1962).
+#[derive(Debug, Clone, Copy, Default)]
+struct Running {
+    count: usize,
+    mean: f64,
+    squares: f64,
+}
+
+impl Running {
+    fn push(&mut self, value: f64) {
+        self.count += 1;
+        let off = value - self.mean;
+        self.mean += off / self.count as f64;
+        self.squares += off * (value - self.mean);
+    }
+}
+
+/// The deviations of A and of B, strike by strike. It keeps no strike.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Deviations {
+    of: [Running; 2],
+    /// Uncertainty of the full chain's energy, as a part of it.
+    truth: f64,
+}
+
+impl Deviations {
+    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted.
+    pub fn within(truth: f64) -> Self {
+        Self {
+            truth,
+            ..Self::default()
+        }
+    }
+
+    /// Takes a strike's.
+    pub fn push(&mut self, deviation: &Values) {
+        self.of[0].push(deviation.absorbed_measured);
+        self.of[1].push(deviation.absorbed_predicted);
+    }
+
+    /// Of A and of B.
+    pub fn spread(&self) -> [Spread; 2] {
+        let [measured, predicted] = &self.of;
+        [
+            Spread::from("A", measured, self.truth, GOAL.absorbed_measured, SCATTER[0]),
+            Spread::from("B", predicted, self.truth, GOAL.absorbed_predicted, SCATTER[1]),
+        ]
+    }
+}
+
+impl Spread {
+    fn from(estimate: &'static str, deviations: &Running, truth: f64, goal: f64, scatter_goal: f64) -> Self {
+        let (mean, squares) = (deviations.mean, deviations.squares);
+        let free = deviations.count.saturating_sub(1);
+        let scatter = (free > 0).then(|| (squares / free as f64).sqrt());
+        let by_noise = scatter.map(|scatter| mean_uncertainty(scatter, deviations.count));
+        let uncertainty = match by_noise {
+            None if truth == 0.0 => None,
+            by_noise => Some(by_noise.unwrap_or(0.0).hypot(truth)),
+        };
+        let scatter_at_least = scatter.map(|scatter| scatter * (free as f64 / chi_squared(free)).sqrt());
+        let mut spread = Self {
+            estimate,
+            strikes: deviations.count,
+            mean,
+            uncertainty,
+            scatter,
+            scatter_at_least,
+            goal,
+            scatter_goal,
+            pass: false,
+        };
+        spread.pass = spread.mean_met() && spread.scatter_met();
+        spread
+    }
+
+    /// True if the mean is within its goal, or beyond it by no more than its uncertainty.
+    pub fn mean_met(&self) -> bool {
+        self.mean.abs() - self.uncertainty.unwrap_or(0.0) <= self.goal
+    }
+
+    /// True if the scatter is within its goal, or beyond it by no more than chance explains.
+    pub fn scatter_met(&self) -> bool {
+        self.scatter_at_least
+            .is_none_or(|least| least <= self.scatter_goal)
+    }
+
+    /// The goal that is missed, in words; `None` if both are met.
+    pub fn failure(&self) -> Option<String> {
+        let estimate = self.estimate;
+        let strikes = count(self.strikes as u64, "strike");
+        if !self.mean_met() {
+            let over = self
+                .uncertainty
+                .map_or(String::new(), |_| format!(" in the mean of {strikes}"));
+            return Some(format!(
+                "{estimate} is {} off the full chain{over}, more than its goal of {:.1} %; see docs/accuracy.md",
+                percent_within(self.mean, self.uncertainty),
+                self.goal * 100.0
+            ));
+        }
+        let scatter = self.scatter.filter(|_| !self.scatter_met())?;
+        Some(format!(
+            "{estimate} scatters by {:.2} % rms over {strikes}, more than the {:.1} % that noise explains; see \
+             docs/accuracy.md",
+            scatter * 100.0,
+            self.scatter_goal * 100.0
+        ))
+    }
+}
+
+/// Half the width of the interval that holds the true mean of `count` values in 19 cases of 20, for values
+/// that scatter by the standard deviation `scatter`. There are two values at least.
+pub(crate) fn mean_uncertainty(scatter: f64, count: usize) -> f64 {
+    student(count - 1) * scatter / (count as f64).sqrt()
+}
+
+/// Student's t: 97.5 % of it is below this.
+pub(crate) fn student(free: usize) -> f64 {
+    const FIRST: [f64; 10] = [
+        12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
+    ];
+    match FIRST.get(free - 1) {
+        Some(t) => *t,
+        // Within 0.002 (Abramowitz and Stegun, 26.7.5, to second order).
+        None => {
+            let (z, free) = (1.959_964_f64, free as f64);
+            z + (z.powi(3) + z) / (4.0 * free)
+                + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * free * free)
+        }
+    }
+}
+
+/// Chi-squared: 97.5 % of it is below this.
+fn chi_squared(free: usize) -> f64 {
+    let part = 2.0 / (9.0 * free as f64);
+    free as f64 * (1.0 - part + 1.959_964 * part.sqrt()).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use hertz_chain::Scenario;
+
+    use super::*;
+    use crate::strike::FullChain;
+    use crate::testing::recorded;
+
+    fn spread(deviations: &[f64], truth: f64) -> Spread {
+        let mut running = Running::default();
+        deviations.iter().for_each(|one| running.push(*one));
+        Spread::from("A", &running, truth, 2e-3, 5e-3)
+    }
+
+    fn passes(deviations: &[f64]) -> bool {
+        spread(deviations, 0.0).pass
+    }
+
+    /// Five noisy strikes at a speed, by a bead whose spring is `stiffer` than its settings say.
+    fn strikes(speed: f64, stiffer: f64) -> [Spread; 2] {
+        let mut believed = Scenario::paper();
+        believed.striker.velocity = speed;
+        let mut real = believed.clone();
+        real.intruders[0].stiffness *= stiffer;
+        let chain = FullChain::run(&believed, 8).unwrap();
+        let mut deviations = Deviations::default();
+        for seed in 1..=5 {
+            deviations.push(&chain.compare(&recorded(&real, &believed, seed)).deviation);
+        }
+        deviations.spread()
+    }
+
+    #[test]
+    fn five_noisy_strikes_of_a_healthy_bead_pass_at_every_speed() {
+        for speed in [0.45, 0.55, 0.6, 0.7] {
+            let spread = strikes(speed, 1.0);
+            println!("{speed} m/s: {spread:#?}");
+            assert!(
+                spread.iter().all(|estimate| estimate.pass),
+                "{speed} m/s: {spread:#?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_bead_whose_spring_is_off_by_a_tenth_fails() {
+        for stiffer in [0.9, 1.1] {
+            let spread = strikes(0.55, stiffer);
+            assert!(
+                spread.iter().any(|estimate| !estimate.pass),
+                "{stiffer}: {spread:#?}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_comes_one_after_another_has_the_mean_and_scatter_of_all() {
+        let said = spread(&[0.002, 0.004, 0.004, 0.004, 0.005, 0.005, 0.007, 0.009], 0.0);
+        assert!((said.mean - 0.005).abs() < 1e-15, "{said:?}");
+        assert!(
+            (said.scatter.unwrap() - 0.001 * (32.0_f64 / 7.0).sqrt()).abs() < 1e-15,
+            "{said:?}"
+        );
+        // A truth that is not known well excuses as much, and no more.
+        assert!(!passes(&[0.0025]) && spread(&[0.0025], 6e-4).pass && !spread(&[0.0025], 4e-4).pass);
+    }
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        // Abramowitz and Stegun, tables 26.8 and 26.10.
+        for (free, t) in [(1, 12.706), (4, 2.776), (15, 2.131), (30, 2.042), (120, 1.980)] {
+            assert!((student(free) - t).abs() < 3e-3, "{free}: {}", student(free));
+        }
+        for (free, chi) in [
+            (1, 5.024),
+            (4, 11.143),
+            (10, 20.483),
+            (30, 46.979),
+            (100, 129.561),
+        ] {
+            assert!(
+                (chi_squared(free) / chi - 1.0).abs() < 0.03,
+                "{free}: {}",
+                chi_squared(free)
+            );
+        }
+    }
+
+    #[test]
+    fn noise_about_the_truth_passes_and_a_bead_that_is_off_does_not() {
+        assert!(passes(&[0.0019]) && !passes(&[0.0021]));
+        // Strikes beyond the goal, whose mean is not.
+        assert!(passes(&[0.004, -0.003, 0.002, -0.002, 0.0035]));
+        assert!(!passes(&[0.014, 0.007, 0.012, 0.008, 0.0135]));
+        // A mean that is right does not excuse any scatter.
+        assert!(!passes(&[0.03, -0.03, 0.025, -0.028, 0.01]));
+        let said = spread(&[0.03, -0.03, 0.025, -0.028, 0.01], 0.0);
+        assert!(said.failure().unwrap().contains("A scatters by"), "{said:?}");
+    }
+}

@@ -1,0 +1,598 @@
+//! The report of a bead's strikes against the simulation.
+
+use std::collections::BTreeSet;
+
+use bead_model::settings::Settings;
+use bead_wire::{Counters, Identity, SettingsSource, Status};
+
+use crate::emulated::EmulatorReport;
+use crate::pictures::{residual_chart, strike_chart};
+use crate::quantities::{QUANTITIES, Quantity, Source, energy_unit};
+use crate::report::{
+    Block, Cell, DASH, EnergyUnit, Fact, Medium, Report, Section, Table, count, energy, percent,
+    percent_within,
+};
+use crate::spread::Spread;
+use crate::statistics;
+use crate::strike::StrikeComparison;
+use crate::verdict::Soundness;
+use bead_recording::json::hex;
+
+/// A bead's strikes, compared, and what is known of the run.
+#[derive(Debug)]
+pub struct ComparedStrikes<'a> {
+    /// The scenario's title.
+    pub title: &'a str,
+    /// The recording's name.
+    pub recording: &'a str,
+    /// The bead that sensed.
+    pub bead: usize,
+    /// The strikes, in order: one at least.
+    pub strikes: &'a [StrikeComparison],
+    /// Number of further strikes, which count in the means and in the verdict.
+    pub left_out: usize,
+    /// Mean and scatter of A and of B against their goals.
+    pub spread: &'a [Spread; 2],
+    /// The checks of the run as a whole.
+    pub soundness: &'a Soundness,
+    /// The striker's velocity in words, if it was fitted.
+    pub velocity: Option<String>,
+    /// The reason of the failure, if there is one.
+    pub failure: Option<&'a str>,
+    /// Counts of what was received.
+    pub counters: &'a Counters,
+    /// The bead's identity.
+    pub identity: Option<&'a Identity>,
+    /// The bead's last status.
+    pub status: Option<&'a Status>,
+    /// The settings of the first strike.
+    pub settings: Option<&'a Settings>,
+    /// The emulator's measurements, for an emulated run.
+    pub emulator: Option<&'a EmulatorReport>,
+    /// Command, versions and date of the report.
+    pub made: &'a [Fact],
+    /// The scenario, as its author wrote it.
+    pub scenario: &'a str,
+}
+
+/// Strikes up to this many are shown in full. Of more, the page shows the first, the worst and the first that
+/// failed.
+const IN_FULL: usize = 3;
+/// Strikes that have a line each.
+const LINES: usize = 1000;
+
+impl ComparedStrikes<'_> {
+    /// The report.
+    pub fn report(&self) -> Report {
+        let title = Some(self.title).filter(|title| !title.is_empty());
+        let sections = [
+            statistics::section(self.strikes, self.spread),
+            Some(self.agreement()),
+            Some(self.checks()),
+            self.pictures(),
+            self.emulator.map(cost),
+            Some(self.facts()),
+            self.log(),
+            Some(Section::scenario(self.scenario)),
+        ];
+        Report {
+            above: format!("Bead {} · {}", self.bead, self.recording),
+            title: title.unwrap_or("A strike").to_owned(),
+            verdict: self
+                .failure
+                .map_or(Ok("Every check passed"), |why| Err(why.to_owned())),
+            tiles: self.tiles(),
+            sections: sections.into_iter().flatten().collect(),
+        }
+    }
+
+    fn tiles(&self) -> Vec<(String, String)> {
+        let Some(strike) = self.strikes.first() else {
+            return Vec::new();
+        };
+        let identical = self
+            .strikes
+            .iter()
+            .filter(|strike| strike.replay_identical)
+            .count();
+        let gone = self.counters.lost + self.counters.rejected.total();
+        let [measured, predicted] = match self.strikes.len() {
+            1 => ["A, measured by the acceleration", "B, predicted from the force"],
+            _ => [
+                "A, measured: mean of all strikes",
+                "B, predicted: mean of all strikes",
+            ],
+        };
+        let [a, b] = self.spread.each_ref().map(|spread| percent(spread.mean));
+        let frames = self.counters.frames + self.counters.lost;
+        [
+            (
+                energy(strike.f64_chain.absorbed_measured),
+                "absorbed, by the full simulation",
+            ),
+            (a, measured),
+            (b, predicted),
+            (
+                format!("{identical} of {}", self.strikes.len()),
+                "strikes replayed bit for bit",
+            ),
+            (format!("{gone} of {frames}"), "frames lost or corrupt"),
+        ]
+        .map(|(value, name)| (value, name.to_owned()))
+        .into()
+    }
+
+    /// Every strike beside the simulation: in full, or a line each if there are many.
+    fn agreement(&self) -> Section {
+        let text = "From right to left each column adds one source of error. The first adds sampling, twelve bits, noise and \
+                    the reduced chain. The second adds fixed point. The last adds nothing: device and replay must agree in \
+                    every bit.";
+        let many = self.strikes.len() > IN_FULL;
+        let unit = energy_unit(self.strikes);
+        let mut section = Section::new("Agreement").text(text);
+        for at in self.in_full() {
+            let strike = &self.strikes[at];
+            let (number, sample) = (strike.strike, strike.sample_index);
+            let heading = format!("Strike {number}{}, sample {sample}", self.shown_as(at));
+            let medium = if many { Medium::Page } else { Medium::Both };
+            section = section.table(in_full(strike, unit).group(heading).on(medium));
+            let difference = strike.first_difference.clone();
+            section.blocks.extend(difference.map(Block::Failure));
+        }
+        if !many {
+            return section;
+        }
+        let more = self.strikes.len().saturating_sub(LINES);
+        let more =
+            (more > 0).then(|| format!("{more} more strikes: bead compare --format json has them all"));
+        let folded = Block::Folded {
+            summary: "Every strike, a line each",
+            open: false,
+            blocks: vec![Block::Table(self.lines().on(Medium::Page))],
+        };
+        section
+            .table(self.lines().on(Medium::Terminal))
+            .with(folded)
+            .line(more)
+    }
+
+    /// The reason why a strike among many is shown in full.
+    fn shown_as(&self, at: usize) -> &'static str {
+        if self.strikes.len() <= IN_FULL {
+            ""
+        } else if !self.strikes[at].replay_identical {
+            ", whose replay differs"
+        } else if self.worst() == Some(at) {
+            ", the furthest off"
+        } else {
+            ""
+        }
+    }
+
+    /// The places of the strikes that are shown in full.
+    fn in_full(&self) -> BTreeSet<usize> {
+        let strikes = self.strikes;
+        if strikes.len() <= IN_FULL {
+            return (0..strikes.len()).collect();
+        }
+        let failed = strikes.iter().position(|strike| !strike.replay_identical);
+        [Some(0), self.worst(), failed].into_iter().flatten().collect()
+    }
+
+    /// The place of the strike whose estimates are furthest off.
+    fn worst(&self) -> Option<usize> {
+        let off = |at: &usize| {
+            let off = self.strikes[*at].deviation;
+            f64::max(off.absorbed_measured.abs(), off.absorbed_predicted.abs())
+        };
+        (0..self.strikes.len()).max_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+
+    /// A line for each strike.
+    fn lines(&self) -> Table {
+        let line = |strike: &StrikeComparison| {
+            let off = strike.deviation;
+            let replay = if strike.replay_identical {
+                "identical"
+            } else {
+                "differs"
+            };
+            vec![
+                strike.strike.to_string().into(),
+                strike.sample_index.to_string().into(),
+                percent(off.absorbed_measured).into(),
+                percent(off.absorbed_predicted).into(),
+                percent(off.peak_force).into(),
+                Cell::judged(replay, (!strike.replay_identical).then_some(false)),
+                strike.flags.join(", ").into(),
+            ]
+        };
+        let headings = "strike | ~sample | A off by | B off by | peak off by | replay | ~flags";
+        Table::new(headings, self.strikes.iter().take(LINES).map(line))
+    }
+
+    /// The goals of several strikes, the checks of the run, and the reach of both.
+    fn checks(&self) -> Section {
+        let row = |name: String, found: String, goal: String, met: bool| {
+            vec![
+                name.into(),
+                Cell::judged(found, Some(met)),
+                goal.into(),
+                Cell::verdict(Some(met)),
+            ]
+        };
+        let mut rows = Vec::new();
+        for spread in self.spread {
+            let goals = [spread.goal, spread.scatter_goal].map(|goal| format!("{:.1} %", goal * 100.0));
+            if let Some(scatter) = spread.scatter {
+                let of = count(spread.strikes as u64, "strike");
+                let mean = percent_within(spread.mean, spread.uncertainty);
+                let [mean_goal, scatter_goal] = goals;
+                rows.push(row(
+                    format!("{}, mean of {of}", spread.estimate),
+                    mean,
+                    mean_goal,
+                    spread.mean_met(),
+                ));
+                rows.push(row(
+                    format!("{}, scatter (rms)", spread.estimate),
+                    format!("{:.3} %", scatter * 100.0),
+                    scatter_goal,
+                    spread.scatter_met(),
+                ));
+            } else if !self.strikes[0].alone {
+                let name = format!("{}, of one strike", spread.estimate);
+                let off = percent_within(spread.mean, spread.uncertainty);
+                rows.push(row(name, off, goals[0].clone(), spread.mean_met()));
+            }
+        }
+        rows.extend(
+            self.soundness
+                .rows()
+                .into_iter()
+                .map(|(name, found, goal, met)| row(name.to_owned(), found, goal, met)),
+        );
+        let velocity = self
+            .velocity
+            .as_ref()
+            .map(|velocity| format!("striker's velocity: {velocity}"));
+        let left_out = (self.left_out > 0).then(|| {
+            let all = self.left_out + self.strikes.len();
+            let more = count(self.left_out as u64, "strike");
+            format!("{more} more than are shown; means, scatter and the verdict are over all {all}")
+        });
+        Section::new("Checks")
+            .table(Table::new("check | found | goal |", rows))
+            .line(velocity)
+            .line(left_out)
+    }
+
+    fn pictures(&self) -> Option<Section> {
+        let traces = self.strikes.iter().find_map(|strike| strike.traces.as_ref())?;
+        let strike = "Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are \
+                      the running energies that the bead sent, one of each for a chunk of samples.";
+        let residual = "What is left when the simulation is subtracted. For the sensors: noise, and the steps of the twelve \
+                        bits. For the energies: the error of each estimate on its way. f64 is the same estimate in floating \
+                        point from the same samples.";
+        let section = Section::new("The strike")
+            .text(strike)
+            .chart(strike_chart(traces));
+        Some(section.text(residual).chart(residual_chart(traces)))
+    }
+
+    fn facts(&self) -> Section {
+        let facts = [
+            self.made.to_vec(),
+            self.identity.map_or_else(Vec::new, of_identity),
+            self.settings.map_or_else(Vec::new, of_settings),
+            self.received(),
+            self.status.map_or_else(Vec::new, of_status),
+            self.emulator.map_or_else(Vec::new, of_emulator),
+        ];
+        Section::facts("The run", facts.into_iter().flatten())
+    }
+
+    fn received(&self) -> Vec<Fact> {
+        let noise = self.strikes.first().map(|strike| {
+            let noise = format!("{:.1} mN rms", strike.force_noise * 1e3);
+            ("force noise before the strike", noise)
+        });
+        let frames = format!(
+            "{} received in {} bytes, {} lost, {} refused",
+            self.counters.frames,
+            self.counters.bytes,
+            self.counters.lost,
+            self.counters.rejected.total()
+        );
+        noise.into_iter().chain([("frames", frames)]).collect()
+    }
+
+    fn log(&self) -> Option<Section> {
+        let log = self
+            .emulator
+            .map(|emulator| &emulator.log)
+            .filter(|log| !log.is_empty())?;
+        Some(Section::new("The image’s own log").with(Block::Verbatim(log.join("\n"))))
+    }
+}
+
+/// A strike by all four sources. One of several strikes has no goals: they are judged together.
+fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Table {
+    let goals = [strike.goal.absorbed_measured, strike.goal.absorbed_predicted];
+    let quantity = |(place, quantity): (usize, &Quantity)| {
+        let (name, scale) = quantity.shown_in(unit);
+        let digits = quantity.digits();
+        let value = |source| {
+            let value = quantity.value(strike, source);
+            let known = value.map(|value| format!("{:.digits$}", value * scale));
+            match source {
+                Source::Replay | Source::F64Samples if !quantity.has_four_sources() => "".into(),
+                _ => Cell::known(known),
+            }
+        };
+        let off = quantity.off(strike);
+        let goal = goals.get(place).filter(|_| strike.alone);
+        let met = goal.map(|goal| off.is_some_and(|off| off.abs() <= *goal));
+        let mut cells = vec![name.into()];
+        cells.extend(Source::ALL.map(value));
+        cells.push(Cell::judged(off.map_or(DASH.to_owned(), percent), met));
+        cells.push(
+            goal.map_or_else(String::new, |goal| format!("{:.1} %", goal * 100.0))
+                .into(),
+        );
+        cells.push(Cell::verdict(met));
+        cells
+    };
+    let known = |(_, quantity): &(usize, &Quantity)| quantity.has_four_sources() || strike.shape.is_some();
+    let mut rows: Vec<_> = QUANTITIES
+        .iter()
+        .enumerate()
+        .filter(known)
+        .map(quantity)
+        .collect();
+    let replay = if strike.replay_identical {
+        "identical"
+    } else {
+        "differ"
+    };
+    let replay = Cell::judged(replay, Some(strike.replay_identical));
+    rows.insert(3, vec!["bits of device and replay".into(), replay]);
+    if !strike.flags.is_empty() {
+        rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
+    }
+    Table::new(
+        " | device | ~replay | ~f64, same samples | f64 chain | device off by | ~goal |",
+        rows,
+    )
+}
+
+/// The instructions that a sample costs.
+fn cost(emulator: &EmulatorReport) -> Section {
+    let available = emulator.instructions_available;
+    let rows = emulator.instructions_per_sample.rows().into_iter();
+    let known = rows.filter_map(|(name, count)| Some((name, count?)));
+    let row = |(name, count): (&str, f64)| {
+        let part = count / available;
+        let shown = format!("{:.1} %", part * 100.0);
+        vec![
+            name.into(),
+            format!("{count:.0}").into(),
+            shown.into(),
+            Cell::Bar(part),
+        ]
+    };
+    let text = format!(
+        "Instructions for each sample. The emulator executes {available:.0} in a sample period; the core at 168 MHz has 1680 \
+         cycles."
+    );
+    let table = Table::new(" | instructions | of those that fit |", known.map(row));
+    Section::new("What it costs")
+        .text(text)
+        .table(table.on(Medium::Page))
+}
+
+fn of_identity(identity: &Identity) -> Vec<Fact> {
+    let causes: Vec<_> = identity.reset_cause.names().collect();
+    let (channels, rate) = (identity.channels, identity.sample_rate_hz);
+    vec![
+        ("firmware", format!("{} ({})", identity.firmware, identity.git)),
+        ("device", hex(&identity.uid)),
+        (
+            "boot",
+            format!("{}, reset by {}", identity.boot, causes.join(", ")),
+        ),
+        ("sampling", format!("{channels} channels at {rate} Hz")),
+    ]
+}
+
+fn of_settings(settings: &Settings) -> Vec<Fact> {
+    let (force, acceleration, window) = (&settings.force, &settings.acceleration, &settings.window);
+    let per_code = force.sensitive.per_code.to_num::<f64>();
+    let ms = |samples: u16| f64::from(samples) / f64::from(settings.sample_rate_hz) * 1e3;
+    let window = format!(
+        "{:.2} ms, {:.2} ms of it before the trigger, which is a rise of {:.3} N in {:.2} ms",
+        ms(window.length),
+        ms(window.history),
+        f64::from(window.threshold) * per_code,
+        ms(window.lookback),
+    );
+    let resolution = format!(
+        "{:.2} mN and {:.3} m/s² a code; at the low gain {:.2} N and {:.1} m/s²",
+        per_code * 1e3,
+        acceleration.sensitive.per_code.to_num::<f64>(),
+        force.wide.per_code.to_num::<f64>(),
+        acceleration.wide.per_code.to_num::<f64>(),
+    );
+    let bead = settings.description().physics();
+    let physics = format!(
+        "M = {:.3} g, m = {:.3} g, k = {:.1} kN/m, c = {:.2} N·s/m, κ = {:.4e} N/m^1.5, τ = {:.2} µs",
+        bead.mass * 1e3,
+        bead.intruder_mass * 1e3,
+        bead.stiffness * 1e-3,
+        bead.damping,
+        bead.contact_stiffness,
+        bead.relaxation * 1e6,
+    );
+    vec![
+        ("settings: bead", physics),
+        ("window", window),
+        ("resolution", resolution),
+    ]
+}
+
+fn of_status(status: &Status) -> Vec<Fact> {
+    let source = match status.settings_source {
+        SettingsSource::Stored => "flash, written over the link",
+        SettingsSource::Flash => "flash, put there by a probe",
+        SettingsSource::BuiltIn => "the image: flash has none",
+        SettingsSource::FlashRefused => "the image: those in flash were refused",
+        SettingsSource::Rescue => "the image: boots with those in flash failed",
+        SettingsSource::Unknown(number) => &format!("source {number}, of a later version"),
+    };
+    let acquisition = format!(
+        "{} samples in epoch {}, {} overruns, {} blocks dropped",
+        status.samples, status.epoch, status.overruns, status.blocks_dropped
+    );
+    let dropped = format!(
+        "{} for a full queue, {} too long",
+        status.frames_dropped_queue_full, status.frames_dropped_too_long
+    );
+    vec![
+        ("settings came from", source.to_owned()),
+        ("acquisition", acquisition),
+        ("frames dropped by the bead", dropped),
+        ("least free stack", format!("{} bytes", status.stack_free_min)),
+    ]
+}
+
+fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
+    let run = format!(
+        "{}: {:.2} s of virtual time; {} resets; {} overruns seen by the converter",
+        emulator.qemu.as_deref().unwrap_or("QEMU"),
+        emulator.virtual_seconds,
+        emulator.resets,
+        emulator.overruns
+    );
+    let registers = if emulator.unknown_registers.is_empty() {
+        "none touched".to_owned()
+    } else {
+        emulator.unknown_registers.join(", ")
+    };
+    vec![
+        ("image", emulator.image.clone()),
+        ("emulator", run),
+        ("registers without a model", registers),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spread::Deviations;
+    use crate::strike::FullChain;
+    use crate::testing::recorded_strike;
+    use hertz_chain::Scenario;
+
+    /// Page and terminal of a recording with this many equal strikes.
+    fn rendered(strikes: usize, failure: Option<&str>) -> [String; 2] {
+        let strike = recorded_strike();
+        let mut comparison = FullChain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
+        comparison.alone = strikes == 1;
+        let mut deviations = Deviations::default();
+        for _ in 0..strikes {
+            deviations.push(&comparison.deviation);
+        }
+        let soundness = Soundness {
+            lost: 0,
+            corrupt: 0,
+            overruns: 0,
+            instructions: None,
+        };
+        let compared = ComparedStrikes {
+            title: "One absorber",
+            recording: "bead-8.mcap",
+            bead: 8,
+            strikes: &vec![comparison; strikes],
+            left_out: 0,
+            spread: &deviations.spread(),
+            soundness: &soundness,
+            velocity: None,
+            failure,
+            counters: &Counters::default(),
+            identity: None,
+            status: None,
+            settings: strike.settings.as_ref(),
+            emulator: None,
+            made: &[("command", "bead compare".to_owned())],
+            scenario: "title = \"x\"",
+        };
+        let report = compared.report();
+        [report.page().unwrap(), report.terminal()]
+    }
+
+    #[test]
+    fn one_strike_is_shown_in_full_and_judged_alone() {
+        let [page, terminal] = rendered(1, None);
+        for name in [
+            "width at half height (µs)",
+            "impulse (mN·s)",
+            "k from the ringing (kN/m)",
+        ] {
+            for text in [&page, &terminal] {
+                assert_eq!(text.matches(name).count(), 1, "{name}");
+            }
+        }
+        assert!(page.contains("Every check passed") && !page.contains("All 1 strikes"));
+        let measured = terminal
+            .lines()
+            .find(|line| line.contains("A, measured (nJ)"))
+            .unwrap();
+        assert!(measured.ends_with("0.2 %  met"), "{terminal}");
+        for label in [
+            "acceleration (m/s²)",
+            "absorbed energy (nJ)",
+            "time since the striker hit (ms)",
+            "energy (% of final)",
+        ] {
+            assert!(page.contains(label), "{label}");
+        }
+        let failed = rendered(1, Some("replay differs: strike 0"));
+        assert!(failed[0].contains("replay differs: strike 0") && !failed[0].contains("Every check passed"));
+    }
+
+    #[test]
+    fn many_strikes_have_their_means_first_and_then_a_line_each() {
+        let [page, terminal] = rendered(100, None);
+        assert!(page.contains("All 100 strikes"));
+        assert_eq!(page.matches("<td>identical</td>").count(), 100);
+        for shown in [">Strike 0, sample", ">Strike 0, the furthest off, sample"] {
+            assert_eq!(page.matches(shown).count(), 1, "{shown}");
+        }
+        let lines: Vec<&str> = terminal.lines().collect();
+        assert!(lines[0].starts_with("all 100 strikes"), "{terminal}");
+        assert!(
+            lines.len() < 130 && !terminal.contains("f64, same samples"),
+            "{terminal}"
+        );
+        for check in ["A, mean of 100 strikes", "B, scatter (rms)", "frames lost"] {
+            let line = lines.iter().find(|line| line.starts_with(check)).unwrap();
+            assert!(line.ends_with("met"), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_mean_has_one_uncertainty_wherever_it_is_shown() {
+        let [page, terminal] = rendered(2, None);
+        let within = |text: &str| {
+            let after: Vec<String> = text
+                .split(" ± ")
+                .skip(1)
+                .map(|rest| rest.split(' ').next().unwrap().into())
+                .collect();
+            after
+        };
+        let [shown, printed] = [within(&page), within(&terminal)];
+        assert!(printed.len() > 3);
+        assert_eq!(shown, printed);
+    }
+}

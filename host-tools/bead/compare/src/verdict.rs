@@ -1,0 +1,326 @@
+//! The verdict on a recording: the strikes that are judged, and the checks of the run as a whole.
+
+use std::collections::BTreeMap;
+
+use bead_model::layout::WindowSettings;
+use std::borrow::Borrow;
+
+use bead_wire::{Counters, Header, Message, Status};
+use hertz_chain::{Scenario, Solution};
+
+use crate::emulated::{EmulatorReport, RunTruth};
+use crate::front_end::SAMPLE_RATE_HZ;
+use crate::report::count;
+use crate::sensed::RING_DOWN;
+use crate::spread::Spread;
+use crate::strike::FullChain;
+use bead_recording::file::RecordingError;
+use bead_recording::frames::Frame;
+use bead_recording::frames::Item;
+use bead_recording::received::Received;
+use bead_recording::strikes::RecordedStrike;
+
+/// Separates strikes from their echoes: waves that come again after a strike's window, as beads that parted
+/// meet again. The simulation of a strike does not hold for an echo.
+#[derive(Debug, Clone)]
+pub struct Echoes {
+    /// The truth of an emulated run, with the instants of its strikes.
+    truth: Option<RunTruth>,
+    /// Simulated time of a strike, s.
+    lasts: f64,
+    /// By address: the last strike that was none.
+    last: BTreeMap<u8, Struck>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Struck {
+    boot: (u8, Option<usize>),
+    trigger_index: u64,
+    /// Its number in the emulated run, from 0, if that is known.
+    begun: Option<usize>,
+}
+
+impl Echoes {
+    /// For strikes of this scenario. In an emulated run, a wave before the striker hits again is an echo; in
+    /// another, a wave within the simulated time of a strike.
+    pub fn of(scenario: &Scenario, truth: Option<RunTruth>) -> Self {
+        Self {
+            truth,
+            lasts: scenario.duration + RING_DOWN,
+            last: BTreeMap::new(),
+        }
+    }
+
+    /// True if the next strike of the recording is an echo.
+    pub fn has(&mut self, strike: &RecordedStrike) -> bool {
+        // After a reset the indices begin anew and do not tell which strike it was.
+        let truth = self.truth.as_ref().filter(|_| strike.nth_boot.unwrap_or(0) == 0);
+        let trigger_index = strike.said.trigger_index;
+        let now = Struck {
+            boot: (strike.boot, strike.nth_boot),
+            trigger_index,
+            begun: truth.and_then(|truth| truth.begun(trigger_index)),
+        };
+        let is_soon = |last: &Struck| {
+            let samples = trigger_index.checked_sub(last.trigger_index);
+            let samples = samples.zip(strike.rate());
+            samples.is_some_and(|(samples, rate)| (samples as f64) < self.lasts * f64::from(rate))
+        };
+        let is_again = |last: &&Struck| match truth {
+            _ if last.boot != now.boot => false,
+            None => is_soon(last),
+            Some(_) if now.begun.is_none() || now.begun != last.begun => false,
+            // A waveform that was played may hold several strikes.
+            Some(truth) => truth.stimulus.is_none() || is_soon(last),
+        };
+        let is_echo = self.last.get(&strike.address).filter(is_again).is_some();
+        if !is_echo {
+            self.last.insert(strike.address, now);
+        }
+        is_echo
+    }
+}
+
+/// A warning where the truth is not of the bead's window: the scenario ends within it, so that energy is
+/// missing which the bead measures, or the scenario lasts so much longer that it holds energy of waves that
+/// come after the window.
+pub fn other_length(
+    scenario: &Scenario,
+    solution: &Solution,
+    chain: &FullChain,
+    bead: usize,
+    window: WindowSettings,
+) -> Option<String> {
+    /// A part of the energy that no error of a bead depends on.
+    const LITTLE: f64 = 0.005;
+    // The force triggers before it is half as high as it gets, so the window ends a little sooner.
+    let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
+    let end = solution.end().min(chain.front() + after);
+    let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
+    let (measured, truth) = (absorbed(end)?, absorbed(scenario.duration)?);
+    let duration = scenario.duration;
+    // Nothing is taken back: the later of the two is the greater.
+    if 1.0 - truth / measured > LITTLE {
+        return Some(format!(
+            "the scenario ends at {duration} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its \
+             truth lacks it; make the scenario's duration longer",
+            100.0 * (1.0 - truth / measured)
+        ));
+    }
+    let late = 1.0 - measured / truth;
+    (late > LITTLE).then(|| {
+        format!(
+            "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, \
+             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter, or, if \
+             its intruder still rings then, the window of its settings longer",
+            100.0 * late
+        )
+    })
+}
+
+/// ADC overruns that one bead reported, in all its boots.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn overruns(received: &Received) -> Result<u64, RecordingError> {
+    let frames = received.recording.frames()?.filter_map(Item::frame);
+    let statuses = last_statuses(frames);
+    Ok(statuses.iter().map(|status| u64::from(status.overruns)).sum())
+}
+
+/// Greatest part of the core that a strike may take.
+const BUSY_MOST: f64 = 0.75;
+
+/// The checks of the run as a whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Soundness {
+    /// Frames lost.
+    pub lost: u64,
+    /// Runs of bytes that are no frame.
+    pub corrupt: u64,
+    /// ADC overruns, by the bead or by the emulated converter.
+    pub overruns: u64,
+    /// Of an emulated run: instructions a sample while a strike was measured, and how many fit.
+    pub instructions: Option<(f64, f64)>,
+}
+
+impl Soundness {
+    /// From the counts of a recording, the overruns that the bead reported, and the emulator's report if it
+    /// has one.
+    pub fn of(counters: &Counters, reported: u64, emulator: Option<&EmulatorReport>) -> Self {
+        Self {
+            lost: counters.lost,
+            corrupt: counters.rejected.total(),
+            overruns: emulator.map_or(reported, |emulator| emulator.overruns.max(reported)),
+            instructions: emulator.and_then(|emulator| {
+                let total = emulator.instructions_per_sample.total?;
+                Some((total, emulator.instructions_available))
+            }),
+        }
+    }
+
+    /// Each check: its name, value and goal, and true if the goal is met.
+    pub fn rows(&self) -> Vec<(&'static str, String, String, bool)> {
+        let counts = [
+            ("frames lost", self.lost),
+            ("frames corrupt", self.corrupt),
+            ("overruns", self.overruns),
+        ];
+        let counts = counts.map(|(name, count)| (name, count.to_string(), "0".to_owned(), count == 0));
+        let cost = self.instructions.map(|(total, available)| {
+            let most = BUSY_MOST * available;
+            let name = "instructions a sample";
+            (name, format!("{total:.1}"), format!("{most:.1}"), total <= most)
+        });
+        counts.into_iter().chain(cost).collect()
+    }
+}
+
+/// The first check that failed, gravest first. `differs` is the first difference of a replay.
+pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
+    if let Some(what) = differs {
+        return Some(format!("replay differs: {what}"));
+    }
+    let (lost, corrupt, overruns) = (soundness.lost, soundness.corrupt, soundness.overruns);
+    if lost + corrupt > 0 {
+        return Some(format!("{} lost and {corrupt} corrupt", count(lost, "frame")));
+    }
+    if overruns > 0 {
+        return Some(format!("{}: samples are missing", count(overruns, "overrun")));
+    }
+    let busy = |(total, available): &(f64, f64)| *total > BUSY_MOST * available;
+    if let Some((total, available)) = soundness.instructions.filter(busy) {
+        return Some(format!(
+            "a sample of a strike costs {total:.0} instructions, more than {:.0} % of the {available:.0} that fit",
+            BUSY_MOST * 100.0
+        ));
+    }
+    spread.iter().find_map(Spread::failure)
+}
+
+/// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
+/// again, and so does the time. Several beads may share a line.
+pub fn last_statuses<F: Borrow<Frame>>(frames: impl IntoIterator<Item = F>) -> Vec<Status> {
+    let mut last: Vec<(Header, Status)> = Vec::new();
+    for frame in frames {
+        let Frame { header, message, .. } = frame.borrow();
+        let Message::Status(status) = message else {
+            continue;
+        };
+        let of_bead = |(other, _): &&mut (Header, Status)| other.address == header.address;
+        let same_boot = |(other, before): &&mut (Header, Status)| {
+            other.boot == header.boot && before.uptime_ms <= status.uptime_ms
+        };
+        match last.iter_mut().rev().find(of_bead).filter(same_boot) {
+            Some((_, before)) => *before = *status,
+            None => last.push((*header, *status)),
+        }
+    }
+    last.into_iter().map(|(_, status)| status).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+
+    use bead_model::design::{Capture, FrontEnd, derive};
+
+    use super::*;
+    use crate::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
+    use crate::testing::recorded_strike;
+
+    /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
+    /// ms.
+    fn echoes(truth: Option<RunTruth>, strikes: &[(usize, u64)]) -> Vec<bool> {
+        let mut echoes = Echoes::of(&Scenario::paper(), truth);
+        let mut strike = recorded_strike();
+        let has = |(boot, index): &(usize, u64)| {
+            (strike.nth_boot, strike.said.trigger_index) = (Some(*boot), *index);
+            echoes.has(&strike)
+        };
+        strikes.iter().map(has).collect()
+    }
+
+    #[test]
+    fn what_comes_before_the_striker_hits_again_is_an_echo_and_a_reset_begins_anew() {
+        let truth = RunTruth {
+            bead: 8,
+            truth: Truth {
+                peak_force: 1.0,
+                absorbed: 1.0,
+            },
+            starts: vec![2000.3, 3000.8, 12_000.0],
+            front_end: crate::front_end::FrontEnd::default(),
+            seed: None,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
+            began: 0.0,
+            line_low: Vec::new(),
+            stimulus: None,
+        };
+        let strikes = [(0, 2144), (0, 2900), (0, 3144), (0, 11_000), (0, 12_144)];
+        let expected = [false, true, false, true, false];
+        assert_eq!(echoes(Some(truth.clone()), &strikes), expected);
+        // The first strike after a reset, at an index that was before; and what comes 10 ms after it.
+        let strikes = [(0, 2144), (1, 2500), (1, 3500), (1, 5000)];
+        assert_eq!(echoes(Some(truth), &strikes), [false, false, true, false]);
+    }
+
+    /// The warnings for each host of a scenario, in the window that its settings would have.
+    fn other_lengths(scenario: &Scenario) -> Vec<String> {
+        let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
+        let hosts = solution.model().intruders().iter().map(|one| one.bead);
+        let told = hosts.filter_map(|bead| {
+            let (physics, front_end) = (bead_of(&solution, bead).unwrap(), FrontEnd::reference());
+            let settings = derive(&physics, &front_end, &Capture::of(&physics, &front_end)).unwrap();
+            let chain = FullChain::of(scenario, &solution, bead).unwrap();
+            other_length(scenario, &solution, &chain, bead, settings.window)
+        });
+        told.collect()
+    }
+
+    #[test]
+    fn a_scenario_that_is_shorter_or_longer_than_the_window_is_told() {
+        for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
+            let path = format!(
+                "{}/../../../docs/scenarios/{sound}.toml",
+                env!("CARGO_MANIFEST_DIR")
+            );
+            let (scenario, _) = load_scenario(Path::new(&path)).unwrap();
+            assert_eq!(other_lengths(&scenario), [""; 0], "{sound}");
+        }
+        let mut scenario = Scenario::paper();
+        scenario.duration = 3.7e-3;
+        assert_eq!(other_lengths(&scenario), [""; 0]);
+        scenario.duration = 1.8e-3;
+        assert_eq!(other_lengths(&scenario).len(), 1);
+        scenario.duration = 2.7e-3;
+        let [early] = &other_lengths(&scenario)[..] else {
+            panic!("one bead");
+        };
+        assert!(
+            early.starts_with(
+                "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come"
+            ),
+            "{early}"
+        );
+        // The window has all of the intruder's ringing, but not what comes back from a wall.
+        (scenario.chain.beads, scenario.duration) = (32, 0.02);
+        assert_eq!(other_lengths(&scenario), [""; 0]);
+        let walled = format!("{}\n[wall]\nyoung = 203e9\npoisson = 0.27\n", scenario.to_toml());
+        let late = other_lengths(&Scenario::from_toml(&walled, "walled.toml").unwrap());
+        assert!(
+            late[0].contains("make the scenario's duration shorter"),
+            "{late:?}"
+        );
+    }
+
+    #[test]
+    fn without_a_truth_an_echo_comes_within_the_time_that_is_simulated() {
+        // The echo of an echo is one of its strike, too.
+        let strikes = [(0, 2144), (0, 2900), (0, 3343), (0, 3344), (0, 4600)];
+        assert_eq!(echoes(None, &strikes), [false, true, true, false, false]);
+        assert_eq!(echoes(None, &[(0, 2144), (1, 2200), (1, 1000)]), [false; 3]);
+    }
+}

@@ -1,0 +1,119 @@
+//! Options that choose columns of a file and their units.
+
+use std::fmt;
+use std::str::FromStr;
+
+use bead_tables::unit::{Quantity, parse_size};
+
+/// The columns to read. Those that are left out are found by their names.
+#[derive(Debug, Clone, Default)]
+pub struct Choice {
+    /// Column of the time.
+    pub time: Option<Wanted>,
+    /// Column or channel of the force.
+    pub force: Option<Wanted>,
+    /// Column or channel of the acceleration.
+    pub acceleration: Option<Wanted>,
+    /// Rows a second, Hz, in place of a column of time.
+    pub rate_hz: Option<f64>,
+    /// Strike of a file with several, from 0.
+    pub strike: Option<usize>,
+}
+
+impl Choice {
+    /// True if a column is given.
+    pub(super) fn names_a_column(&self) -> bool {
+        self.time.is_some() || self.force.is_some() || self.acceleration.is_some()
+    }
+
+    /// The column of a quantity, if it is given.
+    pub(super) fn of(&self, quantity: Quantity) -> Option<&Wanted> {
+        match quantity {
+            Quantity::Time => self.time.as_ref(),
+            Quantity::Force => self.force.as_ref(),
+            _ => self.acceleration.as_ref(),
+        }
+    }
+}
+
+/// The option that names the column of a quantity.
+pub(super) const fn option(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::Time => "--time-column",
+        Quantity::Force => "--force-column",
+        _ => "--acceleration-column",
+    }
+}
+
+/// A column, and the size of its unit: `CH1`, `CH1:mN`, `CH1:8.9N`, `2:8.9N`, `name=2:8.9N`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// The column.
+    pub column: Address,
+    /// Quantity and size in its SI unit of 1 in the column, if given.
+    pub size: Option<(Quantity, f64)>,
+}
+
+/// A way to name a column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Address {
+    /// A name or, if no column has that name, a number from 1.
+    Either(String),
+    /// A name.
+    Name(String),
+    /// A number from 1.
+    Number(String),
+}
+
+impl FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (column, unit) = match text.rsplit_once(':') {
+            Some((column, unit)) => (column, Some(unit)),
+            None => (text, None),
+        };
+        let size = unit.map(|unit| {
+            parse_size(unit).ok_or_else(|| {
+                format!("`{unit}` is no unit that is known; give one as in CH1:N, CH1:8.9N or CH2:98m/s2")
+            })
+        });
+        let column = match column.trim().split_once('=') {
+            Some(("name", name)) => Address::Name(name.to_owned()),
+            Some(("number", number)) => Address::Number(number.to_owned()),
+            _ => Address::Either(column.trim().to_owned()),
+        };
+        if matches!(&column, Address::Either(text) | Address::Name(text) | Address::Number(text) if text.is_empty())
+        {
+            return Err("give a column by its name or number, as in CH1:8.9N or 2:8.9N".to_owned());
+        }
+        let size = size.transpose()?;
+        Ok(Self { column, size })
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Either(text) => f.write_str(text),
+            Self::Name(name) => write!(f, "name={name}"),
+            Self::Number(number) => write!(f, "number={number}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_may_have_a_unit_behind_a_colon() {
+        let read = |text: &str| text.parse::<Wanted>();
+        assert_eq!(read("CH1:8.9N").unwrap().size, Some((Quantity::Force, 8.9)));
+        assert_eq!(read("force_n").unwrap().size, None);
+        assert_eq!(read("2:98m/s2").unwrap().column, Address::Either("2".to_owned()));
+        assert_eq!(read("name=2").unwrap().column, Address::Name("2".to_owned()));
+        assert!(read("CH1:8.9").unwrap_err().contains("is no unit"));
+        assert!(read(":N").is_err());
+    }
+}

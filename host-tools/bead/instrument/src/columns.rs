@@ -1,0 +1,546 @@
+//! The columns of a table that hold time, force and acceleration.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use crate::choice::{Address, Choice, Wanted, option};
+use crate::error::WaveformError;
+use bead_tables::printable::{beginning, first_of};
+use bead_tables::unit::{self, Quantity, Unit};
+
+/// A column of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Header {
+    /// Its place in the table, from 0.
+    pub(super) place: usize,
+    pub(super) name: String,
+    /// Its unit, where the file states it outside of the name.
+    pub(super) unit: Option<String>,
+}
+
+impl Header {
+    fn stem(&self) -> &str {
+        unit::split(&self.name).0
+    }
+
+    /// The text of its unit.
+    fn written_unit(&self) -> Option<&str> {
+        self.unit.as_deref().or_else(|| unit::split(&self.name).1)
+    }
+
+    fn unit(&self) -> Option<&'static Unit> {
+        // In a column of mass, `g` is a gram.
+        let is_mass = self.stem().to_lowercase().starts_with("mass");
+        self.written_unit().and_then(unit::parse).filter(|_| !is_mass)
+    }
+
+    fn is_in(&self, quantity: Quantity) -> bool {
+        self.unit().is_some_and(|unit| unit.quantity == quantity)
+    }
+
+    /// The quantity that its name suggests.
+    fn suggests(&self) -> Option<Quantity> {
+        let stem = self.stem().to_lowercase();
+        match stem.as_str() {
+            _ if stem.ends_with("_code") => None,
+            "t" | "x" | "x-axis" | "second" | "seconds" | "s" | "zeit" => Some(Quantity::Time),
+            "f" | "fz" | "load" | "n" | "kraft" => Some(Quantity::Force),
+            "a" => Some(Quantity::Acceleration),
+            _ if stem.starts_with("time") => Some(Quantity::Time),
+            _ if stem.starts_with("force") => Some(Quantity::Force),
+            _ if stem.starts_with("acc") => Some(Quantity::Acceleration),
+            _ => None,
+        }
+    }
+
+    /// Its name and unit for messages.
+    fn shown(&self) -> String {
+        let name = beginning(self.name.trim(), LETTERS);
+        match &self.unit {
+            Some(unit) => format!("{name} ({})", beginning(unit, LETTERS)),
+            None => name.into_owned(),
+        }
+    }
+
+    /// Its address for an option; a long name gives way to the number.
+    fn typed(&self) -> Cow<'_, str> {
+        match beginning(self.name.trim(), LETTERS) {
+            Cow::Owned(_) => (self.place + 1).to_string().into(),
+            whole => whole,
+        }
+    }
+
+    /// Its number and name, for the remark on the columns that were taken.
+    fn numbered(&self) -> String {
+        let number = (self.place + 1).to_string();
+        if self.name.trim() == number {
+            return format!("column {number}");
+        }
+        format!("column {number} `{}`", self.shown())
+    }
+}
+
+/// Names in a message at most, and characters of each: in a file they may be millions.
+const NAMES: usize = 20;
+const LETTERS: usize = 40;
+
+/// Lists the first of some columns for a message.
+pub(super) fn few<'a>(headers: impl Iterator<Item = &'a Header>) -> String {
+    first_of(headers.map(Header::shown), NAMES)
+}
+
+/// A column that is read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Picked {
+    /// Its place in the table, from 0.
+    pub(super) place: usize,
+    /// Size of 1 in the SI unit.
+    pub(super) size: f64,
+}
+
+/// The columns that are read of a table.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Picks {
+    /// `None` if a rate takes its place.
+    pub(super) time: Option<Picked>,
+    pub(super) force: Option<Picked>,
+    pub(super) acceleration: Option<Picked>,
+    /// The column that tells strikes apart, in a table of `bead export`.
+    pub(super) strike: Option<usize>,
+    pub(super) remarks: Vec<String>,
+}
+
+/// Columns of `bead export` beside force and acceleration.
+const EXPORTED: [&str; 4] = ["id", "sample_index", "force_code", "acceleration_code"];
+
+/// Finds the columns.
+///
+/// # Errors
+/// A column is missing or ambiguous, has no unit, or is chosen twice.
+pub(super) fn pick(path: &Path, headers: &[Header], choice: &Choice) -> Result<Picks, WaveformError> {
+    let mut picks = Picks::default();
+    let table = Table { path, headers };
+    picks.force = table.signal(choice, Quantity::Force)?;
+    picks.acceleration = table.signal(choice, Quantity::Acceleration)?;
+    if picks.force.is_none() && picks.acceleration.is_none() {
+        return Err(table.no_signal());
+    }
+    if choice.rate_hz.is_none() {
+        let (time, remark) = table.time(choice)?;
+        picks.time = Some(time);
+        picks.remarks.extend(remark);
+    }
+    table.check_distinct(&picks)?;
+    if choice.names_a_column() {
+        picks.remarks.push(table.taken(&picks));
+    }
+    let place = |name: &str| {
+        headers
+            .iter()
+            .find(|header| header.name == name)
+            .map(|header| header.place)
+    };
+    if EXPORTED.iter().all(|name| place(name).is_some()) {
+        picks.strike = place("id");
+    }
+    Ok(picks)
+}
+
+impl Picks {
+    fn each(&self) -> impl Iterator<Item = (Quantity, Picked)> {
+        let each = [
+            (Quantity::Time, self.time),
+            (Quantity::Force, self.force),
+            (Quantity::Acceleration, self.acceleration),
+        ];
+        each.into_iter()
+            .filter_map(|(quantity, picked)| Some((quantity, picked?)))
+    }
+}
+
+struct Table<'a> {
+    path: &'a Path,
+    headers: &'a [Header],
+}
+
+impl Table<'_> {
+    fn unfit<T>(&self, what: String) -> Result<T, WaveformError> {
+        Err(WaveformError::unfit(self.path, what))
+    }
+
+    fn shown(&self) -> String {
+        few(self.headers.iter())
+    }
+
+    fn at(&self, place: usize) -> Option<&Header> {
+        self.headers.iter().find(|header| header.place == place)
+    }
+
+    /// The column that an option names.
+    fn named(&self, wanted: &Wanted, quantity: Quantity) -> Result<&Header, WaveformError> {
+        let (Address::Either(text) | Address::Name(text) | Address::Number(text)) = &wanted.column;
+        let is_name = |other: &str| other.trim().to_lowercase() == text.to_lowercase();
+        let by_name = || {
+            let whole = self.headers.iter().find(|header| is_name(&header.name));
+            whole.or_else(|| self.headers.iter().find(|header| is_name(header.stem())))
+        };
+        let by_number = || self.at(text.parse::<usize>().ok()?.checked_sub(1)?);
+        let found = match &wanted.column {
+            Address::Name(_) => by_name(),
+            Address::Number(_) => by_number(),
+            Address::Either(_) => match (by_name(), by_number()) {
+                (Some(name), Some(number)) if name.place != number.place => {
+                    return self.unfit(format!(
+                        "{} {text}: it is the name of column {} and the number of column `{}`; give name={text} or \
+                         number={text}",
+                        option(quantity),
+                        name.place + 1,
+                        number.shown(),
+                    ));
+                }
+                (name, number) => name.or(number),
+            },
+        };
+        found.ok_or_else(|| {
+            let what = format!(
+                "{} {}: it has no such column of numbers; there are {}",
+                option(quantity),
+                wanted.column,
+                self.shown()
+            );
+            WaveformError::unfit(self.path, what)
+        })
+    }
+
+    /// The size of 1 in a column: by the option, else by the header.
+    fn size(
+        &self,
+        header: &Header,
+        wanted: Option<&Wanted>,
+        quantity: Quantity,
+    ) -> Result<f64, WaveformError> {
+        let given = wanted.and_then(|wanted| wanted.size);
+        let own = header.unit().map(|unit| (unit.quantity, unit.size));
+        let column = header.typed();
+        let why = match given.or(own) {
+            Some((of, size)) if of == quantity => return Ok(size),
+            Some((Quantity::Voltage, _)) => format!("is in {}", header.written_unit().unwrap_or("V")),
+            Some((of, _)) => {
+                return self.unfit(format!(
+                    "{} {column}: its unit is one of {}; give one of {}",
+                    option(quantity),
+                    of.name(),
+                    quantity.name()
+                ));
+            }
+            None => match header.written_unit() {
+                Some(unit) => format!(
+                    "is in `{}`, which is no unit of {} that is known",
+                    beginning(unit, LETTERS),
+                    quantity.name()
+                ),
+                None => "has no unit".to_owned(),
+            },
+        };
+        let example = match quantity {
+            Quantity::Time => "ms",
+            Quantity::Force => "8.9N",
+            _ => "98m/s2",
+        };
+        self.unfit(format!(
+            "column {column} {why}; say what 1 of it is: {} {column}:{example}",
+            option(quantity)
+        ))
+    }
+
+    /// The column of force or of acceleration, if there is one.
+    fn signal(&self, choice: &Choice, quantity: Quantity) -> Result<Option<Picked>, WaveformError> {
+        let wanted = choice.of(quantity);
+        let of_unit: Vec<_> = self
+            .headers
+            .iter()
+            .filter(|header| header.is_in(quantity))
+            .collect();
+        let header = match (wanted, &of_unit[..]) {
+            (Some(wanted), _) => self.named(wanted, quantity)?,
+            (None, [one]) => one,
+            (None, []) => {
+                // A name that suggests the quantity is answered with how to give its unit.
+                let mut suggested = self
+                    .headers
+                    .iter()
+                    .filter(|header| header.suggests() == Some(quantity));
+                match suggested.next() {
+                    Some(header)
+                        if header
+                            .unit()
+                            .is_none_or(|unit| unit.quantity == Quantity::Voltage) =>
+                    {
+                        header
+                    }
+                    _ => return Ok(None),
+                }
+            }
+            (None, several) => {
+                return self.unfit(format!(
+                    "has {} columns of {}: {}; say which with {}",
+                    several.len(),
+                    quantity.name(),
+                    few(several.iter().copied()),
+                    option(quantity)
+                ));
+            }
+        };
+        let size = self.size(header, wanted, quantity)?;
+        let place = header.place;
+        Ok(Some(Picked { place, size }))
+    }
+
+    /// The column of time, and a remark if seconds are assumed.
+    fn time(&self, choice: &Choice) -> Result<(Picked, Option<String>), WaveformError> {
+        if let Some(wanted) = &choice.time {
+            let header = self.named(wanted, Quantity::Time)?;
+            let size = self.size(header, Some(wanted), Quantity::Time)?;
+            let place = header.place;
+            return Ok((Picked { place, size }, None));
+        }
+        let is_time = |header: &&Header| match header.written_unit() {
+            Some(_) => header.is_in(Quantity::Time),
+            None => header.suggests() == Some(Quantity::Time),
+        };
+        let Some(header) = self.headers.iter().find(is_time) else {
+            return self.unfit(format!(
+                "has no column of time among {}; say which with --time-column, or give the rate of its rows in Hz with \
+                 --sample-rate",
+                self.shown()
+            ));
+        };
+        let place = header.place;
+        let assumed = || format!("column {} has no unit and is taken for seconds", header.shown());
+        Ok(match header.unit() {
+            Some(unit) => (
+                Picked {
+                    place,
+                    size: unit.size,
+                },
+                None,
+            ),
+            None => (Picked { place, size: 1.0 }, Some(assumed())),
+        })
+    }
+
+    fn check_distinct(&self, picks: &Picks) -> Result<(), WaveformError> {
+        for (quantity, picked) in picks.each() {
+            let twin = picks
+                .each()
+                .find(|(other, twin)| *other != quantity && twin.place == picked.place);
+            if let Some((other, _)) = twin {
+                let column = self.at(picked.place).map_or_else(String::new, Header::numbered);
+                return self.unfit(format!(
+                    "{column} is taken for the {} and for the {}; give each its own with {} and {}",
+                    quantity.name(),
+                    other.name(),
+                    option(quantity),
+                    option(other)
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The remark on the columns that were taken.
+    fn taken(&self, picks: &Picks) -> String {
+        let taken = picks.each().filter_map(|(quantity, picked)| {
+            let column = self.at(picked.place)?.numbered();
+            let unit = match (picked.size, quantity.si()) {
+                (1.0, si) => format!("in {si}"),
+                (size, si) => format!("of {size} {si}"),
+            };
+            Some(format!("{} from {column} {unit}", quantity.name()))
+        });
+        taken.collect::<Vec<_>>().join(", ")
+    }
+
+    fn no_signal(&self) -> WaveformError {
+        WaveformError::unfit(
+            self.path,
+            format!(
+                "has no column of force or acceleration with a unit among {}; say which, and what 1 of it is: \
+                 --force-column CH1:8.9N or --acceleration-column CH2:98m/s2",
+                self.shown()
+            ),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(names: &[&str]) -> Vec<Header> {
+        let header = |(place, name): (usize, &&str)| Header {
+            place,
+            name: (*name).to_owned(),
+            unit: None,
+        };
+        names.iter().enumerate().map(header).collect()
+    }
+
+    fn picked(names: &[&str], choice: &Choice) -> Result<Picks, String> {
+        pick(Path::new("f"), &headers(names), choice).map_err(|error| error.to_string())
+    }
+
+    fn force(wanted: &str) -> Choice {
+        Choice {
+            force: Some(wanted.parse().unwrap()),
+            ..Choice::default()
+        }
+    }
+
+    #[test]
+    fn columns_are_found_by_their_units() {
+        let found = picked(&["t (ms)", "Force (kN)", "a [m/s²]"], &Choice::default()).unwrap();
+        let pick = |place, size| Some(Picked { place, size });
+        assert_eq!(
+            (found.time, found.force, found.acceleration),
+            (pick(0, 1e-3), pick(1, 1e3), pick(2, 1.0))
+        );
+        let exported = [
+            "id",
+            "sample_index",
+            "time_s",
+            "time_from_trigger_s",
+            "force_n",
+            "acceleration_mps2",
+            "force_code",
+            "acceleration_code",
+        ];
+        let found = picked(&exported, &Choice::default()).unwrap();
+        assert_eq!((found.time, found.force), (pick(2, 1.0), pick(4, 1.0)));
+        assert_eq!(found.strike, Some(0));
+    }
+
+    #[test]
+    fn columns_are_named_by_name_or_number_with_what_1_of_them_is() {
+        let names = ["TIME", "CH1", "CH2"];
+        for wanted in ["CH1:8.9N", "ch1:8.9N", "2:8.9 N/V"] {
+            let found = picked(&names, &force(wanted)).unwrap();
+            assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }), "{wanted}");
+            assert!(found.remarks[0].contains("taken for seconds"));
+            let taken = "time from column 1 `TIME` in s, force from column 2 `CH1` of 8.9 N";
+            assert_eq!(found.remarks[1], taken);
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_another_column_s_name_is_refused_and_can_be_told_apart() {
+        let keysight = ["x-axis", "1", "2"];
+        let error = picked(&keysight, &force("2:N")).unwrap_err();
+        let wanted = "--force-column 2: it is the name of column 3 and the number of column `1`; give name=2 or number=2";
+        assert!(error.ends_with(wanted), "{error}");
+        for (wanted, place) in [("name=2:N", 2), ("number=2:N", 1), ("3:N", 2), ("name=1:N", 1)] {
+            let found = picked(&keysight, &force(wanted)).unwrap();
+            assert_eq!(found.force.map(|picked| picked.place), Some(place), "{wanted}");
+        }
+        // Channels of a WAV file have their numbers for names.
+        let channels = picked(
+            &["1", "2"],
+            &Choice {
+                rate_hz: Some(1e5),
+                ..force("2:N")
+            },
+        );
+        assert_eq!(channels.unwrap().remarks, ["force from column 2 in N"]);
+    }
+
+    #[test]
+    fn one_column_is_not_taken_twice() {
+        let both = Choice {
+            acceleration: "CH1:g".parse().ok(),
+            ..force("CH1:N")
+        };
+        let error = picked(&["TIME", "CH1"], &both).unwrap_err();
+        let wanted = "column 2 `CH1` is taken for the force and for the acceleration; give each its own with";
+        assert!(error.contains(wanted), "{error}");
+        let error = picked(&["TIME", "CH1"], &force("TIME:N")).unwrap_err();
+        assert!(error.contains("for the time and for the force"), "{error}");
+    }
+
+    #[test]
+    fn refusals_tell_some_names_and_the_beginning_of_each() {
+        let long = "n".repeat(1 << 20);
+        let mut names = vec!["CH1"; 300_000];
+        names[0] = long.as_str();
+        let why = picked(&names, &Choice::default()).unwrap_err();
+        assert!(
+            why.contains(&format!("among {}…, CH1, ", "n".repeat(40))),
+            "{why:.400}"
+        );
+        assert!(why.contains(", CH1 and 299980 more; say which"), "{why:.400}");
+        assert!(why.len() < 500, "{}", why.len());
+        // What has a long name is typed by its number.
+        let force_of = format!("force {long}");
+        let why = picked(&["t (s)", &force_of], &Choice::default()).unwrap_err();
+        assert!(
+            why.contains("column 2 has no unit; say what 1 of it is: --force-column 2:8.9N"),
+            "{why:.400}"
+        );
+        let of_unit = format!("force ({long})");
+        let why = picked(&["t (s)", &of_unit], &Choice::default()).unwrap_err();
+        assert!(why.contains("is in `nnn") && why.len() < 300, "{why:.400}");
+        let time = format!("time {long}");
+        let found = picked(&[&time, "F (N)"], &Choice::default()).unwrap();
+        assert!(found.remarks[0].len() < 100, "{:.200}", found.remarks[0]);
+        let several = vec!["F (N)"; 1000];
+        assert!(
+            picked(&several, &Choice::default())
+                .unwrap_err()
+                .contains("and 980 more; say")
+        );
+    }
+
+    #[test]
+    fn a_gram_is_no_gravity() {
+        let why = picked(&["t (s)", "mass_g"], &Choice::default()).unwrap_err();
+        assert!(why.contains("no column of force or acceleration"), "{why}");
+        let why = picked(&["t (s)", "Channel G"], &Choice::default()).unwrap_err();
+        assert!(why.contains("no column of force or acceleration"), "{why}");
+        let found = picked(&["t (s)", "mass_g", "a (G)"], &Choice::default()).unwrap();
+        assert_eq!(found.acceleration.map(|picked| picked.place), Some(2));
+    }
+
+    #[test]
+    fn what_is_missing_is_told_with_what_to_type() {
+        let says = |names: &[&str], choice: &Choice| picked(names, choice).unwrap_err();
+        let none = Choice::default();
+        let why = says(&["TIME", "CH1", "CH2"], &none);
+        assert!(
+            why.contains("TIME, CH1, CH2; say which, and what 1 of it is: --force-column CH1:8.9N"),
+            "{why}"
+        );
+        let why = says(&["t (s)", "force"], &none);
+        assert!(
+            why.contains("column force has no unit; say what 1 of it is: --force-column force:8.9N"),
+            "{why}"
+        );
+        let why = says(&["t (s)", "Force (V)"], &none);
+        assert!(why.contains("is in V; say what 1"), "{why}");
+        let why = says(&["F (N)"], &none);
+        assert!(
+            why.contains("no column of time among F (N); say which with --time-column"),
+            "{why}"
+        );
+        let why = says(&["t (s)", "F1 (N)", "F2 (N)"], &none);
+        assert!(why.contains("2 columns of force: F1 (N), F2 (N)"), "{why}");
+        let why = says(&["t (s)", "F (N)"], &force("G:N"));
+        assert!(
+            why.contains("no such column of numbers; there are t (s), F (N)"),
+            "{why}"
+        );
+        let why = says(&["t (s)", "F (N)"], &force("F:ms"));
+        assert!(
+            why.contains("its unit is one of time; give one of force"),
+            "{why}"
+        );
+    }
+}

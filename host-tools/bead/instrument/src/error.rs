@@ -1,0 +1,48 @@
+//! The error of a file that is no waveform.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use bead_recording::file::RecordingError;
+
+/// A file is no waveform. The message is one line: what, why, what next.
+#[derive(Debug, thiserror::Error)]
+pub enum WaveformError {
+    /// The system refused.
+    #[error("cannot read {path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The content of the file is no waveform.
+    #[error("{path}: {what}")]
+    Unfit {
+        /// The file.
+        path: PathBuf,
+        /// The defect, and what to do.
+        what: String,
+    },
+    /// A recording is damaged.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+impl WaveformError {
+    pub(super) fn unfit(path: &Path, what: impl Into<String>) -> Self {
+        Self::Unfit {
+            path: path.to_owned(),
+            what: what.into(),
+        }
+    }
+
+    /// Appends a second possible reason.
+    pub(super) fn also(mut self, reason: Option<&str>) -> Self {
+        if let (Self::Unfit { what, .. }, Some(reason)) = (&mut self, reason) {
+            what.push_str("; ");
+            what.push_str(reason);
+        }
+        self
+    }
+}

@@ -1,0 +1,280 @@
+//! Parquet files, as pandas, polars and `bead export` write them.
+
+use std::path::Path;
+
+use crate::choice::Choice;
+use crate::columns::{Header, Picks, few, pick};
+use crate::error::WaveformError;
+use crate::rows::{Rows, Strikes};
+use crate::signals::Waveform;
+use bead_tables::{Batch, Cell, Kind, ReadError, Reader};
+
+/// Reads a Parquet file, some rows at a time.
+pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
+    let unread = |error: ReadError| match error {
+        ReadError::File(source) => WaveformError::File {
+            path: path.to_owned(),
+            source,
+        },
+        error => WaveformError::unfit(path, error.to_string()),
+    };
+    let reader = Reader::open(path).map_err(unread)?;
+    let picks = columns(path, &reader, choice)?;
+    let mut rows = Rows::picked(path, "row", choice.rate_hz, &picks);
+    let mut strikes = Strikes::new(&picks, choice);
+    let of = [picks.time, picks.force, picks.acceleration];
+    let mut places: Vec<usize> = of.iter().flatten().map(|picked| picked.place).collect();
+    places.extend(picks.strike);
+    let (mut number, mut origin) = (0, None);
+    for batch in reader.batches(places) {
+        let Batch { columns } = batch.map_err(unread)?;
+        let mut columns = columns.into_iter();
+        let [time, force, acceleration] =
+            of.map(|picked| picked.and_then(|picked| Some((columns.next()?, picked.size))));
+        let strike = picks.strike.and_then(|_| columns.next());
+        if let Some((cells, size)) = &time
+            && origin.is_none()
+        {
+            // Times since 1970 leave an f64 no room for steps below 1 µs: whole ones count from the first.
+            let first = if let Some(Cell::Whole(first)) = cells.first() {
+                *first
+            } else {
+                0
+            };
+            origin = Some(first);
+            rows.since = first as f64 * size;
+        }
+        let origin = origin.unwrap_or(0);
+        let time_at = |row: usize| {
+            let (cells, size) = time.as_ref()?;
+            match cells[row] {
+                Cell::Whole(whole) => Some((i128::from(whole) - i128::from(origin)) as f64 * size),
+                ref cell => Some((cell.as_f64()? - origin as f64) * size),
+            }
+        };
+        let value_at = |column: &Option<(Vec<Cell>, f64)>, row: usize| {
+            let (cells, size) = column.as_ref()?;
+            Some(cells[row].as_f64()? * size)
+        };
+        let count = [&time, &force, &acceleration]
+            .into_iter()
+            .flatten()
+            .map(|(cells, _)| cells.len())
+            .max();
+        for row in 0..count.unwrap_or(0) {
+            number += 1;
+            let strike = strike.as_ref().and_then(|cells| cells[row].as_f64());
+            if strikes.is_wanted(strike) {
+                rows.push(
+                    number,
+                    [time_at(row), value_at(&force, row), value_at(&acceleration, row)],
+                )?;
+            }
+        }
+    }
+    strikes.finish(rows)
+}
+
+/// Finds the columns of a file.
+fn columns(path: &Path, reader: &Reader, choice: &Choice) -> Result<Picks, WaveformError> {
+    let (mut headers, mut others) = (Vec::new(), Vec::new());
+    for (place, column) in reader.columns().iter().enumerate() {
+        let header = Header {
+            place,
+            name: column.name.replace('\n', " "),
+            unit: reader.time_unit(place).map(str::to_owned),
+        };
+        match column.kind {
+            Kind::Whole | Kind::Number => headers.push(header),
+            Kind::Other => others.push(header),
+            Kind::Text => {}
+        }
+    }
+    let also = (!others.is_empty()).then(|| {
+        format!(
+            "lists, decimals in bytes, floats of 16 bits and times of 96 bits are not read, as in {}; write them as doubles",
+            few(others.iter())
+        )
+    });
+    if headers.is_empty() {
+        let none = WaveformError::unfit(
+            path,
+            "has no columns of numbers; give a table with force over time",
+        );
+        return Err(none.also(also.as_deref()));
+    }
+    pick(path, &headers, choice).map_err(|error| error.also(also.as_deref()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::sync::Arc;
+
+    use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+    use bead_tables::{Column, Writer};
+
+    /// The message of the refusal of a file.
+    fn refusal(path: &Path) -> String {
+        Waveform::read(path, &Choice::default(), None)
+            .unwrap_err()
+            .to_string()
+    }
+
+    /// Columns of forty whole numbers, by the schema's types, and then the force: half a newton in row 25.
+    fn table<T: DataType>(path: &Path, columns: &str, value: impl Fn(usize) -> T::T) {
+        let schema = format!("message table {{ {columns} REQUIRED DOUBLE force_n; }}");
+        let schema = Arc::new(parse_message_type(&schema).unwrap());
+        let mut writer =
+            SerializedFileWriter::new(File::create(path).unwrap(), schema, Arc::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let values: Vec<T::T> = (0..40).map(value).collect();
+        column.typed::<T>().write_batch(&values, None, None).unwrap();
+        column.close().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let force: Vec<f64> = (0..40).map(|row| if row == 25 { 0.5 } else { 0.0 }).collect();
+        column
+            .typed::<DoubleType>()
+            .write_batch(&force, None, None)
+            .unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+    }
+
+    /// When the force has its top after the first row, and when the first row is, s.
+    fn times(path: &Path) -> (f64, f64) {
+        let waveform = Waveform::read(path, &Choice::default(), None).unwrap();
+        (waveform.force.unwrap().highest().0, waveform.start)
+    }
+
+    #[test]
+    fn decimals_and_numbers_without_a_sign_are_what_their_types_say() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let at = |place: usize| 50.0 * place as f64;
+        // 0.50 ms from row to row, from 1.25 ms on.
+        table::<Int32Type>(&path, "REQUIRED INT32 time_ms (DECIMAL(9,2));", |row| {
+            125 + 50 * row as i32
+        });
+        let (top, start) = times(&path);
+        assert!((top - at(25) * 1e-5).abs() < 1e-12, "{top}");
+        assert!((start - 1.25e-3).abs() < 1e-12, "{start}");
+        table::<Int64Type>(&path, "REQUIRED INT64 time_ms (DECIMAL(18,5));", |row| {
+            50 * row as i64
+        });
+        assert!((times(&path).0 - at(25) * 1e-8).abs() < 1e-15);
+        // A counter that passes 2^31.
+        let before = i32::MAX - 500;
+        table::<Int32Type>(&path, "REQUIRED INT32 time_us (INTEGER(32,false));", |row| {
+            before.wrapping_add(50 * row as i32)
+        });
+        let (top, start) = times(&path);
+        assert!((top - at(25) * 1e-6).abs() < 1e-12, "{top}");
+        assert!((start - f64::from(before) * 1e-6).abs() < 1e-6, "{start}");
+        // Of a force, nothing is taken off.
+        table::<Int32Type>(&path, "REQUIRED INT32 kraft (DECIMAL(9,2));", |row| {
+            7 + i32::from(row == 25) * 150
+        });
+        let choice = Choice {
+            rate_hz: Some(1e3),
+            force: "kraft:N".parse().ok(),
+            ..Choice::default()
+        };
+        let waveform = Waveform::read(&path, &choice, None).unwrap();
+        let (_, peak) = waveform.force.unwrap().highest();
+        assert!((peak - 1.5).abs() < 1e-12, "{peak}");
+        assert!(
+            waveform.remarks[1].contains("begins at 0.0700 N"),
+            "{:?}",
+            waveform.remarks
+        );
+    }
+
+    #[test]
+    fn times_of_day_have_their_unit_from_older_types_too_and_keep_their_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        for (kind, one) in [
+            ("TIMESTAMP_MILLIS", 1e-3),
+            ("TIMESTAMP_MICROS", 1e-6),
+            ("TIME_MICROS", 1e-6),
+            ("TIME(NANOS,true)", 1e-9),
+        ] {
+            table::<Int64Type>(&path, &format!("REQUIRED INT64 when ({kind});"), |row| {
+                50 * row as i64
+            });
+            let (top, _) = times(&path);
+            assert!((top - 1250.0 * one).abs() < 1e-9 * one, "{kind}: {top}");
+        }
+        table::<Int32Type>(&path, "REQUIRED INT32 when (TIME_MILLIS);", |row| 50 * row as i32);
+        assert!((times(&path).0 - 1.25).abs() < 1e-12);
+        // 300 ns from row to row, in the year 2026: an f64 has steps of 238 ns there.
+        let epoch = 1_772_000_000_000_123_457;
+        let schema = "REQUIRED INT64 when (TIMESTAMP(NANOS,true));";
+        table::<Int64Type>(&path, schema, |row| epoch + 300 * row as i64);
+        let (top, start) = times(&path);
+        assert!((top - 25.0 * 300e-9).abs() < 1e-15, "{top}");
+        assert!((start - 1_772_000_000.000_123).abs() < 1e-6, "{start}");
+        // What is refused is told in the file's own time.
+        let schema = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
+        table::<Int64Type>(&path, schema, |row| 1000 * if row > 30 { 4 } else { row as i64 });
+        let error = refusal(&path);
+        assert!(error.contains("goes back at row 32, from 30 to 4 s"), "{error}");
+        table::<Int64Type>(&path, schema, |row| {
+            1000 * (7 + row as i64 + 9 * i64::from(row > 30))
+        });
+        let error = refusal(&path);
+        assert!(error.contains("gap from 37 to 47 s"), "{error}");
+    }
+
+    #[test]
+    fn numbers_in_forms_that_are_not_read_are_named() {
+        use parquet::data_type::FixedLenByteArrayType;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let column = "REQUIRED FIXED_LEN_BYTE_ARRAY(16) time_s (DECIMAL(30,2));";
+        table::<FixedLenByteArrayType>(&path, column, |_| vec![0; 16].into());
+        let error = refusal(&path);
+        assert!(
+            error.contains("no column of time among force_n; say which"),
+            "{error}"
+        );
+        assert!(
+            error.ends_with("are not read, as in time_s; write them as doubles"),
+            "{error}"
+        );
+    }
+
+    /// A frame as polars writes it: times as whole microseconds, forces as 32-bit floats, one of them null.
+    #[test]
+    fn floats_are_read_and_a_null_and_a_cut_file_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frame.parquet");
+        table::<FloatType>(&path, "REQUIRED FLOAT time_ms;", |row| 0.05 * row as f32);
+        assert!((times(&path).0 - 25.0 * 50e-6).abs() < 1e-9);
+        let columns = [("time_s", Kind::Number), ("force_n", Kind::Number)];
+        let columns = columns.map(|(name, kind)| Column::new(name, kind));
+        let mut file = File::create(&path).unwrap();
+        let mut writer = Writer::parquet(&mut file, "frame", &columns, &[]).unwrap();
+        for row in 0..40 {
+            let force = (row != 30).then_some(0.0);
+            writer
+                .push(vec![Cell::Number(f64::from(row)), Cell::number(force)])
+                .unwrap();
+        }
+        writer.finish().unwrap();
+        let error = refusal(&path);
+        assert!(error.contains("row 31 has no number for the force"), "{error}");
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() - 20]).unwrap();
+        let error = refusal(&path);
+        assert!(error.contains("or a damaged one"), "{error}");
+        assert_eq!(error.lines().count(), 1);
+    }
+}

@@ -1,0 +1,75 @@
+//! Strikes of recordings, as their beads measured them.
+
+use std::path::Path;
+
+use crate::choice::Choice;
+use crate::error::WaveformError;
+use crate::rows::{ACCELERATION_LATER, Rows};
+use crate::signals::Waveform;
+use bead_recording::file::Bead;
+use bead_recording::received::Received;
+use bead_recording::signal::Signal;
+
+/// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
+pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
+    let unfit = |what: String| Err(WaveformError::unfit(path, what));
+    if choice.time.is_some()
+        || choice.force.is_some()
+        || choice.acceleration.is_some()
+        || choice.rate_hz.is_some()
+    {
+        return unfit("is a recording and has its units; leave columns and --sample-rate out".to_owned());
+    }
+    let mut received = Received::open(path)?;
+    let beads = &received.recording.beads;
+    if !beads.is_empty() {
+        let places: Vec<_> = beads.iter().map(Bead::place).collect();
+        let at = places.iter().position(|place| Some(*place) == bead);
+        match at {
+            Some(at) => received = received.each().swap_remove(at),
+            None => {
+                return unfit(format!(
+                    "has the beads {places:?}; say with --bead which one is meant"
+                ));
+            }
+        }
+    }
+    let wanted = choice.strike.unwrap_or(0);
+    let mut strikes = received.strikes()?;
+    let Some(strike) = strikes.by_ref().nth(wanted) else {
+        let all = received.strikes()?.count();
+        return match all {
+            0 => Err(received.no_strike(strikes.frames()).into()),
+            _ => unfit(format!(
+                "has {all} strikes, from 0 on, and none is number {wanted}; --waveform-strike chooses"
+            )),
+        };
+    };
+    let number = strike.said.strike;
+    if strike.missing() > 0 {
+        return unfit(format!(
+            "strike {wanted} misses {} of its {} samples; choose another with --waveform-strike",
+            strike.missing(),
+            strike.said.samples
+        ));
+    }
+    let signal = strike
+        .settings
+        .and_then(|settings| Signal::of(&strike.scans, &settings));
+    let (Some(signal), Some(rate)) = (signal, strike.rate()) else {
+        return unfit(format!(
+            "strike {wanted} came without settings, so its samples have no units; choose another"
+        ));
+    };
+    let mut rows = Rows::new(path, "sample", Some(f64::from(rate)), [true, true]);
+    rows.acceleration_later = ACCELERATION_LATER;
+    for ((sample, force), acceleration) in (0..).zip(&signal.force).zip(&signal.acceleration) {
+        rows.push(sample, [None, Some(*force), Some(*acceleration)])?;
+    }
+    if choice.strike.is_none() && strikes.next().is_some() {
+        rows.remarks.push(format!(
+            "it has several strikes, and the first is taken, which its bead counts as {number}; --waveform-strike chooses"
+        ));
+    }
+    rows.end()
+}

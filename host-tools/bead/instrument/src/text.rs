@@ -1,0 +1,604 @@
+//! Text tables: CSV as oscilloscopes, spreadsheets and programs write it.
+//!
+//! # Design
+//! Every instrument writes its own head. The last of the first lines with the most numbers is a row, and the
+//! table begins at the first line with numbers in the same columns. The lines above are the head: names,
+//! perhaps with a line of units below, or settings of the instrument, which are skipped. Semicolons, tabs,
+//! commas or blanks separate fields; a comma may be the decimal sign where it separates nothing. A head with
+//! more or fewer names than columns would name the wrong ones, so such columns have numbers for names.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use crate::choice::{Address, Choice};
+use crate::columns::{Header, pick};
+use crate::error::WaveformError;
+use crate::rows::{Rows, Strikes};
+use crate::signals::Waveform;
+use bead_tables::printable::beginning;
+use bead_tables::unit;
+
+/// Lines that are examined before the table is read.
+const AHEAD: usize = 400;
+/// Bytes of a line at most.
+const LONGEST: u64 = 1 << 16;
+/// Range of a step of time in a head, s.
+const STEPS: RangeInclusive<f64> = 1e-30..=1e30;
+/// Separators of fields; the first of equals wins.
+const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
+
+/// Reads a text table.
+pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
+    let unread = |source| WaveformError::File {
+        path: path.to_owned(),
+        source,
+    };
+    let mut lines = Lines {
+        path,
+        input: BufReader::new(File::open(path).map_err(unread)?),
+        number: 0,
+    };
+    let mut ahead = Vec::new();
+    while ahead.len() < AHEAD
+        && let Some(line) = lines.next()?
+    {
+        ahead.push(line);
+    }
+    let Some(layout) = Layout::of(&ahead) else {
+        return Err(WaveformError::unfit(
+            path,
+            "has no rows of numbers in its first lines; give a text table (CSV), WAV, Parquet, or a recording",
+        ));
+    };
+    let at_rate;
+    let (rate_hz, choice) = match (choice.rate_hz, layout.rate_hz) {
+        (None, Some(rate)) if choice.time.is_none() => {
+            at_rate = Choice {
+                rate_hz: Some(rate),
+                ..choice.clone()
+            };
+            (Some(rate), &at_rate)
+        }
+        (given, _) => (given, choice),
+    };
+    let named = [&choice.time, &choice.force, &choice.acceleration];
+    let is_second =
+        |address: &Address| matches!(address, Address::Either(text) | Address::Number(text) if text == "2");
+    let has_second = named
+        .into_iter()
+        .flatten()
+        .any(|wanted| is_second(&wanted.column));
+    if layout.is_perhaps_one && !has_second {
+        let row = ahead.get(layout.begins).map_or("", |row| row.trim());
+        return Err(WaveformError::unfit(
+            path,
+            format!(
+                "rows such as `{}` are one number with a decimal comma, or two; write decimal points, or a name above each \
+                 column",
+                beginning(row, 40)
+            ),
+        ));
+    }
+    let picks = pick(path, &layout.headers, choice).map_err(|error| {
+        let why = layout.misnamed.map(|(head, rows)| {
+            format!(
+                "its head has {head} and its rows {rows} columns, so give them by number, as in --force-column 2:N"
+            )
+        });
+        error.also(why.as_deref())
+    })?;
+    let mut rows = Rows::picked(path, "line", rate_hz, &picks);
+    let columns = [picks.time, picks.force, picks.acceleration];
+    let mut strikes = Strikes::new(&picks, choice);
+    let mut push = |number: u64, line: &str| -> Result<(), WaveformError> {
+        if is_passed(line) {
+            return Ok(());
+        }
+        let mut values = [None; 3];
+        let mut strike = None;
+        for (place, field) in fields(line, layout.separator).enumerate() {
+            for (value, column) in values.iter_mut().zip(&columns) {
+                if let Some(column) = column.filter(|column| column.place == place) {
+                    *value = value_of(field, layout.separator).map(|value| value * column.size);
+                }
+            }
+            if picks.strike == Some(place) {
+                strike = value_of(field, layout.separator);
+            }
+        }
+        if strikes.is_wanted(strike) {
+            rows.push(number, values)?;
+        }
+        Ok(())
+    };
+    for (number, line) in (1..).zip(&ahead).skip(layout.begins) {
+        push(number, line)?;
+    }
+    while let Some(line) = lines.next()? {
+        push(lines.number, &line)?;
+    }
+    strikes.finish(rows)
+}
+
+/// Reads lines of a file as text.
+struct Lines<'a> {
+    path: &'a Path,
+    input: BufReader<File>,
+    /// Number of the last line, from 1.
+    number: u64,
+}
+
+impl Lines<'_> {
+    fn next(&mut self) -> Result<Option<String>, WaveformError> {
+        let mut bytes = Vec::new();
+        let read = self.input.by_ref().take(LONGEST).read_until(b'\n', &mut bytes);
+        read.map_err(|source| WaveformError::File {
+            path: self.path.to_owned(),
+            source,
+        })?;
+        if bytes.is_empty() {
+            return Ok(None);
+        }
+        self.number += 1;
+        let unfit = |what: &str| Err(WaveformError::unfit(self.path, what));
+        if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+            return unfit("is text in UTF-16; save it as UTF-8");
+        }
+        if bytes.len() as u64 == LONGEST || bytes.contains(&0) {
+            return unfit(
+                "is none of the forms that are read: text tables (CSV), WAV, Parquet, or a recording",
+            );
+        }
+        while bytes.last().is_some_and(|last| matches!(last, b'\n' | b'\r')) {
+            bytes.pop();
+        }
+        let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Ok(Some(match std::str::from_utf8(&bytes[start..]) {
+            Ok(text) => text.to_owned(),
+            // Older instruments write µ and ² in Latin-1, whose code points are those of Unicode.
+            Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect(),
+        }))
+    }
+}
+
+/// The layout of a table.
+#[derive(Debug, PartialEq)]
+struct Layout {
+    separator: char,
+    headers: Vec<Header>,
+    /// Number of lines above its first row.
+    begins: usize,
+    /// Rows a second, if the head has the step of time and no column has the time.
+    rate_hz: Option<f64>,
+    /// Names of the head and columns of the rows, if their counts differ and the names are not used.
+    misnamed: Option<(usize, usize)>,
+    /// True if its two columns may be one with decimal commas.
+    is_perhaps_one: bool,
+}
+
+impl Layout {
+    fn of(lines: &[String]) -> Option<Self> {
+        let numbers = |line: &str, separator: char| -> Vec<usize> {
+            let values = fields(line, separator)
+                .map(|field| value_of(field, separator))
+                .enumerate();
+            values.filter_map(|(place, value)| value.map(|_| place)).collect()
+        };
+        // The last of the lines with the most numbers, by the separator that leaves the fewest other fields.
+        let mut best: Option<(f64, usize, char, usize)> = None;
+        for separator in SEPARATORS {
+            for (at, line) in lines.iter().enumerate().rev() {
+                let told = fields(line, separator).filter(|field| !field.is_empty()).count();
+                let count = numbers(line, separator).len();
+                let part = count as f64 / told.max(1) as f64;
+                if count > 0 && best.is_none_or(|(most, count_most, ..)| (part, count) > (most, count_most)) {
+                    best = Some((part, count, separator, at));
+                }
+            }
+        }
+        let (_, _, separator, at) = best?;
+        let places = numbers(&lines[at], separator);
+        let is_row = |line: &String| {
+            // Both lists are sorted.
+            let found = numbers(line, separator);
+            places.iter().all(|place| found.binary_search(place).is_ok())
+        };
+        let begins = lines.iter().position(is_row)?;
+        let head: Vec<Vec<&str>> = lines[..begins]
+            .iter()
+            .map(|line| line.trim_start_matches('#').trim_start_matches(' '))
+            .filter(|line| !line.trim().is_empty())
+            .map(|line| fields(line, separator).collect())
+            .collect();
+        let is_unit = |field: &&str| field.is_empty() || unit::parse(field).is_some() || *field == "Sequence";
+        let of_places = |row: &Vec<&str>| -> bool {
+            let mut own = places.iter().filter_map(|place| row.get(*place));
+            own.clone().count() > 0 && own.all(is_unit)
+        };
+        let row: Vec<_> = fields(&lines[begins], separator).collect();
+        let of_step = |names: &Vec<&str>| {
+            let mut names = names.iter();
+            names.position(|name| name.eq_ignore_ascii_case("increment"))
+        };
+        // Empty fields at the end do not count. A head with the step of time names settings too.
+        let fits = |names: &Vec<&str>| {
+            let alike = filled(names) <= row.len() && filled(&row) <= names.len();
+            alike || of_step(names).is_some()
+        };
+        let (names, units) = match &head[..] {
+            [.., names, units] if of_places(units) && fits(names) => (Some(names), Some(units)),
+            [.., names] if fits(names) => (Some(names), None),
+            _ => (None, None),
+        };
+        let misnamed = head.last().filter(|_| names.is_none());
+        let misnamed = misnamed.map(|head| (filled(head), row.len()));
+        let mut rows = lines[begins..].iter().filter(|line| !is_passed(line));
+        let is_perhaps_one = separator == ',' && names.is_none() && rows.all(|line| may_be_one(line));
+        let at = |row: Option<&Vec<&str>>, place: usize| {
+            let field = row.and_then(|row| row.get(place));
+            field
+                .filter(|field| !field.is_empty())
+                .map(|field| (*field).to_owned())
+        };
+        let header = |place: &usize| Header {
+            place: *place,
+            name: at(names, *place).unwrap_or_else(|| (place + 1).to_string()),
+            unit: at(units, *place).map(|unit| unit.trim_matches(['(', ')', '[', ']', ' ']).to_owned()),
+        };
+        // Rigol numbers its rows and writes the step of time into the head.
+        let place = names.and_then(of_step);
+        let step = place.and_then(|place| value_of(units?.get(place)?, separator));
+        Some(Self {
+            separator,
+            headers: places.iter().map(header).collect(),
+            begins,
+            rate_hz: step.filter(|step| STEPS.contains(step)).map(|step| 1.0 / step),
+            misnamed,
+            is_perhaps_one,
+        })
+    }
+}
+
+/// Number of fields without the empty ones at the end.
+fn filled(fields: &[&str]) -> usize {
+    let last = fields.iter().rposition(|field| !field.is_empty());
+    last.map_or(0, |last| last + 1)
+}
+
+/// True for a line among the rows that holds none.
+fn is_passed(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with('#')
+}
+
+/// True for a line that may be one number with a decimal comma.
+fn may_be_one(line: &str) -> bool {
+    let (whole, decimals) = line.trim().split_once(',').unwrap_or((line.trim(), "0"));
+    let whole = whole.trim_start_matches(['+', '-']);
+    let is_whole = !whole.is_empty() && whole.bytes().all(|digit| digit.is_ascii_digit());
+    is_whole && decimals.starts_with(|first: char| first.is_ascii_digit()) && !decimals.contains(['.', ','])
+}
+
+/// Splits a line into fields. Double quotes hide separators.
+fn fields(line: &str, separator: char) -> impl Iterator<Item = &str> {
+    let mut quoted = false;
+    // Adjacent blanks are one separator.
+    let line = if separator == ' ' { line.trim() } else { line };
+    let pieces = line.split(move |c: char| {
+        quoted ^= c == '"';
+        !quoted && (c == separator)
+    });
+    let some = move |piece: &&str| separator != ' ' || !piece.is_empty();
+    pieces
+        .filter(some)
+        .map(|piece| piece.trim().trim_matches('"').trim())
+}
+
+/// The number in a field that holds nothing else.
+fn value_of(field: &str, separator: char) -> Option<f64> {
+    let starts = field.chars().next()?;
+    if !(starts.is_ascii_digit() || "+-.,".contains(starts)) {
+        return None;
+    }
+    let value = match separator {
+        ',' => field.parse(),
+        _ if field.contains(',') => field.replace(',', ".").parse(),
+        _ => field.parse(),
+    };
+    value.ok().filter(|value: &f64| value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::choice::Wanted;
+
+    fn wanted(text: &str) -> Option<Wanted> {
+        text.parse().ok()
+    }
+
+    fn waveform(bytes: impl AsRef<[u8]>, choice: &Choice) -> Result<Waveform, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scope.csv");
+        fs::write(&path, bytes).unwrap();
+        Waveform::read(&path, choice, None)
+            .map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
+    }
+
+    fn ch1() -> Choice {
+        Choice {
+            force: wanted("CH1:2N"),
+            ..Choice::default()
+        }
+    }
+
+    /// Twenty rows of a ramp after ten at rest, 1 ms apart from -10 ms on: volts on one channel.
+    fn rows(row: impl Fn(f64, f64) -> String) -> String {
+        let line = |n: i32| {
+            let volts = f64::from((n - 10).max(0)) * 0.1;
+            row(f64::from(n - 10) * 1e-3, volts)
+        };
+        (0..30).map(line).collect()
+    }
+
+    /// Two newtons a volt give 3.8 N at the end, 1.8 N in the middle of the ramp.
+    fn is_the_ramp(found: Result<Waveform, String>) {
+        let force = found.unwrap().force.unwrap();
+        assert!((force.end() - 29e-3).abs() < 1e-12, "{}", force.end());
+        let mut force = force;
+        assert!((force.at(19e-3) - 1.8).abs() < 1e-9, "{}", force.at(19e-3));
+        assert!((force.last() - 3.8).abs() < 1e-9);
+    }
+
+    #[test]
+    fn heads_of_oscilloscopes_are_passed_over() {
+        let tektronix = format!(
+            "Model,MSO2024\r\nFirmware Version,1.52\r\n\r\nPoint Format,Y,\r\nHorizontal Units,S,\r\nSample Interval,1e-3,\r\n\
+             \r\nTIME,CH1,CH2\r\n{}",
+            rows(|t, v| format!("{t:.6e},{v:.4},0.1\r\n"))
+        );
+        is_the_ramp(waveform(&tektronix, &ch1()));
+        let keysight = format!(
+            "x-axis,CH1\nsecond,Volt\n{}",
+            rows(|t, v| format!("{t:.6e},{v:.4}\n"))
+        );
+        is_the_ramp(waveform(&keysight, &ch1()));
+        let n = std::cell::Cell::new(0);
+        let rigol = format!(
+            "X,CH1,Start,Increment\nSequence,VOLT,-1.0e-2,1.0e-3\n{}",
+            rows(|_, v| format!("{},{v:.4},,\n", n.replace(n.get() + 1)))
+        );
+        is_the_ramp(waveform(&rigol, &ch1()));
+        let pico = format!(
+            "Time,CH1\n(ms),(V)\n\n{}",
+            rows(|t, v| format!("{:.4},{v:.4}\n", 1e3 * t))
+        );
+        is_the_ramp(waveform(&pico, &ch1()));
+        let lecroy = format!(
+            "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,30\nSegment,TrigTime,TimeSinceSegment1\n#1,20-Nov-2026 10:00,0\n\
+             Time,CH1\n{}",
+            rows(|t, v| format!("{t:.6e},{v:.4}\n"))
+        );
+        is_the_ramp(waveform(&lecroy, &ch1()));
+        // Of the oldest: settings to the left, no names.
+        let tds = rows(|t, v| {
+            let left = if t < -7e-3 {
+                "Record Length,30,Points"
+            } else {
+                ",,"
+            };
+            format!("{left},{t:.6},{v:.4},\n")
+        });
+        let by_number = Choice {
+            force: wanted("5:2N"),
+            time: wanted("4:s"),
+            ..Choice::default()
+        };
+        is_the_ramp(waveform(&tds, &by_number));
+    }
+
+    #[test]
+    fn decimal_commas_other_separators_and_other_letters_are_read() {
+        let comma = |number: f64| format!("{number:.6}").replace('.', ",");
+        let german = format!(
+            "Zeit [ms];Kraft [N]\n{}",
+            rows(|t, v| format!("{};{}\n", comma(1e3 * t), comma(2.0 * v)))
+        );
+        is_the_ramp(waveform(&german, &Choice::default()));
+        let tabs = format!(
+            "t/ms\tF/mN\n{}",
+            rows(|t, v| format!("{}\t{}\n", comma(1e3 * t), comma(2e3 * v)))
+        );
+        is_the_ramp(waveform(&tabs, &Choice::default()));
+        let numpy = format!(
+            "# time_s force_n\n{}",
+            rows(|t, v| format!("  {t:.6e}   {:.6e} \n", 2.0 * v))
+        );
+        is_the_ramp(waveform(&numpy, &Choice::default()));
+        let quoted = format!(
+            "\u{feff}\"time, of all (s)\",\"Force (N)\"\n{}",
+            rows(|t, v| format!("\"{t:.6}\",{}\n", 2.0 * v))
+        );
+        is_the_ramp(waveform(&quoted, &Choice::default()));
+        // µ in Latin-1.
+        let mut latin = b"t (\xb5s),F (N)\n".to_vec();
+        latin.extend(rows(|t, v| format!("{:.3},{}\n", 1e6 * t, 2.0 * v)).bytes());
+        is_the_ramp(waveform(&latin, &Choice::default()));
+        let alone = Choice {
+            rate_hz: Some(1000.0),
+            force: wanted("1:2N"),
+            ..Choice::default()
+        };
+        is_the_ramp(waveform(rows(|_, v| format!("{v}\n")), &alone));
+    }
+
+    #[test]
+    fn names_that_are_not_as_many_as_the_columns_are_no_names() {
+        let says = |text: &str, force: &str| {
+            let choice = Choice {
+                force: wanted(force),
+                ..Choice::default()
+            };
+            waveform(text, &choice).unwrap_err()
+        };
+        // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a
+        // quoted text.
+        let r = format!(
+            "\"time_s\" \"force_n\" \"acceleration_mps2\"\n{}",
+            rows(|t, v| format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v))
+        );
+        let numpy = format!(
+            "# t(s) F [N] a [g]\n{}",
+            rows(|t, v| format!("{t:.6} {:.4} 0.1\n", 2.0 * v))
+        );
+        let inch = format!(
+            "t (s),5\" force (N),acceleration (m/s2)\n{}",
+            rows(|t, v| format!("{t:.6},{:.4},0.1\n", 2.0 * v))
+        );
+        for (text, counts) in [
+            (&r, "has 3 and its rows 4"),
+            (&numpy, "has 5 and its rows 3"),
+            (&inch, "has 2 and its rows 3"),
+        ] {
+            for force in ["", "force_n"] {
+                let why = says(text, force);
+                let wanted =
+                    format!("its head {counts} columns, so give them by number, as in --force-column 2:N");
+                assert!(why.ends_with(&wanted), "{why}");
+            }
+        }
+        let by_number = Choice {
+            time: wanted("2:s"),
+            force: wanted("3:N"),
+            ..Choice::default()
+        };
+        is_the_ramp(waveform(&r, &by_number));
+        // An empty field at the end may be missing above or below.
+        is_the_ramp(waveform(
+            format!(
+                "t (s),F (N),\n{}",
+                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+        is_the_ramp(waveform(
+            format!(
+                "t (s),F (N)\n{}",
+                rows(|t, v| format!("{t:.6},{:.4},,\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+        // A title above a line of units, which are names as well.
+        is_the_ramp(waveform(
+            format!(
+                "Of today, or not, or so\ns,N\n{}",
+                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+    }
+
+    #[test]
+    fn one_column_with_decimal_commas_is_not_taken_for_two() {
+        let comma = |number: f64| format!("{number:.1}\n").replace('.', ",");
+        let alone = Choice {
+            rate_hz: Some(1000.0),
+            force: wanted("1:2N"),
+            ..Choice::default()
+        };
+        for head in ["", "force_n\n"] {
+            let text = format!("{head}{}", rows(|_, v| comma(v)));
+            let why = waveform(&text, &alone).unwrap_err();
+            assert!(
+                why.contains(
+                    "rows such as `0,0` are one number with a decimal comma, or two; write decimal points"
+                ),
+                "{why}"
+            );
+            // Whole numbers have no comma there.
+            let short = text.replace("1,0\n", "1\n");
+            assert_eq!(waveform(&short, &alone).unwrap_err(), why);
+        }
+        // Two columns: by their names, by the choice of the second, or since there is a point or a sign in
+        // it.
+        let whole = |v: f64| format!("{:.0}", 10.0 * v);
+        let of_two = Choice {
+            force: wanted("2:0.2N"),
+            time: wanted("1:ms"),
+            ..Choice::default()
+        };
+        let two = |row: &dyn Fn(f64, f64) -> String| rows(|t, v| row(1e3 * t + 10.0, v));
+        is_the_ramp(waveform(two(&|t, v| format!("{t:.0},{}\n", whole(v))), &of_two));
+        is_the_ramp(waveform(
+            format!("t (ms),v\n{}", two(&|t, v| format!("{t:.0},{}\n", whole(v)))),
+            &of_two,
+        ));
+        let first = Choice {
+            force: wanted("1:0.2N"),
+            ..alone
+        };
+        is_the_ramp(waveform(two(&|_, v| format!("{},{:.1}\n", whole(v), v)), &first));
+        is_the_ramp(waveform(two(&|_, v| format!("{},-1\n", whole(v))), &first));
+    }
+
+    #[test]
+    fn what_is_no_waveform_is_told_with_its_line() {
+        let table = |change: &dyn Fn(usize, &str) -> String| -> String {
+            let good = rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v));
+            let lines = good.lines().enumerate().map(|(at, line)| change(at, line));
+            format!("time_s,force_n\n{}", lines.collect::<String>())
+        };
+        let one = |at: usize, is: &'static str| {
+            table(&move |line, good| {
+                if line == at {
+                    is.to_owned()
+                } else {
+                    format!("{good}\n")
+                }
+            })
+        };
+        for (text, refusal) in [
+            (
+                one(12, "0.002,\n"),
+                "F: line 14 has no number for the force; a waveform has no gaps",
+            ),
+            (one(12, "0.002,nan\n"), "line 14 has no number"),
+            (one(12, "0.002,1e999\n"), "line 14 has no number"),
+            (one(12, "0.002,eight\n"), "line 14 has no number"),
+            (
+                one(12, "0.001,0.2\n"),
+                "F: time stands still at line 14, from 0.001 to 0.001 s",
+            ),
+            (one(12, "-1,0.2\n"), "time goes back at line 14"),
+            (one(12, "2e-3,2e30\n"), "line 14 has 2.000e30 N for the force"),
+            (one(29, "1e31,0.2\n"), "line 31 has 1.000e31 s for the time"),
+            (
+                one(12, ""),
+                "has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart",
+            ),
+            ("p,q\n1,2\n".to_owned(), "no column of force"),
+            ("time_s,force_n\n1,2\n2,3\n".to_owned(), "has 2 lines of numbers"),
+            ("nothing\nat all\n".to_owned(), "no rows of numbers"),
+            ("a\0b\n".to_owned(), "none of the forms"),
+            (String::new(), "is empty"),
+            ("x".repeat(100_000), "none of the forms"),
+        ] {
+            let error = waveform(text, &Choice::default()).unwrap_err();
+            assert!(error.contains(refusal), "{error}");
+        }
+        let error = waveform(b"\xff\xfet\0", &Choice::default()).unwrap_err();
+        assert!(error.contains("UTF-16"), "{error}");
+        let strike = Choice {
+            strike: Some(1),
+            ..Choice::default()
+        };
+        assert!(
+            waveform(one(99, ""), &strike)
+                .unwrap_err()
+                .contains("--waveform-strike")
+        );
+    }
+}

@@ -1,0 +1,566 @@
+//! Requests to a bead, and its replies among all else that it sends.
+//!
+//! # Design
+//! A request that gets no reply in time is sent again under the same number, as the line may lose request or
+//! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
+//! to an earlier program is not taken for ours.
+//!
+//! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of
+//! several would collide. With an address, only that bead is asked, and what the others send meanwhile is
+//! passed over.
+//!
+//! Behind a hub the replies of several beads do not collide. So before a bead's state is changed without an
+//! address, all that was heard must come from one bead: what one of them told is not for the others.
+//!
+//! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs:
+//! its device id, boot, sample index and counter. Each copy of a signed request has a counter of its own,
+//! since the bead takes each only once.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::{io, process};
+
+use bead_wire::{
+    ANY, Arrival, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request,
+};
+
+use crate::port::{Address, Port, PortError};
+use crate::silence::Evidence;
+use bead_recording::frames::{Frame, Reader};
+
+/// Number of times that a request is sent before the bead counts as silent.
+const ATTEMPTS: u32 = 3;
+/// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a
+/// reply back for 20 ms, and a network may do so too.
+const OTHERS: Duration = Duration::from_millis(200);
+/// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the
+/// memory. The frames of an answer are the last ones before its reply, and far fewer.
+const FRAMES: usize = 4096;
+
+/// An error of a conversation. The message is one line: what, why, what next.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// The port does not open.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The port fails or goes away.
+    #[error("{what}: {source}")]
+    Gone {
+        /// The action that failed.
+        what: String,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// No answer comes, or not all of it.
+    #[error("{0}")]
+    Silent(String),
+    /// The bead refused.
+    #[error("{0}")]
+    Refused(String),
+    /// Several beads are there, and none of them was named.
+    #[error("{0}")]
+    Several(String),
+}
+
+/// A line on which a bead gets requests.
+pub struct Conversation {
+    line: Address,
+    port: Port,
+    reader: Reader,
+    /// The bead that is asked, or [`ANY`].
+    asked: u8,
+    /// The bead that replied last.
+    replied: Option<u8>,
+    /// Frames that came after the last wanted one.
+    behind: VecDeque<Frame>,
+    next: u16,
+    patience: Duration,
+    key: Option<Key>,
+    identity: Option<Identity>,
+    evidence: Evidence,
+}
+
+/// The answer of a bead.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// Frames of the bead after the first copy of the request, without the reply. Of thousands, the newest.
+    pub frames: Vec<Frame>,
+    /// The reply.
+    pub reply: Reply,
+    /// The address of the bead that replied.
+    pub address: u8,
+    /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first
+    /// frame of a conversation are unknown.
+    pub lost: bool,
+    /// True if every bead on the line was asked, and something came damaged: replies of several collide.
+    collided: bool,
+}
+
+impl Answer {
+    /// The last of the frames that is wanted.
+    ///
+    /// # Errors
+    /// No frame is wanted: it was lost.
+    pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
+        self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
+            let next = if self.collided {
+                "ask again, and if several beads share the line, one of them: --address N"
+            } else {
+                "ask again"
+            };
+            LineError::Silent(format!(
+                "the bead at address {} replied, but its {what} was lost on the way; {next}",
+                self.address
+            ))
+        })
+    }
+
+    /// The refusal, with its reason.
+    pub fn refusal(&self) -> LineError {
+        let Reply { outcome, detail, .. } = &self.reply;
+        let name = outcome.to_string().replace('_', " ");
+        let next = match outcome {
+            Outcome::Unsigned => ", by --key F.key",
+            _ => "",
+        };
+        let who = format!("the bead at address {} refused: {name}", self.address);
+        LineError::Refused(if detail.as_str().is_empty() {
+            who
+        } else {
+            format!("{who}; {}{next}", detail.as_str())
+        })
+    }
+}
+
+impl Conversation {
+    /// Opens the line to the bead with an address, or to the only one there: [`ANY`]. `patience` is how long
+    /// a reply may take.
+    ///
+    /// # Errors
+    /// The port does not open.
+    pub fn open(line: &Address, baud: u32, asked: u8, patience: Duration) -> Result<Self, LineError> {
+        let port = line.open(baud)?;
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Ok(Self {
+            line: line.clone(),
+            port,
+            reader: Reader::default(),
+            asked,
+            replied: None,
+            behind: VecDeque::new(),
+            next: (since.subsec_micros() ^ process::id()) as u16,
+            patience,
+            key: None,
+            identity: None,
+            evidence: Evidence::default(),
+        })
+    }
+
+    /// Signs what changes the bead's state with this key from now on, or nothing.
+    pub fn sign_with(&mut self, key: Option<Key>) {
+        self.key = key;
+    }
+
+    /// Asks the bead, signed, to do something that changes nothing. True if this key is the bead's.
+    ///
+    /// # Errors
+    /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have
+    /// the key, and there are others that were not told apart by an address.
+    pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
+        let answer = self.signed(&Request::Identity, key)?;
+        match answer.reply.outcome {
+            Outcome::Done => Ok(true),
+            // It has another key, or none, or knows of no keys.
+            Outcome::Forged | Outcome::NoKey | Outcome::Kind | Outcome::Version => {
+                self.is_alone().map(|()| false)
+            }
+            _ => Err(answer.refusal()),
+        }
+    }
+
+    /// Sends a request and returns the bead's answer, done or refused.
+    ///
+    /// # Errors
+    /// The port goes away, no reply comes, or the request would change the state of one of several beads that
+    /// were heard, and none was named.
+    pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
+        match self.key.clone().filter(|_| request.changes_state()) {
+            Some(key) => self.signed(request, &key),
+            None => self.ask(request, |_, _| request.clone()),
+        }
+    }
+
+    /// Sends a signed request.
+    fn signed(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
+        /// A clock that runs slow, and a host that is busy.
+        const MARGIN: Duration = Duration::from_secs(5);
+        let mut answer = self.sign_and_ask(request, key, MARGIN)?;
+        if matches!(answer.reply.outcome, Outcome::Replayed | Outcome::Late) {
+            // Another host was faster, or the bead was reset meanwhile.
+            self.identity = None;
+            answer = self.sign_and_ask(request, key, MARGIN)?;
+        }
+        Ok(answer)
+    }
+
+    fn sign_and_ask(&mut self, request: &Request, key: &Key, margin: Duration) -> Result<Answer, LineError> {
+        let identity = match &self.identity {
+            Some(identity) => identity.clone(),
+            None => {
+                let answer = self.ask(&Request::Identity, |_, _| Request::Identity)?;
+                let identity = answer.last("identity frame", |frame| match &frame.message {
+                    Message::Identity(identity) => Some(identity.clone()),
+                    _ => None,
+                })?;
+                self.identity.insert(identity).clone()
+            }
+        };
+        let status = self.ask(&Request::Status, |_, _| Request::Status)?;
+        let (index, guard) = status.last("guard frame", |frame| match &frame.message {
+            Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
+            _ => None,
+        })?;
+        let holds = self.patience * ATTEMPTS + margin;
+        let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
+        let asked = self.asked;
+        self.ask(request, |number, attempt| {
+            let ticket = Ticket {
+                counter: guard.counter.saturating_add(1 + u64::from(attempt)),
+                boot: identity.boot,
+                until: index.saturating_add(scans),
+            };
+            request.signed(key, &identity.uid, asked, number, ticket)
+        })
+    }
+
+    /// Sends a request until a reply comes. `sealed` makes the copy for its number and each attempt.
+    fn ask(&mut self, request: &Request, sealed: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
+        let asked = self.asked;
+        // By these a bead may get another address, under which it replies. The number of the request is its
+        // own all the same.
+        let moves = matches!(request, Request::WriteSettings { .. } | Request::EraseSettings);
+        if request.changes_state() && asked == ANY && self.replied.is_some() {
+            self.hear(OTHERS, |_| None::<()>)?;
+            self.is_alone()?;
+        }
+        let number = self.next;
+        self.next = self.next.wrapping_add(1);
+        self.evidence.begin();
+        let rejected = self.reader.counters().rejected.total();
+        let mut frames = VecDeque::new();
+        for attempt in 0..ATTEMPTS {
+            let mut buffer = [0; MAX_REQUEST];
+            let sealed = sealed(number, attempt);
+            let bytes = encode_request(asked, number, &sealed, &mut buffer)
+                .expect("MAX_REQUEST bytes always suffice");
+            self.port
+                .write(bytes)
+                .map_err(|source| gone(format!("cannot send to {}", self.line), source))?;
+            let found = self.hear(self.patience, |frame| {
+                let is_asked = asked == ANY || moves || frame.header.address == asked;
+                match &frame.message {
+                    _ if !is_asked => None,
+                    Message::Reply(reply) if reply.request == number => {
+                        Some((frame.header.address, frame.arrival, reply.clone()))
+                    }
+                    _ => {
+                        if frames.len() == FRAMES {
+                            frames.pop_front();
+                        }
+                        frames.push_back(frame);
+                        None
+                    }
+                }
+            })?;
+            if let Some((address, arrival, reply)) = found {
+                self.replied = Some(address);
+                if asked != ANY {
+                    self.asked = address;
+                }
+                if moves {
+                    // Its frames under the address before are no other bead's.
+                    self.evidence.note_alone(address);
+                }
+                frames.retain(|frame| frame.header.address == address);
+                let mut arrivals = frames.iter().map(|frame| frame.arrival).chain([arrival]);
+                return Ok(Answer {
+                    lost: arrivals.any(|arrival| {
+                        matches!(arrival, Arrival::Next { lost: 1.. } | Arrival::Restart { .. })
+                    }),
+                    frames: frames.into(),
+                    reply,
+                    address,
+                    collided: asked == ANY && self.reader.counters().rejected.total() > rejected,
+                });
+            }
+        }
+        Err(self.silence())
+    }
+
+    /// Refuses where a bead was to be alone, and frames of several came.
+    fn is_alone(&self) -> Result<(), LineError> {
+        match self.evidence.several().filter(|_| self.asked == ANY) {
+            Some(beads) => Err(LineError::Several(format!(
+                "beads at the addresses {beads} are at {}, and this is for one of them: name it, by --address N",
+                self.line
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// Sends a request and returns the bead's answer if the request was done.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request), and [`LineError::Refused`] with the bead's reason if it refuses.
+    pub fn request_done(&mut self, request: &Request) -> Result<Answer, LineError> {
+        let answer = self.request(request)?;
+        match answer.reply.outcome {
+            Outcome::Done => Ok(answer),
+            _ => Err(answer.refusal()),
+        }
+    }
+
+    /// Resets the bead, waits until it is back, and returns the number of its boot.
+    ///
+    /// # Errors
+    /// As [`request_done`](Self::request_done), or it does not come back within 10 s.
+    pub fn reboot(&mut self) -> Result<u32, LineError> {
+        /// Erasing a sector takes four seconds; the rest is margin.
+        const START: Duration = Duration::from_secs(10);
+        self.request_done(&Request::Reboot)?;
+        self.identity = None;
+        let boot = self.listen(START, |frame| match &frame.message {
+            // The first frame of a boot.
+            Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
+            _ => None,
+        })?;
+        boot.ok_or_else(|| {
+            LineError::Silent(format!(
+                "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",
+                self.addressed(),
+                self.line
+            ))
+        })
+    }
+
+    /// Listens to the bead that replied last until `wanted` gives something, or for `patience`.
+    ///
+    /// # Errors
+    /// The port has gone away.
+    pub fn listen<T>(
+        &mut self,
+        patience: Duration,
+        mut wanted: impl FnMut(Frame) -> Option<T>,
+    ) -> Result<Option<T>, LineError> {
+        let from = self.replied;
+        self.hear(patience, |frame| {
+            let its = from.is_none_or(|address| address == frame.header.address);
+            its.then(|| wanted(frame)).flatten()
+        })
+    }
+
+    /// Listens to every bead on the line until `wanted` gives something, or for `patience`.
+    fn hear<T>(
+        &mut self,
+        patience: Duration,
+        mut wanted: impl FnMut(Frame) -> Option<T>,
+    ) -> Result<Option<T>, LineError> {
+        let deadline = Instant::now() + patience;
+        let mut buffer = vec![0; 64 * 1024];
+        loop {
+            while let Some(frame) = self.behind.pop_front() {
+                if let Some(found) = wanted(frame) {
+                    return Ok(Some(found));
+                }
+            }
+            if Instant::now() >= deadline {
+                return Ok(None);
+            }
+            let length = self
+                .port
+                .read(&mut buffer)
+                .map_err(|source| gone(format!("{} went away", self.line), source))?;
+            let (behind, evidence, asked) = (&mut self.behind, &mut self.evidence, self.asked);
+            self.reader.feed(&buffer[..length], None, |item| {
+                behind.extend(item.frame().inspect(|frame| evidence.note(frame, asked)));
+            });
+        }
+    }
+
+    /// The error for a missing reply, with its reason as far as the received bytes show it.
+    fn silence(&self) -> LineError {
+        let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
+        let why = self.evidence.explain(self.asked, self.reader.counters());
+        LineError::Silent(format!(
+            "no reply{} at {} within {seconds:.1} s; {why}",
+            match self.addressed() {
+                named if named.is_empty() => named,
+                named => format!(" from the bead{named}"),
+            },
+            self.line
+        ))
+    }
+
+    /// Names the bead that is asked, in a message.
+    fn addressed(&self) -> String {
+        match self.asked {
+            ANY => String::new(),
+            address => format!(" with address {address}"),
+        }
+    }
+}
+
+fn gone(what: String, source: io::Error) -> LineError {
+    LineError::Gone { what, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixListener;
+    use std::sync::Mutex;
+    use std::thread;
+
+    use super::*;
+    use bead_wire::{Header, Heard, Link, MAX_FRAME, RequestDecoder, ResetCauses, encode};
+
+    /// Longer than a busy computer takes.
+    const LONG: Duration = Duration::from_secs(20);
+
+    /// Talks with beads on a line. Each request gets what `answer` makes of it.
+    fn talk<T>(
+        asked: u8,
+        patience: Duration,
+        mut answer: impl FnMut(&Heard) -> Vec<u8> + Send,
+        talk: impl FnOnce(&mut Conversation) -> T,
+    ) -> T {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("line.sock");
+        let listener = UnixListener::bind(&path).unwrap();
+        thread::scope(|scope| {
+            scope.spawn(move || {
+                let (mut stream, _) = listener.accept().unwrap();
+                let (mut decoder, mut buffer) = (RequestDecoder::new(), [0; 4096]);
+                while let Ok(length @ 1..) = stream.read(&mut buffer) {
+                    for &byte in &buffer[..length] {
+                        if let Some(Ok(heard)) = decoder.push(byte) {
+                            // A program that hung up meanwhile reads no more.
+                            let _ = stream.write_all(&answer(&heard));
+                        }
+                    }
+                }
+            });
+            talk(&mut Conversation::open(&Address::Unix(path), 0, asked, patience).unwrap())
+        })
+    }
+
+    fn frame(address: u8, sequence: u32, message: &Message) -> Vec<u8> {
+        let header = Header {
+            address,
+            boot: 0,
+            sequence,
+            sample_index: 0,
+        };
+        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    }
+
+    fn done(heard: &Heard) -> Message {
+        let reply = Reply {
+            request: heard.number,
+            outcome: Outcome::Done,
+            detail: "".into(),
+        };
+        reply.into()
+    }
+
+    fn identity() -> Message {
+        let identity = Identity {
+            firmware: "0.1.0".into(),
+            git: "abc".into(),
+            uid: [1; 12],
+            boot: 0,
+            reset_cause: ResetCauses::NONE,
+            sample_rate_hz: 100_000,
+            channels: 4,
+        };
+        identity.into()
+    }
+
+    #[test]
+    fn a_reply_of_another_bead_is_not_the_one_that_was_asked_for() {
+        let error = talk(
+            3,
+            Duration::from_millis(50),
+            |heard| frame(5, 0, &done(heard)),
+            |bead| bead.request(&Request::Arm).unwrap_err(),
+        );
+        assert!(matches!(error, LineError::Silent(_)), "{error}");
+    }
+
+    #[test]
+    fn the_state_of_several_beads_is_not_changed_by_what_one_of_them_told() {
+        let asked = Mutex::new(Vec::new());
+        let error = talk(
+            ANY,
+            LONG,
+            |heard| {
+                asked.lock().unwrap().push(heard.request.clone().unwrap());
+                [3, 5].map(|address| frame(address, 0, &done(heard))).concat()
+            },
+            |bead| {
+                assert_eq!(bead.request(&Request::ReadSettings).unwrap().address, 3);
+                bead.request(&Request::EraseSettings).unwrap_err()
+            },
+        );
+        assert!(error.to_string().contains("at the addresses 3, 5 are"), "{error}");
+        assert_eq!(*asked.lock().unwrap(), [Request::ReadSettings]);
+    }
+
+    #[test]
+    fn of_what_comes_before_a_reply_the_newest_frames_are_kept() {
+        let answer = talk(
+            ANY,
+            LONG,
+            |heard| {
+                let link = Link::default().into();
+                let mut bytes: Vec<u8> = (0..5000).flat_map(|number| frame(3, number, &link)).collect();
+                bytes.extend(frame(3, 5000, &identity()));
+                bytes.extend(frame(3, 5001, &done(heard)));
+                bytes
+            },
+            |bead| bead.request(&Request::Identity).unwrap(),
+        );
+        assert_eq!((answer.frames.len(), answer.lost), (FRAMES, false));
+        assert!(matches!(
+            answer.frames.last().unwrap().message,
+            Message::Identity(_)
+        ));
+    }
+
+    #[test]
+    fn a_bead_without_the_key_among_others_does_not_say_that_none_has_it() {
+        let mut sequence = 0;
+        let error = talk(
+            ANY,
+            LONG,
+            |heard| {
+                sequence += 10;
+                let forged = matches!(heard.request, Ok(Request::Signed { .. }));
+                let outcome = if forged { Outcome::Forged } else { Outcome::Done };
+                let reply = Reply {
+                    request: heard.number,
+                    outcome,
+                    detail: "".into(),
+                };
+                let messages = [identity(), bead_wire::Guard::default().into(), reply.into()];
+                let said = |address| {
+                    let messages = (sequence..).zip(&messages);
+                    messages.flat_map(move |(number, message)| frame(address, number, message))
+                };
+                said(5).chain(said(3)).collect()
+            },
+            |bead| bead.has_key(&Key::new([7; 16]).unwrap()).unwrap_err(),
+        );
+        assert!(error.to_string().contains("at the addresses 3, 5 are"), "{error}");
+    }
+}

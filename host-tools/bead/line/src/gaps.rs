@@ -1,0 +1,527 @@
+//! Lost strikes of a bead, and the requests that fetch them.
+//!
+//! # Design
+//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost can be fetched, as
+//! long as newer ones have not taken its place. [`Gaps`] takes every frame of one bead and gives the
+//! requests. It gives none while nothing is missing.
+//!
+//! Strikes are wanted from the first one on of which a frame came, or else from the first status on: those
+//! before were measured before anybody listened. The numbers of the strikes that came, and the count in the
+//! status, show what is missing of this boot. Only the bead knows of boots before: after a reset, and after
+//! the line was gone, it is asked for the list of what it keeps.
+//!
+//! [`Assembly`] says which strikes came whole, and which boots begin with a restart.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::{Duration, Instant};
+
+use bead_wire::{Arrival, MAX_REQUEST, Message, Outcome, Request, encode_request};
+
+use bead_recording::assembly::{Assembled, Assembly, Event, Restart};
+use bead_recording::frames::Frame;
+
+/// A strike whose frames should have come by now is missing after this time: ten times its frames' time on
+/// the line.
+const OVERDUE: Duration = Duration::from_millis(200);
+/// Time-out of a reply.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Number of times that a request is sent.
+const ATTEMPTS: u32 = 5;
+/// Number of counts of strikes that wait until they are due.
+const COUNTS: usize = 64;
+/// Number of strikes that are asked for at a time. A bead keeps no more.
+const WANTED: usize = 64;
+/// Number of lost strikes that are remembered.
+const REMEMBERED: usize = 4096;
+
+/// A strike: low byte of the boot, and number in it.
+type Name = (u8, u32);
+
+/// A request that the bead has not answered.
+#[derive(Clone, Debug)]
+struct Asked {
+    number: u16,
+    request: Request,
+    since: Instant,
+    attempts: u32,
+    /// True if frames were lost since.
+    lost: bool,
+}
+
+/// The lost strikes of one bead.
+#[derive(Debug)]
+pub struct Gaps {
+    address: u8,
+    /// Low byte of the boot number.
+    boot: u8,
+    /// The whole number, by the identity.
+    boot_number: Option<u32>,
+    assembly: Assembly,
+    /// The first strike that is wanted, in the first boot of which a frame came.
+    from: Option<Name>,
+    /// Number of strikes of this boot, and of those whose frames should have come.
+    count: u32,
+    due: u32,
+    /// All strikes of this boot below this one came, or are lost.
+    settled: u32,
+    /// Counts of strikes, each with the time when it was first known, until they are due.
+    counts: VecDeque<(u32, Instant)>,
+    /// Strikes that the bead does not keep, and the number of all of them.
+    gone: BTreeMap<u8, BTreeSet<u32>>,
+    gone_count: u64,
+    /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was
+    /// sent.
+    wanted: BTreeMap<(u32, u32), u32>,
+    /// True while the list of what the bead keeps is to be asked for.
+    list: bool,
+    /// Number of times that it was asked for in vain.
+    lists: u32,
+    asked: Option<Asked>,
+    next_number: u16,
+    /// No request before this time.
+    pause_until: Option<Instant>,
+    fetched: u64,
+}
+
+impl Gaps {
+    /// Lost strikes of the bead with this address, of which no frame came yet.
+    pub fn new(address: u8) -> Self {
+        Self {
+            address,
+            boot: 0,
+            boot_number: None,
+            assembly: Assembly::default(),
+            from: None,
+            count: 0,
+            due: 0,
+            settled: 0,
+            counts: VecDeque::new(),
+            gone: BTreeMap::new(),
+            gone_count: 0,
+            wanted: BTreeMap::new(),
+            list: false,
+            lists: 0,
+            asked: None,
+            // Other programs count from somewhere else.
+            next_number: 0x4000,
+            pause_until: None,
+            fetched: 0,
+        }
+    }
+
+    /// Notes that the line was gone and is back: strikes may have been lost of which no frame came.
+    pub fn reconnect(&mut self) {
+        self.list = self.from.is_some();
+        self.lists = 0;
+        self.asked = None;
+    }
+
+    /// Number of strikes that were fetched.
+    pub fn fetched(&self) -> u64 {
+        self.fetched
+    }
+
+    /// Number of strikes that are lost: the bead no longer keeps them, or never measured them.
+    pub fn gone(&self) -> u64 {
+        self.gone_count
+    }
+
+    /// Takes the next frame of the bead, at this time. Gives the fetched strike whose last frame it is.
+    pub fn push(&mut self, frame: &Frame, now: Instant) -> Option<Assembled> {
+        self.boot = frame.header.boot;
+        if let (Some(asked), Arrival::Next { lost: 1.. }) = (&mut self.asked, frame.arrival) {
+            asked.lost = true;
+        }
+        let mut fetched = None;
+        for event in self.assembly.push(frame) {
+            match event {
+                Event::Restart(restart) => self.restart(restart),
+                Event::Whole(assembled) => {
+                    let strike = &assembled.strike;
+                    self.find((strike.boot, strike.said.strike));
+                    if let Some(copy) = assembled.fetched {
+                        self.wanted.remove(&(copy.boot, strike.said.strike));
+                        self.fetched += 1;
+                        fetched = Some(*assembled);
+                    }
+                }
+                Event::Gap(_) => {}
+            }
+        }
+        match &frame.message {
+            Message::Identity(identity) => self.boot_number = Some(identity.boot),
+            Message::Status(status) => self.note_count(status.strikes, status.strikes, now),
+            Message::Waveform(waveform) => self.note_strike(waveform.strike, now),
+            Message::Strike(strike) => self.note_strike(strike.strike, now),
+            Message::Shape(shape) => self.note_strike(shape.strike, now),
+            Message::Kept(kept) => self.want(kept.boot, kept.strike),
+            Message::Reply(reply) => self.answer(reply.request, reply.outcome, now),
+            _ => {}
+        }
+        fetched
+    }
+
+    fn restart(&mut self, restart: Restart) {
+        (self.count, self.due, self.settled) = (0, 0, 0);
+        self.counts.clear();
+        self.boot_number = None;
+        if let Some((first, from)) = &mut self.from
+            && restart.begins(*first)
+        {
+            *from = 0;
+        }
+        self.gone.retain(|boot, _| !restart.begins(*boot));
+        let before = self.wanted.len();
+        self.wanted.retain(|&(boot, _), _| !restart.begins(boot as u8));
+        self.gone_count += (before - self.wanted.len()) as u64;
+        self.reconnect();
+    }
+
+    /// Notes a frame of a strike of this boot.
+    fn note_strike(&mut self, number: u32, now: Instant) {
+        self.note_count(number, number.saturating_add(1), now);
+    }
+
+    /// Notes that this boot has `count` strikes. If nothing was known of the bead before, they are wanted
+    /// from the number `from` on.
+    fn note_count(&mut self, from: u32, count: u32, now: Instant) {
+        self.from.get_or_insert((self.boot, from));
+        if count <= self.count {
+            return;
+        }
+        self.count = count;
+        self.fall_due(now);
+        if self.counts.len() < COUNTS {
+            self.counts.push_back((count, now));
+        } else if let Some(last) = self.counts.back_mut() {
+            // So many come at once that some are due a little early.
+            last.0 = count;
+        }
+    }
+
+    /// Notes the strikes whose frames should have come by now.
+    fn fall_due(&mut self, now: Instant) {
+        while let Some((count, _)) = self
+            .counts
+            .pop_front_if(|(_, since)| now.duration_since(*since) >= OVERDUE)
+        {
+            self.due = count;
+        }
+    }
+
+    /// Notes that a strike is here, also if it was given up.
+    fn find(&mut self, (boot, number): Name) {
+        if let Some(gone) = self.gone.get_mut(&boot) {
+            self.gone_count -= u64::from(gone.remove(&number));
+        }
+    }
+
+    /// Gives up a strike.
+    fn give_up(&mut self, (boot, number): (u32, u32)) {
+        self.wanted.remove(&(boot, number));
+        let gone = self.gone.entry(boot as u8).or_default();
+        self.gone_count += u64::from(gone.insert(number));
+        while gone.len() > REMEMBERED {
+            gone.pop_first();
+        }
+    }
+
+    /// True if a strike belongs into this recording and is not here.
+    fn is_wanted(&self, (boot, number): Name) -> bool {
+        let since = self
+            .from
+            .is_some_and(|(first, from)| boot != first || number >= from);
+        since && !self.assembly.is_whole(self.address, boot, number)
+    }
+
+    fn want(&mut self, boot: u32, strike: u32) {
+        if !self.is_wanted((boot as u8, strike)) || self.wanted.contains_key(&(boot, strike)) {
+            return;
+        }
+        if self.wanted.len() < WANTED {
+            self.wanted.insert((boot, strike), 0);
+            return;
+        }
+        // It is asked for the list once more when there is room.
+        self.list |= self.lists < ATTEMPTS;
+        if let Some(asked) = &mut self.asked {
+            asked.lost = true;
+        }
+    }
+
+    fn answer(&mut self, number: u16, outcome: Outcome, now: Instant) {
+        let Some(asked) = self.asked.take_if(|asked| asked.number == number) else {
+            return;
+        };
+        match (asked.request, outcome) {
+            (Request::ListKept, Outcome::Done) => {
+                // A strike of the list may be among what was lost.
+                self.lists += 1;
+                self.list = asked.lost && self.lists < ATTEMPTS;
+            }
+            (Request::Fetch { boot, strike }, Outcome::NotKept) => {
+                self.give_up((boot, strike));
+            }
+            // A bead of an earlier version keeps nothing.
+            (_, Outcome::Kind) => {
+                self.list = false;
+                self.wanted.clear();
+                for name in self.missing() {
+                    self.give_up(name);
+                }
+            }
+            (Request::Fetch { boot, strike }, outcome) => {
+                // Its frames were lost on the way, unless it is wanted no more.
+                let Some(sent) = self.wanted.get_mut(&(boot, strike)) else {
+                    return;
+                };
+                *sent += u32::from(outcome == Outcome::Done);
+                if *sent == ATTEMPTS {
+                    self.give_up((boot, strike));
+                }
+                self.pause_until = Some(now + OVERDUE);
+            }
+            _ => self.pause_until = Some(now + OVERDUE),
+        }
+    }
+
+    /// The strikes of this boot whose frames should have come and did not, by its whole number.
+    fn missing(&mut self) -> Vec<(u32, u32)> {
+        let (Some(number), Some((first, from))) = (self.boot_number, self.from) else {
+            return Vec::new();
+        };
+        let boot = number as u8;
+        let from = if boot == first { from } else { 0 };
+        let is_missing = |strike: u32| {
+            let is_gone = self.gone.get(&boot).is_some_and(|gone| gone.contains(&strike));
+            !is_gone && !self.assembly.is_whole(self.address, boot, strike)
+        };
+        let from = from.max(self.settled);
+        let missing = (from..self.due).filter(|&strike| is_missing(strike));
+        let missing: Vec<_> = missing.take(WANTED).map(|strike| (number, strike)).collect();
+        self.settled = missing.first().map_or(self.due, |&(_, strike)| strike);
+        missing
+    }
+
+    /// The bytes of the next request, if one is due. To be called often.
+    pub fn next(&mut self, now: Instant) -> Option<Vec<u8>> {
+        if self.pause_until.is_some_and(|until| now < until) {
+            return None;
+        }
+        self.pause_until = None;
+        if let Some(asked) = &mut self.asked {
+            if now.duration_since(asked.since) < PATIENCE {
+                return None;
+            }
+            if asked.attempts < ATTEMPTS {
+                (asked.since, asked.attempts) = (now, asked.attempts + 1);
+                return Some(encoded(self.address, asked.number, &asked.request));
+            }
+            // It does not answer. What it is asked for stays wanted.
+            self.asked = None;
+            self.pause_until = Some(now + 10 * PATIENCE);
+            return None;
+        }
+        self.fall_due(now);
+        let room = WANTED.saturating_sub(self.wanted.len());
+        for name in self.missing().into_iter().take(room) {
+            self.wanted.entry(name).or_default();
+        }
+        let request = match self.wanted.first_key_value() {
+            Some((&(boot, strike), _)) => Request::Fetch { boot, strike },
+            None if self.list => Request::ListKept,
+            None => return None,
+        };
+        let number = self.next_number;
+        self.next_number = self.next_number.wrapping_add(1);
+        let bytes = encoded(self.address, number, &request);
+        self.asked = Some(Asked {
+            number,
+            request,
+            since: now,
+            attempts: 1,
+            lost: false,
+        });
+        Some(bytes)
+    }
+}
+
+fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
+    let mut buffer = [0; MAX_REQUEST];
+    let bytes = encode_request(address, number, request, &mut buffer);
+    bytes.expect("MAX_REQUEST bytes always suffice").to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_testing::one_sample_strike;
+    use bead_wire::{Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Status};
+
+    const NEXT: Arrival = Arrival::Next { lost: 0 };
+    const RESTART: Arrival = Arrival::Restart { lost: 0 };
+
+    /// A bead at its gaps.
+    struct Bead {
+        gaps: Gaps,
+        now: Instant,
+    }
+
+    impl Bead {
+        /// It begins with this boot, and with no strike.
+        fn new(boot: u8) -> Self {
+            let mut bead = Self {
+                gaps: Gaps::new(0),
+                now: Instant::now(),
+            };
+            bead.begins(boot, Arrival::First);
+            bead
+        }
+
+        fn says(&mut self, boot: u8, arrival: Arrival, message: impl Into<Message>) {
+            self.gaps.push(&Frame::of(0, boot, arrival, message), self.now);
+        }
+
+        fn begins(&mut self, boot: u8, arrival: Arrival) {
+            let identity = Identity {
+                firmware: "".into(),
+                git: "".into(),
+                uid: [0; 12],
+                boot: boot.into(),
+                reset_cause: ResetCauses::NONE,
+                sample_rate_hz: 100_000,
+                channels: 4,
+            };
+            self.says(boot, arrival, identity);
+            self.counts(boot, 0);
+        }
+
+        /// It says how many strikes it found.
+        fn counts(&mut self, boot: u8, strikes: u32) {
+            let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
+                panic!("a status");
+            };
+            self.says(boot, NEXT, Message::Status(Status { strikes, ..status }));
+        }
+
+        /// The result of a strike, and nothing else of it.
+        fn result(&mut self, boot: u8, number: u32) {
+            let [_, result, _] = one_sample_strike(number, 0);
+            self.says(boot, NEXT, result);
+        }
+
+        /// All frames of a strike.
+        fn strike(&mut self, boot: u8, number: u32) {
+            for message in one_sample_strike(number, 0) {
+                self.says(boot, NEXT, message);
+            }
+        }
+
+        /// It lists these strikes of an earlier boot.
+        fn keeps(&mut self, boot: u8, strikes: std::ops::Range<u32>) {
+            for strike in strikes {
+                let kept = Kept {
+                    boot: 4,
+                    strike,
+                    parts: 4,
+                    bytes: 300,
+                };
+                self.says(boot, NEXT, kept);
+            }
+        }
+
+        fn replies(&mut self, boot: u8, request: u16, outcome: Outcome) {
+            let reply = Reply {
+                request,
+                outcome,
+                detail: "".into(),
+            };
+            self.says(boot, NEXT, reply);
+        }
+
+        /// What it is asked a second later.
+        fn asked(&mut self) -> Option<(u16, Request)> {
+            self.now += PATIENCE;
+            let bytes = self.gaps.next(self.now)?;
+            let mut decoder = RequestDecoder::new();
+            let asked = bytes.iter().find_map(|byte| decoder.push(*byte));
+            let asked = asked.expect("a request").expect("a sound one");
+            Some((asked.number, asked.request.expect("a known one")))
+        }
+
+        /// The requests of a bead that says what it keeps and has nothing of it, until there is none.
+        fn refuses(&mut self, boot: u8) -> Vec<Request> {
+            let mut asked = Vec::new();
+            while let Some((request, what)) = self.asked() {
+                let outcome = match what {
+                    Request::ListKept => Outcome::Done,
+                    _ => Outcome::NotKept,
+                };
+                self.replies(boot, request, outcome);
+                asked.push(what);
+            }
+            asked
+        }
+    }
+
+    #[test]
+    fn a_strike_that_came_whole_after_a_power_cycle_is_not_asked_for() {
+        let mut bead = Bead::new(1);
+        for number in 0..REMEMBERED as u32 + 10 {
+            bead.strike(1, number);
+        }
+        bead.begins(0, RESTART);
+        for number in 0..3 {
+            bead.strike(0, number);
+        }
+        assert_eq!(bead.refuses(0), [Request::ListKept]);
+    }
+
+    #[test]
+    fn strikes_that_are_lost_after_a_power_cycle_are_asked_for_although_their_names_were_there_before() {
+        let mut bead = Bead::new(0);
+        for number in 0..10 {
+            bead.strike(0, number);
+        }
+        bead.begins(0, RESTART);
+        for number in 0..5 {
+            bead.strike(0, number);
+        }
+        bead.counts(0, 7);
+        let fetch = |strike| Request::Fetch { boot: 0, strike };
+        assert_eq!(bead.refuses(0), [fetch(5), fetch(6), Request::ListKept]);
+        assert_eq!(bead.gaps.gone(), 2);
+        // These are not to be had a second time.
+        bead.begins(0, RESTART);
+        bead.counts(0, 6);
+        assert_eq!(bead.refuses(0).len(), 7);
+        assert_eq!(bead.gaps.gone(), 8);
+    }
+
+    #[test]
+    fn what_is_known_of_strikes_that_nobody_asks_for_stays_small() {
+        let mut bead = Bead::new(0);
+        for number in 0..1000 {
+            bead.now += Duration::from_millis(1);
+            bead.result(0, number);
+        }
+        assert!(bead.gaps.counts.len() <= COUNTS, "{}", bead.gaps.counts.len());
+        // None of them is forgotten.
+        assert_eq!(bead.refuses(0).len(), 1000);
+        assert_eq!(bead.gaps.gone(), 1000);
+    }
+
+    #[test]
+    fn a_list_that_is_too_long_is_asked_for_again_when_there_is_room() {
+        let mut bead = Bead::new(5);
+        bead.gaps.reconnect();
+        let (request, what) = bead.asked().unwrap();
+        assert_eq!(what, Request::ListKept);
+        bead.keeps(5, 0..100);
+        assert_eq!(bead.gaps.wanted.len(), WANTED);
+        bead.replies(5, request, Outcome::Done);
+        let asked = bead.refuses(5);
+        assert_eq!(asked.len(), WANTED + 1);
+        assert_eq!(asked.last(), Some(&Request::ListKept));
+    }
+}

@@ -1,0 +1,176 @@
+//! Listens to a port for as long as a recording lasts, and opens it again when it has gone away.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::port::{Address, Port};
+use crate::queue::Queue;
+
+/// Time between two attempts to open a port that went away.
+const RETRY: Duration = Duration::from_millis(200);
+
+/// State that all listeners of a recording share.
+pub struct Shared<'a> {
+    /// The listeners end when it is true.
+    pub stop: &'a AtomicBool,
+    /// The listeners end at this time.
+    pub deadline: Option<Instant>,
+    /// Time for which every port may be away before the listeners give up. If it is 0, all end when one goes
+    /// away.
+    pub wait: Duration,
+    /// Time when a port was last there.
+    pub alive: Mutex<Instant>,
+    /// Takes the bytes.
+    pub queue: &'a Queue,
+}
+
+impl Shared<'_> {
+    fn is_over(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
+    /// True if every port has been away for too long.
+    fn is_given_up(&self) -> bool {
+        let alive = *self.alive.lock().unwrap_or_else(PoisonError::into_inner);
+        alive.elapsed() >= self.wait
+    }
+
+    fn note_alive(&self) {
+        *self.alive.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    }
+}
+
+/// End of listening to a port.
+#[derive(Debug)]
+pub enum End {
+    /// The listener was stopped. All that came was read.
+    Stopped,
+    /// The listener was stopped. The port had gone away for this reason, and nothing had come since.
+    Away(io::Error),
+    /// The port went away for this reason, and did not come back.
+    Gone(io::Error),
+}
+
+/// Reads one port.
+pub struct Listener<'a> {
+    /// Index of the port, which goes with its bytes.
+    pub source: usize,
+    /// The port.
+    pub address: &'a Address,
+    /// Bits a second of a serial port.
+    pub baud: u32,
+    /// Requests to send.
+    pub requests: Receiver<Vec<u8>>,
+    /// State that it shares with the others.
+    pub shared: &'a Shared<'a>,
+}
+
+impl Listener<'_> {
+    /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note` takes
+    /// a line when it goes, and one when bytes come again; an empty piece in the queue stands before those.
+    pub fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
+        let Self { address, shared, .. } = self;
+        // Why the port went away, until bytes come again.
+        let mut away = None;
+        loop {
+            let Err(reason) = self.read(&mut port, &mut away, &note) else {
+                return away.map_or(End::Stopped, End::Away);
+            };
+            // Another program could not open it either.
+            drop(port);
+            if shared.wait.is_zero() {
+                shared.stop.store(true, Ordering::Relaxed);
+                return End::Gone(reason);
+            }
+            if away.is_none() {
+                note(format!(
+                    "{address} went away ({reason}): the recording goes on when it is back"
+                ));
+            } else if shared.is_given_up() {
+                return End::Gone(reason);
+            }
+            let Some(reopened) = self.reopen() else {
+                return if shared.is_over() {
+                    End::Away(reason)
+                } else {
+                    End::Gone(reason)
+                };
+            };
+            (port, away) = (reopened, Some(reason));
+        }
+    }
+
+    /// Opens the port as soon as that works. `None` when the recording is over, or every port was gone for
+    /// too long.
+    fn reopen(&self) -> Option<Port> {
+        loop {
+            thread::sleep(RETRY);
+            // Requests of meanwhile do not reach the bead.
+            self.requests.try_iter().for_each(drop);
+            let opened = self.open();
+            if self.shared.is_over() {
+                return None;
+            }
+            if opened.is_some() {
+                return opened;
+            }
+            if self.shared.is_given_up() {
+                return None;
+            }
+        }
+    }
+
+    /// Opens the port, on a thread of its own: a name or a server may keep it waiting much longer than a
+    /// recording has that is to end.
+    fn open(&self) -> Option<Port> {
+        let (done, opened) = mpsc::channel();
+        let (address, baud) = (self.address.clone(), self.baud);
+        // Where nobody waits for it any more, it is closed.
+        let open = move || drop(done.send(address.open(baud)));
+        thread::Builder::new().spawn(open).ok()?;
+        loop {
+            match opened.recv_timeout(RETRY) {
+                Ok(opened) => return opened.ok(),
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) if self.shared.is_over() || self.shared.is_given_up() => {
+                    return None;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+
+    /// Reads until the listener is stopped. With the first bytes the port is `away` no more.
+    fn read(&self, port: &mut Port, away: &mut Option<io::Error>, note: &impl Fn(String)) -> io::Result<()> {
+        let Shared { queue, wait, .. } = self.shared;
+        let opened = Instant::now();
+        let mut buffer = vec![0; 64 * 1024];
+        loop {
+            let length = port.read(&mut buffer)?;
+            // The time is taken here and not at the writer, where the disk would delay it.
+            let now = Instant::now();
+            if length > 0 && away.take().is_some() {
+                note(format!("{} is back", self.address));
+                if !queue.push((self.source, now, Vec::new())) {
+                    return Ok(());
+                }
+            }
+            // A server may take every connection and soon close it without a byte. That does not count.
+            if away.is_none() || opened.elapsed() >= *wait {
+                self.shared.note_alive();
+            }
+            let wanted = length == 0 || queue.push((self.source, now, buffer[..length].to_vec()));
+            if !wanted || self.shared.is_over() {
+                return Ok(());
+            }
+            for request in self.requests.try_iter() {
+                // If the port has gone away, reading says so, when all that came is read.
+                let _ = port.write(&request);
+            }
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! Records the beads at several ports in one file, and fetches the strikes that are lost on the way.
+//!
+//! # Design
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to `QUEUE` bytes, before
+//! it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
+//! each case all that they read is recorded.
+//!
+//! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::panic;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::thread::{self, ScopedJoinHandle};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use bead_wire::{Arrival, Counters, Message};
+
+use crate::gaps::Gaps;
+use crate::listener::{End, Listener, Shared};
+use crate::port::{Address, Port};
+use crate::queue::{Closed, Queue};
+use bead_recording::assembly::Assembled;
+use bead_recording::clock::Live;
+use bead_recording::file::{About, BeadIndex, Origin, RecordingError, Writer};
+use bead_recording::frames::{Frame, Item, Reader};
+use bead_tables::whole::Target;
+
+/// Time between two looks for something to ask a bead.
+const ASK_EVERY: Duration = Duration::from_millis(50);
+/// Greatest number of received bytes that wait for the disk: minutes of a serial line.
+const QUEUE: usize = 32 << 20;
+/// Greatest number of bytes that are kept of a port from which no frame has come yet.
+const UNKNOWN_MOST: usize = 64 << 10;
+
+/// Options of a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Bits a second of serial ports.
+    pub baud: u32,
+    /// Time after which the recording ends.
+    pub duration: Option<Duration>,
+    /// Time after which it goes on in another file.
+    pub split: Duration,
+    /// Time for which all ports may be away. With 0 it ends when one goes away.
+    pub wait: Duration,
+    /// True if beads are asked for lost strikes.
+    pub fetch: bool,
+}
+
+/// Watches a recording while it runs.
+pub trait Observer {
+    /// Takes a strike or a fault of a bead. A fetched strike has the header of a strike frame of its boot.
+    fn message(&mut self, frame: &Frame, received_ns: u64, is_fetched: bool);
+
+    /// Takes the counts of frames and strikes after each piece of bytes.
+    fn progress(&mut self, counters: &Counters, strikes: u64);
+}
+
+/// One port of a recording, when it has ended.
+#[derive(Debug)]
+pub struct RecordedPort {
+    /// The port.
+    pub address: Address,
+    /// Address of its bead, `None` if no frame came.
+    pub bead: Option<u8>,
+    /// Number of strikes.
+    pub strikes: u64,
+    /// Counts of frames. `None` if the port was not recorded, as its bead has the address of another.
+    pub counters: Option<Counters>,
+    /// How listening to it ended.
+    pub end: End,
+}
+
+/// A recording that is complete.
+#[derive(Debug)]
+pub struct Recorded {
+    /// Its files, in order.
+    pub files: Vec<PathBuf>,
+    /// Counts of frames, of all beads.
+    pub counters: Counters,
+    /// Number of strikes, with fetched ones.
+    pub strikes: u64,
+    /// Number of strikes that were fetched.
+    pub fetched: u64,
+    /// Number of strikes that were lost and could not be fetched.
+    pub gone: u64,
+    /// Length of the recording.
+    pub duration: Duration,
+    /// Its ports.
+    pub ports: Vec<RecordedPort>,
+    /// Clocks of the beads.
+    pub clocks: Live,
+    /// A line about a bead of a later version of the protocol ([`Frame::from_the_future`]).
+    pub from_the_future: Option<String>,
+}
+
+/// A recording that failed.
+#[derive(Debug, thiserror::Error)]
+#[error("{source}; what came before is kept in {}, for `bead recover`", partial.display())]
+pub struct RecorderError {
+    source: RecordingError,
+    partial: PathBuf,
+}
+
+/// A port that is recorded.
+struct Source {
+    address: Address,
+    /// Writes its bytes; `None` in a recording of one port, and before its bead is known.
+    writer: Option<BeadIndex>,
+    /// Bytes that came before its bead was known, each piece with its receive time.
+    before: VecDeque<(u64, Vec<u8>)>,
+    before_bytes: usize,
+    /// Looks for a frame in them.
+    reader: Reader,
+    /// True if its bead has the address of another.
+    is_refused: bool,
+    bead: Option<u8>,
+    strikes: u64,
+}
+
+impl Source {
+    fn new(address: &Address) -> Self {
+        Self {
+            address: address.clone(),
+            writer: None,
+            before: VecDeque::new(),
+            before_bytes: 0,
+            reader: Reader::default(),
+            is_refused: false,
+            bead: None,
+            strikes: 0,
+        }
+    }
+
+    /// Keeps bytes of a bead that is not known yet, and looks for its address in them.
+    fn keep(&mut self, bytes: Vec<u8>, received_ns: u64) {
+        let bead = &mut self.bead;
+        self.reader.feed(&bytes, None, |item| {
+            *bead = bead.or(item.frame().map(|frame| frame.header.address));
+        });
+        self.before_bytes += bytes.len();
+        self.before.push_back((received_ns, bytes));
+        while self.before_bytes > UNKNOWN_MOST
+            && let Some((_, oldest)) = self.before.pop_front()
+        {
+            self.before_bytes -= oldest.len();
+        }
+    }
+}
+
+/// A recording that runs.
+pub struct Recorder<'a> {
+    options: Options,
+    writer: Writer,
+    /// Files that are complete.
+    files: Vec<PathBuf>,
+    sources: Vec<Source>,
+    clocks: Live,
+    opened: Instant,
+    /// The time of `opened` in ns since 1970.
+    opened_ns: u64,
+    strikes: u64,
+    /// By port and address.
+    gaps: BTreeMap<(usize, u8), Gaps>,
+    from_the_future: Option<String>,
+    observer: &'a mut dyn Observer,
+    /// Takes lines for people, also from the threads of the ports.
+    note: &'a (dyn Fn(String) + Sync),
+}
+
+impl<'a> Recorder<'a> {
+    /// Begins a recording of ports that were opened just now, with notes by name.
+    ///
+    /// # Errors
+    /// The file cannot be written, or another program is recording under its name.
+    pub fn new(
+        target: &Target,
+        addresses: &[Address],
+        options: Options,
+        notes: BTreeMap<String, String>,
+        observer: &'a mut dyn Observer,
+        note: &'a (dyn Fn(String) + Sync),
+    ) -> Result<Self, RecordingError> {
+        let opened = Instant::now();
+        // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
+        // bead's drift.
+        let opened_ns = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_nanos() as u64);
+        let names: Vec<_> = addresses.iter().map(Address::to_string).collect();
+        let about = About {
+            source: names.join(", "),
+            notes,
+            ..About::default()
+        };
+        let create = match addresses {
+            [_] => Writer::create,
+            _ => Writer::create_for_several,
+        };
+        Ok(Self {
+            options,
+            writer: create(target, &about)?,
+            files: Vec::new(),
+            sources: addresses.iter().map(Source::new).collect(),
+            clocks: Live::default(),
+            opened,
+            opened_ns,
+            strikes: 0,
+            gaps: BTreeMap::new(),
+            from_the_future: None,
+            observer,
+            note,
+        })
+    }
+
+    /// Records the ports, in the order of their addresses, until `stop` is true, the time is over, or no port
+    /// is left.
+    ///
+    /// # Errors
+    /// A file cannot be written. The bytes that came before stay under its temporary name.
+    pub fn run(mut self, ports: Vec<Port>, stop: &AtomicBool) -> Result<Recorded, RecorderError> {
+        let queue = Queue::new(QUEUE);
+        let shared = Shared {
+            stop,
+            deadline: self
+                .options
+                .duration
+                .and_then(|duration| self.opened.checked_add(duration)),
+            wait: self.options.wait,
+            alive: Mutex::new(Instant::now()),
+            queue: &queue,
+        };
+        let addresses: Vec<Address> = self.sources.iter().map(|source| source.address.clone()).collect();
+        let (requests, to_send): (Vec<_>, Vec<_>) = addresses.iter().map(|_| mpsc::channel()).unzip();
+        let (note, baud) = (self.note, self.options.baud);
+        let listener = |((source, address), requests)| Listener {
+            source,
+            address,
+            baud,
+            requests,
+            shared: &shared,
+        };
+        let listeners: Vec<Listener<'_>> = addresses.iter().enumerate().zip(to_send).map(listener).collect();
+        let left = AtomicUsize::new(addresses.len());
+        let (ends, recorded) = thread::scope(|scope| {
+            let (left, queue) = (&left, &queue);
+            let listen = |(listener, port): (Listener<'_>, Port)| {
+                let _end = AtEnd(|| {
+                    if left.fetch_sub(1, Ordering::Relaxed) == 1 {
+                        queue.close();
+                    }
+                });
+                listener.listen(port, note)
+            };
+            let listeners = listeners.into_iter().zip(ports);
+            let threads: Vec<_> = listeners
+                .map(|listener| scope.spawn(move || listen(listener)))
+                .collect();
+            let recorded = {
+                let _end = AtEnd(|| {
+                    queue.close();
+                    stop.store(true, Ordering::Relaxed);
+                });
+                self.record(queue, &requests)
+            };
+            let join = |thread: ScopedJoinHandle<'_, End>| {
+                thread.join().unwrap_or_else(|cause| panic::resume_unwind(cause))
+            };
+            (threads.into_iter().map(join).collect::<Vec<_>>(), recorded)
+        });
+        let partial = self.writer.partial_path().to_owned();
+        let recorded = recorded.and_then(|()| self.finish(ends));
+        recorded.map_err(|source| RecorderError { source, partial })
+    }
+
+    /// Completes the recording.
+    fn finish(mut self, ends: Vec<End>) -> Result<Recorded, RecordingError> {
+        let duration = self.opened.elapsed();
+        let is_of_several = self.sources.len() > 1;
+        let port = |(source, end): (&Source, End)| RecordedPort {
+            address: source.address.clone(),
+            bead: source.bead,
+            strikes: source.strikes,
+            counters: match source.writer {
+                Some(writer) => Some(*self.writer.counters_of(writer)),
+                None => (!is_of_several).then(|| self.writer.counters()),
+            },
+            end,
+        };
+        let ports = self.sources.iter().zip(ends).map(port).collect();
+        let finished = self.writer.finish()?;
+        self.files.push(finished.path);
+        Ok(Recorded {
+            files: self.files,
+            counters: finished.counters,
+            strikes: self.strikes,
+            fetched: self.gaps.values().map(Gaps::fetched).sum(),
+            gone: self.gaps.values().map(Gaps::gone).sum(),
+            duration,
+            ports,
+            clocks: self.clocks,
+            from_the_future: self.from_the_future,
+        })
+    }
+
+    /// Records what comes until the queue is closed, and asks for what is missing.
+    fn record(&mut self, queue: &Queue, requests: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
+        loop {
+            if let Some(path) = self.writer.split(self.options.split)? {
+                (self.note)(format!("{} is complete; the recording goes on", path.display()));
+                self.files.push(path);
+            }
+            match queue.pop(ASK_EVERY) {
+                Ok(Some((source, _, bytes))) if bytes.is_empty() => {
+                    let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
+                    of_port.for_each(|(_, gaps)| gaps.reconnect());
+                }
+                Ok(Some((source, received, bytes))) => {
+                    let since = received.duration_since(self.opened);
+                    let received_ns = self.opened_ns + since.as_nanos() as u64;
+                    self.push(source, bytes, received_ns)?;
+                }
+                Ok(None) => self.writer.flush_in_time()?,
+                Err(Closed) => return Ok(()),
+            }
+            if self.options.fetch {
+                let now = Instant::now();
+                for ((source, _), gaps) in &mut self.gaps {
+                    if let Some(request) = gaps.next(now) {
+                        // A port that has gone away for good takes nothing.
+                        let _ = requests[*source].send(request);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes bytes from a port, and writes them when their bead is known.
+    fn push(&mut self, source: usize, bytes: Vec<u8>, received_ns: u64) -> Result<(), RecordingError> {
+        let is_of_several = self.sources.len() > 1;
+        let from = &mut self.sources[source];
+        if !is_of_several || from.writer.is_some() {
+            return self.write(source, &bytes, received_ns);
+        }
+        if from.is_refused {
+            return Ok(());
+        }
+        from.keep(bytes, received_ns);
+        let Some(address) = from.bead else { return Ok(()) };
+        let before = std::mem::take(&mut from.before);
+        let origin = Origin {
+            address,
+            port: Some(from.address.to_string()),
+            clock: Some("host".to_owned()),
+            ..Origin::default()
+        };
+        match self.writer.join(&origin) {
+            Ok(writer) => from.writer = Some(writer),
+            Err(error @ RecordingError::SameAddress(_)) => {
+                from.is_refused = true;
+                (self.note)(format!(
+                    "{}: {error}; it is not recorded, the others are",
+                    from.address
+                ));
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        }
+        let mut pieces = before.into_iter();
+        pieces.try_for_each(|(received_ns, bytes)| self.write(source, &bytes, received_ns))
+    }
+
+    /// Writes bytes of a known bead, and hands on the strikes and faults in them.
+    fn write(&mut self, source: usize, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
+        let Self {
+            writer,
+            sources,
+            clocks,
+            strikes,
+            gaps,
+            from_the_future,
+            observer,
+            ..
+        } = self;
+        let from = &mut sources[source];
+        let now = Instant::now();
+        let push = |item: Item| {
+            let Item::Frame(frame) = item else { return };
+            clocks.push(&frame);
+            *from_the_future = frame.from_the_future().or(from_the_future.take());
+            if frame.arrival == Arrival::Duplicate {
+                return;
+            }
+            let address = frame.header.address;
+            from.bead.get_or_insert(address);
+            let gaps = gaps
+                .entry((source, address))
+                .or_insert_with(|| Gaps::new(address));
+            let fetched = gaps.push(&frame, now);
+            let is_new = |strike: &Assembled| strike.fetched.is_some_and(|copy| !copy.before.result);
+            let fetched = fetched.filter(is_new);
+            let is_strike = matches!(frame.message, Message::Strike(_)) || fetched.is_some();
+            if is_strike {
+                *strikes += 1;
+                from.strikes += 1;
+            }
+            if let Some(fetched) = fetched {
+                observer.message(&as_measured(&frame, &fetched), received_ns, true);
+            } else if is_strike || matches!(frame.message, Message::Fault(_)) {
+                observer.message(&frame, received_ns, false);
+            }
+        };
+        match from.writer {
+            Some(bead) => writer.write_of(bead, bytes, Some(received_ns), push)?,
+            None => writer.write(bytes, Some(received_ns), push)?,
+        }
+        observer.progress(&writer.counters(), *strikes);
+        Ok(())
+    }
+}
+
+/// The strike frame of a fetched strike.
+fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
+    Frame {
+        header: fetched.header,
+        message: fetched.strike.said.into(),
+        ..frame.clone()
+    }
+}
+
+/// Does something at the end of a block, also of one that panics: a thread that waits for it would wait for
+/// ever.
+struct AtEnd<F: Fn()>(F);
+
+impl<F: Fn()> Drop for AtEnd<F> {
+    fn drop(&mut self) {
+        self.0();
+    }
+}

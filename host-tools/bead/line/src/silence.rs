@@ -1,0 +1,233 @@
+//! The reason why a request gets no reply, from what else comes on the line.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use bead_wire::{ANY, Counters, Link, Message};
+
+use bead_recording::frames::Frame;
+
+/// Evidence from the frames that come while a reply is awaited.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Evidence {
+    /// Addresses of the beads that sent anything since the first request.
+    beads: BTreeSet<u8>,
+    /// First and last count of what the bead received.
+    links: Option<[Link; 2]>,
+    /// First and last number of strikes.
+    strikes: Option<[u32; 2]>,
+    /// Newest boot, and number of its changes.
+    boot: Option<u8>,
+    restarts: u32,
+}
+
+impl Evidence {
+    /// Begins with another request. The addresses stay.
+    pub(super) fn begin(&mut self) {
+        *self = Self {
+            beads: std::mem::take(&mut self.beads),
+            ..Self::default()
+        };
+    }
+
+    /// Notes that all frames came from one bead, which has this address now.
+    pub(super) fn note_alone(&mut self, address: u8) {
+        self.beads = BTreeSet::from([address]);
+    }
+
+    /// The addresses of the beads, if frames of several came.
+    pub(super) fn several(&self) -> Option<String> {
+        (self.beads.len() > 1).then(|| self.addresses())
+    }
+
+    fn addresses(&self) -> String {
+        let beads: Vec<_> = self.beads.iter().map(u8::to_string).collect();
+        beads.join(", ")
+    }
+
+    /// Takes a frame. `asked` is the address of the bead that is asked, or [`ANY`].
+    pub(super) fn note(&mut self, frame: &Frame, asked: u8) {
+        self.beads.insert(frame.header.address);
+        if asked != ANY && asked != frame.header.address {
+            return;
+        }
+        if self
+            .boot
+            .replace(frame.header.boot)
+            .is_some_and(|boot| boot != frame.header.boot)
+        {
+            // Its counts begin anew.
+            *self = Self {
+                beads: std::mem::take(&mut self.beads),
+                boot: self.boot,
+                restarts: self.restarts + 1,
+                ..Self::default()
+            };
+        }
+        match &frame.message {
+            Message::Link(link) => self.links.get_or_insert([*link; 2])[1] = *link,
+            Message::Status(status) => self.strikes.get_or_insert([status.strikes; 2])[1] = status.strikes,
+            _ => {}
+        }
+    }
+
+    /// Explains why there is no reply, as far as the bead's own counts show it.
+    pub(super) fn explain(&self, asked: u8, counters: &Counters) -> String {
+        let mut said = match (counters.bytes, counters.frames) {
+            (0, _) => {
+                return "nothing came at all: is it powered, and its PA9 wired to the adapter's receive pin?"
+                    .into();
+            }
+            (_, 0) => {
+                let several = match asked {
+                    ANY => " If several beads share the line, ask one: --address N",
+                    _ => "",
+                };
+                return format!("bytes came, but no frame among them: does --baud match?{several}");
+            }
+            _ => format!("{} frames came", counters.frames),
+        };
+        let beads = self.addresses();
+        match asked {
+            ANY if self.beads.len() > 1 => {
+                return format!(
+                    "{said}, from the beads at the addresses {beads}, whose replies collide: ask one of them, by --address N"
+                );
+            }
+            ANY => {}
+            _ if self.beads.contains(&asked) => {}
+            _ if self.beads.is_empty() => {}
+            _ => {
+                return format!(
+                    "{said}, none of them from it, but from address {beads}: correct --address, or is that bead powered?"
+                );
+            }
+        }
+        // Writing into a text cannot fail.
+        if counters.lost > 0 {
+            let _ = write!(said, " and {} were lost", counters.lost);
+        }
+        if let Some([first, last]) = self.strikes.filter(|[first, last]| last > first) {
+            let _ = write!(said, ", {} strikes among them", last - first);
+        }
+        if self.restarts > 0 {
+            let _ = write!(
+                said,
+                "; it was reset {} times meanwhile: its fault frames say why",
+                self.restarts
+            );
+        }
+        let Some([first, last]) = self.links else {
+            return said
+                + "; none of them says what the bead received: listen longer with --timeout 3; is its PA10 wired to \
+                   the adapter's transmit pin?";
+        };
+        let new = |count: fn(&Link) -> u32| count(&last).saturating_sub(count(&first));
+        let _ = match (
+            last.bytes - first.bytes.min(last.bytes),
+            new(|link| link.requests),
+        ) {
+            (0, _) if last.bytes == 0 => write!(
+                said,
+                "; by its own count it never received a byte: is its PA10 wired to the adapter's transmit pin?"
+            ),
+            (0, _) => write!(
+                said,
+                "; by its own count it received {} bytes before and none since: does the adapter still send?",
+                last.bytes
+            ),
+            (bytes, 0) => write!(
+                said,
+                "; it received {bytes} bytes meanwhile and no request among them ({} with a wrong CRC, {} overruns, \
+                 {} line errors): is the line noisy, or does another program send too?",
+                new(|link| link.rejected_crc),
+                new(|link| link.overruns),
+                new(|link| link.line_errors)
+            ),
+            (_, requests) => write!(
+                said,
+                "; it understood {requests} requests meanwhile: its replies were lost on the way, or went to another \
+                 program; ask again"
+            ),
+        };
+        said
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_wire::{Arrival, Decoder, Header, MAX_FRAME, Status, encode};
+
+    /// What is said after these messages, the boot of each before it.
+    fn said(messages: &[(u8, Message)]) -> String {
+        let mut seen = Evidence::default();
+        let mut bytes = Vec::new();
+        for (sequence, (boot, message)) in (0..).zip(messages) {
+            let header = Header {
+                address: 0,
+                boot: *boot,
+                sequence,
+                sample_index: 0,
+            };
+            bytes.extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
+        }
+        let (frames, counters) = bead_recording::frames::decode(&bytes);
+        frames.iter().for_each(|frame| seen.note(frame, ANY));
+        seen.explain(ANY, &counters)
+    }
+
+    fn link(bytes: u64, requests: u32, rejected_crc: u32) -> Message {
+        let link = Link {
+            bytes,
+            requests,
+            rejected_crc,
+            ..Link::default()
+        };
+        link.into()
+    }
+
+    fn status(strikes: u32) -> Message {
+        let mut random = || 0;
+        let Message::Status(status) = Message::draw(bead_wire::Kind::Status, &mut random) else {
+            panic!("a status");
+        };
+        Status { strikes, ..status }.into()
+    }
+
+    #[test]
+    fn what_the_bead_says_of_its_line_is_what_the_host_says_of_it() {
+        let _ = (Decoder::new(), Arrival::First);
+        let cases: [(&[(u8, Message)], &str); 5] = [
+            (
+                &[(0, link(0, 0, 0)), (0, link(0, 0, 0))],
+                "2 frames came; by its own count it never received a byte",
+            ),
+            (
+                &[(0, link(9, 1, 0)), (0, link(9, 1, 0))],
+                "received 9 bytes before and none since",
+            ),
+            (
+                &[(0, link(9, 1, 0)), (0, link(30, 1, 2))],
+                "it received 21 bytes meanwhile and no request among them (2 with a wrong CRC",
+            ),
+            (
+                &[(0, link(9, 1, 0)), (0, link(30, 3, 0))],
+                "it understood 2 requests meanwhile",
+            ),
+            (
+                &[(0, status(5)), (0, status(80))],
+                "2 frames came, 75 strikes among them; none of them says",
+            ),
+        ];
+        for (messages, expected) in cases {
+            let said = said(messages);
+            assert!(said.contains(expected), "{said}");
+        }
+        let restarted = said(&[(0, link(9, 1, 0)), (1, link(0, 0, 0)), (2, link(0, 0, 0))]);
+        assert!(
+            restarted.contains("it was reset 2 times meanwhile"),
+            "{restarted}"
+        );
+    }
+}

@@ -1,0 +1,798 @@
+//! Strikes, put together from the frames of their beads.
+//!
+//! # Design
+//! A strike has several frames: its window in waveform frames, its result, and its shape. Frames may be lost
+//! or late, and a bead may be reset between them. A strike that was lost can be fetched: the bead sends each
+//! of its frames again inside a [`Fetched`] frame. [`Assembly`] takes every frame of a line and hands on
+//! strikes and restarts. The reader of recordings, their channels for other programs, and the recorder all
+//! use it.
+//!
+//! **Order.** The strikes of a boot are handed on by their numbers. A strike is due when all of its frames
+//! are here and no frame before it is missing, or else when a missing frame counts as lost, [`REORDER`]
+//! frames later. It also waits for the first settings of its boot, but never behind more than `WAITING`
+//! strikes. A restart and the end of the frames hand on the rest.
+//!
+//! **Names.** The name of a strike is the low byte of its boot and its number in it. Of each bead's newest
+//! `REMEMBERED` strikes the assembly remembers which parts came, and hands on a fetched copy only of a
+//! strike that did not come whole.
+//!
+//! **Restarts.** A bead counts its boots from 0 at power-up, and in one byte they begin again after 256
+//! resets, so names come again. When a bead restarts, the names of all boots are forgotten that may have
+//! begun since its last frame: from the boot after the last one up to the new one, around 256. After a power
+//! cycle these include boot 0 to the new one; if the byte is the same as before, they are all. The names of
+//! other boots stay, as a bead keeps its last strikes over a reset. One case cannot be seen from the byte: a
+//! power cycle, and then so many resets in silence that the number is higher than before. There the index of
+//! the first sample tells two strikes apart.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use bead_model::layout::WINDOW_MAX;
+use bead_model::settings::Settings;
+use bead_wire::{Arrival, Fetched, Header, Message, REORDER, Shape, Strike, Waveform};
+
+use crate::fetched::FetchedFrames;
+use crate::frames::Frame;
+use crate::strike::RecordedStrike;
+
+/// A frame that comes this many frames too late counts as lost.
+const SETTLED: i64 = REORDER as i64;
+/// Greatest number of strikes and of settings of a bead that wait. A bead that never sends a result or
+/// settings, or whose strikes count down, must not fill the memory.
+const WAITING: usize = 64;
+/// Number of strikes of a bead whose names are remembered.
+const REMEMBERED: usize = 4096;
+
+/// A result of [`Assembly::push`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A bead restarted. The strikes of its boot before were handed on.
+    Restart(Restart),
+    /// A strike of which every part is here.
+    Whole(Box<Assembled>),
+    /// A strike that lacks its shape or a part of its window, and cannot get it by late frames any more.
+    Gap(Box<Assembled>),
+}
+
+/// A strike, and how it came.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assembled {
+    /// The strike.
+    pub strike: RecordedStrike,
+    /// Header of the strike frame. For a fetched strike, that of its last fetched frame, with the boot of the
+    /// strike.
+    pub header: Header,
+    /// `None` for a strike that came when it was measured.
+    pub fetched: Option<FetchedCopy>,
+}
+
+/// The fetched copy of a strike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FetchedCopy {
+    /// Number of the boot in which the strike was measured.
+    pub boot: u32,
+    /// Parts of the strike that were handed on before.
+    pub before: Parts,
+}
+
+/// Parts of a strike that came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// The result: its strike frame.
+    pub result: bool,
+    /// The shape.
+    pub shape: bool,
+    /// Every sample of the window.
+    pub window: bool,
+}
+
+impl Parts {
+    const ALL: Self = Self {
+        result: true,
+        shape: true,
+        window: true,
+    };
+}
+
+/// A restart of a bead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Restart {
+    /// Address of the bead.
+    pub address: u8,
+    /// Low byte of the boot number before.
+    pub before: u8,
+    /// Low byte of the boot number now.
+    pub boot: u8,
+}
+
+impl Restart {
+    /// True if the boot with this low byte may have begun since the last frame before the restart, so that
+    /// its strikes are not those known by the same names.
+    pub fn begins(self, boot: u8) -> bool {
+        // From the boot after the last one, which is 0 here, to the new one.
+        let after = |boot: u8| boot.wrapping_sub(self.before).wrapping_sub(1);
+        after(boot) <= after(self.boot)
+    }
+}
+
+/// Puts the frames of strikes together, of all beads on one line. Memory: at most `WAITING` windows, and
+/// `REMEMBERED` names, for each bead.
+#[derive(Clone, Debug, Default)]
+pub struct Assembly {
+    /// By address.
+    beads: BTreeMap<u8, Bead>,
+}
+
+impl Assembly {
+    /// Takes the next frame of the line and gives what follows from it, in order.
+    pub fn push(&mut self, frame: &Frame) -> Vec<Event> {
+        let mut events = Vec::new();
+        if frame.arrival == Arrival::Duplicate {
+            return events;
+        }
+        let Header { address, boot, .. } = frame.header;
+        let bead = self.beads.entry(address).or_insert_with(|| Bead::new(boot));
+        if let Arrival::Restart { .. } = frame.arrival {
+            bead.restart(address, boot, &mut events);
+        }
+        bead.push(frame, &mut events);
+        events
+    }
+
+    /// Hands on the strikes that wait, for no more frames come.
+    pub fn end(&mut self) -> Vec<Event> {
+        let mut events = Vec::new();
+        for bead in self.beads.values_mut() {
+            bead.end_boot(&mut events);
+        }
+        events
+    }
+
+    /// True if every part of a strike came. It is named by the address of its bead, the low byte of its boot,
+    /// and its number.
+    pub fn is_whole(&self, address: u8, boot: u8, number: u32) -> bool {
+        let bead = self.beads.get(&address);
+        bead.is_some_and(|bead| bead.register.parts(boot, number) == Parts::ALL)
+    }
+
+    /// True if no frames of a strike are on their way: of each that has begun, the last one came.
+    pub fn is_idle(&self) -> bool {
+        let ended = |pending: &Pending| pending.shape.is_some();
+        self.beads
+            .values()
+            .all(|bead| bead.fetched.is_empty() && bead.pending.values().all(ended))
+    }
+}
+
+/// One bead: the frames since its last restart that were not handed on, and the names of its strikes.
+#[derive(Clone, Debug, Default)]
+struct Bead {
+    /// Low byte of the boot number.
+    boot: u8,
+    /// Number of restarts.
+    restarts: usize,
+    frames: Unwrapped,
+    /// Number of the newest frame.
+    newest: i64,
+    /// Number of the newest frame before which one is missing.
+    gap: Option<i64>,
+    strikes: Unwrapped,
+    /// By the number of their frame, as they may change between two strikes.
+    settings: BTreeMap<i64, Settings>,
+    /// By the number of the strike.
+    pending: BTreeMap<i64, Pending>,
+    uid: Option<[u8; 12]>,
+    fetched: FetchedFrames,
+    register: Register,
+}
+
+/// The frames of a strike that wait for others.
+#[derive(Clone, Debug, Default)]
+struct Pending {
+    result: Option<StrikeFrame>,
+    shape: Option<Shape>,
+    waveforms: Vec<Waveform>,
+    /// Samples in the waveforms.
+    samples: usize,
+}
+
+#[derive(Clone, Debug)]
+struct StrikeFrame {
+    /// Number of the frame.
+    number: i64,
+    header: Header,
+    /// Without samples, shape and settings yet.
+    strike: RecordedStrike,
+}
+
+impl Pending {
+    fn push(&mut self, waveform: &Waveform) {
+        if self.waveforms.len() < usize::from(WINDOW_MAX) {
+            self.samples += waveform.codes.len();
+            self.waveforms.push(waveform.clone());
+        }
+    }
+
+    /// The waveforms of a window that begins at this sample, in order, up to the first gap.
+    fn window(&mut self, first_index: u64) -> impl Iterator<Item = &Waveform> {
+        self.waveforms.sort_by_key(|waveform| waveform.first_index);
+        let mut next = Some(first_index);
+        self.waveforms.iter().take_while(move |waveform| {
+            let follows = Some(waveform.first_index) == next;
+            next = next.and_then(|next| next.checked_add(waveform.codes.len() as u64));
+            follows
+        })
+    }
+
+    /// True if every sample of this strike is here.
+    fn has_window(&mut self, strike: &Strike) -> bool {
+        let samples = usize::from(strike.samples);
+        // A window that lacks samples need not be sorted.
+        self.samples >= samples && {
+            let window = self.window(strike.first_index);
+            window.map(|waveform| waveform.codes.len()).sum::<usize>() >= samples
+        }
+    }
+}
+
+impl Bead {
+    fn new(boot: u8) -> Self {
+        Self {
+            boot,
+            ..Self::default()
+        }
+    }
+
+    fn restart(&mut self, address: u8, boot: u8, events: &mut Vec<Event>) {
+        self.end_boot(events);
+        let before = self.boot;
+        let restart = Restart {
+            address,
+            before,
+            boot,
+        };
+        let mut register = std::mem::take(&mut self.register);
+        register.forget(restart);
+        *self = Self {
+            boot,
+            restarts: self.restarts + 1,
+            register,
+            ..Self::default()
+        };
+        events.push(Event::Restart(restart));
+    }
+
+    fn push(&mut self, frame: &Frame, events: &mut Vec<Event>) {
+        let number = self.frames.follow(frame.header.sequence);
+        self.newest = self.newest.max(number);
+        if let Arrival::Next { lost: 1.. } = frame.arrival {
+            self.gap = Some(number);
+        }
+        match &frame.message {
+            Message::Settings(settings) => self.push_settings(number, settings.block.bytes()),
+            Message::Identity(identity) => self.uid = Some(identity.uid),
+            Message::Waveform(waveform) => {
+                let strike = self.strikes.follow(waveform.strike);
+                self.pending.entry(strike).or_default().push(waveform);
+                self.note_window(strike);
+            }
+            Message::Strike(strike) => self.push_strike(number, frame, *strike),
+            Message::Shape(shape) => {
+                let strike = self.strikes.follow(shape.strike);
+                self.pending.entry(strike).or_default().shape = Some(*shape);
+                self.register
+                    .entry(self.boot, shape.strike, shape.first_index)
+                    .parts
+                    .shape = true;
+            }
+            Message::Fetched(fetched) => events.extend(self.push_fetched(frame, fetched)),
+            _ => {}
+        }
+        self.settle(events);
+    }
+
+    fn push_settings(&mut self, frame: i64, block: &[u8]) {
+        let Ok(settings) = Settings::decode(block) else {
+            return;
+        };
+        // Settings come every second and rarely change.
+        if self.settings.values().next_back() != Some(&settings) {
+            self.settings.insert(frame, settings);
+        }
+        while self.settings.len() > WAITING {
+            self.settings.pop_first();
+        }
+    }
+
+    fn push_strike(&mut self, number: i64, frame: &Frame, said: Strike) {
+        let recorded = RecordedStrike {
+            boot: frame.header.boot,
+            nth_boot: Some(self.restarts),
+            uid: self.uid,
+            sample_rate_hz: frame.sample_rate_hz,
+            received_ns: frame.received_ns,
+            ..RecordedStrike::new(frame.header.address, said)
+        };
+        let strike = self.strikes.follow(said.strike);
+        self.pending.entry(strike).or_default().result = Some(StrikeFrame {
+            number,
+            header: frame.header,
+            strike: recorded,
+        });
+        self.register
+            .entry(self.boot, said.strike, said.first_index)
+            .parts
+            .result = true;
+        self.note_window(strike);
+    }
+
+    /// Takes a frame of a fetched strike, and gives the strike if that was the last one and the strike is not
+    /// here.
+    fn push_fetched(&mut self, frame: &Frame, fetched: &Fetched) -> Option<Event> {
+        let address = frame.header.address;
+        let strike = self.fetched.push(address, fetched)?;
+        let Strike {
+            strike: number,
+            first_index,
+            ..
+        } = strike.said;
+        let entry = self.register.entry(strike.boot, number, first_index);
+        if std::mem::replace(&mut entry.is_handed_on, true) {
+            return None;
+        }
+        let mut before = std::mem::replace(&mut entry.parts, Parts::ALL);
+        if strike.boot == self.boot {
+            // It takes the place of the parts that wait.
+            let waiting = self.pending.len();
+            self.pending.retain(|other, _| *other as u32 != number);
+            before.window &= self.pending.len() == waiting;
+        }
+        Some(Event::Whole(Box::new(Assembled {
+            header: Header {
+                boot: strike.boot,
+                ..frame.header
+            },
+            strike: RecordedStrike {
+                uid: self.uid,
+                sample_rate_hz: frame.sample_rate_hz,
+                ..strike
+            },
+            fetched: Some(FetchedCopy {
+                boot: fetched.boot,
+                before,
+            }),
+        })))
+    }
+
+    /// Remembers that the window of a strike is whole, if it is.
+    fn note_window(&mut self, strike: i64) {
+        let Some(pending) = self.pending.get_mut(&strike) else {
+            return;
+        };
+        let Some(said) = pending.result.as_ref().map(|result| result.strike.said) else {
+            return;
+        };
+        if pending.has_window(&said) {
+            self.register
+                .entry(self.boot, said.strike, said.first_index)
+                .parts
+                .window = true;
+        }
+    }
+
+    /// Hands on the strikes that are due.
+    fn settle(&mut self, events: &mut Vec<Event>) {
+        while let Some(strike) = self.due() {
+            events.extend(self.assemble(strike));
+        }
+        // Their strike frames do not come.
+        while self.pending.len() > WAITING {
+            self.pending.pop_first();
+        }
+    }
+
+    /// The first strike that has a result, if it is due.
+    fn due(&self) -> Option<i64> {
+        let mut results = self
+            .pending
+            .iter()
+            .filter_map(|(strike, pending)| Some((*strike, pending.result.as_ref()?)));
+        let (strike, result) = results.next()?;
+        let said = &result.strike.said;
+        let may_be_late = |frame: i64| self.newest - frame <= SETTLED;
+        let is_complete =
+            !self.gap.is_some_and(may_be_late) && self.register.parts(self.boot, said.strike) == Parts::ALL;
+        let is_settled = !self.settings.is_empty() && (is_complete || !may_be_late(result.number));
+        (is_settled || self.pending.len() > WAITING).then_some(strike)
+    }
+
+    /// Hands on all strikes that have a result.
+    fn end_boot(&mut self, events: &mut Vec<Event>) {
+        let strikes: Vec<i64> = self.pending.keys().copied().collect();
+        events.extend(strikes.into_iter().filter_map(|strike| self.assemble(strike)));
+    }
+
+    /// Takes out a strike, and all parts of strikes before it: those have lost their strike frame.
+    fn assemble(&mut self, strike: i64) -> Option<Event> {
+        self.pending.get(&strike)?.result.as_ref()?;
+        let behind = self.pending.split_off(&(strike + 1));
+        let mut pending = std::mem::replace(&mut self.pending, behind).remove(&strike)?;
+        let StrikeFrame {
+            number,
+            header,
+            mut strike,
+        } = pending.result.take()?;
+        strike.shape = pending.shape;
+        strike.settings = self.settings_before(number);
+        for waveform in pending.window(strike.said.first_index) {
+            strike.push(waveform);
+        }
+        let is_whole = strike.missing() == 0 && strike.shape.is_some();
+        let said = &strike.said;
+        let entry = self.register.entry(self.boot, said.strike, said.first_index);
+        if entry.is_handed_on {
+            return None;
+        }
+        entry.is_handed_on = is_whole;
+        let assembled = Box::new(Assembled {
+            strike,
+            header,
+            fetched: None,
+        });
+        Some(if is_whole {
+            Event::Whole(assembled)
+        } else {
+            Event::Gap(assembled)
+        })
+    }
+
+    /// The last settings before a frame. If those frames are all lost, the first settings after it, as
+    /// settings rarely change. Settings before these are forgotten.
+    fn settings_before(&mut self, frame: i64) -> Option<Settings> {
+        if let Some((&last, &settings)) = self.settings.range(..frame).next_back() {
+            self.settings = self.settings.split_off(&last);
+            return Some(settings);
+        }
+        self.settings.values().next().copied()
+    }
+}
+
+/// Numbers that go on where those of the wire begin again at 0: after 2^32 frames, which a full line sends in
+/// 24 days.
+#[derive(Clone, Copy, Debug, Default)]
+struct Unwrapped(Option<i64>);
+
+impl Unwrapped {
+    /// The number whose lower half is `number` and that is nearest to the number before.
+    fn follow(&mut self, number: u32) -> i64 {
+        let whole = match self.0 {
+            None => number.into(),
+            Some(last) => last.saturating_add(i64::from(number.wrapping_sub(last as u32).cast_signed())),
+        };
+        self.0 = Some(whole);
+        whole
+    }
+}
+
+/// The strikes of a bead by their names.
+#[derive(Clone, Debug, Default)]
+struct Register {
+    /// Low bytes of boots, the oldest first, each with its strikes by number.
+    boots: VecDeque<(u8, BTreeMap<u32, Entry>)>,
+    length: usize,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Entry {
+    first_index: u64,
+    parts: Parts,
+    /// The strike was handed on whole.
+    is_handed_on: bool,
+}
+
+impl Register {
+    fn get(&self, boot: u8, number: u32) -> Option<&Entry> {
+        let mut boots = self.boots.iter().rev();
+        let (_, strikes) = boots.find(|(other, _)| *other == boot)?;
+        strikes.get(&number)
+    }
+
+    /// The parts that came of a strike; none of an unknown one.
+    fn parts(&self, boot: u8, number: u32) -> Parts {
+        self.get(boot, number)
+            .map_or(Parts::default(), |entry| entry.parts)
+    }
+
+    /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike
+    /// gives way.
+    fn entry(&mut self, boot: u8, number: u32, first_index: u64) -> &mut Entry {
+        if self.get(boot, number).is_none() {
+            while self.length >= REMEMBERED {
+                self.forget_oldest();
+            }
+            self.length += 1;
+        }
+        let at = self.boots.iter().rposition(|(other, _)| *other == boot);
+        let at = at.unwrap_or_else(|| {
+            self.boots.push_back((boot, BTreeMap::new()));
+            self.boots.len() - 1
+        });
+        let entry = self.boots[at].1.entry(number).or_default();
+        if entry.first_index != first_index {
+            *entry = Entry {
+                first_index,
+                ..Entry::default()
+            };
+        }
+        entry
+    }
+
+    fn forget_oldest(&mut self) {
+        if let Some((_, strikes)) = self.boots.front_mut() {
+            self.length -= usize::from(strikes.pop_first().is_some());
+            if strikes.is_empty() {
+                self.boots.pop_front();
+            }
+        }
+    }
+
+    /// Forgets the strikes of boots that begin with a restart.
+    fn forget(&mut self, restart: Restart) {
+        self.boots.retain(|(boot, _)| !restart.begins(*boot));
+        self.length = self.boots.iter().map(|(_, strikes)| strikes.len()).sum();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_model::design::{Bead as PaperBead, Capture, FrontEnd, derive};
+    use bead_model::settings::BLOCK_MAX;
+    use bead_testing::one_sample_strike as strike;
+    use bead_wire::{Block, Inner, Kind, Packed};
+
+    const RESTART: Arrival = Arrival::Restart { lost: 0 };
+    const NEXT: Arrival = Arrival::Next { lost: 0 };
+
+    fn settings(threshold: u16) -> Message {
+        let paper = derive(&PaperBead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper
+            .with(|bead| bead.capture.threshold = f64::from(threshold) * bead.force.per_code)
+            .unwrap();
+        let mut block = [0; BLOCK_MAX];
+        let length = settings.encode(&mut block).unwrap();
+        let block = Block::try_from(&block[..length]).unwrap();
+        bead_wire::Settings { block }.into()
+    }
+
+    /// The fetched frames of a strike.
+    fn fetched(boot: u32, number: u32, first_index: u64) -> [Message; 4] {
+        let [waveform, strike, shape] = strike(number, first_index);
+        let mut part = 0;
+        [settings(50), waveform, strike, shape].map(|message| {
+            let mut packed = Packed::new();
+            packed.pack(0, boot as u8, &message).unwrap();
+            let (frame_kind, content) = packed.content();
+            let body = Inner::filled_by(|room| {
+                room[..content.len()].copy_from_slice(content);
+                content.len()
+            });
+            part += 1;
+            Message::from(Fetched {
+                boot,
+                strike: number,
+                part: part - 1,
+                parts: 4,
+                frame_kind,
+                body,
+            })
+        })
+    }
+
+    /// Beads on a line that an assembly takes the frames of.
+    #[derive(Default)]
+    struct Line {
+        assembly: Assembly,
+        /// By address: boot, and number of the next frame.
+        beads: BTreeMap<u8, (u8, u32)>,
+    }
+
+    /// An event in short: whole or not, boot, and number.
+    type Short = (bool, u8, u32);
+
+    impl Line {
+        fn push(&mut self, address: u8, arrival: Arrival, message: Message) -> Vec<Event> {
+            let (boot, sequence) = self.beads.entry(address).or_default();
+            let mut frame = Frame::of(address, *boot, arrival, message);
+            frame.header.sequence = *sequence;
+            *sequence += 1;
+            self.assembly.push(&frame)
+        }
+
+        /// A bead restarts with this boot and its settings.
+        fn restart(&mut self, address: u8, boot: u8) -> Vec<Short> {
+            self.beads.insert(address, (boot, 0));
+            short(self.push(address, RESTART, settings(50)))
+        }
+
+        fn send(&mut self, address: u8, messages: impl IntoIterator<Item = Message>) -> Vec<Short> {
+            let events = messages
+                .into_iter()
+                .flat_map(|message| self.push(address, NEXT, message));
+            short(events.collect())
+        }
+    }
+
+    fn short(events: Vec<Event>) -> Vec<Short> {
+        let strikes = events.into_iter().filter_map(|event| match event {
+            Event::Restart(_) => None,
+            Event::Whole(assembled) => Some((true, assembled)),
+            Event::Gap(assembled) => Some((false, assembled)),
+        });
+        strikes
+            .map(|(is_whole, assembled)| (is_whole, assembled.strike.boot, assembled.strike.said.strike))
+            .collect()
+    }
+
+    #[test]
+    fn a_whole_strike_comes_at_once_and_one_with_a_gap_when_its_frames_count_as_lost() {
+        let mut line = Line::default();
+        line.restart(7, 0);
+        assert_eq!(line.send(7, strike(0, 10)), [(true, 0, 0)]);
+        let [_, result, shape] = strike(1, 20);
+        line.push(7, Arrival::Next { lost: 1 }, result);
+        assert!(line.send(7, [shape]).is_empty());
+        // The strikes of a boot come by their numbers.
+        assert!(line.send(7, strike(2, 30)).is_empty());
+        let status = || Message::draw(Kind::Status, &mut || 0);
+        let others = (0..SETTLED - 4).map(|_| status());
+        assert!(line.send(7, others).is_empty());
+        assert_eq!(line.send(7, [status()]), [(false, 0, 1), (true, 0, 2)]);
+        assert!(line.assembly.is_whole(7, 0, 2) && !line.assembly.is_whole(7, 0, 1));
+    }
+
+    #[test]
+    fn a_late_frame_completes_a_strike_in_its_order() {
+        let mut line = Line::default();
+        line.restart(7, 0);
+        let [waveform, result, shape] = strike(0, 10);
+        line.push(7, Arrival::Next { lost: 1 }, result);
+        line.send(7, [shape]);
+        line.push(7, Arrival::Late, waveform);
+        assert_eq!(short(line.assembly.end()), [(true, 0, 0)]);
+        assert_eq!(line.assembly.end(), []);
+    }
+
+    #[test]
+    fn a_name_is_new_after_each_restart_that_may_have_begun_its_boot() {
+        let begins = |before, boot, others: &[u8]| {
+            let restart = Restart {
+                address: 7,
+                before,
+                boot,
+            };
+            others
+                .iter()
+                .map(|other| restart.begins(*other))
+                .collect::<Vec<_>>()
+        };
+        // A reset: the bead keeps its strikes of boots before.
+        assert_eq!(begins(3, 4, &[2, 3, 4, 5]), [false, false, true, false]);
+        // Resets that nobody heard of.
+        assert_eq!(begins(3, 6, &[3, 4, 5, 6, 7]), [false, true, true, true, false]);
+        assert_eq!(begins(255, 0, &[254, 255, 0, 1]), [false, false, true, false]);
+        // A power cycle, and one with two resets that nobody heard of.
+        assert_eq!(begins(5, 0, &[0, 1, 5, 6]), [true, false, false, true]);
+        assert_eq!(begins(5, 2, &[0, 1, 2, 3]), [true, true, true, false]);
+        // A power cycle in the first boot, or 256 resets.
+        assert_eq!(begins(0, 0, &[0, 1, 255]), [true, true, true]);
+        assert_eq!(begins(9, 9, &[8, 9, 10]), [true, true, true]);
+    }
+
+    #[test]
+    fn after_a_power_cycle_strikes_with_the_names_of_others_are_handed_on_also_fetched_ones() {
+        for (before, boot) in [(0, 0), (1, 0), (4, 4)] {
+            let mut line = Line::default();
+            for address in [7, 8] {
+                line.restart(address, boot);
+                assert_eq!(line.send(address, strike(0, 10)), [(true, boot, 0)]);
+                assert_eq!(line.send(address, strike(0, 10)), [], "it was handed on");
+                line.restart(address, before);
+            }
+            line.restart(7, boot);
+            assert!(!line.assembly.is_whole(7, boot, 0));
+            // It was lost on the way, and is fetched.
+            assert_eq!(line.send(7, fetched(boot.into(), 0, 10)), [(true, boot, 0)]);
+            assert_eq!(line.send(7, fetched(boot.into(), 0, 10)), []);
+            // The other bead was not reset to that boot, unless all boots began.
+            let is_known = before != boot;
+            assert_eq!(
+                line.assembly.is_whole(8, boot, 0),
+                is_known,
+                "boot {before} to {boot}"
+            );
+            assert_eq!(line.send(8, fetched(boot.into(), 0, 10)).is_empty(), is_known);
+        }
+    }
+
+    #[test]
+    fn a_strike_that_is_fetched_after_a_reset_is_handed_on_unless_it_came_whole() {
+        let mut line = Line::default();
+        line.restart(7, 3);
+        line.send(7, strike(0, 10));
+        let [_, result, _] = strike(1, 20);
+        line.send(7, [result]);
+        assert_eq!(line.restart(7, 4), [(false, 3, 1)]);
+        assert_eq!(line.send(7, fetched(3, 0, 10)), []);
+        let frames = fetched(3, 1, 20);
+        let events: Vec<Event> = frames
+            .into_iter()
+            .flat_map(|frame| line.push(7, NEXT, frame))
+            .collect();
+        let [Event::Whole(assembled)] = &events[..] else {
+            panic!("{events:?}");
+        };
+        let before = Parts {
+            result: true,
+            ..Parts::default()
+        };
+        assert_eq!(assembled.fetched, Some(FetchedCopy { boot: 3, before }));
+        assert_eq!((assembled.strike.boot, assembled.strike.nth_boot), (3, None));
+        assert_eq!(assembled.strike.scans.len(), 1);
+        // The same name, and another window: a power cycle that the boot number does not show.
+        assert_eq!(line.send(7, fetched(3, 0, 999)), [(true, 3, 0)]);
+    }
+
+    #[test]
+    fn a_fetched_strike_takes_the_place_of_the_parts_that_wait() {
+        let mut line = Line::default();
+        line.restart(7, 0);
+        let [_, result, shape] = strike(0, 10);
+        line.push(7, Arrival::Next { lost: 1 }, result);
+        line.send(7, [shape]);
+        assert_eq!(line.send(7, fetched(0, 0, 10)), [(true, 0, 0)]);
+        assert_eq!(short(line.assembly.end()), []);
+    }
+
+    #[test]
+    fn strikes_that_count_down_and_settings_that_change_wait_in_bounded_room() {
+        let mut line = Line::default();
+        for number in 0..1000 {
+            line.send(7, [settings(50 + number % 2)]);
+            assert!(line.assembly.beads[&7].settings.len() <= WAITING);
+        }
+        let mut count = 0;
+        for number in (0..1000).rev() {
+            let [_, result, _] = strike(number, 10);
+            count += line.send(7, [result]).len();
+            assert!(line.assembly.beads[&7].pending.len() <= WAITING);
+        }
+        assert_eq!(count + line.assembly.end().len(), 1000);
+        // Windows without a result.
+        for number in 0..1000 {
+            let [waveform, ..] = strike(number, 10);
+            line.send(7, [waveform]);
+            assert!(line.assembly.beads[&7].pending.len() <= WAITING);
+        }
+    }
+
+    #[test]
+    fn of_very_many_strikes_the_newest_names_are_remembered_for_each_bead() {
+        let mut line = Line::default();
+        line.restart(0, 0);
+        line.send(0, strike(5, 10));
+        for boot in 0..4 {
+            line.restart(9, boot);
+            for number in 0..REMEMBERED as u32 / 2 {
+                line.send(9, strike(number, 10));
+            }
+            let register = &line.assembly.beads[&9].register;
+            let length: usize = register.boots.iter().map(|(_, strikes)| strikes.len()).sum();
+            assert_eq!((length, length <= REMEMBERED), (register.length, true));
+        }
+        assert_eq!(
+            [0, 1, 2, 3].map(|boot| line.assembly.is_whole(9, boot, 7)),
+            [false, false, true, true]
+        );
+        assert!(line.assembly.is_whole(0, 0, 5));
+    }
+}

@@ -1,0 +1,307 @@
+//! What each bead sent between two resets, as far as clocks are concerned.
+
+use std::collections::{BTreeMap, HashMap};
+
+use bead_wire::{Arrival, Message};
+
+use crate::clock::fit::Fit;
+use crate::file::{Recording, RecordingError};
+use crate::frames::{Frame, Item};
+use crate::strikes::RecordedStrike;
+
+/// Samples in a bucket at first: a quarter of a second. Of the frames in a bucket only the one with the least
+/// delay is kept.
+const BUCKET: f64 = 25_000.0;
+/// Buckets that are kept. Where there are more, after half an hour, each two become one.
+const BUCKETS_MOST: usize = 8192;
+/// Edges and strikes of one boot that are kept: a day of edges every 0.1 s.
+const EVENTS_MOST: usize = 1_000_000;
+
+/// A frame's place on both clocks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point {
+    /// Of the bead, in samples.
+    pub(super) bead: f64,
+    /// Of the host, in ns since the segment's first.
+    pub(super) host_ns: f64,
+}
+
+/// An edge on the sync input, by the bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Its number since the reset.
+    pub number: u32,
+    /// Where it lies, in samples.
+    pub position: f64,
+}
+
+/// When a strike's force was highest, by the bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Struck {
+    /// The strike's number since the reset.
+    pub strike: u32,
+    /// Where it lies, in samples.
+    pub position: f64,
+    /// Where the force rose through half of its height, in samples, if that was looked for and found.
+    pub rise: Option<f64>,
+}
+
+/// What a bead sent between two resets.
+#[derive(Debug, Clone, Default)]
+pub struct Segment {
+    /// The address in the headers of its frames.
+    pub address: u8,
+    /// The low byte of its boot number.
+    pub boot: u8,
+    /// The bead's unique device id; none before its identity came.
+    pub uid: Option<[u8; 12]>,
+    /// Scans a second, in hertz; none before its identity came.
+    pub sample_rate_hz: Option<u32>,
+    /// Frames with a receive time.
+    pub frames: u64,
+    /// Edges on the sync input.
+    pub edges: Vec<Edge>,
+    /// How many edges the bead missed because they came too close.
+    pub missed: u32,
+    /// The strikes whose arrival the bead reported.
+    pub struck: Vec<Struck>,
+    /// Edges and strikes beyond the first million, which are not kept.
+    pub left_out: u64,
+    pub(super) origin_ns: Option<u64>,
+    /// The frame with the least delay of each bucket.
+    pub(super) buckets: BTreeMap<u64, Point>,
+    /// How often each two buckets became one.
+    pub(super) halved: u32,
+    /// ns of the host in a sample, as far as known when that was done last.
+    pub(super) pace: Option<f64>,
+}
+
+/// Says to which segment a frame belongs, for frames in the order in which they were received.
+#[derive(Debug, Clone, Default)]
+pub struct Segments {
+    /// The current segment of each address.
+    current: BTreeMap<u8, usize>,
+    count: usize,
+}
+
+impl Segments {
+    /// The number of a frame's segment, from 0. A new number is the number of segments before it.
+    pub fn place(&mut self, frame: &Frame) -> usize {
+        let address = frame.header.address;
+        match self.current.get(&address) {
+            Some(&segment) if !begins(frame) => segment,
+            _ => {
+                self.current.insert(address, self.count);
+                self.count += 1;
+                self.count - 1
+            }
+        }
+    }
+}
+
+/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads
+/// crash.
+const SEGMENTS_MOST: usize = 4096;
+
+/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames, and a million
+/// edges and strikes.
+#[derive(Debug, Clone, Default)]
+pub struct Tracker {
+    /// The first segments, in the order in which they began: at most 4096.
+    pub segments: Vec<Segment>,
+    /// Whether there were more.
+    pub left_out: bool,
+    places: Segments,
+}
+
+impl Tracker {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
+        if frame.arrival == Arrival::Duplicate {
+            return;
+        }
+        let place = self.places.place(frame);
+        if place == self.segments.len() && place < SEGMENTS_MOST {
+            self.segments.push(Segment::begun_by(frame));
+        }
+        match self.segments.get_mut(place) {
+            Some(segment) => segment.push(frame),
+            None => self.left_out = true,
+        }
+    }
+
+    /// All that is in a recording.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
+        let mut tracker = Self::default();
+        for frame in recording.frames()?.filter_map(Item::frame) {
+            tracker.push(&frame);
+        }
+        Ok(tracker)
+    }
+}
+
+/// The segment that a strike is of.
+#[derive(Debug, Clone, Default)]
+pub struct Boots {
+    /// By address and number among its boots.
+    nth: HashMap<(u8, usize), usize>,
+    /// By address and low byte of the boot number: the last.
+    last: HashMap<(u8, u8), usize>,
+}
+
+impl Boots {
+    /// Of all segments of a recording, as [`Tracker`] has them.
+    pub fn of(segments: &[Segment]) -> Self {
+        let mut boots = Self::default();
+        let mut counts = HashMap::<u8, usize>::new();
+        for (place, segment) in segments.iter().enumerate() {
+            let count = counts.entry(segment.address).or_default();
+            boots.nth.insert((segment.address, *count), place);
+            boots.last.insert((segment.address, segment.boot), place);
+            *count += 1;
+        }
+        boots
+    }
+
+    /// The place of a strike's segment among them. Of a strike that was fetched later it is the last boot
+    /// with its byte.
+    pub fn find(&self, strike: &RecordedStrike) -> Option<usize> {
+        let found = match strike.nth_boot {
+            Some(nth) => self.nth.get(&(strike.address, nth)),
+            None => self.last.get(&(strike.address, strike.boot)),
+        };
+        found.copied()
+    }
+}
+
+/// The current segment of each bead, by address, without edges and strikes: a recorder may run for months.
+#[derive(Debug, Clone, Default)]
+pub struct Live(BTreeMap<u8, Segment>);
+
+impl Live {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
+        if frame.arrival == Arrival::Duplicate {
+            return;
+        }
+        let begun = || Segment::begun_by(frame);
+        let segment = self.0.entry(frame.header.address).or_insert_with(begun);
+        if begins(frame) {
+            *segment = begun();
+        }
+        segment.push(frame);
+        segment.edges.clear();
+        segment.struck.clear();
+    }
+
+    /// The segments.
+    pub fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.0.values()
+    }
+}
+
+/// Whether a frame is the first that was received of a boot.
+fn begins(frame: &Frame) -> bool {
+    matches!(frame.arrival, Arrival::First | Arrival::Restart { .. })
+}
+
+impl Segment {
+    fn begun_by(frame: &Frame) -> Self {
+        Self {
+            address: frame.header.address,
+            boot: frame.header.boot,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn push(&mut self, frame: &Frame) {
+        let mut position = frame.header.sample_index as f64;
+        match &frame.message {
+            Message::Identity(identity) => {
+                self.uid = Some(identity.uid);
+                self.sample_rate_hz = Some(identity.sample_rate_hz);
+            }
+            Message::Sync(sync) => {
+                // This is nearer to when the frame was made than the header's index, which moves by blocks.
+                position = sync.position();
+                self.missed = self.missed.max(sync.missed);
+                let number = sync.edge;
+                match self.edges.len() < EVENTS_MOST {
+                    true => self.edges.push(Edge { number, position }),
+                    false => self.left_out += 1,
+                }
+            }
+            Message::Shape(_) if self.struck.len() == EVENTS_MOST => self.left_out += 1,
+            Message::Shape(shape) => self.struck.push(Struck {
+                strike: shape.strike,
+                position: shape.first_index as f64 + shape.arrival.samples(),
+                rise: None,
+            }),
+            _ => {}
+        }
+        let Some(received_ns) = frame.received_ns else {
+            return;
+        };
+        self.frames += 1;
+        // Such a frame was made before the first block of samples, perhaps before the sample clock ran. Its
+        // index 0 is no time.
+        if frame.header.sample_index == 0 {
+            return;
+        }
+        let origin = *self.origin_ns.get_or_insert(received_ns);
+        let point = Point {
+            bead: position,
+            // Exact below 104 days.
+            host_ns: (i128::from(received_ns) - i128::from(origin)) as f64,
+        };
+        self.keep(point);
+        if self.buckets.len() > BUCKETS_MOST {
+            self.halve();
+        }
+    }
+
+    /// How late a frame is, in ns, against a clock that runs as this one seems to. Within a first bucket the
+    /// best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
+    fn late(&self, point: &Point) -> f64 {
+        let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
+        point.host_ns - point.bead * self.pace.unwrap_or(nominal)
+    }
+
+    fn keep(&mut self, point: Point) {
+        let bucket = (point.bead / BUCKET) as u64 >> self.halved;
+        let before = self.buckets.get(&bucket).copied();
+        if before.is_none_or(|before| self.late(&point) < self.late(&before)) {
+            self.buckets.insert(bucket, point);
+        }
+    }
+
+    /// Makes one bucket of each two. They are long then, and the drift that was found so far says which frame
+    /// was late.
+    fn halve(&mut self) {
+        if let (Some(fit), Some(rate)) = (self.fit(), self.sample_rate_hz) {
+            self.pace = Some(1e9 / (f64::from(rate) * (1.0 + fit.drift_ppm * 1e-6)));
+        }
+        self.halved += 1;
+        for point in std::mem::take(&mut self.buckets).into_values() {
+            self.keep(point);
+        }
+    }
+
+    /// The bead's clock against the host's. None without receive times or a sample rate.
+    pub fn fit(&self) -> Option<Fit> {
+        let rate = f64::from(self.sample_rate_hz.filter(|rate| *rate > 0)?);
+        let points: Vec<(f64, f64)> = self
+            .buckets
+            .values()
+            .map(|point| (point.bead / rate, point.host_ns * 1e-9))
+            .collect();
+        Fit::below(self.origin_ns?, &points)
+    }
+
+    pub(super) fn seconds(&self, position: f64) -> Option<f64> {
+        Some(position / f64::from(self.sample_rate_hz?))
+    }
+}

@@ -1,0 +1,75 @@
+//! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in
+//! SI units by the bead's own code ([`Signal`]); the codes stand beside it.
+
+use std::sync::Arc;
+
+use crate::signal::Signal;
+use crate::strikes::RecordedStrike;
+use bead_tables::{Cell, Column, Kind};
+
+/// The columns, in their order.
+pub fn columns() -> Vec<Column> {
+    [
+        ("id", Kind::Whole),
+        ("recording", Kind::Text),
+        ("address", Kind::Whole),
+        ("boot_low_byte", Kind::Whole),
+        ("nth_boot", Kind::Whole),
+        ("strike", Kind::Whole),
+        ("sample", Kind::Whole),
+        ("sample_index", Kind::Whole),
+        ("time_s", Kind::Number),
+        ("time_from_trigger_s", Kind::Number),
+        ("force_n", Kind::Number),
+        ("acceleration_mps2", Kind::Number),
+        ("force_code", Kind::Whole),
+        ("acceleration_code", Kind::Whole),
+        ("force_wide_code", Kind::Whole),
+        ("acceleration_wide_code", Kind::Whole),
+    ]
+    .map(|(name, kind)| Column::new(name, kind))
+    .into()
+}
+
+/// The rows of a strike, a cell for each of the [`columns`]. `id` is that of the strike's row.
+pub fn rows<'a>(
+    id: u64,
+    recording: &Arc<str>,
+    strike: &'a RecordedStrike,
+) -> impl Iterator<Item = Vec<Cell>> + 'a {
+    let signal = strike
+        .settings
+        .and_then(|settings| Signal::of(&strike.scans, &settings));
+    let rate = strike.rate().map(f64::from);
+    let (recording, said) = (Arc::clone(recording), &strike.said);
+    (0u64..).zip(&strike.scans).map(move |(sample, scan)| {
+        let index = said.first_index.saturating_add(sample);
+        let from_trigger = index as f64 - said.trigger_index as f64;
+        let value = |of: fn(&Signal) -> &[f64]| {
+            let values = signal.as_ref().map(of);
+            Cell::number(values.and_then(|values| values.get(sample as usize).copied()))
+        };
+        let [force, acceleration] = scan.sensitive.map(Cell::whole);
+        let [wide_force, wide_acceleration] = scan
+            .wide
+            .map_or([Cell::Null, Cell::Null], |wide| wide.map(Cell::whole));
+        vec![
+            Cell::whole(id),
+            Cell::Text(Arc::clone(&recording)),
+            Cell::whole(strike.address),
+            Cell::whole(strike.boot),
+            strike.nth_boot.map_or(Cell::Null, Cell::whole),
+            Cell::whole(said.strike),
+            Cell::whole(sample),
+            Cell::whole(index),
+            Cell::number(rate.map(|rate| index as f64 / rate)),
+            Cell::number(rate.map(|rate| from_trigger / rate)),
+            value(|signal| &signal.force),
+            value(|signal| &signal.acceleration),
+            force,
+            acceleration,
+            wide_force,
+            wide_acceleration,
+        ]
+    })
+}

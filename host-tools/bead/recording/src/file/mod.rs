@@ -1,0 +1,56 @@
+//! Recordings: the bytes that beads sent, and what belongs to them, in one MCAP file.
+//!
+//! # Design
+//! The channel `frames` has one message for each run of bytes up to a delimiter, with the delimiter, as
+//! received: sound frames and corrupt ones alike, so that a recording can be decoded again by a better
+//! decoder. Runs that are no frames and come together stand in one message. The messages are numbered from 0,
+//! so that the numbers show how many are missing in a damaged file. Beside it stand a metadata record
+//! `recording` ([`About`]) and attachments ([`Part`]).
+//!
+//! For programs that know nothing of beads the channels `strikes`, `shapes`, `waveforms`, `status`, `health`
+//! and `faults` have the content of the frames in Protobuf and SI units ([`crate::protobuf`]).
+//! This program does not read them.
+//!
+//! **Several beads.** In a recording of several beads each has these channels for itself, with its address in
+//! their names, `bead/7/frames` and so on, and attachments of its own. See [`Origin`] and [`Writer::join`].
+//! One iterator reads both kinds: each of its [`Pieces`] names its bead, and [`Recording::of`] leaves one
+//! bead.
+//!
+//! **Times.** The publish time of a message is the bead's own: sample index over sample rate, in nanoseconds.
+//! Its log time is the host's, when the bytes were received, in nanoseconds since 1970. An emulated bead was
+//! received at times that count from its power-up, so that equal runs have equal recordings. Where no receive
+//! time is known, the log time is the bead's, but never runs back: after a restart of the bead, whose index
+//! begins again, it goes on from the last one. Bytes that are no frame have the time of the frame before
+//! them.
+//!
+//! A message on the channel `received` shows that log times are receive times. It has, for each piece of
+//! bytes in which runs ended, the number of the last run (u32) and the host's time (u64, ns since 1970),
+//! little-endian. From the receive times [`crate::clock`] finds how the clocks of bead and host
+//! run against each other.
+//!
+//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished: a file with
+//! that name is whole. The writer gives complete chunks to the system, at least once a second while bytes
+//! come. A recording that is cut at any byte gives back every message before the cut. A damaged one gives
+//! back every chunk with a good CRC, and of the others every frame with a good CRC ([`Damage`]). The chunks
+//! are not compressed, so that a cut or damaged one stays readable. A file that another program has
+//! compressed is refused with the command that unpacks it.
+
+mod about;
+mod channels;
+mod contents;
+mod error;
+mod layout;
+mod read;
+mod records;
+mod search;
+mod stream;
+#[cfg(test)]
+mod tests;
+mod times;
+mod writer;
+
+pub use about::{About, Origin, Part};
+pub use error::RecordingError;
+pub use read::{Bead, Pieces, Recording};
+pub use records::{Damage, State};
+pub use writer::{BeadIndex, Finished, Writer};

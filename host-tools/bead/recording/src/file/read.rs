@@ -1,0 +1,274 @@
+//! Reads recordings, piece by piece.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bead_wire::VERSION;
+
+use crate::file::about::{About, Origin, Part};
+use crate::file::contents::{BeadChannels, BeadParts, Contents};
+use crate::file::error::RecordingError;
+use crate::file::records::{Records, State};
+use crate::frames::{Frames, Item, Piece};
+use crate::strikes::{FetchedNames, Name};
+
+/// A recording on disk. It is read piece by piece and never kept whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recording {
+    path: PathBuf,
+    /// Description of the recording.
+    pub about: Arc<About>,
+    /// Its attachments: those of all beads.
+    pub parts: BTreeMap<Part, Arc<[u8]>>,
+    /// The beads, by their addresses, if it is a recording of several.
+    pub beads: Vec<Bead>,
+    /// Number of runs of bytes between two delimiters. Runs that are no frames may stand together in one.
+    pub runs: u64,
+    /// Number of runs that are missing, by the numbers of the others.
+    pub runs_missing: u64,
+    /// Completeness of the file.
+    pub state: State,
+    /// The strikes that were fetched.
+    pub(crate) fetched: Arc<BTreeSet<Name>>,
+    channels: Arc<BeadChannels>,
+    /// Address of the bead whose bytes are read, if it is one of several.
+    only: Option<u8>,
+}
+
+/// A bead of a recording with several.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bead {
+    /// Its address, and where its bytes came from.
+    pub origin: Origin,
+    /// Its own attachments.
+    pub parts: BTreeMap<Part, Arc<[u8]>>,
+    /// Number of its runs of bytes.
+    pub runs: u64,
+    /// Number of its runs that are missing.
+    pub runs_missing: u64,
+}
+
+impl Bead {
+    /// Its place in the chain, its address if no place is known.
+    pub fn place(&self) -> usize {
+        self.origin.bead.unwrap_or(self.origin.address.into())
+    }
+}
+
+impl Recording {
+    /// Reads a file, whole or cut short.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no recording, has compressed chunks, or has only frames of a later version
+    /// of the protocol. One cut short or damaged is no error: see [`State`].
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        Self::read(path, false)
+    }
+
+    /// Reads a file whose beginning may be damaged too.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), and nothing in the file is of a recording.
+    pub fn salvage(path: &Path) -> Result<Self, RecordingError> {
+        Self::read(path, true)
+    }
+
+    fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
+        let mut first = Summary::read(path, damaged, BeadChannels::default())?;
+        if first.contents.knew_too_late() {
+            first = Summary::read(path, damaged, first.contents.channels)?;
+        }
+        let Summary {
+            contents,
+            state,
+            fetched,
+            known_frames,
+        } = first;
+        let (runs, runs_missing) = contents.counts(None);
+        if !contents.has_frames() && (state == State::Whole || damaged) {
+            return Err(RecordingError::NotOurs(path.to_owned(), contents.describe()));
+        }
+        if let Some(version) = contents
+            .version
+            .filter(|version| *version > VERSION && known_frames == 0)
+        {
+            return Err(RecordingError::OtherProtocol {
+                path: path.to_owned(),
+                version,
+                writer: contents.writer(),
+            });
+        }
+        let bead = |(address, bead): (&u8, &BeadParts)| {
+            let (runs, runs_missing) = contents.counts(Some(*address));
+            let unnamed = || Origin {
+                address: *address,
+                ..Origin::default()
+            };
+            Bead {
+                origin: bead.origin.clone().unwrap_or_else(unnamed),
+                parts: bead.parts.clone(),
+                runs,
+                runs_missing,
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            beads: contents.beads.iter().map(bead).collect(),
+            about: Arc::new(contents.about),
+            parts: contents.parts,
+            runs,
+            runs_missing,
+            state,
+            fetched: Arc::new(fetched),
+            channels: Arc::new(contents.channels),
+            only: None,
+        })
+    }
+
+    /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
+    /// of these.
+    pub fn of(&self, bead: &Bead) -> Self {
+        let mut parts = self.parts.clone();
+        parts.extend(bead.parts.clone());
+        Self {
+            path: self.path.clone(),
+            about: Arc::clone(&self.about),
+            parts,
+            beads: Vec::new(),
+            runs: bead.runs,
+            runs_missing: bead.runs_missing,
+            state: self.state.clone(),
+            fetched: Arc::clone(&self.fetched),
+            channels: Arc::clone(&self.channels),
+            only: Some(bead.origin.address),
+        }
+    }
+
+    /// One for each of its beads, or this one if it is of one line.
+    pub fn each(&self) -> Vec<Self> {
+        match self.beads[..] {
+            [] => vec![self.clone()],
+            _ => self.beads.iter().map(|bead| self.of(bead)).collect(),
+        }
+    }
+
+    /// Its runs of bytes, in the order received.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn pieces(&self) -> Result<Pieces, RecordingError> {
+        let pieces = Pieces::open(&self.path, true, BeadChannels::clone(&self.channels))?;
+        Ok(Pieces {
+            only: self.only,
+            ..pieces
+        })
+    }
+
+    /// Its frames, in the order received, each with the time of its receipt.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn frames(&self) -> Result<Frames<Pieces>, RecordingError> {
+        self.pieces().map(Frames::new)
+    }
+
+    /// One line that says what is missing, `None` for a whole recording.
+    pub fn warning(&self) -> Option<String> {
+        let runs = self.runs;
+        match &self.state {
+            State::Whole => None,
+            State::CutShort { runs_whole: true } => Some(format!(
+                "recording is cut short in its index; all {runs} frames are there"
+            )),
+            State::CutShort { runs_whole: false } => Some(format!(
+                "recording is cut short: {runs} frames before the cut are read, those after it are gone"
+            )),
+            State::Damaged(what) => Some(format!(
+                "recording is damaged ({what}): {runs} frames are read, {}; each frame is still checked by its own \
+                 CRC",
+                match self.runs_missing {
+                    0 => "others may be missing".to_owned(),
+                    missing => format!("{missing} before the last of them are missing"),
+                }
+            )),
+        }
+    }
+}
+
+/// What one pass through a file finds.
+struct Summary {
+    contents: Contents,
+    state: State,
+    fetched: BTreeSet<Name>,
+    /// Number of frames of a version of the protocol that this program knows.
+    known_frames: u64,
+}
+
+impl Summary {
+    fn read(path: &Path, damaged: bool, channels: BeadChannels) -> Result<Self, RecordingError> {
+        let mut pieces = Pieces::open(path, damaged, channels)?;
+        let mut fetched = FetchedNames::default();
+        let mut known_frames = 0;
+        for frame in Frames::new(pieces.by_ref()).filter_map(Item::frame) {
+            known_frames += u64::from(frame.version <= VERSION);
+            fetched.push(&frame);
+        }
+        let Pieces {
+            contents, records, ..
+        } = pieces;
+        if let Some(by) = records.compression {
+            return Err(RecordingError::Compressed(path.to_owned(), by));
+        }
+        Ok(Self {
+            contents,
+            state: records.state,
+            fetched: fetched.finish(),
+            known_frames,
+        })
+    }
+}
+
+/// The runs of bytes in a recording, each with its delimiter, its receive time and its bead. Memory: a chunk
+/// of the file, and the runs of one piece of bytes of each bead.
+pub struct Pieces {
+    records: Records,
+    contents: Contents,
+    only: Option<u8>,
+}
+
+impl Pieces {
+    /// The runs in a file; its beginning may be `damaged` too.
+    pub(super) fn open(path: &Path, damaged: bool, channels: BeadChannels) -> Result<Self, RecordingError> {
+        Ok(Self {
+            records: Records::open(path, damaged)?,
+            contents: Contents::with_channels(channels),
+            only: None,
+        })
+    }
+
+    fn next_of_any(&mut self) -> Option<Piece> {
+        loop {
+            if let Some(piece) = self.contents.ready.pop_front() {
+                return Some(piece);
+            }
+            if !self.records.step(&mut self.contents) {
+                self.contents.end();
+                return self.contents.ready.pop_front();
+            }
+        }
+    }
+}
+
+impl Iterator for Pieces {
+    type Item = Piece;
+
+    fn next(&mut self) -> Option<Piece> {
+        loop {
+            let piece = self.next_of_any()?;
+            if self.only.is_none() || piece.bead == self.only {
+                return Some(piece);
+            }
+        }
+    }
+}

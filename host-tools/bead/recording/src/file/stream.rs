@@ -1,0 +1,233 @@
+//! The bytes of one bead on their way into a recording.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+use bead_wire::{Counters, Message};
+use mcap::McapResult;
+use mcap::records::MessageHeader;
+
+use crate::file::about::Origin;
+use crate::file::channels::{ChannelMessage, Channels};
+use crate::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
+use crate::file::times::Clock;
+use crate::frames::{Item, Reader};
+
+/// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line,
+/// those of all its beads.
+pub(super) struct Stream {
+    /// The bead, if it is one of several.
+    origin: Option<Origin>,
+    channel: u16,
+    received: u16,
+    channels: Channels,
+    run: Vec<u8>,
+    /// Runs that are no frames, each with a delimiter.
+    noise: Vec<u8>,
+    reader: Reader,
+    clock: Clock,
+    /// Number of messages in this file, and of bytes in them.
+    pub(super) written: u32,
+    bytes: u64,
+}
+
+impl Stream {
+    /// Adds its channels to a file.
+    pub(super) fn begin<W: Write + Seek>(
+        mcap: &mut mcap::Writer<W>,
+        origin: Option<&Origin>,
+        sample_rate_hz: u32,
+    ) -> McapResult<Self> {
+        let (channel, received) = add_channels(mcap, origin)?;
+        Ok(Self {
+            origin: origin.cloned(),
+            channel,
+            received,
+            channels: Channels::begin(mcap, origin.map(|origin| origin.address))?,
+            run: Vec::new(),
+            noise: Vec::new(),
+            reader: Reader::default(),
+            clock: Clock {
+                sample_rate_hz,
+                ..Clock::default()
+            },
+            written: 0,
+            bytes: 0,
+        })
+    }
+
+    /// Adds its channels to the file that follows. Bytes that are not written yet go there; noise must be
+    /// [ended](Self::end_noise) before.
+    pub(super) fn go_on<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        (self.channel, self.received) = add_channels(mcap, self.origin.as_ref())?;
+        self.channels.go_on(mcap, self.bead())?;
+        (self.written, self.bytes) = (0, 0);
+        Ok(())
+    }
+
+    /// The bead's address, if it is one of several.
+    pub(super) fn bead(&self) -> Option<u8> {
+        self.origin.as_ref().map(|origin| origin.address)
+    }
+
+    /// Number of its bytes in this file.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// True if no strike is on its way.
+    pub(super) fn is_idle(&self) -> bool {
+        self.channels.are_idle()
+    }
+
+    pub(super) fn counters(&self) -> &Counters {
+        self.reader.counters()
+    }
+
+    /// The time of its next message.
+    pub(super) fn log_time(&self) -> u64 {
+        self.clock.log
+    }
+
+    /// Takes bytes as received.
+    pub(super) fn write<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        bytes: &[u8],
+        received_ns: Option<u64>,
+        mut sink: impl FnMut(Item),
+    ) -> McapResult<()> {
+        let before = self.written;
+        if let Some(received_ns) = received_ns {
+            self.clock.receive(received_ns);
+        }
+        let mut messages = Vec::new();
+        for byte in bytes {
+            let Self {
+                reader,
+                clock,
+                channels,
+                ..
+            } = self;
+            let mut is_frame = false;
+            reader.feed(std::slice::from_ref(byte), received_ns, |item| {
+                if let Item::Frame(frame) = &item {
+                    is_frame = true;
+                    if let Message::Identity(identity) = &frame.message {
+                        clock.sample_rate_hz = identity.sample_rate_hz;
+                    }
+                    clock.tick(frame.header.sample_index, frame.arrival);
+                    messages.extend(channels.push(frame));
+                }
+                sink(item);
+            });
+            if *byte != 0 {
+                self.run.push(*byte);
+            }
+            match *byte {
+                0 if self.run.is_empty() => {}
+                // Runs that are no frames stand together, as each message costs some 50 bytes.
+                0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
+                    self.noise.append(&mut self.run);
+                    self.noise.push(0);
+                }
+                0 => self.end_run(mcap)?,
+                _ if self.run.len() == LONGEST_RUN => self.end_run(mcap)?,
+                _ => {}
+            }
+            self.write_messages(mcap, messages.drain(..))?;
+        }
+        self.end_noise(mcap)?;
+        if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
+            self.write_time(mcap, received_ns)?;
+        }
+        Ok(())
+    }
+
+    /// Records when the piece with the end of the last run was received.
+    fn write_time<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        received_ns: u64,
+    ) -> McapResult<()> {
+        let last = self.written.wrapping_sub(1);
+        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
+        self.message(mcap, self.received, last, &data)
+    }
+
+    /// Writes the runs that are no frames.
+    pub(super) fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        let noise = std::mem::take(&mut self.noise);
+        self.put(mcap, noise)
+    }
+
+    /// Writes the run that has come so far.
+    fn end_run<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        self.end_noise(mcap)?;
+        let mut run = std::mem::take(&mut self.run);
+        if !run.is_empty() {
+            run.push(0);
+        }
+        self.put(mcap, run)
+    }
+
+    /// Writes all that waits, for no more bytes come.
+    pub(super) fn end<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        self.end_run(mcap)?;
+        let messages = self.channels.end();
+        self.write_messages(mcap, messages)
+    }
+
+    /// Writes messages for other programs, with the number of the last run.
+    fn write_messages<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        messages: impl IntoIterator<Item = ChannelMessage>,
+    ) -> McapResult<()> {
+        let number = self.written.wrapping_sub(1);
+        messages
+            .into_iter()
+            .try_for_each(|ChannelMessage { channel, data }| self.message(mcap, channel, number, &data))
+    }
+
+    /// Writes runs, each with the delimiter behind it. So a search of a damaged file finds each frame.
+    fn put<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>, run: Vec<u8>) -> McapResult<()> {
+        if run.is_empty() {
+            return Ok(());
+        }
+        let number = self.written;
+        self.written = number.wrapping_add(1);
+        self.message(mcap, self.channel, number, &run)
+    }
+
+    fn message<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        channel_id: u16,
+        sequence: u32,
+        data: &[u8],
+    ) -> McapResult<()> {
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: self.clock.log,
+            publish_time: self.clock.bead,
+        };
+        self.bytes += data.len() as u64;
+        mcap.write_to_known_channel(&header, data)
+    }
+}
+
+/// Adds the channels of raw frames and of their times of receipt.
+fn add_channels<W: Write + Seek>(
+    mcap: &mut mcap::Writer<W>,
+    origin: Option<&Origin>,
+) -> McapResult<(u16, u16)> {
+    let bead = origin.map(|origin| origin.address);
+    let mut layout = origin.map(Origin::to_map).unwrap_or_default();
+    layout.insert("version".into(), bead_wire::VERSION.to_string());
+    let channel = mcap.add_channel(0, &name_of(bead, TOPIC), ENCODING, &layout)?;
+    let none = BTreeMap::new();
+    let received = mcap.add_channel(0, &name_of(bead, RECEIVED), RECEIVED_ENCODING, &none)?;
+    Ok((channel, received))
+}

@@ -1,0 +1,262 @@
+//! Frames as they come from a bead: pieces of bytes in, frames with their receive times out.
+//!
+//! # Design
+//! [`Frames`] turns bytes into frames, from every source: a recording, a pipe, a line, an emulated run. It
+//! keeps one piece of bytes, and the frames of one block of it. Frames stay as they came: fixed-point bits
+//! and ADC codes.
+
+use std::collections::{HashMap, VecDeque};
+
+use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject, VERSION};
+
+/// A frame that passed every check.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// Version of the sender: see [`bead_wire::Frame::version`].
+    pub version: u8,
+    /// Address, boot, sequence number, sample index.
+    pub header: Header,
+    /// How it follows on the frames of its bead before it.
+    pub arrival: Arrival,
+    /// Scans a second, in hertz, by the bead's last identity before it.
+    pub sample_rate_hz: Option<u32>,
+    /// When the host received it, in ns since 1970, if that is known.
+    pub received_ns: Option<u64>,
+    /// What it says.
+    pub message: Message,
+}
+
+impl Frame {
+    /// The bead's time of a sample index, in s since the reset. `None` before an identity gave the sample
+    /// rate.
+    pub fn seconds(&self, index: f64) -> Option<f64> {
+        self.sample_rate_hz
+            .filter(|rate| *rate > 0)
+            .map(|rate| index / f64::from(rate))
+    }
+
+    /// One line about a bead of a version that this program does not know: who it is and what to do. `None`
+    /// unless this is the identity of such a bead.
+    pub fn from_the_future(&self) -> Option<String> {
+        match &self.message {
+            Message::Identity(bead) if self.version > VERSION => Some(format!(
+                "bead {} with firmware {} ({}) speaks version {} of the protocol, and this program knows \
+                 version {VERSION}; use the `bead` that belongs to that firmware",
+                self.header.address, bead.firmware, bead.git, self.version
+            )),
+            _ => None,
+        }
+    }
+}
+
+/// What stood between two delimiters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(clippy::large_enum_variant, reason = "nearly every item is a frame")]
+pub enum Item {
+    /// A frame.
+    Frame(Frame),
+    /// Bytes that are no frame.
+    Rejected(Reject),
+}
+
+impl Item {
+    /// The frame, if it is one.
+    pub fn frame(self) -> Option<Frame> {
+        match self {
+            Self::Frame(frame) => Some(frame),
+            Self::Rejected(_) => None,
+        }
+    }
+}
+
+/// A piece of bytes, and when the host received the last byte, in ns since 1970, if that is known.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Piece {
+    /// Whose they are, by its address, in a recording of several beads.
+    pub bead: Option<u8>,
+    /// The bytes, delimiters among them.
+    pub bytes: Vec<u8>,
+    /// When the last of them was received.
+    pub received_ns: Option<u64>,
+}
+
+/// Pieces of bytes to frames.
+#[derive(Clone, Debug, Default)]
+pub struct Reader {
+    decoder: Decoder,
+    /// Scans a second of each bead, by its address.
+    rates: HashMap<u8, u32>,
+}
+
+impl Reader {
+    /// Takes bytes as received, and gives each frame and each reject to `sink`.
+    pub fn feed(&mut self, bytes: &[u8], received_ns: Option<u64>, mut sink: impl FnMut(Item)) {
+        let Self { decoder, rates } = self;
+        decoder.feed(bytes, |result| {
+            sink(match result {
+                Ok(frame) => {
+                    if let Message::Identity(identity) = &frame.message {
+                        rates.insert(frame.header.address, identity.sample_rate_hz);
+                    }
+                    Item::Frame(Frame {
+                        version: frame.version,
+                        header: frame.header,
+                        arrival: frame.arrival,
+                        sample_rate_hz: rates.get(&frame.header.address).copied(),
+                        received_ns,
+                        message: frame.message,
+                    })
+                }
+                Err(reject) => Item::Rejected(reject),
+            });
+        });
+    }
+
+    /// Counts of what came, what was refused, and what was lost.
+    pub fn counters(&self) -> &Counters {
+        self.decoder.counters()
+    }
+
+    /// Bytes after the last delimiter: at the end of a stream, a frame cut short.
+    pub fn pending(&self) -> u64 {
+        self.decoder.pending()
+    }
+}
+
+/// The frames and rejects in pieces of bytes, in the order received.
+#[derive(Clone, Debug)]
+pub struct Frames<I> {
+    pieces: I,
+    reader: Reader,
+    piece: Piece,
+    /// How much of it was read.
+    read: usize,
+    ready: VecDeque<Item>,
+}
+
+/// Bytes that are read at once. What two bytes give, such as a reject, takes hundreds in memory, and a piece
+/// may have megabytes.
+const BLOCK: usize = 4096;
+
+impl<I: Iterator<Item = Piece>> Frames<I> {
+    /// The frames in `pieces`.
+    pub fn new(pieces: impl IntoIterator<IntoIter = I>) -> Self {
+        Self {
+            pieces: pieces.into_iter(),
+            reader: Reader::default(),
+            piece: Piece::default(),
+            read: 0,
+            ready: VecDeque::new(),
+        }
+    }
+
+    /// Counts of what came so far, what was refused, and what was lost.
+    pub fn counters(&self) -> &Counters {
+        self.reader.counters()
+    }
+
+    /// Bytes after the last delimiter so far.
+    pub fn pending(&self) -> u64 {
+        self.reader.pending()
+    }
+
+    /// Whether the next frame must still be read from a piece that is still to come. On a line it may take
+    /// long.
+    pub fn is_empty(&self) -> bool {
+        self.ready.is_empty()
+    }
+
+    /// Reads on in the piece up to what comes next in it, if anything does.
+    fn read_on(&mut self) {
+        let Self {
+            reader, piece, ready, ..
+        } = self;
+        while ready.is_empty() && self.read < piece.bytes.len() {
+            let end = piece.bytes.len().min(self.read + BLOCK);
+            reader.feed(&piece.bytes[self.read..end], piece.received_ns, |item| {
+                ready.push_back(item);
+            });
+            self.read = end;
+        }
+    }
+}
+
+impl<I: Iterator<Item = Piece>> Iterator for Frames<I> {
+    type Item = Item;
+
+    fn next(&mut self) -> Option<Item> {
+        while self.ready.is_empty() {
+            (self.piece, self.read) = (self.pieces.next()?, 0);
+            self.read_on();
+        }
+        let item = self.ready.pop_front();
+        // Whether more comes without another piece is known before this one is handed on.
+        self.read_on();
+        item
+    }
+}
+
+/// The frames of a whole stream, and the counts of what came, was refused and was lost.
+pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
+    let (mut reader, mut frames) = (Reader::default(), Vec::new());
+    reader.feed(bytes, None, |item| frames.extend(item.frame()));
+    (frames, *reader.counters())
+}
+
+impl Frame {
+    /// A frame of the bead with this address, with number 0 and at no known time.
+    pub fn of(address: u8, boot: u8, arrival: Arrival, message: impl Into<Message>) -> Self {
+        Self {
+            version: bead_wire::VERSION,
+            header: Header {
+                address,
+                boot,
+                sequence: 0,
+                sample_index: 0,
+            },
+            arrival,
+            sample_rate_hz: None,
+            received_ns: None,
+            message: message.into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_long_run_only_a_block_is_kept_as_items_and_all_are_handed_on() {
+        // A code of COBS that promises nothing: each two bytes are a reject.
+        let bytes = [1, 0].repeat(1 << 16);
+        let piece = |bytes: &[u8]| Piece {
+            bytes: bytes.to_vec(),
+            ..Piece::default()
+        };
+        let mut frames = Frames::new([piece(&bytes), piece(&[1]), piece(&[0])]);
+        let mut count = 0;
+        while let Some(item) = frames.next() {
+            assert!(matches!(item, Item::Rejected(_)));
+            count += 1;
+            assert!(frames.ready.len() <= BLOCK / 2, "{}", frames.ready.len());
+            // The line may be silent now, and the one who reads must not wait for more.
+            assert_eq!(frames.is_empty(), count >= 1 << 16, "item {count}");
+        }
+        assert_eq!(count, (1 << 16) + 1);
+        assert_eq!(frames.counters().bytes, bytes.len() as u64 + 2);
+    }
+
+    #[test]
+    fn a_piece_whose_last_block_ends_nothing_is_read_to_its_end_before_its_last_item_is_handed_on() {
+        let bytes = [&[1, 0][..], &[1; 2 * BLOCK]].concat();
+        let mut frames = Frames::new([Piece {
+            bytes,
+            ..Piece::default()
+        }]);
+        assert!(frames.next().is_some());
+        assert!(frames.is_empty());
+        assert_eq!(frames.pending(), 2 * BLOCK as u64);
+        assert_eq!(frames.next(), None);
+    }
+}

@@ -1,0 +1,300 @@
+//! Frames as JSON, for people and programs.
+//!
+//! # Design
+//! A body is shown field by field, in the order of the wire, under the keys of
+//! [`fields`](crate::fields). Settings are shown as the physical quantities that they stand for,
+//! with their bits beside them (`settings_raw`). Nothing is left out.
+
+use std::fmt::Write;
+
+use bead_model::Settings;
+use bead_wire::{Arrival, Fields, Message, unpacked};
+use serde_json::{Map, Value, json};
+
+use crate::fields::{Content, entries};
+use crate::frames::Frame;
+
+/// Version of all JSON that this program prints. It grows when a key goes away or means something else.
+pub const SCHEMA_VERSION: u32 = 1;
+
+impl Frame {
+    /// One JSON object: the header, then the message.
+    ///
+    /// `time_s` is the bead's own time since its reset, null until an identity gave the sample rate.
+    /// `lost_before` counts the frames lost since the last one received.
+    pub fn json(&self) -> Value {
+        let (arrival, lost_before) = match self.arrival {
+            Arrival::First => ("first", 0),
+            Arrival::Next { lost } => ("next", lost),
+            Arrival::Restart { lost } => ("restart", lost),
+            Arrival::Late => ("late", 0),
+            Arrival::Duplicate => ("duplicate", 0),
+        };
+        let mut object = Map::new();
+        let mut show = |key: &str, value: Value| object.insert(key.to_owned(), value);
+        show("kind", self.message.kind().name().into());
+        show("schema_version", SCHEMA_VERSION.into());
+        show("version", self.version.into());
+        show("address", self.header.address.into());
+        show("boot_low_byte", self.header.boot.into());
+        show("sequence", self.header.sequence.into());
+        show("sample_index", self.header.sample_index.into());
+        show("time_s", self.seconds(self.header.sample_index as f64).into());
+        show("arrival", arrival.into());
+        show("lost_before", lost_before.into());
+        object.extend(self.body_map());
+        object.into()
+    }
+
+    /// The message, as [`Self::json`] shows it after the header.
+    pub fn body(&self) -> Value {
+        self.body_map().into()
+    }
+
+    fn body_map(&self) -> Map<String, Value> {
+        let mut object = object(&self.message, self.sample_rate_hz);
+        // Values that follow from several fields.
+        match &self.message {
+            Message::Shape(shape) => {
+                let arrival = shape.arrival_index().and_then(|index| self.seconds(index));
+                object.insert("arrival_time_s".to_owned(), arrival.into());
+            }
+            Message::Sync(sync) => {
+                object.insert("edge_time_s".to_owned(), self.seconds(sync.position()).into());
+            }
+            Message::Settings(settings) => {
+                let (settings, raw, refused) = match Settings::decode(settings.block.bytes()) {
+                    Ok(settings) => (json!(settings.description()), json!(settings), Value::Null),
+                    Err(error) => (Value::Null, Value::Null, error.to_string().into()),
+                };
+                object.insert("settings".to_owned(), settings);
+                object.insert("settings_raw".to_owned(), raw);
+                if !refused.is_null() {
+                    object.insert("refused".to_owned(), refused);
+                }
+            }
+            _ => {}
+        }
+        object
+    }
+}
+
+/// A body as an object, at `rate` scans a second.
+fn object(body: &dyn Fields, rate: Option<u32>) -> Map<String, Value> {
+    let value = |content| match content {
+        Content::Bool(value) => value.into(),
+        Content::Number(value) => value.into(),
+        Content::Bits(value) => value.into(),
+        Content::Real(value) => value.into(),
+        Content::Name(value) => value.and_then(|(_, name)| name).into(),
+        Content::Names(names) => names.into(),
+        Content::Text(text) => text.into(),
+        Content::Bytes(bytes) => bytes.map(hex).into(),
+        Content::Scans(packed) => packed
+            .map(|packed| unpacked(packed).map(|scan| json!(scan)).collect::<Vec<_>>())
+            .into(),
+        Content::Group(_, body) => body.map(|body| object(body, rate)).into(),
+    };
+    let entries = entries(body, rate).into_iter();
+    entries.map(|entry| (entry.key, value(entry.content))).collect()
+}
+
+/// Two digits a byte.
+pub fn hex(bytes: &[u8]) -> String {
+    let mut text = String::with_capacity(2 * bytes.len());
+    for byte in bytes {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::decode;
+    use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_wire::{
+        Acceleration, Block, Body, Check, Codes, Energy, Force, Fraction, Header, Identity, Impulse, Kind,
+        MAX_BLOCK, MAX_FRAME, Raw, ResetCauses, Samples, SelfTest, Shape, Strike, StrikeFlags, Sync, encode,
+    };
+
+    fn sent(sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
+        let header = Header {
+            address: 0,
+            boot: 0,
+            sequence,
+            sample_index,
+        };
+        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    }
+
+    fn identity() -> Message {
+        Message::Identity(Identity {
+            firmware: "0.1.0".into(),
+            git: "abc".into(),
+            uid: [0xA5; 12],
+            boot: 256,
+            reset_cause: ResetCauses::from_bits(0b0000_1100),
+            sample_rate_hz: 100_000,
+            channels: 4,
+        })
+    }
+
+    fn strike() -> Strike {
+        Strike {
+            strike: 1,
+            first_index: 1000,
+            trigger_index: 1032,
+            samples: 400,
+            peak_force: Force::from_bits(3 << 15),
+            peak_index: 1040,
+            acceleration_max: Acceleration::from_bits(5 << 16),
+            acceleration_min: Acceleration::from_bits(-(1 << 16)),
+            absorbed_measured: Energy::from_bits(830 << 24),
+            absorbed_predicted: Energy::from_bits(1 << 23),
+            incident_energy: Energy::from_bits(-(1 << 24)),
+            absorbed_fraction: Fraction::from_bits(1 << 14),
+            noise_energy: Energy::from_bits(1 << 20),
+            force_noise: Force::from_bits(328),
+            flags: StrikeFlags::from_bits(0b1100_0000_0000_0010),
+        }
+    }
+
+    #[test]
+    fn a_strike_is_shown_in_si_units_beside_its_bits() {
+        let stream = [sent(0, 0, &identity()), sent(3, 1400, &Message::Strike(strike()))].concat();
+        let (frames, counters) = decode(&stream);
+        assert_eq!(counters.lost, 2);
+        let json = frames[1].json();
+        let near = |key: &str, expected: f64| {
+            let value = json[key].as_f64().unwrap();
+            assert!(
+                (value - expected).abs() <= 1e-15 * expected.abs(),
+                "{key} is {value}"
+            );
+        };
+        near("peak_force_n", 1.5);
+        near("acceleration_max_mps2", 5.0);
+        near("acceleration_min_mps2", -1.0);
+        near("absorbed_measured_j", 830e-9);
+        near("absorbed_predicted_j", 0.5e-9);
+        near("incident_energy_j", -1e-9);
+        near("time_s", 0.014);
+        near("trigger_time_s", 0.01032);
+        assert_eq!(json["absorbed_measured_raw"], json!(830i64 << 24));
+        assert_eq!(json["flags"], json!(["acceleration_railed", "sensor_fault"]));
+        assert_eq!(json["flags_raw"], json!(0xc002));
+        assert_eq!(
+            (&json["kind"], &json["lost_before"], &json["arrival"]),
+            (&json!("strike"), &json!(2), &json!("next"))
+        );
+    }
+
+    /// The lines of these messages.
+    fn lines(messages: &[Message]) -> Vec<Value> {
+        let stream: Vec<u8> = (0..)
+            .zip(messages)
+            .flat_map(|(sequence, message)| sent(sequence, 9, message))
+            .collect();
+        decode(&stream).0.iter().map(Frame::json).collect()
+    }
+
+    #[test]
+    fn every_kind_becomes_an_object_that_begins_with_its_kind() {
+        let mut bits = 0;
+        let mut next = || {
+            bits += 1;
+            bits
+        };
+        let messages: Vec<_> = Kind::ALL
+            .iter()
+            .map(|kind| Message::draw(*kind, &mut next))
+            .collect();
+        for (line, message) in lines(&messages).iter().zip(&messages) {
+            let kind = message.kind().name();
+            assert!(
+                line.to_string().starts_with(&format!("{{\"kind\":\"{kind}\"")),
+                "{line}"
+            );
+        }
+    }
+
+    #[test]
+    fn sets_names_bytes_scans_and_times_are_shown_for_people() {
+        let lines = lines(&[
+            identity(),
+            Message::Raw(Raw {
+                first_index: 200_000,
+                codes: Codes::pack([[7, 4095]]).unwrap(),
+            }),
+            Message::SelfTest(SelfTest {
+                check: Check::Unknown(99),
+                passed: true,
+                value: 3300,
+            }),
+            Message::Sync(Sync::at(4, 100_210, 840, 1)),
+        ]);
+        assert_eq!(lines[0]["reset_cause"], json!(["pin", "power_on"]));
+        assert_eq!(lines[0]["uid"], json!("a5".repeat(12)));
+        assert_eq!(lines[1]["codes"], json!([[7, 4095]]));
+        assert_eq!(lines[1]["first_time_s"], json!(2.0));
+        assert_eq!(lines[2]["passed"], json!(true));
+        assert_eq!(
+            (&lines[2]["check"], &lines[2]["check_raw"]),
+            (&Value::Null, &json!(99))
+        );
+        let time = lines[3]["edge_time_s"].as_f64().unwrap();
+        assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
+    }
+
+    #[test]
+    fn settings_are_shown_as_quantities_and_a_block_that_is_none_says_why() {
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let mut room = [0; MAX_BLOCK];
+        let length = settings.encode(&mut room).unwrap();
+        let block = |bytes: &[u8]| {
+            Message::Settings(bead_wire::Settings {
+                block: Block::try_from(bytes).unwrap(),
+            })
+        };
+        let lines = lines(&[block(&room[..length]), block(b"no block")]);
+        assert_eq!(lines[0]["settings_raw"], serde_json::to_value(settings).unwrap());
+        assert_eq!(lines[0]["settings"]["intruder"]["stiffness"], json!(3.95e5));
+        assert_eq!(lines[1]["settings"], Value::Null);
+        assert!(lines[1]["refused"].is_string());
+    }
+
+    #[test]
+    fn what_a_window_does_not_tell_is_null_beside_its_bits() {
+        let shape = |arrival| Shape {
+            first_index: 1000,
+            arrival: Samples::from_bits(arrival),
+            impulse: Impulse::from_bits(0),
+            ..Shape::draw(&mut || 0)
+        };
+        let lines = lines(&[identity(), shape(0).into(), shape(1 << 17).into()]);
+        for key in [
+            "arrival_s",
+            "width_s",
+            "ring_frequency_hz",
+            "ring_decay_per_s",
+            "arrival_time_s",
+        ] {
+            assert_eq!(lines[1][key], Value::Null, "{key}");
+        }
+        assert_eq!(lines[1]["ring_frequency_raw"], json!(0));
+        assert_eq!(lines[1]["impulse_n_s"], json!(0.0));
+        assert_eq!(lines[1]["force_gains"], Value::Null);
+        assert_eq!(
+            (&lines[2]["arrival_s"], &lines[2]["arrival_time_s"]),
+            (&json!(2e-5), &json!(0.01002))
+        );
+    }
+
+    #[test]
+    fn no_time_is_given_before_the_sample_rate_is_known() {
+        let (frames, _) = decode(&sent(5, 1400, &Message::Strike(strike())));
+        assert_eq!(frames[0].json()["time_s"], Value::Null);
+    }
+}

@@ -1,0 +1,120 @@
+//! Messages for settings that no bead has: the key, what is wrong, and what would do.
+
+use bead_model::design::{Description, LEAST_WIDTH};
+use bead_model::violation::{Bound, Coefficient, Key, Violation};
+use hertz_chain::InputError;
+
+use crate::physical::values::{shown, value};
+
+const CHECK: &str = "check the masses, springs and scales, which are in SI units";
+const UNIT: &str = "give what a code is worth, in the SI unit";
+
+/// The message for a setting of `description` that is outside its bound.
+pub fn refusal(description: &Description, violation: Violation) -> InputError {
+    let Violation { key, bound } = violation;
+    let text = shown(&value(description, key));
+    let value = text.trim_end_matches(".0");
+    let is = || format!("{value} {}", bound.text());
+    let out_of_range = |advice: String| (format!("{value} is out of range"), advice);
+    let (what, advice) = match bound {
+        Bound::Positive => out_of_range("give a value that is positive".to_owned()),
+        Bound::NotNegative => out_of_range(if is_pole(key) {
+            "give 0 for no filter, or a value that is positive".to_owned()
+        } else {
+            "give a value that is 0 or positive".to_owned()
+        }),
+        Bound::BelowBead => out_of_range("give a value that is below the bead's".to_owned()),
+        Bound::BelowHost => out_of_range("give a value that is 0 or more, and below the host's".to_owned()),
+        Bound::Range { least, most } => out_of_range(format!("give a value that is from {least} to {most}")),
+        Bound::OneBead => (
+            "255 is the address of every bead".to_owned(),
+            "give 0 to 254".to_owned(),
+        ),
+        Bound::Text => (
+            "this is no name".to_owned(),
+            "give up to 16 bytes of text without control characters".to_owned(),
+        ),
+        Bound::Places => (
+            is(),
+            "give the places of those with an intruder, each once: 1234, 13, or 0 for none".to_owned(),
+        ),
+        Bound::Flag => (
+            format!("{value} is neither 0 nor 1"),
+            "give 1 if there are other intruders near by".to_owned(),
+        ),
+        Bound::Width { samples } => {
+            let what = format!(
+                "a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured"
+            );
+            // It follows from the whole bead.
+            return InputError::at("bead", what, "take a larger or a softer sphere");
+        }
+        Bound::Format {
+            coefficient,
+            value,
+            range: [least, most],
+        } => (
+            format!(
+                "{}: {value:.3e} in the units of the sample rate, and {least:.1e} to {most:.1e} can be computed with",
+                name(coefficient)
+            ),
+            if key == Key::ContactRelaxation {
+                "give 0 for an elastic contact, or more, in s".to_owned()
+            } else {
+                CHECK.to_owned()
+            },
+        ),
+        Bound::Unit { range: [least, most] } => (
+            format!("{value}, and {least:.1e} to {most:.1e} can be computed with"),
+            UNIT.to_owned(),
+        ),
+        Bound::Pole => (
+            format!("{value} Hz {}", bound.text()),
+            "give a pole of 8000 Hz or more, or 0 for no filter".to_owned(),
+        ),
+        Bound::Reach => (is(), UNIT.to_owned()),
+        Bound::LongHistory | Bound::ShortHistory => (is(), "give 1.28e-3 to 2.56e-3 s".to_owned()),
+        Bound::LongWindow | Bound::ShortWindow => (
+            is(),
+            "give more than capture.history, and up to 10.24e-3 s".to_owned(),
+        ),
+        Bound::Lookback => (
+            is(),
+            "give more than 0, and less than capture.history, in s".to_owned(),
+        ),
+        Bound::Codes | Bound::AboveNoise => (
+            is(),
+            "give N, and check force.per_code and force.noise".to_owned(),
+        ),
+    };
+    InputError::at(key.path(), what, advice)
+}
+
+fn is_pole(key: Key) -> bool {
+    matches!(
+        key,
+        Key::ForcePole | Key::WideForcePole | Key::AccelerationPole | Key::WideAccelerationPole
+    )
+}
+
+fn name(coefficient: Coefficient) -> &'static str {
+    match coefficient {
+        Coefficient::OldAcceleration => "weight of the old acceleration",
+        Coefficient::NewAcceleration => "weight of the new acceleration",
+        Coefficient::EnergyByAcceleration => "energy by acceleration",
+        Coefficient::Contact => "stiffness of the contacts",
+        Coefficient::Relaxation => "relaxation time of the contacts over 2/3 of a sample",
+        Coefficient::Incoming => "acceleration of the host by a newton",
+        Coefficient::Stiffness => "stiffness of the intruder's springs",
+        Coefficient::Damping => "damping of the intruder",
+        Coefficient::Intruder => "mass of the intruder over that of the host without it",
+        Coefficient::Host => "mass of the bead over that of the host without intruder, less one,",
+        Coefficient::EnergyByVelocity => "energy by velocity",
+        Coefficient::Incident => "energy of the incident wave",
+        Coefficient::RingFrequency => "frequency of the ringing",
+        Coefficient::RingDecay => "decay of the ringing",
+        Coefficient::CompanyStiffness => "stiffness of the intruders behind",
+        Coefficient::CompanyDamping => "damping of the intruders behind",
+        Coefficient::CompanyRatio => "mass of the intruders behind over that of their beads",
+    }
+}

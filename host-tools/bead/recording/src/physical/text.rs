@@ -1,0 +1,398 @@
+//! Settings as people write and read them: a file, a change on a command line, a difference.
+
+use std::fmt::{self, Write};
+
+use bead_model::design::{Capture, Description};
+use bead_model::settings::Settings;
+use bead_model::violation::Key;
+use hertz_chain::{InputError, TomlFile};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::physical::keys::{KEYS, KeyRow, TABLES};
+use crate::physical::refusal::refusal;
+use crate::physical::values::{pointer, shown, value};
+
+/// A change of one key.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// Its path.
+    pub key: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The value before the change.
+    pub from: Value,
+    /// The value after it.
+    pub to: Value,
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { key, unit, from, to } = self;
+        let space = if unit.is_empty() { "" } else { " " };
+        write!(f, "{key}: {} -> {}{space}{unit}", shown(from), shown(to))
+    }
+}
+
+/// Derives the settings of a file with a description; `name` is what messages call it.
+///
+/// # Errors
+/// One line with file, line, key, what is wrong and what would do.
+pub fn parse(text: &str, name: &str) -> Result<Settings, InputError> {
+    let file = TomlFile::parse(text, name)?;
+    let description: Description = file.read()?;
+    derived(&description).map_err(|error| file.locate(error))
+}
+
+/// The settings that the image takes with this description.
+///
+/// # Errors
+/// The key that no bead has, what is wrong, and what would do.
+pub fn derived(description: &Description) -> Result<Settings, InputError> {
+    let (rate, of_image) = (
+        description.capture.sample_rate_hz,
+        Capture::default().sample_rate_hz,
+    );
+    if rate != of_image {
+        let what = format!("{rate} Hz, and the image samples at {of_image} Hz alone");
+        let advice = format!("give {of_image}, or leave it out");
+        return Err(InputError::at(Key::SampleRate.path(), what, advice));
+    }
+    Settings::new(description).map_err(|violation| refusal(description, violation))
+}
+
+/// Sets a key as on a command line: `intruder.stiffness=4e5`, `k=4e5`.
+///
+/// # Errors
+/// One line: no such key, or a value of another kind.
+pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputError> {
+    let (name, text) = assignment.split_once('=').ok_or_else(|| {
+        InputError::at(
+            "",
+            format!("`{assignment}` sets nothing"),
+            "write KEY=VALUE, such as name=left or k=3.9e5",
+        )
+    })?;
+    let (name, text) = (name.trim(), text.trim());
+    let row = find(name)?;
+    let value = match (row.key, text.parse::<u64>(), text.parse::<f64>()) {
+        (Key::Name, ..) => text.into(),
+        (key, Ok(whole), _) if is_whole(key) => whole.into(),
+        (_, _, Ok(number)) if number.is_finite() => number.into(),
+        _ => Value::Null,
+    };
+    let mut all = serde_json::to_value(*description).unwrap_or_default();
+    if let Some(place) = all.pointer_mut(&pointer(row.key)) {
+        *place = value;
+    }
+    *description = serde_json::from_value(all).map_err(|_| {
+        let unit = if row.unit.is_empty() {
+            String::new()
+        } else {
+            format!(", in {}", row.unit)
+        };
+        InputError::at(
+            row.path(),
+            format!("`{text}` is no value of it"),
+            format!("give {}{unit}", kind(row.key)),
+        )
+    })?;
+    Ok(())
+}
+
+/// The keys whose values differ.
+pub fn changes(before: &Description, after: &Description) -> Vec<Change> {
+    let change = |row: &'static KeyRow| {
+        let (from, to) = (value(before, row.key), value(after, row.key));
+        (from != to).then_some(Change {
+            key: row.path(),
+            unit: row.unit,
+            from,
+            to,
+        })
+    };
+    KEYS.iter().filter_map(change).collect()
+}
+
+/// The text of a file with every key explained.
+pub fn to_toml(description: &Description) -> String {
+    let mut text = String::from(
+        "# A bead in physical quantities, SI units. `bead settings make` makes its settings of it,\n\
+         # `bead settings write` gives them to the bead.\n\n",
+    );
+    let mut table = "";
+    for row in KEYS {
+        let (of, name) = row.path().split_once('.').unwrap_or(("", row.path()));
+        if of != table {
+            table = of;
+            let what = TABLES
+                .iter()
+                .find(|(name, _)| *name == of)
+                .map_or("", |(_, what)| what);
+            // Writing to a string cannot fail.
+            let _ = write!(text, "\n# {what}\n[{of}]\n");
+        }
+        let entry = format!("{name} = {}", shown(&value(description, row.key)));
+        let unit = if row.unit.is_empty() {
+            String::new()
+        } else {
+            format!("{}  ", row.unit)
+        };
+        let letter = if row.letter.is_empty() {
+            String::new()
+        } else {
+            format!("{}: ", row.letter)
+        };
+        let _ = writeln!(text, "{entry:<34} # {unit}{letter}{}", row.what);
+    }
+    text
+}
+
+/// A row by the path or the letter of its key.
+fn find(name: &str) -> Result<&'static KeyRow, InputError> {
+    let named = |row: &&KeyRow| row.path() == name || row.letter == name && !name.is_empty();
+    KEYS.iter().find(named).ok_or_else(|| {
+        let known: Vec<_> = KEYS.iter().map(KeyRow::path).collect();
+        InputError::at(
+            name,
+            "no such key",
+            format!("keys are {}, and M, m, k, c, kappa, tau", known.join(", ")),
+        )
+    })
+}
+
+fn is_whole(key: Key) -> bool {
+    matches!(key, Key::Address | Key::SampleRate | Key::Behind | Key::Elsewhere)
+}
+
+fn kind(key: Key) -> &'static str {
+    match key {
+        Key::Name => "up to 16 bytes of text without control characters",
+        key if is_whole(key) => "a whole number",
+        _ => "a number",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_model::design::{Bead, FrontEnd, Intruder, Neighbours};
+    use bead_model::name::Name;
+
+    fn paper() -> Description {
+        let (bead, front_end) = (Bead::paper(), FrontEnd::reference());
+        Description {
+            name: Name::new("left").unwrap(),
+            address: 3,
+            ..Description::new(
+                &bead,
+                &Neighbours::default(),
+                &front_end,
+                &Capture::of(&bead, &front_end),
+            )
+        }
+    }
+
+    #[test]
+    fn a_file_that_was_written_is_read_to_the_same_bits() {
+        let bead = paper();
+        let text = to_toml(&bead);
+        let settings = parse(&text, "bead.toml").unwrap();
+        assert_eq!(*settings.description(), bead, "{text}");
+        assert_eq!(settings, Settings::new(&bead).unwrap());
+        for row in KEYS {
+            let name = format!("{} =", row.path().rsplit('.').next().unwrap());
+            let explained = |line: &str| line.starts_with(&name) && line.ends_with(row.what);
+            assert!(text.lines().any(explained), "{}", row.path());
+        }
+    }
+
+    #[test]
+    fn a_block_shows_every_number_as_it_was_typed() {
+        let typed = "395123.4567891";
+        let text = to_toml(&paper()).replacen("395000.0", typed, 1);
+        let settings = parse(&text, "bead.toml").unwrap();
+        let mut block = [0; bead_model::settings::BLOCK_MAX];
+        let length = settings.encode(&mut block).unwrap();
+        let back = Settings::decode(&block[..length]).unwrap();
+        assert_eq!(back, settings);
+        let shown = to_toml(back.description());
+        assert!(shown.contains(&format!("stiffness = {typed} ")), "{shown}");
+    }
+
+    #[test]
+    fn a_change_is_told_with_its_unit_and_changes_nothing_else() {
+        let bead = paper();
+        let mut other = bead;
+        set(&mut other, "k=4.1e5").unwrap();
+        set(&mut other, "name = right one").unwrap();
+        let told: Vec<_> = changes(&bead, &other).iter().map(Change::to_string).collect();
+        assert_eq!(
+            told,
+            [
+                "name: \"left\" -> \"right one\"",
+                "intruder.stiffness: 395000.0 -> 410000.0 N/m"
+            ]
+        );
+        assert_eq!(
+            other,
+            Description {
+                name: Name::new("right one").unwrap(),
+                intruder: Intruder {
+                    stiffness: 4.1e5,
+                    ..bead.intruder
+                },
+                ..bead
+            }
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_line_and_key() {
+        let text = to_toml(&paper());
+        let refused = |from: &str, to: &str| {
+            let changed = text.replacen(from, to, 1);
+            assert_ne!(changed, text);
+            parse(&changed, "bead.toml").unwrap_err().to_string()
+        };
+        let line = |of: &str| 1 + text.lines().position(|line| line.starts_with(of)).unwrap();
+        let begins = |found: String, of: &str, rest: &str| {
+            let expected = format!("bead.toml:{}: {rest}", line(of));
+            assert!(found.starts_with(&expected), "{found}\n{expected}");
+            assert_eq!(found.lines().count(), 1);
+        };
+        begins(
+            refused("stiffness =", "stifness ="),
+            "stiffness =",
+            "intruder.stifness: unknown key; did you mean `stiffness`?",
+        );
+        begins(
+            refused("damping = 12.0", "damping = -12.0"),
+            "damping =",
+            "intruder.damping: -12 is out of range",
+        );
+        begins(
+            refused("damping = 12.0", "damping = \"x\""),
+            "damping =",
+            "intruder.damping: the text",
+        );
+        begins(
+            refused("\"left\"", "\"a name that is too long\""),
+            "name =",
+            "name: `a name that is too long` is no name",
+        );
+        begins(
+            refused("address = 3", "address = 255"),
+            "address =",
+            "address: 255 is",
+        );
+        begins(
+            refused("damping = 12.0", "#"),
+            "[intruder]",
+            "intruder: the key `damping` is missing",
+        );
+        for (from, to, of, rest) in [
+            (
+                "pole = 40000.0",
+                "pole = -1.0",
+                "pole =",
+                "force.pole: -1 is out of range; give 0 for no filter, or a value that is positive",
+            ),
+            (
+                "history = 0.0016",
+                "history = 0.01",
+                "history =",
+                "capture.history: 0.01 is longer than 256 samples; give 1.28e-3 to 2.56e-3 s",
+            ),
+            (
+                "length = 0.00672",
+                "length = 1e-3",
+                "length =",
+                "capture.length: 0.001 is not longer than the history; give more than capture.history",
+            ),
+            (
+                "lookback = 5e-4",
+                "lookback = 0.5",
+                "lookback =",
+                "capture.lookback: 0.5 is not between 0 and the history; give more than 0, and less",
+            ),
+            (
+                "threshold = 0.1",
+                "threshold = 1e-3",
+                "threshold =",
+                "capture.threshold: 0.001 is not a rise of 1 to 4095 codes; give N",
+            ),
+            (
+                "sample_rate = 100000",
+                "sample_rate = 1",
+                "sample_rate =",
+                "capture.sample_rate: 1 Hz, and the image samples at 100000 Hz alone; give 100000, or leave it out",
+            ),
+            (
+                "sample_rate = 100000",
+                "sample_rate = 99999",
+                "sample_rate =",
+                "capture.sample_rate: 99999 Hz, and",
+            ),
+            (
+                "relaxation = 4.2e-6",
+                "relaxation = 1e-12",
+                "relaxation =",
+                "contact.relaxation: relaxation time of the contacts over 2/3 of a sample: 1.500e-7 in the units of the sample \
+                 rate, and ",
+            ),
+            (
+                "ring_frequency_tolerance = 0.03",
+                "ring_frequency_tolerance = 0",
+                "ring_frequency_tolerance =",
+                "capture.ring_frequency_tolerance: 0 is out of range; give a value that is from 0.001 to 10000",
+            ),
+            (
+                "ring_decay_tolerance = 0.3",
+                "ring_decay_tolerance = -0.25",
+                "ring_decay_tolerance =",
+                "capture.ring_decay_tolerance: -0.25 is out of range; give a value that is from",
+            ),
+            (
+                "disagreement = 0.03",
+                "disagreement = 0",
+                "disagreement =",
+                "capture.disagreement: 0 is out of range; give a value that is from 0.001 to 10000",
+            ),
+            (
+                "stiffness = 395000.0",
+                "stiffness = 1e12",
+                "stiffness =",
+                "intruder.stiffness: stiffness of the intruder's springs: ",
+            ),
+            (
+                "per_code = 0.00390625",
+                "per_code = 1e3",
+                "per_code =",
+                "force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give what a code",
+            ),
+        ] {
+            begins(refused(from, to), of, rest);
+        }
+        let long = refused("\"left\"", &format!("\"{}\"", "µ".repeat(100_000)));
+        begins(
+            long.clone(),
+            "name =",
+            &format!("name: `{}…` is no name", "µ".repeat(32)),
+        );
+        assert!(long.len() < 200, "{long}");
+        for wrong in [
+            "k",
+            "k=much",
+            "x=3",
+            "address=300",
+            "address=1.5",
+            "k=nan",
+            "=3",
+            "",
+        ] {
+            let error = set(&mut paper(), wrong).unwrap_err().to_string();
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+}

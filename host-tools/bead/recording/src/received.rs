@@ -1,0 +1,187 @@
+//! The frames and strikes of a recording, and the bead's last identity and status.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bead_model::settings::Settings;
+use bead_wire::{Counters, Identity, Message, Status};
+
+use crate::file::{Bead, Part, Pieces, Recording, RecordingError};
+use crate::frames::{Frame, Frames, Item, Piece};
+use crate::note::note;
+use crate::raw;
+use crate::strikes::{GivenSettings, Strikes};
+use bead_tables::printable::beginning;
+
+/// Number of characters that are shown of an error in an attachment.
+const WHY_MOST: usize = 200;
+
+/// A recording and where it is.
+#[derive(Debug, Clone)]
+pub struct Received {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// The recording.
+    pub recording: Recording,
+}
+
+impl Received {
+    /// Opens a recording. A line on standard error says what is missing in it.
+    ///
+    /// # Errors
+    /// The file cannot be read or is no recording.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let recording = Recording::open(path).map_err(|error| match error {
+            RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => {
+                RecordingError::NoBeginning(path.to_owned())
+            }
+            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Raw(path.to_owned()),
+            error => error,
+        })?;
+        if let Some(warning) = recording.warning() {
+            note(format_args!("{}: {warning}", path.display()));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            recording,
+        })
+    }
+
+    /// The recording of one of its beads.
+    pub fn of(&self, bead: &Bead) -> Self {
+        Self {
+            path: self.path.clone(),
+            recording: self.recording.of(bead),
+        }
+    }
+
+    /// The recordings of each of its beads, or this one if it is of one line.
+    pub fn each(&self) -> Vec<Self> {
+        let of = |recording| Self {
+            path: self.path.clone(),
+            recording,
+        };
+        self.recording.each().into_iter().map(of).collect()
+    }
+
+    /// The strikes with their samples and settings, one after another.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
+        let given = |parts: &BTreeMap<Part, Arc<[u8]>>| Settings::decode(parts.get(&Part::Settings)?).ok();
+        let beads = self.recording.beads.iter();
+        let given = GivenSettings {
+            of: beads
+                .filter_map(|bead| Some((bead.origin.address, given(&bead.parts)?)))
+                .collect(),
+            any: given(&self.recording.parts),
+        };
+        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), given);
+        Ok(strikes.with_fetched(self.recording.fetched.clone()))
+    }
+
+    /// The error of a recording in whose frames no strike came.
+    pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
+        let (path, frames) = (self.path.clone(), heard.counters().frames);
+        match heard.from_the_future.clone() {
+            Some(who) => RecordingError::FromTheFuture { path, who },
+            None => RecordingError::NoStrike { path, frames },
+        }
+    }
+
+    /// A part of the recording that is JSON.
+    ///
+    /// # Errors
+    /// The part is there and is not what this version writes.
+    pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, RecordingError> {
+        let Some(bytes) = self.recording.parts.get(&part) else {
+            return Ok(None);
+        };
+        let value = serde_json::from_slice(bytes).map_err(|why| RecordingError::Part {
+            path: self.path.clone(),
+            part: part.name(),
+            // It repeats the text that is wrong, which may have megabytes.
+            why: beginning(&why.to_string(), WHY_MOST).into_owned(),
+        })?;
+        Ok(Some(value))
+    }
+}
+
+/// An iterator over frames that keeps the last identity and status among them.
+pub struct LastSaid<I> {
+    frames: Frames<I>,
+    /// The last identity so far.
+    pub identity: Option<Identity>,
+    /// The last status so far.
+    pub status: Option<Status>,
+    /// See [`Frame::from_the_future`].
+    from_the_future: Option<String>,
+}
+
+impl<I: Iterator<Item = Piece>> LastSaid<I> {
+    /// Frames whose last identity and status are kept.
+    pub fn new(frames: Frames<I>) -> Self {
+        Self {
+            frames,
+            identity: None,
+            status: None,
+            from_the_future: None,
+        }
+    }
+
+    /// Counts of the frames so far: received, refused and lost.
+    pub fn counters(&self) -> &Counters {
+        self.frames.counters()
+    }
+}
+
+impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
+    type Item = Frame;
+
+    fn next(&mut self) -> Option<Frame> {
+        let frame = self.frames.by_ref().find_map(Item::frame)?;
+        self.from_the_future = frame.from_the_future().or(self.from_the_future.take());
+        match &frame.message {
+            Message::Identity(identity) => self.identity = Some(identity.clone()),
+            Message::Status(status) => self.status = Some(*status),
+            _ => {}
+        }
+        Some(frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::file::{About, Writer};
+    use bead_tables::whole::Target;
+
+    #[test]
+    fn of_a_part_that_is_wrong_the_beginning_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
+        let truth = format!("{{\"bead\": \"{}\"}}", "x".repeat(100_000));
+        writer.attach(Part::Truth, truth.as_bytes()).unwrap();
+        writer.finish().unwrap();
+        let received = Received::open(&path).unwrap();
+        let why = received
+            .json::<BTreeMap<String, usize>>(Part::Truth)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            why.contains("cannot read its truth.json; record it again: invalid type: string \"xxx"),
+            "{why}"
+        );
+        assert!(why.ends_with("xxx…"), "{why}");
+        assert!(
+            why.len() < path.display().to_string().len() + 300,
+            "{}",
+            why.len()
+        );
+    }
+}

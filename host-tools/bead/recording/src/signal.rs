@@ -1,0 +1,130 @@
+//! The signals of a strike in SI units, as its bead made them of the codes.
+//!
+//! # Design
+//! The bead's own code ([`bead_model::sensor`]) makes one signal of the codes of both gains, with the filter
+//! taken out. Here it runs once more, so that from the sample before the end of the baseline on every value
+//! has the bits that the estimators had. The samples before it, which the bead only averages, get their
+//! values with the same zeros. The value of the last sample needs a code after it: its own stands in for that
+//! one.
+
+use bead_model::layout::{BASELINE, PIECE};
+use bead_model::quantity::{SensedAcceleration, SensedForce};
+use bead_model::sensor::{Sensor, SensorState};
+use bead_model::{Pair, Scan, Settings};
+use fixed::FixedI32;
+use fixed::types::extra::LeEqU32;
+
+use crate::strike::ScanCodes;
+
+/// The signals of a window, a value for each of its scans.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// Force at the incoming contact, N: multiples of 2^-16.
+    pub force: Vec<f64>,
+    /// Acceleration of the intruder, m/s²: multiples of 2^-12.
+    pub acceleration: Vec<f64>,
+}
+
+impl Signal {
+    /// The signals of a window that begins with these scans. `None` if the baseline is not complete.
+    pub fn of(scans: &[ScanCodes], settings: &Settings) -> Option<Self> {
+        let scans: Vec<Scan> = scans.iter().map(ScanCodes::scan).collect();
+        let pairs = |of: fn(&Scan) -> Pair| -> Vec<Pair> { scans.iter().map(of).collect() };
+        Some(Self {
+            force: values(&settings.force, &pairs(|scan| scan.force), SensedForce::ZERO)?,
+            acceleration: values(
+                &settings.acceleration,
+                &pairs(|scan| scan.acceleration),
+                SensedAcceleration::ZERO,
+            )?,
+        })
+    }
+}
+
+/// The values of one sensor.
+fn values<F: LeEqU32, V: LeEqU32>(sensor: &Sensor<F>, codes: &[Pair], zero: FixedI32<V>) -> Option<Vec<f64>> {
+    let baseline = usize::from(BASELINE);
+    let (quiet, rest) = codes.split_at_checked(baseline)?;
+    let mut settled = SensorState::default();
+    quiet.iter().for_each(|codes| settled.settle(*codes));
+    let run = |mut state: SensorState, codes: &[Pair]| {
+        let mut values = Vec::with_capacity(codes.len());
+        for piece in codes.chunks(PIECE) {
+            let mut made = [zero; PIECE];
+            let made = &mut made[..piece.len()];
+            sensor.process(&mut state, piece.iter().copied(), made);
+            values.extend(made.iter().map(|value| value.to_num::<f64>()));
+        }
+        values
+    };
+    // A value is that of the sample before.
+    let before = run(settled, quiet);
+    let mut rest = rest.to_vec();
+    rest.extend(codes.last());
+    let mut values = before[1..].to_vec();
+    values.extend(run(settled, &rest));
+    Some(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_model::{Window, WindowRecord};
+
+    /// A pulse of `peak` newtons behind the reference front end, and an intruder that rings.
+    fn scans(peak: f64) -> Vec<ScanCodes> {
+        let code = |value: f64, per_code: f64, zero: f64| {
+            (zero + value / per_code).round().clamp(0.0, 4095.0) as u16
+        };
+        let scan = |sample: usize| {
+            let at = sample as f64 - 200.0;
+            let force = peak * (-(at / 20.0).powi(2)).exp();
+            let ring = 100.0 * (at / 9.0).sin() * (-at / 80.0).exp();
+            let acceleration = if at > 0.0 { ring } else { 0.0 };
+            ScanCodes {
+                sensitive: [
+                    code(force, 16.0 / 4096.0, 128.0) + (sample % 2) as u16,
+                    code(acceleration, 500.0 / 4096.0, 2048.0),
+                ],
+                wide: Some([
+                    code(force, 256.0 / 4096.0, 128.0),
+                    code(acceleration, 8000.0 / 4096.0, 2048.0),
+                ]),
+            }
+        };
+        (0..672).map(scan).collect()
+    }
+
+    #[test]
+    fn the_signals_have_the_bits_that_the_bead_reports_peaks_and_momentum_of() {
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        for peak in [6.0, 100.0] {
+            let scans = scans(peak);
+            let signal = Signal::of(&scans, &settings).unwrap();
+            let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
+            record.clear();
+            for scan in &scans {
+                window.process(&settings, &[scan.scan()], &mut record);
+            }
+            let (report, shape) = window.report(&settings, &record);
+            let peak_force = report.peak_force.newtons();
+            assert_eq!(signal.force[report.peak_index as usize], peak_force);
+            assert!((peak_force / peak - 1.0).abs() < 0.02, "{peak_force}");
+            let highest = signal.acceleration.iter().copied().fold(f64::MIN, f64::max);
+            assert_eq!(highest, report.acceleration_max.metres_per_second_squared());
+            // The record begins with the last sample of the baseline and has not the last of the window.
+            let momentum: f64 = signal.force[63..671].iter().sum();
+            assert_eq!(momentum, shape.impulse.newton_samples());
+            assert_eq!(signal.force.len(), scans.len());
+            // The quiet start is at zero, but for the noise of half a code.
+            assert!(signal.force[..63].iter().all(|force| force.abs() < 16.0 / 4096.0));
+        }
+    }
+
+    #[test]
+    fn a_window_without_its_baseline_has_no_signal() {
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        assert_eq!(Signal::of(&scans(6.0)[..63], &settings), None);
+    }
+}

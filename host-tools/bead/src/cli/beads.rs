@@ -1,0 +1,184 @@
+//! Beads named on a command line: `8`, `7-16`, `7,9,12-14` or `all`.
+
+use std::str::FromStr;
+
+use hertz_chain::Scenario;
+
+use bead_bench::error::BenchError;
+use bead_compare::sensed::BEADS_TOLD;
+use bead_tables::printable::first_of;
+
+/// The value of `--bead`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Beads {
+    /// A single number.
+    One(usize),
+    /// A list or a range, in ascending order.
+    Several(Vec<usize>),
+    /// Every bead with an intruder.
+    All,
+}
+
+/// Greatest number of a bead, above that of any chain whose beads are emulated.
+const MOST: usize = 100_000;
+
+impl FromStr for Beads {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        if let Ok(bead) = text.parse() {
+            return Ok(Self::One(bead));
+        }
+        let odd = || format!("{text:?} names no beads; give 8, 7-16, 7,9,12-14 or all");
+        let mut beads = Vec::new();
+        for part in text.split(',') {
+            let (first, last) = part.split_once('-').unwrap_or((part, part));
+            let number = |text: &str| text.trim().parse::<usize>().map_err(|_| odd());
+            let (first, last) = (number(first)?, number(last)?);
+            if last < first {
+                return Err(format!("{part} counts down; give {last}-{first}"));
+            }
+            if last > MOST {
+                return Err(odd());
+            }
+            // More than MOST numbers of at most MOST: one is named twice.
+            if beads.len() > MOST + 1 {
+                break;
+            }
+            beads.extend(first..=last);
+        }
+        beads.sort_unstable();
+        match beads.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(format!("bead {} is named twice", pair[0])),
+            None => Ok(Self::Several(beads)),
+        }
+    }
+}
+
+/// Reads the value of `--bead` of a command for one bead.
+///
+/// # Errors
+/// The text names no bead, or several.
+pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
+    match text.parse()? {
+        Beads::One(bead) => Ok(bead),
+        _ => Err(format!(
+            "{text} is not one bead, which this command is for; give one number, such as 8"
+        )),
+    }
+}
+
+/// Beads with an intruder, in ascending order.
+fn with_intruder(scenario: &Scenario) -> Vec<usize> {
+    let mut beads: Vec<usize> = scenario
+        .intruders
+        .iter()
+        .flat_map(|intruder| intruder.beads.iter().copied())
+        .collect();
+    beads.sort_unstable();
+    beads
+}
+
+impl Beads {
+    /// The beads, in ascending order, with an intruder or without.
+    ///
+    /// # Errors
+    /// All beads with an intruder are meant, and there is none.
+    pub(crate) fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+        let beads = match self {
+            Self::One(bead) => vec![*bead],
+            Self::Several(beads) => beads.clone(),
+            Self::All => with_intruder(scenario),
+        };
+        if beads.is_empty() {
+            return Err(BenchError::Unfit(
+                "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
+            ));
+        }
+        Ok(beads)
+    }
+
+    /// The beads, in ascending order. Each has an intruder.
+    ///
+    /// # Errors
+    /// A bead has none; the message names those that have one.
+    pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+        let with = with_intruder(scenario);
+        if with.is_empty() {
+            return Self::All.listed(scenario);
+        }
+        let named = self.listed(scenario)?;
+        let without: Vec<usize> = named
+            .iter()
+            .copied()
+            .filter(|bead| with.binary_search(bead).is_err())
+            .collect();
+        if without.is_empty() {
+            return Ok(named);
+        }
+        let (has, these) = if without.len() == 1 {
+            ("has", "bead")
+        } else {
+            ("have", "beads")
+        };
+        Err(BenchError::Unfit(format!(
+            "--bead: {these} {} {has} no intruder; those with one are {}",
+            first_of(&without, BEADS_TOLD),
+            first_of(with, BEADS_TOLD)
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_ranges_lists_and_all_are_understood() {
+        let read = |text: &str| text.parse::<Beads>();
+        assert_eq!(read("8"), Ok(Beads::One(8)));
+        assert_eq!(read("7-9"), Ok(Beads::Several(vec![7, 8, 9])));
+        assert_eq!(read("12-13,7"), Ok(Beads::Several(vec![7, 12, 13])));
+        assert_eq!(read("all"), Ok(Beads::All));
+        for odd in ["", "x", "7-", "-7", "1-1000000", "7;8"] {
+            assert!(
+                read(odd).is_err_and(|why| why.contains("names no beads")),
+                "{odd}"
+            );
+        }
+        assert_eq!(read("9-7"), Err("9-7 counts down; give 7-9".to_owned()));
+        assert_eq!(one_bead("8"), Ok(8));
+        assert!(one_bead("7-9").is_err_and(|why| why.contains("one number")));
+    }
+
+    #[test]
+    fn a_bead_named_twice_and_one_without_an_intruder_are_refused() {
+        assert_eq!("7-9,8".parse::<Beads>(), Err("bead 8 is named twice".to_owned()));
+        let mut scenario = Scenario::paper();
+        scenario.intruders[0].beads = vec![9, 7];
+        assert_eq!(Beads::All.of(&scenario).unwrap(), [7, 9]);
+        let refused = "7-10"
+            .parse::<Beads>()
+            .unwrap()
+            .of(&scenario)
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            refused,
+            "--bead: beads 8, 10 have no intruder; those with one are 7, 9"
+        );
+        scenario.chain.beads = 20_000;
+        scenario.intruders[0].beads = (1..=10_000).collect();
+        let refused = "10001-20000".parse::<Beads>().unwrap().of(&scenario).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "--bead: beads 10001, 10002, 10003, 10004, 10005, 10006, 10007, 10008, 10009, 10010 and 9990 more have no \
+             intruder; those with one are 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 9990 more"
+        );
+        scenario.intruders.clear();
+        assert!(Beads::All.of(&scenario).is_err());
+    }
+}

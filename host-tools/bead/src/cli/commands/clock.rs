@@ -1,0 +1,163 @@
+//! `bead clock`: how a bead's clock runs against the host's, and beads against one another.
+
+use std::path::PathBuf;
+
+use chrono::{DateTime, SecondsFormat};
+use clap::Args;
+
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use bead_recording::clock::{ClockComparison, Place, compare};
+
+const AFTER_HELP: &str = "\
+Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive \
+times of the recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays \
+allow. With several recordings, beads whose sync inputs saw the same edges are put on the time of the first \
+bead, to tens of ns. Their strikes are put on that time too.
+
+Examples:
+  bead clock strikes.mcap
+  bead clock bead-5.mcap bead-8.mcap --format json \\
+      | jq '.strikes[] | [.recording, .arrival_s]'";
+
+/// Arguments of `bead clock`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The recordings. The bead of the first gives the time for all.
+    #[arg(required = true, value_name = "F.mcap")]
+    recordings: Vec<PathBuf>,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let report = compare(&arguments.recordings)?;
+    for what in &report.left_out {
+        output::note(format_args!("left out: {what}"));
+    }
+    for clock in report.clocks.iter().filter(|clock| !clock.in_real_time) {
+        let times = times_as_fast(clock.drift_ppm.unwrap_or(0.0));
+        output::note(format_args!("{}: {times}", named(&clock.place)));
+    }
+    output::print(arguments.format, &report, || table(&report))
+}
+
+/// What is said in place of the drift of a clock that is none.
+pub(crate) fn times_as_fast(ppm: f64) -> String {
+    format!(
+        "the bead's time passed {:.2} times as fast as the host's, so this tells nothing of its crystal (an emulated \
+         bead keeps time with --pace)",
+        1.0 + ppm * 1e-6
+    )
+}
+
+/// Host time in ns since 1970, as people and programs read it.
+pub(crate) fn rfc3339(unix_ns: i64) -> String {
+    DateTime::from_timestamp_nanos(unix_ns).to_rfc3339_opts(SecondsFormat::Nanos, true)
+}
+
+/// A drift with its uncertainty. Without an uncertainty nothing is known of the drift.
+pub(crate) fn drift(ppm: f64, uncertainty: Option<f64>) -> [String; 2] {
+    match uncertainty {
+        Some(within) => [figures(ppm, within), figures(within, within)],
+        None => ["-".to_owned(), "-".to_owned()],
+    }
+}
+
+/// A number with as many decimals as its uncertainty supports: two digits of the uncertainty.
+fn figures(value: f64, within: f64) -> String {
+    let decimals = (1.0 - within.abs().max(1e-6).log10()).ceil().clamp(0.0, 6.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+fn named(place: &Place) -> String {
+    let mut name = place.recording.display().to_string();
+    for (what, number) in [("address", place.address.into()), ("boot", place.boot)] {
+        if number != 0 {
+            name += &format!(", {what} {number}");
+        }
+    }
+    name
+}
+
+const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drift ppm | ± | residual µs | delay µs \
+                      | edges | missed";
+
+fn table(report: &ClockComparison) -> String {
+    let micro = |seconds: f64| format!("{:.1}", seconds * 1e6);
+    let clocks = report.clocks.iter().map(|clock| {
+        let [ppm, within] = drift(clock.drift_ppm.unwrap_or(0.0), clock.drift_uncertainty_ppm);
+        [
+            named(&clock.place),
+            rfc3339(clock.started_unix_ns),
+            format!("{:.1}", clock.span_s),
+            clock.frames.to_string(),
+            ppm,
+            within,
+            micro(clock.residual_s),
+            micro(clock.delay_s),
+            clock.edges.to_string(),
+            clock.edges_missed.to_string(),
+        ]
+    });
+    let mut parts = vec![output::table(CLOCKS, clocks)];
+    let Some(reference) = &report.reference else {
+        return parts.concat();
+    };
+    let nano = |seconds: f64| format!("{:.1}", seconds * 1e9);
+    let alignments = report.alignments.iter().map(|alignment| {
+        let of = &alignment.alignment;
+        let [ppm, within] = match of.drift_uncertainty_ppm {
+            None => [format!("{:.4}", of.drift_ppm), "-".to_owned()],
+            uncertainty => drift(of.drift_ppm, uncertainty),
+        };
+        [
+            named(&alignment.place),
+            alignment.edges_in_common.to_string(),
+            format!("{:.9}", alignment.offset_s),
+            ppm,
+            within,
+            nano(of.residual_rms_s),
+            nano(of.residual_max_s),
+        ]
+    });
+    let header = format!(
+        "against {} | edges in common | index 0 was at s | drift ppm | ± | residual ns | largest ns",
+        named(reference)
+    );
+    parts.push(output::table(&header, alignments));
+    if !report.strikes.is_empty() {
+        let strikes = report.strikes.iter().map(|strike| {
+            let arrival = format!("{:.9}", strike.arrival_s);
+            let rise = strike.rise_s.map_or("-".to_owned(), |rise| format!("{rise:.9}"));
+            [named(&strike.place), strike.strike.to_string(), rise, arrival]
+        });
+        parts.push(output::table(
+            "strike at | number | half its force at s | highest at s",
+            strikes,
+        ));
+    }
+    parts.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drift_has_no_more_figures_than_its_uncertainty_has() {
+        assert_eq!(drift(12.345_678, Some(0.0234)), ["12.346", "0.023"]);
+        assert_eq!(drift(-7.6, Some(15.2)), ["-8", "15"]);
+        assert_eq!(drift(3.0, None), ["-", "-"]);
+    }
+
+    #[test]
+    fn host_time_is_written_to_the_nanosecond() {
+        assert_eq!(
+            rfc3339(1_700_000_000_123_456_789),
+            "2023-11-14T22:13:20.123456789Z"
+        );
+    }
+}

@@ -1,0 +1,405 @@
+//! `bead command`: requests to a bead, except those for its settings.
+
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bead_wire::{Check, Link, Message, Raw, Request, SelfTest, Standing};
+use clap::{Args, Subcommand};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::cli::failure::Failure;
+use crate::cli::line_options::LineOptions;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Kind, Overwrite};
+use bead_line::conversation::{Answer, Conversation};
+use bead_recording::frames::Frame;
+use bead_tables::printable::one_line;
+use bead_tables::whole::Target;
+
+const AFTER_HELP: &str = "\
+A bead goes on measuring while it is asked; a reboot excepted.
+
+Exit status 1 if the bead refuses or a check of its self-test fails, 3 if it does not answer.
+
+Examples:
+  bead command status --port /dev/ttyUSB0
+  bead command self-test --port /dev/ttyUSB0 --format json
+  bead command raw --port /dev/ttyUSB0 --duration 0.5 --out scans.csv
+  bead command status --port /dev/ttyUSB0 \\
+      --address 3 (one of several on a line)
+  bead command reboot --port tcp:192.168.1.7:4000";
+
+/// Most requests for a self-test of which a part is lost on the way.
+const TESTS: u32 = 5;
+
+/// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
+const PIECES: usize = 1 << 17;
+
+/// Arguments of `bead command`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Show the bead's identity: firmware, device, boot.
+    Identity(Common),
+    /// Show the bead's status: counts of samples, strikes, losses and faults, and of what came in over its
+    /// line.
+    Status(Common),
+    /// Let the bead check itself: supply, sensors, settings, stack, estimators, flash.
+    SelfTest(Common),
+    /// Look for strikes, as a bead does after a reset.
+    Arm(Common),
+    /// Look for no strikes until it is armed or reset.
+    Disarm(Common),
+    /// Let the bead send every scan for a while, with or without a strike. About half of the scans fit the
+    /// line.
+    Raw {
+        #[command(flatten)]
+        common: Common,
+        /// Duration, s; at most 10.
+        #[arg(long, value_name = "SECONDS", value_parser = output::seconds_of_a_day)]
+        duration: Duration,
+        /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
+        #[arg(long, value_name = "F.csv")]
+        out: PathBuf,
+        #[command(flatten)]
+        overwrite: Overwrite,
+    },
+    /// Set the counts of losses, faults and rejected input to 0.
+    ResetCounters(Common),
+    /// Reset the bead, and wait until it is back.
+    Reboot(Common),
+}
+
+#[derive(Debug, Args)]
+struct Common {
+    #[command(flatten)]
+    line: LineOptions,
+    /// Format of the answer.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.action {
+        Action::Identity(common) => identity(common),
+        Action::Status(common) => status(common),
+        Action::SelfTest(common) => self_test(common),
+        Action::Arm(common) => simple(common, &Request::Arm, "armed"),
+        Action::Disarm(common) => simple(common, &Request::Disarm, "disarmed"),
+        Action::Raw {
+            common,
+            duration,
+            out,
+            overwrite,
+        } => {
+            let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
+            raw(
+                common,
+                *duration,
+                place::optional(out, Kind::Table, &[], *overwrite)?,
+            )
+        }
+        Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
+        Action::Reboot(common) => {
+            let boot = common.line.open()?.reboot()?;
+            output::print(common.format, &Rebooted { boot }, || format!("in boot {boot}"))
+        }
+    }
+}
+
+/// The answer to a request that only says that it was done, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Done {
+    outcome: &'static str,
+}
+
+/// The bodies of the frames that answer the request `status`, as JSON. Those that a bead of an earlier
+/// version does not send are null.
+#[derive(Serialize)]
+struct Reports<'a> {
+    status: &'a Value,
+    health: &'a Value,
+    link: &'a Value,
+    guard: &'a Value,
+    load: &'a Value,
+}
+
+/// One check of a self-test as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct CheckResult {
+    check: String,
+    passed: bool,
+    value: u32,
+}
+
+impl CheckResult {
+    fn of(test: &SelfTest) -> Self {
+        Self {
+            check: test.check.to_string(),
+            passed: test.passed,
+            value: test.value,
+        }
+    }
+}
+
+/// The answer to a reboot as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Rebooted {
+    /// Number of the boot that the bead is in.
+    boot: u32,
+}
+
+/// The counts of a raw stream as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Streamed {
+    scans: u64,
+    received: usize,
+    dropped_by_bead: u64,
+    lost: u64,
+}
+
+/// Sends a request whose answer is only that it was done.
+fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
+    common.line.open()?.request_done(request)?;
+    output::print(common.format, &Done { outcome: "done" }, || done.to_owned())
+}
+
+fn identity(common: &Common) -> Result<(), Failure> {
+    let answer = common.line.open()?.request_done(&Request::Identity)?;
+    let body = answer.last("identity frame", |frame| {
+        matches!(frame.message, Message::Identity(_)).then(|| frame.body())
+    })?;
+    output::print(common.format, &body, || rows([&body]))
+}
+
+fn status(common: &Common) -> Result<(), Failure> {
+    let answer = common.line.open()?.request_done(&Request::Status)?;
+    let body = |what: &str, wanted: fn(&Message) -> bool| {
+        answer.last(what, |frame| wanted(&frame.message).then(|| frame.body()))
+    };
+    let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
+    let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
+    let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
+    // A bead of an earlier version does not send these two.
+    let load = body("load frame", |message| matches!(message, Message::Load(_))).unwrap_or_default();
+    let guard = body("guard frame", |message| matches!(message, Message::Guard(_))).unwrap_or_default();
+    let all = Reports {
+        status: &status,
+        health: &health,
+        link: &link,
+        guard: &guard,
+        load: &load,
+    };
+    output::print(common.format, &all, || {
+        rows([&status, &health, &link, &guard, &load])
+    })
+}
+
+/// The members of JSON objects by name, one in each row.
+fn rows<const N: usize>(objects: [&Value; N]) -> String {
+    let members = objects.iter().filter_map(|object| object.as_object()).flatten();
+    let rows = members.map(|(key, value)| {
+        let value = match value {
+            Value::String(text) => text.clone(),
+            Value::Array(items) if items.is_empty() => "none".to_owned(),
+            Value::Array(items) => {
+                let names: Vec<_> = items.iter().filter_map(Value::as_str).collect();
+                names.join(", ")
+            }
+            other => other.to_string(),
+        };
+        // A line end in the bead's text would begin another row.
+        [key.replace('_', " "), one_line(&value).into_owned()]
+    });
+    // Without its empty header.
+    output::table("|", rows).trim_start().to_owned()
+}
+
+fn self_test(common: &Common) -> Result<(), Failure> {
+    let checks = checks(&mut common.line.open()?)?;
+    let results: Vec<_> = checks.iter().map(CheckResult::of).collect();
+    output::print(common.format, &results, || {
+        let row = |test: &SelfTest| {
+            let passed = output::either(test.passed, "passed", "FAILED");
+            [test.check.to_string(), passed, found(test.check, test.value)]
+        };
+        output::table("check | | found", checks.iter().map(row))
+    })?;
+    let failed = checks.iter().filter(|test| !test.passed);
+    let failed: Vec<_> = failed.map(|test| test.check.to_string()).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Verdict(format!(
+        "the self-test failed: {}; docs/protocol.md says what each check looks at",
+        failed.join(", ")
+    )))
+}
+
+/// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for
+/// again.
+fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
+    for _ in 0..TESTS {
+        let answer = bead.request_done(&Request::SelfTest)?;
+        // A copy of the request that was answered late gives each check twice: the last one counts.
+        let checks: BTreeMap<u8, SelfTest> = answer
+            .frames
+            .iter()
+            .filter_map(|frame| match frame.message {
+                Message::SelfTest(test) => Some((test.check.number(), test)),
+                _ => None,
+            })
+            .collect();
+        if !answer.lost && Check::LIST.iter().all(|(number, ..)| checks.contains_key(number)) {
+            return Ok(checks.into_values().collect());
+        }
+    }
+    Err(Failure::device(format!(
+        "the bead tested itself {TESTS} times, and each time a part of what it found was lost on the way; ask again"
+    )))
+}
+
+/// Finding of a check in words.
+fn found(check: Check, value: u32) -> String {
+    match check {
+        Check::Supply => format!("{value} mV"),
+        Check::Force | Check::Acceleration => {
+            let standing: Vec<_> = Standing::from_bits(value as u8).names().collect();
+            if standing.is_empty() {
+                "moves, off the rails".to_owned()
+            } else {
+                standing.join(", ")
+            }
+        }
+        Check::Acquisition => format!("{value} blocks of samples in 20 ms"),
+        Check::Settings => format!("{value} bytes"),
+        Check::Stack => format!("{value} bytes never used"),
+        Check::Estimators => format!("{value} results differ"),
+        Check::Store => match value {
+            0 => "nothing stored".to_owned(),
+            _ => format!("{value} bytes stored"),
+        },
+        Check::Unknown(_) => value.to_string(),
+    }
+}
+
+fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), Failure> {
+    let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
+    let mut bead = common.line.open()?;
+    let link = |frame: &Frame| match frame.message {
+        Message::Link(link) => Some(link),
+        _ => None,
+    };
+    // The identity gives the sample rate, the status the counts since the reset.
+    bead.request_done(&Request::Identity)?;
+    let before = bead.request_done(&Request::Status)?.last("link frame", link)?;
+    let answer = bead.request_done(&Request::Raw { duration_ms })?;
+    let (pieces, after) = stream(&mut bead, answer, duration, before, u64::from(duration_ms))?;
+
+    let write = |to: &mut dyn Write| -> std::io::Result<()> {
+        let mut to = BufWriter::new(to);
+        writeln!(to, "sample_index,force_code,acceleration_code")?;
+        for piece in &pieces {
+            for (place, codes) in (0..).zip(piece.codes.iter()) {
+                // What is on the line may be near the end of the range.
+                let index = piece.first_index.wrapping_add(place);
+                let codes = codes.map(|code| code.to_string());
+                writeln!(to, "{index},{}", codes.join(","))?;
+            }
+        }
+        to.flush()
+    };
+    let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
+    let (sent, dropped) = counted_since(&before, &after);
+    let (scans, lost) = (sent.saturating_add(dropped), sent.saturating_sub(received as u64));
+    let summary = Streamed {
+        scans,
+        received,
+        dropped_by_bead: dropped,
+        lost,
+    };
+    let text = format!(
+        "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
+    );
+    let Some(out) = out else {
+        output::written(write(&mut std::io::stdout().lock()))?;
+        output::note(format_args!("{text}"));
+        return Ok(());
+    };
+    out.write(|file| Ok(write(file)?))?;
+    output::print(common.format, &summary, || text)
+}
+
+/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started
+/// anew between them counts from zero again.
+fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
+    let since = |now: u64, then: u64| now.checked_sub(then).unwrap_or(now);
+    (
+        since(after.raw_sent, before.raw_sent),
+        since(after.raw_dropped, before.raw_dropped),
+    )
+}
+
+/// The pieces of a raw stream, and the counts at its end.
+fn stream(
+    bead: &mut Conversation,
+    answer: Answer,
+    duration: Duration,
+    before: Link,
+    duration_ms: u64,
+) -> Result<(Vec<Raw>, Link), Failure> {
+    let mut pieces = Vec::new();
+    let mut take = |frame: Frame| match frame.message {
+        Message::Raw(raw) => {
+            // What is more than that counts as lost.
+            if pieces.len() < PIECES {
+                pieces.push(raw);
+            }
+            None
+        }
+        // A link frame comes every second, and one at the end of the stream, when all its scans are counted.
+        Message::Link(link) => {
+            let (sent, dropped) = counted_since(&before, &link);
+            let counted = sent.saturating_add(dropped);
+            let scans = duration_ms.saturating_mul(u64::from(frame.sample_rate_hz.unwrap_or(0))) / 1000;
+            (counted > 0 && counted >= scans).then_some(link)
+        }
+        _ => None,
+    };
+    let mut after = answer.frames.into_iter().find_map(&mut take);
+    if after.is_none() {
+        after = bead.listen(duration + Duration::from_secs(3), take)?;
+    }
+    match after {
+        Some(after) => Ok((pieces, after)),
+        None => Err(Failure::device(
+            "the bead began its raw stream and did not say that it ended; ask again",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bead_that_starts_anew_in_a_stream_counts_from_zero() {
+        let counts = |raw_sent, raw_dropped| Link {
+            raw_sent,
+            raw_dropped,
+            ..Link::default()
+        };
+        assert_eq!(counted_since(&counts(100, 7), &counts(150, 9)), (50, 2));
+        assert_eq!(counted_since(&counts(100, 7), &counts(30, 0)), (30, 0));
+    }
+}

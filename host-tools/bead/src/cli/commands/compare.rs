@@ -1,0 +1,422 @@
+//! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bead_model::Settings;
+use clap::Args;
+use indicatif::ProgressBar;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::cli::beads::Beads;
+use crate::cli::commands::compare_reference;
+use crate::cli::commands::compare_row::{self, Wanted};
+use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::provenance;
+use crate::cli::waveform_options::WaveformOptions;
+use bead_compare::emulated::{EmulatorReport, RunTruth};
+use bead_compare::pictures::{residual_chart, strike_chart};
+use bead_compare::replay::replay;
+use bead_compare::sensed::{only_host, simulate_with_ring_down};
+use bead_compare::spread::{Deviations, Spread};
+use bead_compare::strike::{FullChain, StrikeComparison};
+use bead_compare::strike_report::ComparedStrikes;
+use bead_compare::velocity::{self, FittedVelocity};
+use bead_compare::verdict::{Echoes, Soundness, failure, other_length, overruns};
+use bead_recording::file::{Bead, Part};
+use bead_recording::received::Received;
+use bead_recording::strikes::RecordedStrike;
+use bead_tables::whole::Target;
+
+const AFTER_HELP: &str = "\
+Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \
+Several strikes are judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, \
+each with its uncertainty. An emulated run must also leave a quarter of the core free while a strike is \
+measured. Exit status 1 if a goal is missed.
+
+How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \
+the velocity from the recorded force alone, prints it with its uncertainty, and judges A and B against the \
+chain at that velocity.
+
+What comes again before the striker hits anew, as beads that parted meet again, is an echo: it is replayed, \
+but not held against the chain. Of a recording of real beads it is what comes while a strike is simulated: the \
+scenario's duration and 6 ms.
+
+Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with \
+one simulation:
+each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; \
+the energy E(n) that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. \
+docs/row.md says how to read it.
+
+With --reference a strike is held against the record of another instrument instead, and not against the \
+chain: they are aligned, and correlation, gain, arrival, peak, energy and residual are printed \
+(docs/waveforms.md). Exit status 1 if replay differs.
+
+Examples:
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
+  bead compare run/bead-8.mcap --velocity fit
+  bead compare run/bead-8.mcap --report report.html
+  bead compare run/bead-8.mcap --figures figures
+  bead compare run/chain.mcap --report row.html
+  bead compare run/chain.mcap --bead 9
+  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N \\
+      --report report.html";
+
+/// Arguments of `bead compare`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The recording.
+    recording: PathBuf,
+    /// The scenario that was recorded [default: the one that the recording carries, if it was emulated].
+    #[arg(long, value_name = "S.toml")]
+    scenario: Option<PathBuf>,
+    /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a
+    /// recording of several, all of them]. Several side by side: 7-9, 7,9 or all.
+    #[arg(long, value_name = "N")]
+    bead: Option<Beads>,
+    /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded
+    /// forces.
+    #[arg(long, value_name = "V|fit")]
+    velocity: Option<Velocity>,
+    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a
+    /// recording.
+    #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
+    reference: Option<PathBuf>,
+    /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
+    #[arg(long, value_name = "N", requires = "reference")]
+    strike: Option<usize>,
+    /// Write a report: one self-contained HTML file.
+    #[arg(long, value_name = "F.html")]
+    report: Option<PathBuf>,
+    /// Write the figures as SVG files into this directory, which is made if it is missing.
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    #[command(flatten)]
+    columns: WaveformOptions,
+}
+
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    bead: usize,
+    striker_velocity: Option<FittedVelocity>,
+    strikes: &'a Vec<StrikeComparison>,
+    strikes_left_out: usize,
+    /// Of A, and of B.
+    spread: &'a [Spread; 2],
+    frames_lost: u64,
+    frames_corrupt: u64,
+    overruns: u64,
+    instructions_per_sample: Option<f64>,
+    pass: bool,
+    failure: Option<&'a str>,
+}
+
+/// Strikes that are kept and shown at most. The means are over all.
+const STRIKES_MOST: usize = 10_000;
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (scenario_file, reference) = (arguments.scenario.as_ref(), arguments.reference.as_ref());
+    if reference.is_none() {
+        arguments.columns.without("--reference")?;
+    }
+    let inputs = [Some(&arguments.recording), scenario_file, reference];
+    let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    let report = place::optional(
+        arguments.report.as_deref(),
+        Kind::Page,
+        &inputs,
+        arguments.overwrite,
+    )?;
+    let mut received = Received::open(&arguments.recording)?;
+    let of_several = received.recording.beads.len() > 1;
+    let (only, row) = match &arguments.bead {
+        Some(Beads::One(bead)) => (Some(*bead), false),
+        Some(Beads::Several(beads)) => {
+            keep(&mut received, beads)?;
+            (None, true)
+        }
+        Some(Beads::All) | None => (None, of_several),
+    };
+    if row && reference.is_none() {
+        return compare_row::run(
+            &received,
+            &Wanted {
+                scenario: arguments.scenario.as_deref(),
+                velocity: arguments.velocity,
+                report,
+                figures: arguments.figures.as_deref(),
+                inputs: &inputs,
+                overwrite: arguments.overwrite,
+                format: arguments.format,
+            },
+        );
+    }
+    if row {
+        return Err(Failure::input(format!(
+            "{} has several beads; say with --bead which one is held against the reference",
+            received.path.display()
+        )));
+    }
+    let figures = arguments.figures.as_deref().map(|directory| {
+        let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
+        place::targets(directory, names, &inputs, arguments.overwrite)
+    });
+    let figures = figures.transpose()?;
+    let (received, place) = of_one_bead(received, only)?;
+    if let Some(reference) = reference {
+        return compare_reference::run(&compare_reference::Request {
+            received: &received,
+            reference,
+            bead: only.or(place),
+            strike: arguments.strike,
+            columns: &arguments.columns,
+            report,
+            format: arguments.format,
+        });
+    }
+    let outputs = Outputs {
+        report,
+        figures: arguments.figures.as_deref().zip(figures),
+    };
+    compare(arguments, &received, only, place, outputs)
+}
+
+/// The places of report and figures.
+struct Outputs<'a> {
+    report: Option<Target>,
+    figures: Option<(&'a Path, [Target; 2])>,
+}
+
+/// The strikes of a recording beside the simulation.
+struct Compared {
+    /// The first [`STRIKES_MOST`] of them.
+    strikes: Vec<StrikeComparison>,
+    deviations: Deviations,
+    /// Number of strikes, also of those that are not kept.
+    count: usize,
+    /// Number of echoes.
+    echoes: usize,
+    /// The first difference of a replay, also of an echo.
+    first_difference: Option<String>,
+    /// The settings of the first strike.
+    settings: Option<Settings>,
+}
+
+/// Compares the strikes of one bead with the simulation.
+fn compare(
+    arguments: &Arguments,
+    received: &Received,
+    asked: Option<usize>,
+    place: Option<usize>,
+    outputs: Outputs<'_>,
+) -> Result<(), Failure> {
+    let given = scenario(arguments.scenario.as_deref(), received)?;
+    let (mut scenario, text) = (given.scenario.clone(), &given.text);
+    let truth: Option<RunTruth> = received.json(Part::Truth)?;
+    let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
+    let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
+    let bead = bead.map_or_else(|| only_host(&scenario), Ok)?;
+    let echoes = Echoes::of(&scenario, truth);
+    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
+    let fitted = match arguments.velocity {
+        None => None,
+        Some(Velocity::Given(velocity)) => {
+            scenario.striker.velocity = velocity;
+            None
+        }
+        Some(Velocity::Fit) => {
+            let strikes = velocity::first_strikes(received.strikes()?, echoes.clone());
+            let fitted = velocity::fit(&scenario, bead, &strikes)?;
+            scenario.striker.velocity = fitted.velocity;
+            Some(fitted)
+        }
+    };
+    let solution = Arc::new(simulate_with_ring_down(&scenario)?);
+    let chain = FullChain::of(&scenario, &solution, bead)?;
+    if let Some(note) = chain.note() {
+        progress.suspend(|| output::note(format_args!("{note}")));
+    }
+    let mut recorded = received.strikes()?;
+    let mut compared = beside(&chain, recorded.by_ref(), echoes, fitted.as_ref(), &progress);
+    progress.finish_and_clear();
+    let frames = recorded.frames();
+    if compared.strikes.is_empty() {
+        return Err(received.no_strike(frames).into());
+    }
+    let settings = compared.settings;
+    let length = settings.and_then(|of| other_length(&scenario, &solution, &chain, bead, of.window));
+    let left = (compared.echoes > 0).then(|| echoes_left_out(&compared.echoes.to_string()));
+    for note in length.into_iter().chain(left) {
+        output::note(format_args!("{note}"));
+    }
+    if compared.strikes.len() > 1 || fitted.is_some() {
+        compared.strikes = compared
+            .strikes
+            .into_iter()
+            .map(StrikeComparison::among_others)
+            .collect();
+    }
+    let spread = compared.deviations.spread();
+    let soundness = Soundness::of(frames.counters(), overruns(received)?, emulator.as_ref());
+    let failure = failure(compared.first_difference.as_deref(), &soundness, &spread);
+    let made = outputs.report.as_ref().map_or(Ok(Vec::new()), |_| {
+        provenance::made(&received.path, provenance::scenario(text))
+    })?;
+    let report = ComparedStrikes {
+        title: &scenario.title,
+        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        bead,
+        strikes: &compared.strikes,
+        left_out: compared.count - compared.strikes.len(),
+        spread: &spread,
+        soundness: &soundness,
+        velocity: fitted.as_ref().map(shown),
+        failure: failure.as_deref(),
+        counters: frames.counters(),
+        identity: frames.identity.as_ref(),
+        status: frames.status.as_ref(),
+        settings: settings.as_ref(),
+        emulator: emulator.as_ref(),
+        made: &made,
+        scenario: text,
+    };
+    let shown = report.report();
+    if let Some(target) = &outputs.report {
+        target.write_bytes(shown.page()?)?;
+    }
+    if let Some((directory, figures)) = &outputs.figures {
+        write_figures(directory, figures, &compared.strikes)?;
+    }
+    let result = Report {
+        bead,
+        striker_velocity: fitted,
+        strikes: &compared.strikes,
+        strikes_left_out: report.left_out,
+        spread: &spread,
+        frames_lost: soundness.lost,
+        frames_corrupt: soundness.corrupt,
+        overruns: soundness.overruns,
+        instructions_per_sample: soundness.instructions.map(|(total, _)| total),
+        pass: failure.is_none(),
+        failure: failure.as_deref(),
+    };
+    output::print(arguments.format, &result, || shown.terminal())?;
+    given.end(failure)
+}
+
+/// Holds each strike against the chain; echoes are only replayed.
+fn beside(
+    chain: &FullChain,
+    recorded: impl Iterator<Item = RecordedStrike>,
+    mut echoes: Echoes,
+    fitted: Option<&FittedVelocity>,
+    progress: &ProgressBar,
+) -> Compared {
+    // The energy goes with the square of the velocity.
+    let truth = fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity);
+    let mut compared = Compared {
+        strikes: Vec::new(),
+        deviations: Deviations::within(truth),
+        count: 0,
+        echoes: 0,
+        first_difference: None,
+        settings: None,
+    };
+    let mut drawn = false;
+    for strike in recorded {
+        if echoes.has(&strike) {
+            compared.echoes += 1;
+            let difference = &mut compared.first_difference;
+            *difference = difference.take().or_else(|| replay(&strike).first_difference);
+            continue;
+        }
+        compared.count += 1;
+        progress.set_message(format!("comparing strike {}", compared.count));
+        let mut comparison = chain.compare(&strike);
+        compared.deviations.push(&comparison.deviation);
+        if compared.first_difference.is_none() {
+            compared.first_difference = comparison.first_difference.clone();
+        }
+        if compared.strikes.len() == STRIKES_MOST {
+            continue;
+        }
+        // The figures show the first strike that was received whole; the curves of others would fill the
+        // memory.
+        if drawn {
+            comparison.traces = None;
+        }
+        drawn |= comparison.traces.is_some();
+        if compared.strikes.is_empty() {
+            compared.settings = strike.settings;
+        }
+        compared.strikes.push(comparison);
+    }
+    compared
+}
+
+/// Keeps the beads of these numbers alone.
+///
+/// # Errors
+/// One of them is not in the recording.
+fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
+    let places: Vec<usize> = received.recording.beads.iter().map(Bead::place).collect();
+    if let Some(missing) = beads.iter().find(|bead| !places.contains(bead)) {
+        return Err(Failure::input(format!(
+            "{}: bead {missing} is not in it; its beads are {places:?}",
+            received.path.display()
+        )));
+    }
+    received
+        .recording
+        .beads
+        .retain(|bead| beads.contains(&bead.place()));
+    Ok(())
+}
+
+/// The frames of the one bead that is compared, and its place if the recording knows it. Each bead of a row
+/// has a truth of its own.
+fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
+    let beads = &received.recording.beads;
+    let places: Vec<usize> = beads.iter().map(Bead::place).collect();
+    if places.is_empty() {
+        return Ok((received, None));
+    }
+    let asked_for = |place: &usize| asked.is_none_or(|asked| asked == *place);
+    match places.iter().position(asked_for) {
+        Some(at) => Ok((received.of(&beads[at]), Some(places[at]))),
+        None => Err(Failure::input(format!(
+            "{} has the beads {places:?}; give --bead one of them, or leave it out to compare them all",
+            received.path.display(),
+        ))),
+    }
+}
+
+fn write_figures(
+    directory: &Path,
+    figures: &[Target; 2],
+    strikes: &[StrikeComparison],
+) -> Result<(), Failure> {
+    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
+        // Its replay is impossible, too, and so the comparison says no.
+        output::note(format_args!(
+            "no strike came with its settings and all of its samples: --figures has nothing to draw"
+        ));
+        return Ok(());
+    };
+    place::make_directory(directory)?;
+    for (figure, chart) in figures.iter().zip([strike_chart(traces), residual_chart(traces)]) {
+        figure.write_bytes(chart.standalone_svg()?)?;
+    }
+    Ok(())
+}

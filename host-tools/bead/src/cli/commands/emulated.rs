@@ -1,0 +1,199 @@
+//! Tables of `bead emulate`: of one bead, and of several.
+
+use crate::cli::output;
+use bead_bench::run::{MeasuredStrike, RunReport};
+use bead_compare::emulated::RunTruth;
+use bead_compare::given::Given;
+use bead_compare::report::{DASH, EnergyUnit, percent, signed};
+use bead_compare::sensed::Truth;
+
+/// The tables of one bead.
+pub(super) fn table(report: &RunReport) -> String {
+    let mut parts = vec![strikes(report), counts(report)];
+    if !report.provoked.is_empty() {
+        parts.push(provoked(report));
+    }
+    if !report.faults.is_empty() {
+        parts.push(reported(report));
+    }
+    parts.push(instructions(report));
+    if !report.unknown_registers.is_empty() {
+        let registers = report.unknown_registers.join(", ");
+        parts.push(format!("registers without a model: {registers}"));
+    }
+    if let Some(recording) = &report.recording {
+        parts.push(format!("recording: {}", recording.display()));
+    }
+    parts.join("\n\n")
+}
+
+/// The headings of the strikes. A waveform that was played gives each estimate a value of its own.
+fn headings(unit: EnergyUnit, played: bool) -> String {
+    let unit = unit.symbol;
+    if played {
+        format!(
+            "strike at sample | peak force (N) | given | A measured ({unit}) | of the given | B predicted ({unit}) | of the given \
+             | A off | B off | replay | flags"
+        )
+    } else {
+        format!(
+            "strike at sample | peak force (N) | truth | A measured ({unit}) | B predicted ({unit}) | truth | A off | B off \
+             | replay | flags"
+        )
+    }
+}
+
+/// The one unit of all energies of these strikes.
+fn energy_unit<'a>(strikes: impl IntoIterator<Item = &'a MeasuredStrike>) -> EnergyUnit {
+    EnergyUnit::of(strikes.into_iter().flat_map(|strike| {
+        let truth = strike.truth.map_or(0.0, |truth| truth.absorbed);
+        [strike.absorbed_measured, strike.absorbed_predicted, truth]
+    }))
+}
+
+fn strikes(report: &RunReport) -> String {
+    let unit = energy_unit(report.measured());
+    let row = |strike| row(strike, unit, report.played);
+    output::table(&headings(unit, report.played), report.measured().map(row))
+}
+
+/// A strike: its values beside the truth, or beside f64 estimates of the waveform that was played.
+fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
+    let [peak, a, b] = if played {
+        let given = |of: fn(&Given) -> Option<f64>| strike.given.as_ref().and_then(of);
+        [
+            given(|given| given.peak_force),
+            given(|given| given.absorbed_measured),
+            given(|given| given.absorbed_predicted),
+        ]
+    } else {
+        let truth = |of: fn(&Truth) -> f64| strike.truth.as_ref().map(of);
+        [
+            truth(|truth| truth.peak_force),
+            truth(|truth| truth.absorbed),
+            None,
+        ]
+    };
+    let unknown = if played { DASH } else { "echo" };
+    let known = |value: Option<String>| value.unwrap_or(unknown.to_owned());
+    let energy = |joules: f64| unit.number(joules, 2);
+    let off = |joules: f64, truth: Option<f64>| {
+        let truth = truth.filter(|truth| *truth > 0.0);
+        truth.map_or(DASH.to_owned(), |truth| percent(joules / truth - 1.0))
+    };
+    let (measured, predicted) = (strike.absorbed_measured, strike.absorbed_predicted);
+    let mut row = vec![
+        strike.sample_index.to_string(),
+        format!("{:.4}", strike.peak_force),
+        known(peak.map(|peak| format!("{peak:.4}"))),
+        energy(measured),
+    ];
+    if played {
+        row.extend([known(a.map(energy)), energy(predicted), known(b.map(energy))]);
+        row.extend([off(measured, a), off(predicted, b)]);
+    } else {
+        row.extend([energy(predicted), known(a.map(energy))]);
+        row.extend([off(measured, a), off(predicted, a)]);
+    }
+    let flags = strike.flags.join(", ");
+    row.push(output::either(strike.replay_identical, "identical", "differs"));
+    row.push(output::either(flags.is_empty(), DASH, &flags));
+    row
+}
+
+/// The table of several beads: each with its truth and its report.
+pub(super) fn table_of_several(beads: &[(RunTruth, RunReport)]) -> String {
+    let unit = energy_unit(beads.iter().flat_map(|(_, report)| report.measured()));
+    let strikes = beads.iter().flat_map(|(truth, report)| {
+        let bead = truth.bead.to_string();
+        report.measured().map(move |strike| {
+            let mut cells = vec![bead.clone()];
+            cells.extend(row(strike, unit, report.played));
+            cells
+        })
+    });
+    let header = format!("bead | {}", headings(unit, false));
+    let rows = beads.iter().map(|(truth, report)| {
+        let frames = &report.frames;
+        let busiest = report.instructions_per_sample.worst_block;
+        [
+            truth.bead.to_string(),
+            signed(truth.clock_ppm, 3),
+            format!("{:.6}", truth.began),
+            frames.received.to_string(),
+            frames.lost.to_string(),
+            frames.corrupt.to_string(),
+            report.overruns.to_string(),
+            report.resets.to_string(),
+            busiest.map_or(DASH.to_owned(), |count| format!("{count:.1}")),
+        ]
+    });
+    let counts = "bead | crystal ppm | first scan at s | frames received | lost | corrupt | overruns | resets \
+                  | instructions a sample in the busiest block";
+    let mut parts = vec![output::table(&header, strikes), output::table(counts, rows)];
+    let recording = beads.iter().find_map(|(_, report)| report.recording.as_ref());
+    parts.extend(recording.map(|path| format!("recording: {}", path.display())));
+    parts.join("\n\n")
+}
+
+fn counts(report: &RunReport) -> String {
+    let frames = &report.frames;
+    let row = |name: &str, count: u64| [name.to_owned(), count.to_string()];
+    let mut rows = vec![
+        row("received", frames.received),
+        row("lost", frames.lost),
+        row("corrupt", frames.corrupt),
+    ];
+    for (cause, count) in &frames.dropped_by_cause {
+        let cause = cause.replace('_', " ");
+        rows.push(row(&format!("dropped by the bead, {cause}"), *count));
+    }
+    rows.extend([
+        row("strikes passed over", report.strikes_passed_over),
+        row("gaps in the samples", report.gaps.len() as u64),
+        row("overruns", report.overruns),
+        row("resets", report.resets as u64),
+    ]);
+    output::table("frames |", rows)
+}
+
+fn provoked(report: &RunReport) -> String {
+    let rows = report.provoked.iter().map(|provoked| {
+        let reported = if provoked.excused {
+            "another fault hid it".to_owned()
+        } else {
+            output::either(provoked.reported, "yes", "no")
+        };
+        [
+            provoked.fault.kind.name().to_owned(),
+            provoked.fault.at.to_string(),
+            provoked.cause.map_or(DASH.to_owned(), |cause| cause.to_string()),
+            provoked.cause.map_or(DASH.to_owned(), |_| reported),
+        ]
+    });
+    output::table("provoked | at (s) | to be reported as | reported", rows)
+}
+
+fn reported(report: &RunReport) -> String {
+    let rows = report.faults.iter().map(|fault| {
+        [
+            fault.cause.to_string(),
+            fault.sample_index.to_string(),
+            fault.boot.to_string(),
+            fault.detail.clone(),
+        ]
+    });
+    output::table("the bead reported | at sample | of boot | detail", rows)
+}
+
+fn instructions(report: &RunReport) -> String {
+    let rows = report.instructions_per_sample.rows().map(|(name, count)| {
+        let part = |count: f64| format!("{:.1} %", count / report.instructions_available * 100.0);
+        let [count, part] = match count {
+            Some(count) => [format!("{count:.1}"), part(count)],
+            None => [DASH, DASH].map(str::to_owned),
+        };
+        [name.to_owned(), count, part]
+    });
+    output::table("instructions a sample | | of those that fit", rows)
+}

@@ -1,0 +1,257 @@
+//! `bead export`: strikes and samples for other programs.
+
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
+
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
+use crate::cli::place::{self, Kind, Overwrite};
+use bead_recording::export::strikes::Strikes;
+use bead_recording::export::{samples, uff};
+use bead_recording::file::RecordingError;
+use bead_recording::received::Received;
+use bead_recording::strikes::RecordedStrike;
+use bead_tables::{Column, Writer};
+
+const AFTER_HELP: &str = "\
+Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of \
+it and the settings that it measured with; `samples` has a row for each sample of each window. `id` joins \
+them. All is in SI units, which end the names of the columns. Columns named _raw hold the bits that the bead \
+computed, columns named _code the codes of its converter. docs/export.md says what each column is.
+
+UFF is one file of datasets 58: force and acceleration of each strike over time.
+
+Examples:
+  bead export run/bead-8.mcap --out tables
+  bead export monday/*.mcap --out monday/tables --format csv
+  bead export run/bead-8.mcap --out tables --format uff";
+
+/// Form of the exported files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Form {
+    /// `strikes.parquet` and `samples.parquet`.
+    #[default]
+    Parquet,
+    /// `strikes.csv` and `samples.csv`.
+    Csv,
+    /// `strikes.uff`: Universal File Format, datasets 58.
+    Uff,
+}
+
+/// Arguments of `bead export`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// Recordings made by `bead record` or `bead emulate`.
+    #[arg(value_name = "F.mcap", required = true)]
+    recordings: Vec<PathBuf>,
+    /// The directory for the files; it is made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The form of the files.
+    #[arg(long, value_enum, default_value_t)]
+    format: Form,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let recordings = open(&arguments.recordings)?;
+    let out = arguments.out.as_path();
+    let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
+    let mut tally = Tally::new(recordings.len());
+    let write = |files: [(&str, Kind); 2]| -> Result<_, Failure> {
+        let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
+        place::make_directory(out)?;
+        Ok(targets)
+    };
+    match arguments.format {
+        Form::Parquet | Form::Csv => {
+            let (names, kind) = match arguments.format {
+                Form::Csv => (["strikes.csv", "samples.csv"], Kind::Table),
+                _ => (["strikes.parquet", "samples.parquet"], Kind::Parquet),
+            };
+            let [strikes, samples] = write(names.map(|name| (name, kind)))?;
+            let form = arguments.format;
+            strikes.write(|strikes| {
+                Ok(samples.write(|samples| tables(form, &recordings, strikes, samples, &mut tally))?)
+            })?;
+        }
+        Form::Uff => {
+            let [target] = place::targets(
+                out,
+                [("strikes.uff", Kind::Universal)],
+                &inputs,
+                arguments.overwrite,
+            )?;
+            place::make_directory(out)?;
+            target.write(|file| universal(&recordings, file, &mut tally))?;
+        }
+    }
+    tally.end(out);
+    output::print_line(&opened_by(arguments.format, out))
+}
+
+/// Opens all recordings before anything is written.
+fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
+    let mut seen = HashSet::new();
+    let mut recordings = Vec::new();
+    for path in paths {
+        let place = fs::canonicalize(path).or_input(|| format!("cannot read {}", path.display()))?;
+        if !seen.insert(place) {
+            let what = format!("{} is given twice; its strikes would count twice", path.display());
+            return Err(Failure::input(what));
+        }
+        recordings.push(Received::open(path)?);
+    }
+    Ok(recordings)
+}
+
+/// Counts of the written strikes, and the progress.
+struct Tally {
+    recordings: usize,
+    strikes: u64,
+    samples: u64,
+    /// Strikes without settings, whose samples have codes alone.
+    without_settings: u64,
+    /// Strikes that were not written.
+    left_out: u64,
+    progress: ProgressBar,
+}
+
+impl Tally {
+    fn new(recordings: usize) -> Self {
+        Self {
+            recordings,
+            strikes: 0,
+            samples: 0,
+            without_settings: 0,
+            left_out: 0,
+            progress: output::spinner("reading"),
+        }
+    }
+
+    /// Calls `write` for every strike with its number and the name of its recording. `write` returns true if
+    /// it wrote the strike; only those are counted.
+    fn each(
+        &mut self,
+        recordings: &[Received],
+        mut write: impl FnMut(u64, &Arc<str>, &RecordedStrike) -> anyhow::Result<bool>,
+    ) -> anyhow::Result<()> {
+        for (number, received) in (1..).zip(recordings) {
+            let name: Arc<str> = received.path.display().to_string().into();
+            let (mut strikes, before) = (received.strikes()?, self.strikes + self.left_out);
+            for strike in strikes.by_ref() {
+                if write(self.strikes, &name, &strike)? {
+                    self.strikes += 1;
+                    self.samples += strike.scans.len() as u64;
+                    self.without_settings += u64::from(strike.settings.is_none());
+                } else {
+                    self.left_out += 1;
+                }
+                self.progress.set_message(format!(
+                    "recording {number} of {}: {} strikes",
+                    self.recordings, self.strikes
+                ));
+            }
+            if self.strikes + self.left_out == before {
+                match received.no_strike(strikes.frames()) {
+                    future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
+                    _ => self
+                        .progress
+                        .suspend(|| output::note(format_args!("{name}: no strike in it"))),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&self, out: &Path) {
+        self.progress.finish_and_clear();
+        let Self {
+            recordings,
+            strikes,
+            samples,
+            without_settings,
+            left_out,
+            ..
+        } = self;
+        output::note(format_args!(
+            "{strikes} {} with {samples} samples, of {recordings} {}, now in {}",
+            output::either(*strikes == 1, "strike", "strikes"),
+            output::either(*recordings == 1, "recording", "recordings"),
+            out.display()
+        ));
+        if *without_settings > 0 {
+            output::note(format_args!(
+                "{without_settings} of them came without settings, so their samples are codes and not in SI units"
+            ));
+        }
+        if *left_out > 0 {
+            output::note(format_args!(
+                "{left_out} more {} not written: without settings and a quiet start nothing is in SI units; \
+                 --format parquet and csv have the codes",
+                output::either(*left_out == 1, "strike is", "strikes are"),
+            ));
+        }
+    }
+}
+
+/// Writes the two tables.
+fn tables(
+    form: Form,
+    recordings: &[Received],
+    strikes: &mut File,
+    samples: &mut File,
+    tally: &mut Tally,
+) -> anyhow::Result<()> {
+    const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
+    let table = |file, name, columns: &[Column]| match form {
+        Form::Csv => Writer::csv(file, columns),
+        _ => Writer::parquet(file, name, columns, &NOTES),
+    };
+    let mut rows = Strikes::default();
+    let mut strike_table = table(strikes, "strikes", rows.columns())?;
+    let mut sample_table = table(samples, "samples", &samples::columns())?;
+    tally.each(recordings, |id, recording, strike| {
+        strike_table.push(rows.row(id, recording, strike))?;
+        samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;
+        Ok(true)
+    })?;
+    strike_table.finish()?;
+    sample_table.finish()
+}
+
+/// Writes a UFF file.
+fn universal(recordings: &[Received], file: &mut File, tally: &mut Tally) -> anyhow::Result<()> {
+    let mut out = BufWriter::new(file);
+    uff::begin(&mut out)?;
+    tally.each(recordings, |_, recording, strike| {
+        Ok(uff::strike(&mut out, recording, strike)?)
+    })?;
+    Ok(out.flush()?)
+}
+
+/// Lines of other programs that open the files.
+fn opened_by(form: Form, out: &Path) -> String {
+    let path = |name: &str| format!("{:?}", out.join(name).display().to_string());
+    if form == Form::Uff {
+        let strikes = path("strikes.uff");
+        return format!("pyuff   pyuff.UFF({strikes}).read_sets()\nMATLAB  readuff({strikes})");
+    }
+    let (samples, read, matlab) = match form {
+        Form::Csv => (path("samples.csv"), "read_csv", "readtable"),
+        _ => (path("samples.parquet"), "read_parquet", "parquetread"),
+    };
+    let cube = "set_index([\"id\", \"sample\"])[[\"force_n\", \"acceleration_mps2\"]].to_xarray()";
+    format!(
+        "pandas  pandas.{read}({samples})\npolars  polars.{read}({samples})\n\
+         xarray  pandas.{read}({samples}).{cube}\nMATLAB  {matlab}({samples})"
+    )
+}

@@ -1,0 +1,226 @@
+//! `bead fetch`: lists the strikes that a bead keeps, or writes them to a recording.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
+use clap::Args;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::cli::failure::Failure;
+use crate::cli::line_options::LineOptions;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Kind, Overwrite};
+use bead_line::conversation::Conversation;
+use bead_recording::assembly::{Assembly, Event};
+use bead_recording::file::{About, Writer};
+use bead_recording::frames::Frame;
+
+const AFTER_HELP: &str = "\
+A bead keeps its last strikes, ten of 672 scans at least, also over a reset; a power cut clears them. It \
+keeps none with longer windows. Without --out they are listed. With --out they are sent again and written to \
+a recording, bit for bit as they were measured, which `bead replay`, `bead compare` and `bead export` read \
+as any other. A fetch changes nothing on the bead and needs no key; strikes that come meanwhile go first.
+
+`bead record` fetches by itself what was lost on the way.
+
+Exit status 1 if the bead does not keep what was asked for, 3 if it does not answer.
+
+Examples:
+  bead fetch --port /dev/ttyUSB0
+  bead fetch --port /dev/ttyUSB0 --out kept.mcap
+  bead fetch --port /dev/ttyUSB0 --boot 3 17 18 --out two.mcap";
+
+/// Number of requests for a strike whose frames are lost on the way, or while strikes take the line.
+const ATTEMPTS: u32 = 5;
+/// Number of requests for the list while frames are lost. It is short.
+const LISTS: u32 = 20;
+
+/// Arguments of `bead fetch`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// Numbers of the strikes [default: all that are kept].
+    strikes: Vec<u32>,
+    /// Only strikes of this boot.
+    #[arg(long, value_name = "N")]
+    boot: Option<u32>,
+    /// The recording to be written; without it the strikes are listed.
+    #[arg(long, value_name = "F.mcap")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    #[command(flatten)]
+    line: LineOptions,
+    /// How to print the list.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+/// The strikes that a bead keeps, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct KeptStrikes<'a> {
+    /// Bodies of `kept` frames.
+    #[schemars(with = "Vec<serde_json::Map<String, serde_json::Value>>")]
+    strikes: &'a [Kept],
+}
+
+/// The result of fetching, as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Fetched<'a> {
+    fetched: usize,
+    out: &'a str,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let target = place::optional(
+        arguments.out.as_deref(),
+        Kind::Recording,
+        &[],
+        arguments.overwrite,
+    )?;
+    let mut bead = arguments.line.open()?;
+    // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
+    // missed.
+    let identity = bead.request_done(&Request::Identity)?;
+    let kept = list(&mut bead)?;
+    let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();
+    let missing = |number: &&u32| !chosen.iter().any(|kept| kept.strike == **number);
+    if let Some(number) = arguments.strikes.iter().find(missing) {
+        return Err(Failure::Verdict(format!(
+            "the bead does not keep strike {number}: `bead fetch` without numbers lists those that it keeps"
+        )));
+    }
+    let Some(target) = target else {
+        let rows = chosen.iter().map(|kept| {
+            [kept.boot, kept.strike, kept.parts.into(), kept.bytes].map(|number| number.to_string())
+        });
+        return output::print(arguments.format, &KeptStrikes { strikes: &chosen }, || {
+            output::table("boot | strike | frames | bytes", rows)
+        });
+    };
+    if chosen.is_empty() {
+        return Err(Failure::Verdict(
+            "the bead keeps no strike: nothing is written".to_owned(),
+        ));
+    }
+    let mut frames: Vec<Frame> = identity.frames;
+    let (mut strikes, mut failed) = (0, None);
+    for kept in &chosen {
+        match fetch(&mut bead, kept) {
+            Ok(strike) => {
+                frames.extend(strike);
+                strikes += 1;
+            }
+            // It alone gave way: the others may be there.
+            Err(why @ Failure::Verdict(_)) => failed = failed.or(Some(why)),
+            Err(why) => {
+                failed = Some(why);
+                break;
+            }
+        }
+    }
+    // Those that came are written, whatever became of the others.
+    if let Some(why) = failed.take_if(|_| strikes == 0) {
+        return Err(why);
+    }
+    let about = About {
+        source: arguments.line.port().to_string(),
+        ..About::default()
+    };
+    let mut writer = Writer::create(&target, &about)?;
+    for frame in &frames {
+        let mut buffer = [0; MAX_FRAME];
+        let bytes = encode(&frame.header, &frame.message, &mut buffer);
+        let bytes = bytes.expect("MAX_FRAME bytes always suffice");
+        writer.write(bytes, frame.received_ns, |_| {})?;
+    }
+    let finished = writer.finish()?;
+    let path = finished.path.display().to_string();
+    output::print(
+        arguments.format,
+        &Fetched {
+            fetched: strikes,
+            out: &path,
+        },
+        || format!("{path}: {strikes} strikes fetched"),
+    )?;
+    failed.map_or(Ok(()), Err)
+}
+
+impl Arguments {
+    fn wants(&self, kept: &Kept) -> bool {
+        self.boot.is_none_or(|boot| boot == kept.boot)
+            && (self.strikes.is_empty() || self.strikes.contains(&kept.strike))
+    }
+}
+
+/// What the bead keeps, the oldest first.
+fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
+    for _ in 0..LISTS {
+        let answer = bead.request(&Request::ListKept)?;
+        match answer.reply.outcome {
+            Outcome::Done => {}
+            Outcome::Kind => {
+                return Err(Failure::Verdict(
+                    "the firmware of this bead keeps no strikes: flash a newer one".to_owned(),
+                ));
+            }
+            _ => return Err(answer.refusal().into()),
+        }
+        if answer.lost {
+            continue;
+        }
+        let kept = answer.frames.iter().filter_map(|frame| match frame.message {
+            Message::Kept(kept) => Some(kept),
+            _ => None,
+        });
+        // A copy of the request that was answered late gives the list twice.
+        let mut named = BTreeSet::new();
+        return Ok(kept
+            .filter(|kept| named.insert((kept.boot, kept.strike)))
+            .collect());
+    }
+    Err(Failure::device(format!(
+        "the list of what the bead keeps did not come whole in {LISTS} attempts: is the line noisy?"
+    )))
+}
+
+/// Fetches a strike. Gives its frames, each at least once.
+fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
+    let (boot, strike) = (kept.boot, kept.strike);
+    let mut assembly = Assembly::default();
+    let mut frames = Vec::new();
+    for _ in 0..ATTEMPTS {
+        let answer = bead.request(&Request::Fetch { boot, strike })?;
+        match answer.reply.outcome {
+            Outcome::Done | Outcome::Busy => {}
+            Outcome::NotKept => {
+                return Err(Failure::Verdict(format!(
+                    "strike {strike} of boot {boot} gave way to newer ones meanwhile: list again"
+                )));
+            }
+            _ => return Err(answer.refusal().into()),
+        }
+        for frame in answer.frames {
+            // What was asked for before may still come.
+            let is_its = matches!(&frame.message, Message::Fetched(fetched)
+                if (fetched.boot, fetched.strike) == (boot, strike));
+            if !is_its {
+                continue;
+            }
+            let whole = assembly
+                .push(&frame)
+                .iter()
+                .any(|event| matches!(event, Event::Whole(_)));
+            frames.push(frame);
+            if whole {
+                return Ok(frames);
+            }
+        }
+    }
+    Err(Failure::device(format!(
+        "strike {strike} of boot {boot} did not come whole in {ATTEMPTS} attempts: is the line noisy?"
+    )))
+}

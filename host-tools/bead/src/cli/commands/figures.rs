@@ -1,0 +1,32 @@
+//! `bead figures`: runs the program `bead-figures`. Whoever draws nothing need not compile what draws.
+
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+use clap::Args;
+
+use crate::cli::failure::{Blame, Failure};
+
+/// Arguments of `bead figures`: those of `bead-figures`.
+#[derive(Debug, Args)]
+#[command(disable_help_flag = true)]
+pub(crate) struct Arguments {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<OsString>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let here = std::env::current_exe().or_device(|| "where is this program?")?;
+    let program = here.with_file_name("bead-figures");
+    if !program.exists() {
+        return Err(Failure::device(format!(
+            "{} is not there; to build it: cargo build --release -p bead-figures (installed: cargo install --path \
+             host-tools/hertz/figures-command)",
+            program.display()
+        )));
+    }
+    // The program takes the place of this process, so that its exit status is the command's.
+    let error = Command::new(&program).args(&arguments.arguments).exec();
+    Err(error).or_device(|| format!("cannot run {}", program.display()))
+}

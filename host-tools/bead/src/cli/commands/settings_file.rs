@@ -1,0 +1,188 @@
+//! Settings in files: blocks, and the physical quantities that blocks are made of.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours};
+use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
+use bead_wire::MAX_BLOCK;
+use clap::Args;
+use hertz_chain::read_text;
+
+use crate::cli::beads::one_bead;
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
+use crate::cli::place::{self, Kind, Overwrite};
+use bead_compare::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
+use bead_recording::physical::{self, Change};
+
+const AFTER_HELP: &str = "\
+The file explains each of its keys. Masses are weighed, springs and damper come from ring-downs (`bead \
+compare` finds k and c), scales from the drop test and the shaker: docs/calibration.md.
+
+Examples:
+  bead settings make --template bead.toml
+  bead settings make --template bead.toml \\
+      --scenario docs/scenarios/own-chain.toml --bead 8
+  bead settings make --template bead.toml --from before.settings
+  bead settings make bead.toml --out left.settings";
+
+/// Arguments of `bead settings make`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct MakeArguments {
+    /// The physical quantities, a TOML file in SI units. With --template this file is written.
+    #[arg(value_name = "F.toml")]
+    file: PathBuf,
+    /// Where the settings go [default: beside F.toml, with its name and the ending .settings].
+    #[arg(long, value_name = "F.settings", conflicts_with = "template")]
+    out: Option<PathBuf>,
+    /// Write F.toml, to be edited: the paper's bead behind the reference front end, unless --scenario or
+    /// --from says otherwise.
+    #[arg(long)]
+    template: bool,
+    /// Take the bead of this scenario.
+    #[arg(long, value_name = "S.toml", requires = "template", conflicts_with = "from")]
+    scenario: Option<PathBuf>,
+    /// Which bead of the scenario [default: the only one with an intruder].
+    #[arg(long, value_name = "N", requires = "scenario", value_parser = one_bead)]
+    bead: Option<usize>,
+    /// Take the bead of this settings block.
+    #[arg(long, value_name = "F.settings", requires = "template")]
+    from: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// Makes settings of physical quantities, or a file of these.
+pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
+    let file = &arguments.file;
+    if arguments.template {
+        let inputs = [&arguments.scenario, &arguments.from];
+        let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
+        let target = place::target(file, Kind::Scenario, &inputs, arguments.overwrite)?;
+        let text = physical::to_toml(&template(arguments)?);
+        target.write_bytes(text)?;
+        output::note(format_args!(
+            "wrote {0}; edit it, then: bead settings make {0}",
+            file.display()
+        ));
+        return Ok(());
+    }
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| file.with_extension("settings"));
+    let target = place::target(&out, Kind::Settings, &[file], arguments.overwrite)?;
+    let settings = read_toml(file)?;
+    let block = block(&settings).or_input(|| file.display().to_string())?;
+    target.write_bytes(&block)?;
+    let (length, out) = (block.len(), out.display());
+    output::note(format_args!(
+        "wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P"
+    ));
+    Ok(())
+}
+
+/// The bead to start from.
+fn template(arguments: &MakeArguments) -> Result<Description, Failure> {
+    if let Some(from) = &arguments.from {
+        let settings = Settings::decode(&load(from, None)?);
+        let settings = settings.map_err(|error| Failure::input(format!("{}: {error}", from.display())))?;
+        return Ok(*settings.description());
+    }
+    let (bead, neighbours) = match &arguments.scenario {
+        None => (Bead::paper(), Neighbours::default()),
+        Some(path) => {
+            let (scenario, _) = load_scenario(path)?;
+            let bead = match arguments.bead {
+                Some(bead) => bead,
+                None => only_host(&scenario)?,
+            };
+            let solution = simulate_with_ring_down(&scenario)?;
+            (bead_of(&solution, bead)?, neighbours_of(&solution, bead))
+        }
+    };
+    let front_end = FrontEnd::reference();
+    let capture = Capture::of(&bead, &front_end);
+    Ok(Description::new(&bead, &neighbours, &front_end, &capture))
+}
+
+/// The settings of a file of physical quantities.
+fn read_toml(file: &Path) -> Result<Settings, Failure> {
+    let text = read_text(file, "a file that `bead settings make --template` wrote")?;
+    Ok(physical::parse(&text, &file.display().to_string())?)
+}
+
+fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block)?;
+    Ok(block[..length].to_vec())
+}
+
+/// The bytes of a file that may be a block: no more are read than one has.
+fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
+    let name = file.display();
+    let mut bytes = Vec::new();
+    let file = if file == Path::new("-") {
+        Path::new("/dev/stdin")
+    } else {
+        file
+    };
+    File::open(file)
+        .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
+        .or_input(|| format!("cannot read {name}"))?;
+    if bytes.is_empty() || bytes.len() > MAX_BLOCK {
+        return Err(Failure::input(format!(
+            "{name}: this is no settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
+             `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
+        )));
+    }
+    Ok(bytes)
+}
+
+/// The block in a file, or the one made of a file of physical quantities; with another address if one is
+/// given.
+///
+/// # Errors
+/// A file that is neither.
+pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure> {
+    let name = file.display();
+    let refused = |error| Failure::input(format!("{name}: {error}"));
+    let is_toml = file.extension().is_some_and(|ending| ending == "toml");
+    let bytes = match is_toml {
+        true => block(&read_toml(file)?).map_err(refused)?,
+        false => block_in(file)?,
+    };
+    let Some(address) = address else {
+        return Ok(bytes);
+    };
+    let settings = Settings::decode(&bytes).map_err(refused)?;
+    let settings = settings
+        .with(|description| description.address = address)
+        .map_err(|violation| refused(violation.into()))?;
+    block(&settings).map_err(refused)
+}
+
+/// Settings after some changes.
+pub(super) struct Changed {
+    /// What differs.
+    pub(super) changes: Vec<Change>,
+    /// The new block.
+    pub(super) block: Vec<u8>,
+}
+
+/// Changes some keys of settings: see [`physical::set`].
+pub(super) fn changed(settings: &Settings, assignments: &[String]) -> Result<Changed, Failure> {
+    let before = *settings.description();
+    let mut after = before;
+    for assignment in assignments {
+        physical::set(&mut after, assignment)?;
+    }
+    let settings = physical::derived(&after)?;
+    Ok(Changed {
+        changes: physical::changes(&before, &after),
+        block: block(&settings).map_err(Failure::input)?,
+    })
+}

@@ -1,0 +1,231 @@
+//! `bead simulate`: the full f64 chain.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use hertz_chain::{Options, Run, Scenario, Summary, Validity, summarise};
+use indicatif::HumanDuration;
+use serde::Serialize;
+
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Kind, Overwrite};
+use bead_tables::whole::Target;
+use hertz_sweep::time_series::{self, Form};
+
+const AFTER_HELP: &str = "\
+Examples:
+  bead simulate docs/scenarios/paper-strike.toml
+  bead simulate docs/scenarios/paper-strike.toml --format json | jq .energy
+  bead simulate docs/scenarios/paper-strike.toml --out strike.parquet \\
+      --rate 1e6";
+
+/// Remarks that are printed at most.
+const REMARKS: usize = 5;
+
+/// Arguments of `bead simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The scenario, a TOML file in SI units.
+    scenario: PathBuf,
+    /// Write the time series to this Parquet or CSV file, units in the column names.
+    #[arg(long, value_name = "F.parquet|F.csv")]
+    out: Option<PathBuf>,
+    /// Rows a second in that file, Hz.
+    #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
+    rate: f64,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// How to print the summary.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let scenario = Scenario::load(&arguments.scenario)?;
+    let out = match &arguments.out {
+        Some(path) => Some(output_file(path, arguments)?),
+        None => None,
+    };
+    let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
+    let accuracy = Options::default().accuracy;
+    let fewest = Run::new(&scenario, accuracy)?.fewest_steps(scenario.duration, accuracy.longest_step);
+    let (begun, remarked) = (Instant::now(), AtomicBool::new(false));
+    let show = |part| {
+        output::set_part(&progress, part);
+        let remark = long_run(begun.elapsed(), part, fewest, scenario.duration);
+        if let Some(remark) = remark.filter(|_| !remarked.swap(true, Ordering::Relaxed)) {
+            progress.suspend(|| output::note(format_args!("{remark}")));
+        }
+    };
+    let options = Options::default().with_progress(&show);
+    let summary = match &out {
+        // Nothing is kept in memory: a chain may have any length.
+        None => summarise(&scenario, &options)?,
+        Some((form, out)) => time_series::write(&scenario, &options, arguments.rate, *form, out)?,
+    };
+    progress.finish_and_clear();
+    let validity = Validity::of(&scenario, &summary.peak_force)?;
+    let report = Report {
+        summary: &summary,
+        validity: &validity,
+    };
+    output::print(arguments.format, &report, || {
+        table(&scenario, &summary, &validity)
+    })
+}
+
+/// The form and the place of the time series.
+fn output_file(path: &Path, arguments: &Arguments) -> Result<(Form, Target), Failure> {
+    let form = Form::of(path);
+    let kind = if form == Some(Form::Csv) {
+        Kind::Table
+    } else {
+        Kind::Parquet
+    };
+    let target = place::target(path, kind, &[&arguments.scenario], arguments.overwrite)?;
+    let form = form.ok_or_else(|| {
+        let what = "ends neither with .parquet nor with .csv; give the time series one of these endings";
+        Failure::input(format!("{} {what}", path.display()))
+    })?;
+    Ok((form, target))
+}
+
+/// A remark on a long run, which may be a slip of units. `part` of the run is done after `elapsed`; all of it
+/// takes at least `fewest` steps for `duration` seconds of the scenario.
+fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<String> {
+    /// Time after which the pace is known.
+    const KNOWN: Duration = Duration::from_secs(5);
+    /// Shortest long run, s.
+    const LONG: f64 = 60.0;
+    let whole = elapsed.as_secs_f64() / part;
+    if elapsed < KNOWN || whole < LONG {
+        return None;
+    }
+    let time = match Duration::try_from_secs_f64(whole) {
+        Ok(time) if whole < 3e9 => HumanDuration(time).to_string(),
+        _ => "more than a century".to_owned(),
+    };
+    let step = duration / fewest;
+    Some(format!(
+        "at this pace the run takes {time}: steps are {step:.1e} s at most, {fewest:.1e} of them; if it should be quick, \
+         check units, or what is very small, stiff or light beside the rest"
+    ))
+}
+
+/// The summary, and how well each contact met the assumptions of the model.
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct Report<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    validity: &'a [Validity],
+}
+
+fn table(scenario: &Scenario, summary: &Summary, validity: &[Validity]) -> String {
+    let mut parts = Vec::new();
+    if !scenario.title.is_empty() {
+        parts.push(scenario.title.clone());
+    }
+
+    let contacts = summary.peak_force.iter().zip(validity).map(|(peak, valid)| {
+        [
+            peak.contact.to_string(),
+            format!("{:.4}", peak.force),
+            format!("{:.4}", peak.time * 1e3),
+            peak.fwhm
+                .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
+            format!("{:.1}", valid.pressure * 1e-6),
+            format!("{:.4}", valid.radius_ratio),
+            valid
+                .periods
+                .map_or_else(|| "-".to_owned(), |periods| format!("{periods:.2}")),
+        ]
+    });
+    parts.push(output::table(
+        "contact | peak force (N) | at (ms) | width at half (ms) | p₀ (MPa) | a/R | width/period",
+        contacts,
+    ));
+    let remarks: Vec<_> = validity.iter().flat_map(Validity::remarks).collect();
+    if !remarks.is_empty() {
+        let more = remarks.len().saturating_sub(REMARKS);
+        let first = remarks.into_iter().take(REMARKS);
+        let mut lines: Vec<_> = first.map(|remark| format!("Remark: {remark}.")).collect();
+        if more > 0 {
+            lines.push(format!("And {more} more such remarks."));
+        }
+        parts.push(lines.join("\n"));
+    }
+
+    if !summary.intruders.is_empty() {
+        let intruders = summary.intruders.iter().map(|intruder| {
+            [
+                intruder.bead.to_string(),
+                format!("{:.2}", intruder.acceleration_max),
+                format!("{:.2}", intruder.acceleration_min),
+                format!("{:.3}", intruder.relative_displacement_max * 1e6),
+                format!("{:.2}", intruder.dissipated * 1e9),
+            ]
+        });
+        let header =
+            "intruder in bead | acceleration max (m/s²) | min (m/s²) | displacement (µm) | dissipated (nJ)";
+        parts.push(output::table(header, intruders));
+    }
+
+    let energy = &summary.energy;
+    let energies = [
+        ("striker, initial", energy.striker_initial),
+        ("striker, final", energy.striker_final),
+        ("chain, final", energy.chain_final),
+        ("intruders, final", energy.intruders_final),
+        ("dissipated in contacts", energy.dissipated_contacts),
+        ("dissipated in intruders", energy.dissipated_intruders),
+        ("chain, highest", energy.chain_max),
+    ]
+    .map(|(name, joule)| {
+        let part = format!("{:.3} %", joule / energy.striker_initial * 100.0);
+        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
+    });
+    parts.push(output::table("energy | µJ | of the striker's", energies));
+
+    let solver = &summary.solver;
+    parts.push(format!(
+        "{:.3} ms simulated in {:.2} s: {} steps, {} evaluations, energy balance closes to {:.1e}",
+        summary.final_state.time * 1e3,
+        solver.seconds,
+        solver.steps,
+        solver.evaluations,
+        energy.balance_error,
+    ));
+    parts.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_run_is_remarked_on_once_its_pace_is_known() {
+        let seconds = Duration::from_secs;
+        let remark = |elapsed, part| long_run(seconds(elapsed), part, 2e9, 4e-3);
+        // Too early, and quick enough.
+        assert_eq!(remark(4, 1e-6), None);
+        assert_eq!(remark(6, 0.2), None);
+        let text = remark(6, 1e-4).unwrap();
+        assert!(
+            text.starts_with(
+                "at this pace the run takes 17 hours: steps are 2.0e-12 s at most, 2.0e9 of them; "
+            ),
+            "{text}"
+        );
+        for part in [1e-12, 1e-30, 0.0] {
+            let text = remark(6, part).unwrap();
+            assert!(
+                text.starts_with("at this pace the run takes more than a century: "),
+                "{text}"
+            );
+        }
+    }
+}

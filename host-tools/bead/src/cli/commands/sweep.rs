@@ -1,0 +1,176 @@
+//! `bead sweep`: a scenario over axes of its parameters.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, Subcommand};
+
+use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary};
+use super::{sweep_cluster, sweep_plot};
+use crate::cli::failure::Failure;
+use crate::cli::interrupt;
+use crate::cli::output::Format;
+use crate::cli::place::{self, Kind, Overwrite};
+use hertz_sweep::folder::Folder;
+use hertz_sweep::plan::Plan;
+
+const AFTER_HELP: &str = "\
+SWEEP.toml names a scenario, axes and what is kept of each run:
+  # Beside this file; or the tables themselves: [scenario.chain] and so on.
+  scenario = \"paper-strike.toml\"
+
+  # Each axis multiplies the points; the last turns fastest. A key may be any
+  # of the scenario; tables of a list are counted from 1. Or: linspace =
+  # [first, last, how many], range = [first, last, step], values = [...]
+  [[axis]]
+  key = \"intruder.1.stiffness\"
+  logspace = [1e4, 1e6, 41]
+
+  # Keys that go together.
+  [[axis]]
+  zip = [{ key = \"intruder.1.mass\", linspace = [1e-3, 6e-3, 6] },
+         { key = \"intruder.1.beads\", range = [3, 8, 1] }]
+
+  # Points that are drawn: random, or quasirandom (evenly spread).
+  [[axis]]
+  quasirandom = 256
+  over = [{ key = \"striker.velocity\", loguniform = [0.1, 1.5] },
+          { key = \"chain.relaxation\", uniform = [0, 8e-6] }]
+
+  [outputs]
+  absorbed = true      # by intruders: J, of the striker's energy, of what went in
+  energies = true      # where the energy is at the end
+  intruders = [8]      # what the intruder in this bead dissipates
+  peaks = [1, 8]       # greatest force at these contacts
+  arrivals = [8]       # when it was greatest
+  transmission = [8]   # energy behind this bead at the end
+
+Interrupted, the same command goes on where it was: finished chunks are in F.parquet.sweep until the table \
+is whole. The table has the same bytes whatever the threads, the chunks and the interruptions. \
+docs/sweeps.md says more, and how to spread a sweep over a cluster.
+
+Examples:
+  bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet \\
+      --plot map.svg
+  bead sweep plot map.parquet --x striker_velocity_mps \\
+      --y absorbed_of_injected --out curves.svg
+  bead sweep plan SWEEP.toml --dir big --chunks 100
+  bead sweep submit big --engine slurm --cpus 8 --out big.parquet --dry-run";
+
+/// Arguments of `bead sweep`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
+    #[command(flatten)]
+    here: Here,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Write the plan of a sweep into a folder, to be computed in chunks, here or elsewhere.
+    Plan(sweep_cluster::Planning),
+    /// Compute a chunk of a plan, or all that are missing. A finished chunk is not computed again.
+    Run(sweep_cluster::Running),
+    /// Give the missing chunks of a plan to a cluster, and a job that merges them.
+    Submit(sweep_cluster::Submitting),
+    /// Show which chunks of a plan are finished.
+    Status(sweep_cluster::Standing),
+    /// Write the table of all chunks of a plan.
+    Merge(sweep_cluster::Merging),
+    /// Draw curves or a map of a sweep's table.
+    Plot(sweep_plot::Plotting),
+}
+
+/// A sweep on this machine.
+#[derive(Debug, Args)]
+#[command(mut_group("Choice", |choice| choice.requires("plot")))]
+struct Here {
+    /// The sweep, a TOML file.
+    #[arg(value_name = "SWEEP.toml", required = true)]
+    sweep: Option<PathBuf>,
+    /// The table: a row for each point, units in the column names.
+    #[arg(long, value_name = "F.parquet", required = true)]
+    out: Option<PathBuf>,
+    /// Draw it too, as `bead sweep plot` does.
+    #[arg(long, value_name = "F.svg")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    choice: sweep_plot::Choice,
+    #[command(flatten)]
+    threads: Threads,
+    #[command(flatten)]
+    consent: Consent,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// How to print the summary.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.action {
+        Some(Action::Plan(planning)) => sweep_cluster::plan(planning),
+        Some(Action::Run(running)) => sweep_cluster::run(running),
+        Some(Action::Submit(submitting)) => sweep_cluster::submit(submitting),
+        Some(Action::Status(standing)) => sweep_cluster::status(standing),
+        Some(Action::Merge(merging)) => sweep_cluster::merge(merging),
+        Some(Action::Plot(plotting)) => sweep_plot::plot(plotting),
+        None => {
+            let here = &arguments.here;
+            // clap requires both, but not beside a subcommand.
+            let (Some(file), Some(out)) = (&here.sweep, &here.out) else {
+                return Err(Failure::input(
+                    "give a SWEEP.toml and --out F.parquet; see bead sweep --help",
+                ));
+            };
+            here.threads.pool()?.install(|| sweep(here, file, out))
+        }
+    }
+}
+
+/// Time of a chunk, which an interruption can cost, s.
+const CHUNK_SECONDS: f64 = 5.0;
+/// Points of a chunk at most, and chunks of a sweep.
+const CHUNK_POINTS: u64 = 1 << 16;
+const CHUNKS: u64 = 10_000;
+
+fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
+    let plan = Plan::load(file)?;
+    let inputs = [file];
+    let out = place::target(result, Kind::Parquet, &inputs, here.overwrite)?;
+    let picture = place::optional(here.plot.as_deref(), Kind::Drawing, &inputs, here.overwrite)?;
+    if picture.is_some() {
+        sweep_plot::check(&here.choice, &plan)?;
+    }
+    let seconds = measured(&plan);
+    here.consent.ask(&plan, seconds)?;
+    let chunk =
+        ((CHUNK_SECONDS / seconds) as u64).clamp(8 * rayon::current_num_threads() as u64, CHUNK_POINTS);
+    let chunk = chunk.max(plan.points() / CHUNKS).next_multiple_of(8);
+    let mut name = result.as_os_str().to_owned();
+    name.push(".sweep");
+    let chunks = plan.points().div_ceil(chunk);
+    let folder = Folder::create(Path::new(&name), plan, chunks)?;
+    interrupt::resumable(format!(
+        "finished parts are in {}, and the same command goes on from there",
+        folder.path().display()
+    ));
+    let clock = Instant::now();
+    let computed = compute_missing(&folder)?;
+    let (plan, merged) = (folder.plan().clone(), merge(&folder, &out)?);
+    folder.remove();
+    // The summary comes first: a picture that cannot be drawn must not hide it.
+    summary(
+        &plan,
+        &merged,
+        out.path(),
+        Some((computed, clock.elapsed().as_secs_f64())),
+        here.format,
+    )?;
+    if let Some(picture) = &picture {
+        sweep_plot::draw(out.path(), &here.choice, picture)?;
+    }
+    Ok(())
+}

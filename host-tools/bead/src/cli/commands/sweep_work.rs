@@ -1,0 +1,209 @@
+//! Options, progress and the summary of every command that computes a sweep.
+
+use std::path::Path;
+
+use clap::Args;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output::{self, Format};
+use bead_tables::whole::Target;
+use hertz_sweep::axis::Axis;
+use hertz_sweep::compute;
+use hertz_sweep::folder::{Folder, Merged};
+use hertz_sweep::plan::Plan;
+
+/// `--threads`.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct Threads {
+    /// Threads to compute on [default: one for each processor].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Option<u32>,
+}
+
+impl Threads {
+    pub(crate) fn pool(self) -> Result<rayon::ThreadPool, Failure> {
+        let threads = self.threads.unwrap_or(0) as usize;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.or_device(|| "cannot start threads")
+    }
+}
+
+/// `--yes` and `--limit`.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct Consent {
+    /// Points that are computed without --yes.
+    #[arg(long, value_name = "POINTS", default_value_t = 100_000)]
+    limit: u64,
+    /// Compute any number of points.
+    #[arg(long)]
+    yes: bool,
+}
+
+impl Consent {
+    /// Refuses a large sweep without --yes: it may be a slip.
+    pub(crate) fn ask(self, plan: &Plan, seconds: f64) -> Result<(), Failure> {
+        if self.yes || plan.points() <= self.limit {
+            return Ok(());
+        }
+        let bytes = plan.points() as f64 * plan.columns().len() as f64 * 8.0;
+        let make = if plan.axes().len() == 1 { "makes" } else { "make" };
+        Err(Failure::input(format!(
+            "{} {make} {} points, about {} on {} threads here, and {} of table; if that is meant, give --yes, or --limit with a \
+             higher number",
+            axes(plan),
+            grouped(plan.points()),
+            time(seconds * plan.points() as f64),
+            rayon::current_num_threads(),
+            size(bytes),
+        )))
+    }
+}
+
+/// Time of a point, s.
+pub(crate) fn measured(plan: &Plan) -> f64 {
+    let spinner = output::spinner("trying a few points");
+    let seconds = compute::seconds_for_each(plan);
+    spinner.finish_and_clear();
+    seconds
+}
+
+/// Computes the missing chunks, and returns the number of their points.
+pub(crate) fn compute_missing(folder: &Folder) -> Result<u64, Failure> {
+    let (missing, all) = (folder.missing()?, folder.plan().points() as f64);
+    let count = |chunk: &u64| {
+        let points = folder.points(*chunk);
+        points.end - points.start
+    };
+    let left: u64 = missing.iter().map(count).sum();
+    let mut done = folder.plan().points() - left;
+    let bar = output::part_done(format!("of {} points", grouped(folder.plan().points())));
+    output::set_part(&bar, done as f64 / all);
+    // Finished chunks tell nothing of the time left.
+    bar.reset_eta();
+    for chunk in missing {
+        folder.run(chunk, &|points| {
+            output::set_part(&bar, (done as f64 + points) / all)
+        })?;
+        done += count(&chunk);
+    }
+    bar.finish_and_clear();
+    Ok(left)
+}
+
+pub(crate) fn merge(folder: &Folder, out: &Target) -> Result<Merged, Failure> {
+    let bar = output::part_done("of the table written");
+    let merged = folder.merge(out, &|chunk| {
+        output::set_part(&bar, chunk as f64 / folder.chunks() as f64)
+    })?;
+    bar.finish_and_clear();
+    Ok(merged)
+}
+
+/// The result of a sweep as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Report<'a> {
+    plan: &'a str,
+    points: u64,
+    /// Points that this run computed; null of a merge.
+    computed: Option<u64>,
+    failed: u64,
+    /// Time of the computation, s; null of a merge.
+    seconds: Option<f64>,
+    file: String,
+    /// Columns that number the places of the axes.
+    index: Vec<String>,
+    /// Lines of Python that read the table as a cube.
+    xarray: String,
+}
+
+/// Prints the summary of a sweep, and a line of Python that opens its table.
+pub(crate) fn summary(
+    plan: &Plan,
+    merged: &Merged,
+    out: &Path,
+    computed: Option<(u64, f64)>,
+    format: Format,
+) -> Result<(), Failure> {
+    if let Some(why) = &merged.first {
+        output::note(format_args!(
+            "{} of {} points could not be computed, and the column `error` says why; the first: {why}",
+            grouped(merged.failed),
+            grouped(plan.points()),
+        ));
+    }
+    let index: Vec<String> = plan.axes().iter().map(Axis::index).collect();
+    let report = Report {
+        plan: plan.hash(),
+        points: plan.points(),
+        computed: computed.map(|(points, _)| points),
+        failed: merged.failed,
+        seconds: computed.map(|(_, seconds)| seconds),
+        file: out.display().to_string(),
+        index,
+        xarray: plan.xarray(out),
+    };
+    output::print(format, &report, || {
+        let computed = computed.map_or(String::new(), |(points, seconds)| {
+            format!(", {} computed in {}", grouped(points), time(seconds))
+        });
+        format!(
+            "{}: {} points{computed}\nA cube in Python: {}",
+            out.display(),
+            grouped(plan.points()),
+            plan.xarray(out)
+        )
+    })
+}
+
+/// Sizes of the axes as a product: `41 × 15`.
+pub(crate) fn axes(plan: &Plan) -> String {
+    let counts: Vec<String> = plan.axes().iter().map(|axis| grouped(axis.count)).collect();
+    match counts.as_slice() {
+        [one] => format!("1 axis of {one}"),
+        _ => format!("axes of {}", counts.join(" × ")),
+    }
+}
+
+/// Writes a number in groups of three digits.
+pub(crate) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let first = digits.len() % 3;
+    let (head, rest) = digits.split_at(first);
+    let mut groups: Vec<&str> = if head.is_empty() { Vec::new() } else { vec![head] };
+    groups.extend((0..rest.len()).step_by(3).map(|at| &rest[at..at + 3]));
+    groups.join(",")
+}
+
+/// Writes a time in the unit that suits it.
+pub(crate) fn time(seconds: f64) -> String {
+    match seconds {
+        s if s < 0.1 => format!("{:.0} ms", s * 1e3),
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 2.0 * 3600.0 => format!("{:.0} min", s / 60.0),
+        s if s < 2.0 * 86_400.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86_400.0),
+    }
+}
+
+fn size(bytes: f64) -> String {
+    match bytes {
+        b if b < 1e9 => format!("{:.0} MB", (b / 1e6).max(1.0)),
+        b => format!("{:.0} GB", b / 1e9),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_groups_and_times_have_units() {
+        assert_eq!(grouped(7), "7");
+        assert_eq!(grouped(1_000_000), "1,000,000");
+        assert_eq!(grouped(123_456), "123,456");
+        assert_eq!(time(0.012), "12 ms");
+        assert_eq!(time(4000.0), "67 min");
+    }
+}

@@ -1,0 +1,103 @@
+//! Ctrl-C, `kill` and a terminal that goes away: one rule for every command.
+//!
+//! # Design
+//! A command that is interrupted ends at once, and its results are whole or gone: files that were being
+//! written are removed, so are the temporary files of a run, and a QEMU sees that its host is gone and ends.
+//! The exit status is 128 and the signal's number.
+//!
+//! A command that records has a better end: it asks for [`orderly`]. The first signal then asks it to
+//! complete its recording; after [`PATIENCE`], or at the second signal, it ends all the same, and its file
+//! stays readable under its temporary name.
+//!
+//! A command that goes on where it was, such as a sweep, says so: [`resumable`].
+//!
+//! A signal that is ignored when the program starts stays ignored: under `nohup` a recording outlives its
+//! terminal.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use std::{fs, io, process, thread};
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+
+use bead_recording::note::note;
+use bead_tables::whole::remove_unfinished;
+
+/// A command that was asked to end ends within this time.
+pub const PATIENCE: Duration = Duration::from_secs(5);
+
+/// End of a command that ends in order.
+struct Orderly {
+    stop: Arc<AtomicBool>,
+    /// Remains of a command that does not end in time.
+    left: String,
+}
+
+static ORDERLY: OnceLock<Orderly> = OnceLock::new();
+/// Way to go on with a command.
+static RESUMABLE: OnceLock<String> = OnceLock::new();
+
+/// Listens for signals from now on. Call it once, first.
+///
+/// # Errors
+/// The system refuses.
+pub fn watch() -> io::Result<()> {
+    let wanted = [SIGINT, SIGTERM, SIGHUP]
+        .into_iter()
+        .filter(|signal| !is_ignored(*signal));
+    let mut signals = Signals::new(wanted)?;
+    thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        let mut asked = false;
+        for signal in signals.forever() {
+            match ORDERLY.get().filter(|_| !asked) {
+                Some(orderly) => {
+                    asked = true;
+                    orderly.stop.store(true, Ordering::Relaxed);
+                    thread::spawn(move || {
+                        thread::sleep(PATIENCE);
+                        end(signal);
+                    });
+                }
+                None => end(signal),
+            }
+        }
+    })?;
+    Ok(())
+}
+
+/// A flag that the first signal sets. The command must then end in order, and has [`PATIENCE`] for that;
+/// `left` says what there is of its work if it takes longer.
+pub fn orderly(left: String) -> Arc<AtomicBool> {
+    let orderly = ORDERLY.get_or_init(|| Orderly {
+        stop: Arc::default(),
+        left,
+    });
+    Arc::clone(&orderly.stop)
+}
+
+/// A command that ends at once may leave finished parts of its work; `how` says how to go on with them.
+pub fn resumable(how: String) {
+    // A command says it once.
+    let _ = RESUMABLE.set(how);
+}
+
+/// Ends the program. Nothing half-done stays under a name that was asked for.
+fn end(signal: i32) -> ! {
+    remove_unfinished();
+    stm32f405_qemu::remove_temporary_files();
+    match ORDERLY.get().map(|orderly| &orderly.left).or(RESUMABLE.get()) {
+        Some(left) => note(format_args!("interrupted; {left}")),
+        None => note(format_args!("interrupted; nothing is left behind, run it again")),
+    }
+    process::exit(128 + signal)
+}
+
+/// True if the signal was ignored when the program started; false if that is not known.
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}

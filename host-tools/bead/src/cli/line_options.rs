@@ -1,0 +1,49 @@
+//! The line to a bead: options that `bead settings` and `bead command` share.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bead_wire::ANY;
+use clap::Args;
+
+use crate::cli::failure::Failure;
+use bead_line::conversation::Conversation;
+use bead_line::key;
+use bead_line::port::Address;
+
+/// The line to the bead.
+#[derive(Debug, Args)]
+pub(crate) struct LineOptions {
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH.
+    #[arg(long, value_name = "P")]
+    port: Address,
+    /// Ask only the bead with this address, 0 to 254 [default: every bead on the line].
+    ///
+    /// Needed where several beads share a line: their replies would collide.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..i64::from(ANY)))]
+    address: Option<u8>,
+    /// Bits a second of a serial port.
+    #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
+    baud: u32,
+    /// Time-out of a reply, s. A request is sent three times.
+    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = crate::cli::output::seconds_of_a_day)]
+    timeout: Duration,
+    /// Sign what changes the bead's state with the key in this file. A bead that was given a key refuses it
+    /// otherwise.
+    #[arg(long, value_name = "F.key")]
+    key: Option<PathBuf>,
+}
+
+impl LineOptions {
+    /// Where the bead is.
+    pub(crate) fn port(&self) -> &Address {
+        &self.port
+    }
+
+    pub(crate) fn open(&self) -> Result<Conversation, Failure> {
+        let key = self.key.as_deref().map(key::read).transpose()?;
+        let mut bead = Conversation::open(&self.port, self.baud, self.address.unwrap_or(ANY), self.timeout)?;
+        bead.sign_with(key);
+        Ok(bead)
+    }
+}

@@ -1,0 +1,184 @@
+//! How results leave the program: data on standard output, everything else on standard error.
+
+use std::fmt;
+use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::cli::failure::{Blame, Failure};
+use bead_compare::report::aligned;
+use bead_recording::json::SCHEMA_VERSION;
+pub use bead_recording::note::note;
+use bead_tables::printable::printable;
+
+/// True once an output has the path `-`. What is printed then goes to standard error.
+static TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// Reserves standard output for one result. False if another has it.
+pub(crate) fn take_standard_output() -> bool {
+    !TAKEN.swap(true, Ordering::Relaxed)
+}
+
+/// The shape of a result on standard output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Format {
+    /// Aligned columns for people.
+    #[default]
+    Table,
+    /// One JSON document for programs.
+    Json,
+}
+
+/// Prints a result: `value` as one JSON document, or the text that `table` makes of it.
+///
+/// # Errors
+/// As [`print_json`].
+pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> String) -> Result<(), Failure> {
+    match format {
+        Format::Json => print_json(value),
+        Format::Table => print_line(&table()),
+    }
+}
+
+/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every
+/// object has it, as every line of `bead decode` has.
+///
+/// # Errors
+/// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
+pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    let failed = || "cannot write the result as JSON";
+    let mut document = serde_json::to_value(value).or_input(failed)?;
+    let objects = match &mut document {
+        Value::Array(items) => &mut items[..],
+        one => std::slice::from_mut(one),
+    };
+    for entries in objects.iter_mut().filter_map(Value::as_object_mut) {
+        entries.shift_insert(0, "schema_version".to_owned(), SCHEMA_VERSION.into());
+    }
+    print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)
+}
+
+/// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
+/// standard output. What could steer a terminal is shown, not sent.
+///
+/// # Errors
+/// As [`print_json`].
+pub fn print_line(text: &str) -> Result<(), Failure> {
+    if TAKEN.load(Ordering::Relaxed) {
+        return written(writeln!(io::stderr().lock(), "{}", printable(text)));
+    }
+    written(writeln!(io::stdout().lock(), "{}", printable(text)))
+}
+
+/// Outcome of writing to standard output. A reader that has gone away is not an error.
+pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
+    match result {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.or_input(|| "cannot write to standard output"),
+    }
+}
+
+/// A duration on the command line.
+///
+/// # Errors
+/// The text is not a number of seconds above 0.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    text.parse()
+        .ok()
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .filter(|duration| !duration.is_zero())
+        .ok_or_else(|| "give seconds, more than 0".to_owned())
+}
+
+/// A duration on the command line, of a day at most: something waits for its end.
+///
+/// # Errors
+/// As [`seconds`], or the time is longer.
+pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
+    seconds(text)
+        .ok()
+        .filter(|duration| *duration <= Duration::from_secs(86_400))
+        .ok_or_else(|| "give seconds, more than 0 and at most 86400, a day".to_owned())
+}
+
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
+/// cells.
+pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
+    let heads: Vec<&str> = header.split('|').map(str::trim).collect();
+    aligned(&heads, rows)
+}
+
+/// `yes` if something holds, else `no`: for the cells of a table.
+pub fn either(holds: bool, yes: &str, no: &str) -> String {
+    (if holds { yes } else { no }).to_owned()
+}
+
+/// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
+pub fn spinner(step: impl Into<String>) -> ProgressBar {
+    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}")
+        .with_message(printable(&step.into()).into_owned())
+}
+
+/// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
+pub fn progress(steps: u64) -> ProgressBar {
+    shown(ProgressBar::new(steps), "{bar:24} {pos}/{len} {elapsed} {msg}")
+}
+
+/// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
+/// terminal. [`set_part`] moves it.
+pub fn part_done(step: impl Into<String>) -> ProgressBar {
+    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {left}")
+        .with_message(printable(&step.into()).into_owned())
+}
+
+const PARTS: u64 = 10_000;
+
+/// Moves a bar of [`part_done`] to a part of 0 to 1.
+pub fn set_part(bar: &ProgressBar, part: f64) {
+    bar.set_position((part * PARTS as f64) as u64);
+}
+
+fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
+    if !io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+        return bar;
+    }
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(
+            style.with_key("left", |state: &ProgressState, to: &mut dyn fmt::Write| {
+                // Nothing is known of the rest before some of it is done. What cannot be told is not shown.
+                let _ = match state.pos() {
+                    0 => write!(to, "time left unknown"),
+                    _ => write!(to, "{:#} left", HumanDuration(state.eta())),
+                };
+            }),
+        );
+    }
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_duration_is_a_positive_number_of_seconds() {
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_duration_that_is_waited_for_is_a_day_at_most() {
+        assert_eq!(seconds_of_a_day("86400"), Ok(Duration::from_secs(86_400)));
+        for text in ["0", "86400.1", "1e19", "inf"] {
+            assert!(seconds_of_a_day(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! One rule for the place of every output of every command.
+//!
+//! # Design
+//! An output never takes the place of an input, of another kind of file, or of anything but a file. It takes
+//! the place of a file of its own kind only with `--overwrite`. All this is known before the work begins, and
+//! so is whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or
+//! not there, and two programs that write one name do not lose a result.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
+use bead_tables::whole::{STANDARD_OUTPUT, Target};
+
+/// `--overwrite`.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct Overwrite {
+    /// Replace outputs of the same kind. Inputs and other files are never replaced.
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// The kinds of files that commands read and write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "each is what it is called")]
+pub enum Kind {
+    Recording,
+    Parquet,
+    Universal,
+    Page,
+    Drawing,
+    Picture,
+    Program,
+    Archive,
+    Settings,
+    Key,
+    Table,
+    Text,
+    Scenario,
+    Json,
+}
+
+impl Kind {
+    /// As messages name it.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Recording => "a recording",
+            Self::Parquet => "a Parquet file",
+            Self::Universal => "a UFF file",
+            Self::Page => "a web page",
+            Self::Drawing => "an SVG picture",
+            Self::Picture => "a picture",
+            Self::Program => "a program",
+            Self::Archive => "an archive",
+            Self::Settings => "a settings block",
+            Self::Key => "a key",
+            Self::Table => "a CSV table",
+            Self::Text => "a text",
+            Self::Scenario => "a TOML file",
+            Self::Json => "a JSON file",
+        }
+    }
+
+    /// The kind of a file that is there: by its first bytes, else by its name. None if nothing tells, or if
+    /// it is empty.
+    fn of(path: &Path) -> Option<Self> {
+        let mut head = Vec::new();
+        // What cannot be read is judged by its name.
+        let _ = File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
+        const HEADS: [(&[u8], Kind); 10] = [
+            (b"\x89MCAP0\r\n", Kind::Recording),
+            (b"PAR1", Kind::Parquet),
+            (b"\x7fELF", Kind::Program),
+            (b"\x89PNG", Kind::Picture),
+            (b"GIF8", Kind::Picture),
+            (b"BEAD", Kind::Settings),
+            (b"\x1f\x8b", Kind::Archive),
+            (b"PK\x03\x04", Kind::Archive),
+            (b"<!doctype html", Kind::Page),
+            (b"<svg", Kind::Drawing),
+        ];
+        let lower = head.to_ascii_lowercase();
+        let starts = |start: &[u8]| head.starts_with(start) || lower.starts_with(start);
+        if let Some((_, kind)) = HEADS.iter().find(|(start, _)| starts(start)) {
+            return Some(*kind);
+        }
+        if head.is_empty() && path.metadata().is_ok_and(|found| found.len() == 0) {
+            return None;
+        }
+        Some(match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "mcap" | "partial" => Self::Recording,
+            "parquet" => Self::Parquet,
+            "uff" | "unv" => Self::Universal,
+            "html" => Self::Page,
+            "svg" => Self::Drawing,
+            "png" | "gif" | "jpg" => Self::Picture,
+            "elf" => Self::Program,
+            "settings" => Self::Settings,
+            "key" => Self::Key,
+            "csv" => Self::Table,
+            "md" | "txt" => Self::Text,
+            "toml" => Self::Scenario,
+            "json" => Self::Json,
+            _ => return None,
+        })
+    }
+}
+
+/// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
+///
+/// # Errors
+/// It is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
+/// directory is missing or cannot be written to.
+pub fn target(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
+    let target = allowed(path, kind, inputs, overwrite)?;
+    target.try_out()?;
+    Ok(target)
+}
+
+/// [`target`] for an output that may not have been asked for.
+///
+/// # Errors
+/// As [`target`].
+pub fn optional(
+    path: Option<&Path>,
+    kind: Kind,
+    inputs: &[&Path],
+    overwrite: Overwrite,
+) -> Result<Option<Target>, Failure> {
+    path.map(|path| target(path, kind, inputs, overwrite)).transpose()
+}
+
+/// Files in a directory that need not be there yet, each with its kind. Make the directory with
+/// [`make_directory`] when there is something to write.
+///
+/// # Errors
+/// As [`target`]; `directory` is no directory, or it can neither be written to nor made.
+pub fn targets<const N: usize>(
+    directory: &Path,
+    files: [(&str, Kind); N],
+    inputs: &[&Path],
+    overwrite: Overwrite,
+) -> Result<[Target; N], Failure> {
+    let found = targets_of(directory, &files, inputs, overwrite)?;
+    Ok(found.try_into().expect("one target for each file"))
+}
+
+/// [`targets`] for any number of files.
+///
+/// # Errors
+/// As [`targets`].
+pub fn targets_of<N: AsRef<str>>(
+    directory: &Path,
+    files: &[(N, Kind)],
+    inputs: &[&Path],
+    overwrite: Overwrite,
+) -> Result<Vec<Target>, Failure> {
+    let there = directory.ancestors().find(|folder| folder.exists());
+    let there = there.filter(|there| !there.as_os_str().is_empty());
+    let there = there.unwrap_or(Path::new("."));
+    if !there.is_dir() {
+        return Err(Failure::input(format!(
+            "cannot make the directory {}: {} is a file; give another directory",
+            directory.display(),
+            there.display()
+        )));
+    }
+    Target::new(there.join("result")).try_out()?;
+    let mut found = Vec::new();
+    for (name, kind) in files {
+        found.push(allowed(&directory.join(name.as_ref()), *kind, inputs, overwrite)?);
+    }
+    Ok(found)
+}
+
+/// Makes the directory of [`targets`].
+///
+/// # Errors
+/// It cannot be made.
+pub fn make_directory(directory: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(directory)
+        .or_input(|| format!("cannot make the directory {}; give another", directory.display()))
+}
+
+fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
+    let shown = path.display();
+    let refused = |why: String| Err(Failure::input(why));
+    if path == Path::new(STANDARD_OUTPUT) {
+        if kind == Kind::Recording {
+            return refused("a recording goes to a file; give the output a name in place of -".to_owned());
+        }
+        if output::take_standard_output() {
+            return Ok(Target::standard_output());
+        }
+        return refused("standard output takes one result; give the others names of files".to_owned());
+    }
+    let same = |one: &Path, other: &Path| {
+        fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
+    };
+    if path.file_name().is_none() {
+        return refused(format!("{shown} is no name of a file; give the output one"));
+    }
+    if inputs.iter().any(|input| same(path, input)) {
+        return refused(format!(
+            "{shown} is an input of this command and would be lost; give the output another name"
+        ));
+    }
+    if fs::symlink_metadata(path).is_err() {
+        return Ok(Target::new(path));
+    }
+    let Ok(found) = fs::metadata(path) else {
+        return refused(format!(
+            "{shown} is a link that leads nowhere; remove it, or give the output another name"
+        ));
+    };
+    if found.is_dir() {
+        return refused(format!("{shown} is a directory; give the output a file's name"));
+    }
+    if !found.is_file() {
+        return refused(format!(
+            "{shown} is a device, a pipe or a socket, and a result goes to a file; give the output another name"
+        ));
+    }
+    if let Some(other) = Kind::of(path).filter(|other| *other != kind) {
+        return refused(format!(
+            "{shown} is {}, and {} would take its place; give the output another name",
+            other.name(),
+            kind.name()
+        ));
+    }
+    if !overwrite.overwrite {
+        return refused(format!(
+            "{shown} is there already; give another name, or --overwrite to replace it"
+        ));
+    }
+    if found.permissions().readonly() {
+        return refused(format!(
+            "{shown} may not be written to; give the output another name"
+        ));
+    }
+    // A link stays, and what it leads to is replaced.
+    let path: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    Ok(Target::new(path).replacing(true))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    const REPLACE: Overwrite = Overwrite { overwrite: true };
+    const KEEP: Overwrite = Overwrite { overwrite: false };
+
+    fn why(result: Result<Target, Failure>) -> String {
+        result.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn an_output_takes_the_place_of_its_own_kind_only_and_only_if_told_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let path = at("report.html");
+        assert!(!target(&path, Kind::Page, &[], KEEP).unwrap().replaces());
+        fs::write(&path, "<!DOCTYPE html>").unwrap();
+        let said = why(target(&path, Kind::Page, &[], KEEP));
+        assert!(
+            said.contains("is there already") && said.contains("--overwrite"),
+            "{said}"
+        );
+        assert!(target(&path, Kind::Page, &[], REPLACE).unwrap().replaces());
+        // By what is in it, whatever its name is; by its name if that is all that tells.
+        for (content, other) in [
+            (&b"\x89MCAP0\r\n"[..], "a recording"),
+            (b"PAR1", "a Parquet file"),
+            (b"\x7fELF", "a program"),
+        ] {
+            fs::write(&path, content).unwrap();
+            let said = why(target(&path, Kind::Page, &[], REPLACE));
+            assert!(
+                said.contains(&format!("is {other}, and a web page would")),
+                "{said}"
+            );
+        }
+        fs::write(at("a.toml"), "title = 1").unwrap();
+        let said = why(target(&at("a.toml"), Kind::Text, &[], REPLACE));
+        assert!(said.contains("is a TOML file"), "{said}");
+        // Nothing is lost with an empty file.
+        fs::write(at("empty"), "").unwrap();
+        target(&at("empty"), Kind::Page, &[], REPLACE).unwrap();
+    }
+
+    #[test]
+    fn an_input_is_known_by_any_of_its_names_and_a_link_stays_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.toml"), "title = 1").unwrap();
+        symlink(at("a.toml"), at("link.toml")).unwrap();
+        symlink(at("nothing"), at("nowhere.toml")).unwrap();
+        let input = at("a.toml");
+        for name in ["a.toml", "link.toml", "./a.toml"] {
+            let said = why(target(&at(name), Kind::Scenario, &[&input], REPLACE));
+            assert!(said.contains("is an input of this command"), "{said}");
+        }
+        let said = why(target(&at("nowhere.toml"), Kind::Scenario, &[], REPLACE));
+        assert!(said.contains("leads nowhere"), "{said}");
+        let linked = target(&at("link.toml"), Kind::Scenario, &[], REPLACE).unwrap();
+        linked.write_bytes("title = 2").unwrap();
+        assert!(at("link.toml").is_symlink());
+        assert_eq!(fs::read_to_string(at("a.toml")).unwrap(), "title = 2");
+    }
+
+    #[test]
+    fn directories_devices_and_missing_folders_are_refused_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        for (path, part) in [
+            (folder.path().to_owned(), "is a directory"),
+            ("/dev/null".into(), "is a device"),
+            ("..".into(), "is no name of a file"),
+            (folder.path().join("no/such/file"), "is the directory there"),
+        ] {
+            let said = why(target(&path, Kind::Text, &[], REPLACE));
+            assert!(said.contains(part), "{said}");
+        }
+        fs::write(folder.path().join("file"), "").unwrap();
+        let below = folder.path().join("file/below");
+        let said = targets(&below, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap_err();
+        assert!(said.to_string().contains("file is a file"), "{said}");
+        let new = folder.path().join("new/below");
+        let [target] = targets(&new, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap();
+        assert!(!new.exists());
+        make_directory(&new).unwrap();
+        target.write_bytes("<svg/>").unwrap();
+    }
+}

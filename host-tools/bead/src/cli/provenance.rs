@@ -1,0 +1,46 @@
+//! How a page was made, and of what.
+
+use std::env;
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::time::SystemTime;
+
+use chrono::{DateTime, Utc};
+use sha2::{Digest, Sha256};
+
+use crate::cli::failure::{Blame, Failure};
+use bead_compare::report::Fact;
+use bead_recording::json::hex;
+
+/// The command line, the recording, what it was compared with, program and time.
+///
+/// # Errors
+/// The recording cannot be read.
+pub(crate) fn made(recording: &Path, compared: Fact) -> Result<Vec<Fact>, Failure> {
+    let command: Vec<_> = env::args().skip(1).collect();
+    let now = DateTime::<Utc>::from(SystemTime::now());
+    Ok(vec![
+        ("command", format!("bead {}", command.join(" "))),
+        ("recording, SHA-256", sha256_of(recording)?),
+        compared,
+        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
+    ])
+}
+
+/// A scenario, by its text.
+pub(crate) fn scenario(text: &str) -> Fact {
+    ("scenario, SHA-256", hex(&Sha256::digest(text)))
+}
+
+/// The SHA-256 of a file, in hexadecimal, as `sha256sum` prints it.
+///
+/// # Errors
+/// The file cannot be read.
+pub(crate) fn sha256_of(path: &Path) -> Result<String, Failure> {
+    let mut digest = Sha256::new();
+    let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut digest));
+    read.or_input(|| format!("cannot read {}", path.display()))?;
+    Ok(hex(&digest.finalize()))
+}

@@ -1,0 +1,77 @@
+//! The scenario of docs/how-to.md, "Your own chain": what the page says of it is so.
+
+use hertz_chain::{Scenario, simulate};
+
+const TEXT: &str = include_str!("../../../../../docs/scenarios/own-chain.toml");
+const PAGE: &str = include_str!("../../../../../docs/how-to.md");
+
+#[test]
+fn it_absorbs_what_the_page_says() {
+    let scenario = Scenario::from_toml(TEXT, "own-chain.toml").expect("the scenario is sound");
+    let solution = simulate(&scenario).expect("it runs");
+    let energy = solution.summary().energy;
+    let [six, eight, nine] = solution.absorption(solution.end())[..] else {
+        panic!("three hosts")
+    };
+    let micro = |joule: f64, digits: usize| format!("{:.digits$} µJ", 1e6 * joule);
+    let page = PAGE.split_whitespace().collect::<Vec<_>>().join(" ");
+    for said in [
+        format!("`own-chain.toml` brings {}.", micro(energy.striker_initial, 1)),
+        format!("absorb {}", micro(energy.dissipated_intruders, 3)),
+        format!("{} in bead 6", micro(six.dissipated, 3)),
+        format!("{} in bead 8", micro(eight.dissipated, 3)),
+        format!("{} in bead 9", micro(nine.dissipated, 3)),
+        format!("The contacts lose {}.", micro(energy.dissipated_contacts, 1)),
+        format!("the intruders still hold {}.", micro(energy.intruders_final, 1)),
+    ] {
+        assert!(page.contains(&said), "the page does not say: {said}");
+    }
+    assert!(energy.balance_error < 5e-12, "{:e}", energy.balance_error);
+}
+
+/// The keys that the error of an unknown key names.
+fn known(text: &str) -> Vec<String> {
+    let error = Scenario::from_toml(text, "own-chain.toml").expect_err("the key is unknown");
+    let names = error
+        .advice
+        .strip_prefix("known here are ")
+        .expect("no key is near");
+    names.split(", ").map(str::to_owned).collect()
+}
+
+#[test]
+fn it_has_every_key_and_the_page_explains_each() {
+    let section = &PAGE[PAGE.find("## Your own chain").expect("it is there")..];
+    let tables = [
+        "[chain]",
+        "[striker]",
+        "[wall]",
+        "[[section]]",
+        "[[start]]",
+        "[[intruder]]",
+    ];
+    for table in tables {
+        let with_stranger = TEXT.replacen(table, &format!("{table}\nqqqqqqqqqqqqqqq = 1\n"), 1);
+        let start = TEXT.find(table).expect("the table is there") + table.len();
+        let end = TEXT[start..].find("\n[").map_or(TEXT.len(), |next| start + next);
+        let names = known(&with_stranger);
+        assert!(names.len() >= 3, "{names:?}");
+        for name in names {
+            let given = TEXT[start..end]
+                .lines()
+                .any(|line| line.starts_with(&format!("{name} = ")));
+            assert!(given, "{table} lacks {name}");
+            assert!(section.contains(&format!("`{name}`")), "the page lacks {name}");
+        }
+        assert!(section.contains(&format!("`{table}`")), "the page lacks {table}");
+    }
+    let names = known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}"));
+    for name in names {
+        assert!(
+            TEXT.contains(&format!("\n{name} = "))
+                || TEXT.contains(&format!("\n[{name}]"))
+                || TEXT.contains(&format!("\n[[{name}]]")),
+            "{name} is missing"
+        );
+    }
+}

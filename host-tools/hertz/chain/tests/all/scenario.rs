@@ -1,0 +1,407 @@
+//! Scenarios that cannot be used: each is refused with one line of file, line, key, fault and advice.
+
+use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with, summarise};
+
+const SOUND: &str = "\
+title = \"One absorber at bead 8\"
+duration = 0.006
+[chain]
+beads = 16
+radius = 0.019
+density = 1775.0
+young = 4.5e9
+poisson = 0.44
+relaxation = 4.2e-6
+contact_force = \"printed\"
+[striker]
+radius = 0.0045
+density = 7980.0
+young = 203e9
+poisson = 0.27
+velocity = 0.45
+[[intruder]]
+beads = [8]
+mass = 3.7e-3
+stiffness = 3.95e5
+damping = 12.0
+";
+
+/// Changes of [`SOUND`], and how the error begins. ` => ` separates old text, new text and error; `\n` ends a
+/// line. Old text `+` means: add the new text at the end.
+const REFUSED: &str = r#"
+title => titel => 1: titel: unknown key; did you mean `title`?
+title => "\nti\u001btle" => 1: \u000ati\u001btle: unknown key; did you mean `title`?
+title => "ti`tle" => 1: ti`tle: unknown key; did you mean `title`?
+young = 4.5e9 => yuong = 4.5e9 => 7: chain.yuong: unknown key; did you mean `young`?
+velocity => velocty => 16: striker.velocty: unknown key; did you mean `velocity`?
+stiffness => stifness => 20: intruder[1].stifness: unknown key; did you mean `stiffness`?
+[[intruder]] => [[intruders]] => 17: intruders: unknown key; did you mean `intruder`?
+damping => colour => 21: intruder[1].colour: unknown key; known here are beads, mass, stiffness, damping
+
+young = 4.5e9\n =>  => 3: chain: the key `young` is missing; add it, in SI units
+mass = 3.7e-3\n =>  => 17: intruder[1]: the key `mass` is missing; add it, in SI units
+duration = 0.006\n =>  => 1: the key `duration` is missing; add it, in SI units
+
+radius = 0.019 => radius = "0.019" => 5: chain.radius: the text "0.019", where a number belongs; give a value
+beads = 16 => beads = -16 => 4: chain.beads: the number -16, where a whole number, 0 or more, belongs; give
+beads = 16 => beads = 1e12 => 4: chain.beads: the number 1000000000000
+"printed" => "cliped" => 10: chain.contact_force: `cliped` is not known; known are `printed` or `clipped`
+[8] => "8" => 18: intruder[1].beads: the text "8", where the number of a bead, or a list of such numbers belongs
+[8] => -8 => 18: intruder[1].beads: the number -8, where the number of a bead, or a list of such
+[8] => [8, 9.5] => 18: intruder[1].beads: the number 9.5, where a whole number, 0 or more, belongs
+density = 1775.0 => density =  => 6: not TOML (
+
+duration = 0.006 => duration = 0 => 2: duration: 0 is not a positive number; give a number above zero in s, such as 0.004
+duration = 0.006 => duration = inf => 2: duration: inf is not a positive number; give
+beads = 16 => beads = 0 => 4: chain.beads: a chain of 0 beads cannot be simulated; give a number from 1 to 100000
+beads = 16 => beads = 100001 => 4: chain.beads: a chain of 100001 beads
+beads = 16 => beads = 9223372036854775807 => 4: chain.beads: a chain of 9223372036854775807 beads
+radius = 0.019 => radius = nan => 5: chain.radius: NaN is not a positive number; give a number above zero in m, such as 0.019
+radius = 0.019 => radius = 1e308 => 5: chain.radius: 1e308 is out of the range of sizes that are computed with; give a number from 1e-30 to 1e30, in SI units
+relaxation = 4.2e-6 => relaxation = 1e-31 => 9: chain.relaxation: 1e-31 is out of the range
+density = 1775.0 => density = -1 => 6: chain.density: -1 is not a positive number; give
+young = 4.5e9 => young = 0.0 => 7: chain.young: 0 is not a positive number; give
+poisson = 0.44 => poisson = 0.51 => 8: chain.poisson: 0.51 is no Poisson's ratio; give a number above -1 and at most 0.5, such as 0.44
+relaxation = 4.2e-6 => relaxation = -1.0 => 9: chain.relaxation: -1 is not zero or a positive number; give a time in s, such as 4.2e-6, or 0 for an elastic contact
+radius = 0.0045 => radius = 0.0 => 12: striker.radius: 0 is not a positive number; give a number above zero in m, such as 0.0045
+poisson = 0.27 => poisson = 0.6 => 15: striker.poisson: 0.6 is no
+velocity = 0.45 => velocity = -0.45 => 16: striker.velocity: -0.45 is not a positive number; give
+velocity = 0.45 => velocity = 0.45\nmass = 0.0 => 17: striker.mass: 0 is not
+velocity = 0.45 => velocity = 0.45\nrelaxation = -1.0 => 17: striker.relaxation: -1 is not zero or a positive number; give
+mass = 3.7e-3 => mass = 0.0 => 19: intruder[1].mass: 0 is not
+3.95e5 => nan => 20: intruder[1].stiffness: NaN is not
+damping = 12.0 => damping = -1.0 => 21: intruder[1].damping: -1 is not zero or a positive number; give zero or more in N·s/m
+
++ => [wal]\nyoung = 203e9\npoisson = 0.27 => 22: wal: unknown key; did you mean `wall`?
++ => [wall]\npoisson = 0.27 => 22: wall: the key `young` is missing; add it, in SI units
++ => [wall]\nyuong = 203e9\npoisson = 0.27 => 23: wall.yuong: unknown key; did you mean `young`?
++ => [wall]\nyoung = -203e9\npoisson = 0.27 => 23: wall.young: -203000000000 is not a positive number; give
++ => [wall]\nyoung = 203e9\npoisson = 0.6 => 24: wall.poisson: 0.6 is no Poisson's ratio; give
++ => [wall]\nradius = 0.0\nyoung = 203e9\npoisson = 0.27 => 23: wall.radius: 0 is not a positive number; give a number above zero in m, such as 0.1; a flat wall has none
++ => [wall]\nrelaxation = -1.0\nyoung = 203e9\npoisson = 0.27 => 23: wall.relaxation: -1 is not zero or a positive
+
+mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is as heavy as its host, bead 8
++ => [[section]]\nbeads = [8]\nradius = 0.0075 => 19: intruder[1].mass: 0.0037 kg is as heavy as its host, bead 8
+[8] => [17] => 18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)
+[8] => 17 => 18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)
+[8] => [0] => 18: intruder[1].beads: bead 0 is not in the chain
+[8] => [8, 1000000000000] => 18: intruder[1].beads: bead 1000000000000 is not in the chain
+[8] => [] => 18: intruder[1].beads: names no bead; name at least one from 1 to 16, or leave the table out
+[8] => [8, 9, 8] => 18: intruder[1].beads: bead 8 is named twice; name each bead once
++ => [[intruder]]\nbeads = [7, 8]\nmass = 1e-3\nstiffness = 1e5\ndamping = 1 => 23: intruder[2].beads: bead 8 already holds intruder[1]; give
++ => [[section]]\nbeads = 3\nradius = 0.01\n[[section]]\nbeads = [4, 3] => 26: section[2].beads: bead 3 is already in section[1]; put
++ => [[section]]\nbeads = [3, 4]\nradius = -0.01 => 24: section[1].radius: -0.01 is not a positive number
+"#;
+
+/// The error for a scenario that must be refused.
+fn refusal(text: &str) -> String {
+    let error = Scenario::from_toml(text, "s.toml").expect_err(text).to_string();
+    assert!(!error.contains('\n'), "{error}");
+    error
+}
+
+#[test]
+fn a_scenario_that_cannot_be_used_is_refused_in_one_line() {
+    for row in REFUSED.lines().filter(|row| !row.is_empty()) {
+        let [old, new, start] = row.split(" => ").collect::<Vec<_>>()[..] else {
+            panic!("three parts: {row}");
+        };
+        // A key in quotes keeps its escapes.
+        let plain = |text: &str| {
+            if text.starts_with('"') {
+                text.to_owned()
+            } else {
+                text.replace("\\n", "\n")
+            }
+        };
+        let text = if old == "+" {
+            format!("{SOUND}{}\n", plain(new))
+        } else {
+            assert!(SOUND.contains(&plain(old)), "{row}");
+            SOUND.replacen(&plain(old), &plain(new), 1)
+        };
+        let error = refusal(&text);
+        let start = format!("s.toml:{start}");
+        assert!(error.starts_with(&start), "{error}\n{start}");
+    }
+}
+
+#[test]
+fn a_sound_scenario_is_read_and_written_back_the_same() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    assert_eq!(scenario, Scenario::paper());
+    assert_eq!(Scenario::from_toml(&scenario.to_toml(), "t.toml"), Ok(scenario));
+    // A number stands for a list of one bead.
+    let one = SOUND.replace("[8]", "8");
+    assert_eq!(Scenario::from_toml(&one, "s.toml"), Ok(Scenario::paper()));
+    let starts = format!("{SOUND}[[section]]\nbeads = 3\nradius = 0.01\n[[start]]\nbeads = 9\ngap = 1e-6\n");
+    let scenario = Scenario::from_toml(&starts, "s.toml").expect("sound");
+    assert_eq!(
+        (&scenario.sections[0].beads[..], &scenario.starts[0].beads[..]),
+        (&[3][..], &[9][..])
+    );
+}
+
+#[test]
+fn the_papers_strike_is_that_of_the_scenario_file() {
+    let text = include_str!("../../../../../docs/scenarios/paper-strike.toml");
+    let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
+    assert_eq!(scenario, Scenario::paper());
+}
+
+#[test]
+fn long_names_and_values_are_shown_by_their_beginning() {
+    let (name, long) = ("n".repeat(60), "n".repeat(100_000));
+    let known = "known here are title, duration, chain, striker, wall, intruder, section, start";
+    let error = refusal(&SOUND.replacen("title", &long, 1));
+    assert_eq!(error, format!("s.toml:1: {name}…: unknown key; {known}"));
+    let error = refusal(&SOUND.replacen("\"printed\"", &format!("{long:?}"), 1));
+    assert!(
+        error.starts_with("s.toml:10: chain.contact_force: `nnnn"),
+        "{error}"
+    );
+    assert!(
+        error.ends_with("…; give a value of that kind") && error.len() < 500,
+        "{error}"
+    );
+}
+
+/// Each key was once kept with the names of all tables around it: 279 kB took 2 GB.
+#[test]
+fn a_key_is_located_among_many_in_a_table_of_a_long_name() {
+    let long = "n".repeat(1000);
+    let many: String = (0..1000).map(|n| format!("k{n} = 1\n")).collect();
+    let error = refusal(&format!("{SOUND}[{long}]\n{many}"));
+    assert!(
+        error.starts_with("s.toml:22: nnn") && error.contains("…: unknown key"),
+        "{error}"
+    );
+    let behind = format!("{SOUND}[[intruder]]\nbeads = [9]\nmass = 1e-3\nstiffness = 1e5\ndamping = -1.0\n");
+    let error = refusal(&behind);
+    assert!(error.starts_with("s.toml:26: intruder[2].damping: "), "{error}");
+}
+
+#[test]
+fn no_number_of_a_scenario_passes_that_is_none_zero_or_negative() {
+    let sound = Scenario::from_toml(
+        &format!(
+            "{SOUND}[wall]\nyoung = 203e9\npoisson = 0.27\nradius = 0.1\nrelaxation = 0.0\n\
+             [[section]]\nbeads = [3]\nradius = 0.01\ndensity = 1e3\nyoung = 1e9\npoisson = 0.3\nrelaxation = 0.0\n"
+        ),
+        "s.toml",
+    )
+    .expect("sound");
+    type Set = fn(&mut Scenario, f64);
+    let positive: [(&str, Set); 16] = [
+        ("duration", |s, v| s.duration = v),
+        ("chain.radius", |s, v| s.chain.radius = v),
+        ("chain.density", |s, v| s.chain.density = v),
+        ("chain.young", |s, v| s.chain.young = v),
+        ("striker.radius", |s, v| s.striker.radius = v),
+        ("striker.density", |s, v| s.striker.density = v),
+        ("striker.young", |s, v| s.striker.young = v),
+        ("striker.velocity", |s, v| s.striker.velocity = v),
+        ("striker.mass", |s, v| s.striker.mass = Some(v)),
+        ("wall.young", |s, v| s.wall.as_mut().expect("sound").young = v),
+        ("wall.radius", |s, v| {
+            s.wall.as_mut().expect("sound").radius = Some(v)
+        }),
+        ("section[1].radius", |s, v| s.sections[0].radius = Some(v)),
+        ("section[1].density", |s, v| s.sections[0].density = Some(v)),
+        ("section[1].young", |s, v| s.sections[0].young = Some(v)),
+        ("intruder[1].mass", |s, v| s.intruders[0].mass = v),
+        ("intruder[1].stiffness", |s, v| s.intruders[0].stiffness = v),
+    ];
+    let not_negative: [(&str, Set); 6] = [
+        ("chain.relaxation", |s, v| s.chain.relaxation = v),
+        ("chain.precompression", |s, v| s.chain.precompression = v),
+        ("striker.relaxation", |s, v| s.striker.relaxation = Some(v)),
+        ("wall.relaxation", |s, v| {
+            s.wall.as_mut().expect("sound").relaxation = Some(v)
+        }),
+        ("section[1].relaxation", |s, v| s.sections[0].relaxation = Some(v)),
+        ("intruder[1].damping", |s, v| s.intruders[0].damping = v),
+    ];
+    let poisson: [(&str, Set); 4] = [
+        ("chain.poisson", |s, v| s.chain.poisson = v),
+        ("striker.poisson", |s, v| s.striker.poisson = v),
+        ("wall.poisson", |s, v| s.wall.as_mut().expect("sound").poisson = v),
+        ("section[1].poisson", |s, v| s.sections[0].poisson = Some(v)),
+    ];
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-3];
+    let refused = positive
+        .iter()
+        .flat_map(|entry| {
+            bad.into_iter()
+                .chain([0.0, -0.0])
+                .map(move |value| (entry, value))
+        })
+        .chain(
+            not_negative
+                .iter()
+                .flat_map(|entry| bad.map(move |value| (entry, value))),
+        )
+        .chain(poisson.iter().flat_map(|entry| {
+            [f64::NAN, f64::INFINITY, -1.0, -1.5, 0.500_000_1].map(move |value| (entry, value))
+        }));
+    let mut count = 0;
+    for ((key, set), value) in refused {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        let error = scenario.check().expect_err(key);
+        assert_eq!(error.key, *key, "{value}: {error}");
+        assert!(
+            !error.advice.is_empty() && !error.to_string().contains('\n'),
+            "{error}"
+        );
+        count += 1;
+    }
+    assert_eq!(count, 16 * 6 + 6 * 4 + 4 * 5);
+    let allowed = not_negative.iter().map(|entry| (entry, 0.0)).chain(
+        poisson
+            .iter()
+            .flat_map(|entry| [0.5, 0.0, -0.999].map(move |value| (entry, value))),
+    );
+    for ((key, set), value) in allowed {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        assert_eq!(scenario.check(), Ok(()), "{key} {value}");
+    }
+}
+
+#[test]
+fn an_intruder_exactly_as_heavy_as_its_host_is_refused() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let chain = &scenario.chain;
+    let host = 4.0 / 3.0 * std::f64::consts::PI * chain.radius.powi(3) * chain.density;
+    scenario.intruders[0].mass = host;
+    assert_eq!(
+        scenario.check().expect_err("no shell is left").key,
+        "intruder[1].mass"
+    );
+    scenario.intruders[0].mass = host * (1.0 - 1e-15);
+    assert_eq!(scenario.check(), Ok(()));
+}
+
+/// Lists as long as a chain can be are read through once, not once for each of their beads.
+#[test]
+fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.beads = 100_000;
+    let oscillator = scenario.intruders[0].oscillator();
+    let intruder = |beads: &mut dyn Iterator<Item = usize>| hertz_chain::Intruder::new(beads, oscillator);
+    let one_by_one = |bead: usize| intruder(&mut std::iter::once(bead));
+    scenario.intruders = (1..=50_000).map(one_by_one).collect();
+    scenario.intruders.push(intruder(&mut (50_001..=100_000)));
+    scenario.sections = (1..=100_000)
+        .map(|bead| {
+            let mut section = hertz_chain::Section::of([bead]);
+            section.radius = Some(0.02);
+            section
+        })
+        .collect();
+    let clock = std::time::Instant::now();
+    assert_eq!(scenario.check(), Ok(()));
+    scenario.intruders[50_000].beads = (0..3_000_000).map(|i| 50_001 + i % 50_000).collect();
+    assert_eq!(
+        scenario.check().expect_err("named twice").key,
+        "intruder[50001].beads"
+    );
+    // Some 5 ms; a list looked through for each of its beads would take minutes.
+    assert!(clock.elapsed().as_secs_f64() < 2.0, "{:?}", clock.elapsed());
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let error = Scenario::load("no/such/scenario.toml").expect_err("there is none");
+    assert!(
+        error
+            .to_string()
+            .starts_with("no/such/scenario.toml: cannot be read ("),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_scenario_built_in_code_is_checked_too() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.young = f64::NAN;
+    let error = simulate(&scenario).expect_err("NaN");
+    assert!(matches!(error, SimulateError::Input(_)));
+    assert!(
+        error
+            .to_string()
+            .starts_with("chain.young: NaN is not a positive number; give"),
+        "{error}"
+    );
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let options = Options::default().with_duration(-1.0);
+    let error = simulate_with(&scenario, &options).expect_err("negative");
+    let expected = "duration: -1 s cannot be simulated; give a number above zero";
+    assert_eq!(error.to_string(), expected);
+    let mut options = Options::default();
+    options.accuracy.tolerance = 1e-17;
+    let error = simulate_with(&scenario, &options).expect_err("below rounding");
+    assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
+}
+
+#[test]
+fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.duration = 1e4;
+    let error = simulate(&scenario).expect_err("hours");
+    assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
+    assert!(error.to_string().contains("the summary alone"), "{error}");
+}
+
+#[test]
+fn a_run_of_more_than_a_day_is_refused_before_it_starts() {
+    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let changes: [fn(&mut Scenario); 3] = [
+        |one| one.duration = 1e12,
+        |one| one.duration = 1e30,
+        |one| (one.chain.radius, one.striker.radius) = (1e-20, 1e-20),
+    ];
+    for change in changes {
+        let mut scenario = sound.clone();
+        scenario.intruders.clear();
+        change(&mut scenario);
+        let error = summarise(&scenario, &Options::default()).expect_err("years");
+        assert!(matches!(error, SimulateError::TooManySteps { .. }), "{error}");
+        assert_eq!(simulate(&scenario).expect_err("years"), error);
+        let text = error.to_string();
+        assert!(
+            text.starts_with("duration: ") && text.contains("more than a day"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
+    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let bead = sound.intruders[0].beads[0];
+    let change: [fn(&mut hertz_chain::Intruder); 2] = [|one| one.damping = 1e9, |one| one.mass = 1e-9];
+    for change in change {
+        let mut scenario = sound.clone();
+        change(&mut scenario.intruders[0]);
+        let kept = simulate(&scenario).expect_err("a damper of glass");
+        assert!(matches!(kept, SimulateError::TooStiff { .. }), "{kept}");
+        assert_eq!(summarise(&scenario, &Options::default()), Err(kept.clone()));
+        let text = kept.to_string();
+        assert!(text.starts_with(&format!("intruder in bead {bead}: ")), "{text}");
+        assert!(
+            text.contains(" steps, more than ") && text.contains("mass in kg"),
+            "{text}"
+        );
+    }
+    // A stiff one is slow, and no mistake.
+    let mut scenario = sound;
+    scenario.duration = 1e-6;
+    scenario.intruders[0].stiffness = 1e9;
+    assert!(simulate(&scenario).is_ok());
+}

@@ -1,0 +1,245 @@
+//! Axes of a sweep: values of one key, of several keys together, or of points that are drawn.
+
+use std::collections::HashSet;
+
+use toml::Value;
+
+use crate::draw::{Method, coordinate};
+use crate::key::Key;
+use bead_tables::{Cell, Kind};
+
+/// One direction of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Name of the column with its places, where several keys change along it.
+    pub name: Option<String>,
+    /// The keys that change along it.
+    pub along: Vec<Along>,
+    /// Number of its places.
+    pub count: u64,
+}
+
+/// A key and its values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Along {
+    /// The key.
+    pub key: Key,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Values by place.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// `from + place * step`.
+    Range {
+        /// First value.
+        from: f64,
+        /// Step from one to the next.
+        step: f64,
+    },
+    /// Equal steps.
+    Linear {
+        /// First value.
+        from: f64,
+        /// Last value.
+        to: f64,
+        /// Number of values.
+        count: u64,
+    },
+    /// Equal factors.
+    Log {
+        /// First value.
+        from: f64,
+        /// Last value.
+        to: f64,
+        /// Number of values.
+        count: u64,
+    },
+    /// Listed values.
+    List {
+        /// The values.
+        values: Vec<Value>,
+        /// True if all of them are numbers.
+        numeric: bool,
+    },
+    /// Drawn between two values, evenly or in the logarithm.
+    Drawn {
+        /// Method.
+        method: Method,
+        /// Seed of the whole axis.
+        seed: u64,
+        /// Dimension of the key, from 0.
+        dimension: usize,
+        /// Number of keys that are drawn together.
+        dimensions: usize,
+        /// Least value.
+        from: f64,
+        /// Greatest value; of beads the next one, since drawn values are cut.
+        to: f64,
+        /// True if drawn evenly in the logarithm.
+        log: bool,
+    },
+}
+
+impl Values {
+    /// Listed values.
+    pub fn list(values: Vec<Value>) -> Self {
+        let numeric = values.iter().all(|value| value.is_integer() || value.is_float());
+        Self::List { values, numeric }
+    }
+
+    /// The value at a place; `None` for a list.
+    pub fn number(&self, place: u64) -> Option<f64> {
+        let at = |part: f64, from: f64, to: f64, log: bool| {
+            if log {
+                from * (to / from).powf(part)
+            } else {
+                from + part * (to - from)
+            }
+        };
+        Some(match *self {
+            Self::Range { from, step } => from + place as f64 * step,
+            // The ends are exact.
+            Self::Linear { from, count, .. } | Self::Log { from, count, .. } if place == 0 || count < 2 => {
+                from
+            }
+            Self::Linear { to, count, .. } | Self::Log { to, count, .. } if place + 1 == count => to,
+            Self::Linear { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, false),
+            Self::Log { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, true),
+            Self::List { .. } => return None,
+            Self::Drawn {
+                method,
+                seed,
+                dimension,
+                dimensions,
+                from,
+                to,
+                log,
+            } => at(
+                coordinate(method, seed, place, dimension, dimensions),
+                from,
+                to,
+                log,
+            ),
+        })
+    }
+}
+
+impl Along {
+    /// The value at a place of the axis.
+    pub fn value(&self, place: u64) -> Value {
+        let value = match &self.values {
+            Values::List { values, .. } => values[place as usize].clone(),
+            other => Value::Float(other.number(place).expect("only lists hold anything but numbers")),
+        };
+        match value {
+            // Numbers of beads are whole but for rounding, and drawn ones are cut.
+            Value::Float(number) if self.key.of_beads() => Value::Integer(match self.values {
+                Values::Drawn { to, .. } => number.floor().min(to - 1.0),
+                _ => number.round(),
+            } as i64),
+            Value::Integer(number) if !self.key.of_beads() => Value::Float(number as f64),
+            other => other,
+        }
+    }
+
+    /// Kind of its column.
+    pub fn kind(&self) -> Kind {
+        match self.values {
+            Values::List { numeric: false, .. } => Kind::Text,
+            _ if self.key.of_beads() => Kind::Whole,
+            _ => Kind::Number,
+        }
+    }
+
+    /// The value at a place as a cell of its column.
+    pub fn cell(&self, place: u64) -> Cell {
+        let value = self.value(place);
+        match (self.kind(), &value) {
+            (Kind::Text, _) => Cell::Text(shown(&value).into()),
+            (Kind::Number, Value::Float(number)) => Cell::Number(*number),
+            (_, Value::Integer(number)) => Cell::Whole(*number),
+            _ => Cell::Null,
+        }
+    }
+
+    /// A value that the list has twice, which a cube has no place for.
+    pub fn twice(&self) -> Option<String> {
+        let Values::List { values, .. } = &self.values else {
+            return None;
+        };
+        let mut seen = HashSet::new();
+        let shown = (0..values.len()).map(|place| shown(&self.value(place as u64)));
+        shown.into_iter().find(|value| !seen.insert(value.clone()))
+    }
+}
+
+/// The text of a value: a list of beads with blanks between them.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(shown).collect::<Vec<_>>().join(" "),
+        other => other.to_string(),
+    }
+}
+
+impl Axis {
+    /// Name of the column that is the axis of a cube.
+    pub fn index(&self) -> String {
+        self.name.clone().unwrap_or_else(|| self.along[0].key.column())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn along(key: &str, values: Values) -> Along {
+        Along {
+            key: Key::parse(key).unwrap(),
+            values,
+        }
+    }
+
+    #[test]
+    fn the_ends_of_a_space_are_exact() {
+        for log in [false, true] {
+            let (from, to, count) = (0.1, 0.7, 7);
+            let values = if log {
+                Values::Log { from, to, count }
+            } else {
+                Values::Linear { from, to, count }
+            };
+            let axis = along("striker.velocity", values);
+            assert_eq!(axis.value(0), Value::Float(0.1));
+            assert_eq!(axis.value(6), Value::Float(0.7));
+            let middle = if log { 0.07_f64.sqrt() } else { 0.4 };
+            assert!((axis.value(3).as_float().unwrap() - middle).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn beads_are_whole_and_lists_of_them_are_text() {
+        let beads = along("intruder.1.beads", Values::Range { from: 1.0, step: 1.0 });
+        assert_eq!((beads.value(6), beads.kind()), (Value::Integer(7), Kind::Whole));
+        let lists = vec![Value::Integer(7), Value::Array(vec![7.into(), 8.into()])];
+        let lists = along("intruder.1.beads", Values::list(lists));
+        assert_eq!(
+            (lists.kind(), lists.cell(1)),
+            (Kind::Text, Cell::Text("7 8".into()))
+        );
+    }
+
+    #[test]
+    fn a_value_that_comes_twice_is_found() {
+        let list = |values: &[f64]| {
+            along(
+                "duration",
+                Values::list(values.iter().map(|v| (*v).into()).collect()),
+            )
+        };
+        assert_eq!(list(&[1.0, 2.0, 1.0]).twice(), Some("1.0".to_owned()));
+        assert_eq!(list(&[1.0, 2.0]).twice(), None);
+    }
+}

@@ -1,0 +1,382 @@
+//! `[[axis]]` tables of a sweep's file, and the axes that they describe.
+
+use std::ops::RangeInclusive;
+
+use hertz_chain::{InputError, MOST_BEADS};
+use serde::Deserialize;
+use toml::Value;
+
+use crate::axis::{Along, Axis, Values};
+use crate::draw::Method;
+use crate::key::Key;
+
+/// Places of an axis at most.
+const MOST_PLACES: u64 = 1_000_000_000_000;
+const GIVE_VALUES: &str = "give one of values = […], range = [first, last, step], linspace = [first, last, how many], logspace = […]";
+
+/// An `[[axis]]`, or an entry of its `zip` or `over`, as the file has it.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct AxisTable {
+    name: Option<String>,
+    key: Option<String>,
+    values: Option<Vec<Value>>,
+    range: Option<[f64; 3]>,
+    linspace: Option<[f64; 3]>,
+    logspace: Option<[f64; 3]>,
+    uniform: Option<[f64; 2]>,
+    loguniform: Option<[f64; 2]>,
+    random: Option<u64>,
+    quasirandom: Option<u64>,
+    seed: Option<u64>,
+    zip: Option<Vec<AxisTable>>,
+    over: Option<Vec<AxisTable>>,
+}
+
+/// The points of an axis as a file describes them.
+enum Description<'a> {
+    /// Values of one key.
+    Key(Spacing<'a>),
+    /// Values of keys that change together.
+    Zip(&'a [AxisTable]),
+    /// A number of points that are drawn.
+    Drawn(Method, u64),
+}
+
+/// The values of one key as a file describes them.
+enum Spacing<'a> {
+    List(&'a [Value]),
+    Range([f64; 3]),
+    Linear([f64; 3]),
+    Log([f64; 3]),
+    Uniform([f64; 2]),
+    LogUniform([f64; 2]),
+}
+
+fn refused<T>(at: &str, what: impl Into<String>, advice: impl Into<String>) -> Result<T, InputError> {
+    Err(InputError::at(at, what, advice))
+}
+
+impl AxisTable {
+    /// The axis of the table, which messages call `at`.
+    ///
+    /// # Errors
+    /// A key or a value is not one of a sweep; [`InputError`] without file and line.
+    pub(super) fn axis(&self, at: &str) -> Result<Axis, InputError> {
+        let description = self.description(at)?;
+        let (default_name, along, count) = match description {
+            Description::Key(spacing) => {
+                if self.name.is_some() {
+                    return refused(at, "an axis of one key is named by it", "leave the name out");
+                }
+                let (along, count) = self.along(at, &spacing)?;
+                if let Some(value) = along.twice() {
+                    return refused(
+                        at,
+                        format!("the value {value} is there twice"),
+                        "give each value once",
+                    );
+                }
+                let along = vec![along];
+                return Ok(Axis {
+                    name: None,
+                    along,
+                    count,
+                });
+            }
+            Description::Zip(tables) => {
+                let (along, count) = zipped(at, tables)?;
+                ("zip", along, count)
+            }
+            Description::Drawn(method, count) => ("sample", self.drawn(at, method, count)?, count),
+        };
+        let name = self.name.as_deref().unwrap_or(default_name);
+        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
+            let advice = "letters, digits and _ will do";
+            return refused(&format!("{at}.name"), "it is no name of a column", advice);
+        }
+        let name = Some(name.to_owned());
+        Ok(Axis { name, along, count })
+    }
+
+    fn description(&self, at: &str) -> Result<Description<'_>, InputError> {
+        let spacing = self.spacing();
+        let is_key = spacing.len() == 1 || self.key.is_some();
+        let of_key = || match <[_; 1]>::try_from(spacing) {
+            Ok([spacing]) => Ok(Description::Key(spacing)),
+            Err(_) => refused(
+                at,
+                format!("{} needs its values, once", self.key.as_deref().unwrap_or("it")),
+                GIVE_VALUES,
+            ),
+        };
+        let is_drawn = self.random.is_some() || self.quasirandom.is_some();
+        if !is_drawn && (self.over.is_some() || self.seed.is_some()) {
+            let advice = "give how many points to draw";
+            return refused(at, "over and seed belong to random or quasirandom", advice);
+        }
+        match (is_key, &self.zip, self.random, self.quasirandom) {
+            (true, None, None, None) => of_key(),
+            (false, Some(tables), None, None) => Ok(Description::Zip(tables)),
+            (false, None, Some(count), None) => Ok(Description::Drawn(Method::Random, count)),
+            (false, None, None, Some(count)) => Ok(Description::Drawn(Method::Quasirandom, count)),
+            _ => refused(
+                at,
+                "it must have either a key with its values, or zip, or random, or quasirandom",
+                "give one of them",
+            ),
+        }
+    }
+
+    /// All spacings that are given, of which one is right.
+    fn spacing(&self) -> Vec<Spacing<'_>> {
+        let given = [
+            self.values.as_deref().map(Spacing::List),
+            self.range.map(Spacing::Range),
+            self.linspace.map(Spacing::Linear),
+            self.logspace.map(Spacing::Log),
+            self.uniform.map(Spacing::Uniform),
+            self.loguniform.map(Spacing::LogUniform),
+        ];
+        given.into_iter().flatten().collect()
+    }
+
+    /// The keys of the scenario that change along the axis.
+    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
+        let inner = self.zip.iter().chain(&self.over).flatten();
+        self.key
+            .as_deref()
+            .into_iter()
+            .chain(inner.filter_map(|table| table.key.as_deref()))
+    }
+
+    fn key(&self, at: &str) -> Result<Key, InputError> {
+        let Some(key) = &self.key else {
+            return refused(
+                at,
+                "it has values and no key",
+                "give a key such as striker.velocity",
+            );
+        };
+        Key::parse(key).map_err(|error| InputError {
+            key: format!("{at}.key"),
+            ..error
+        })
+    }
+
+    /// The values of the key, and their number.
+    fn along(&self, at: &str, spacing: &Spacing<'_>) -> Result<(Along, u64), InputError> {
+        let key = self.key(at)?;
+        let (values, count) = match *spacing {
+            Spacing::List(list) => {
+                let at = format!("{at}.values");
+                let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
+                if list.is_empty() {
+                    return refused(&at, "it is empty", "give a value at least");
+                }
+                check_range(&at, &numbers)?;
+                check_list(&at, &key, list)?;
+                let values = Values::list(list.to_vec());
+                return Ok((Along { key, values }, list.len() as u64));
+            }
+            Spacing::Range(range) => steps(&format!("{at}.range"), range)?,
+            Spacing::Linear([from, to, count]) => {
+                let count = check_ends(&format!("{at}.linspace"), [from, to], count)?;
+                (Values::Linear { from, to, count }, count)
+            }
+            Spacing::Log([from, to, count]) => {
+                let at = format!("{at}.logspace");
+                let positive = from > 0.0 && to > 0.0;
+                if !positive && check_range(&at, &[from, to]).is_ok() {
+                    let what = format!("from {from} to {to} has no equal factors");
+                    return refused(&at, what, "give ends above 0, or linspace");
+                }
+                let count = check_ends(&at, [from, to], count)?;
+                (Values::Log { from, to, count }, count)
+            }
+            Spacing::Uniform(_) | Spacing::LogUniform(_) => {
+                let what = format!("{key} has bounds, and draws no points between them");
+                return refused(at, what, GIVE_VALUES);
+            }
+        };
+        if key.of_beads() {
+            check_spaced_beads(at, &key, &values, count)?;
+        }
+        Ok((Along { key, values }, count))
+    }
+
+    /// The keys of points that are drawn.
+    fn drawn(&self, at: &str, method: Method, count: u64) -> Result<Vec<Along>, InputError> {
+        check_count(at, count as f64)?;
+        let tables = self.over.as_deref().unwrap_or_default();
+        if tables.is_empty() {
+            let advice = "write over = [{ key = \"striker.velocity\", uniform = [0.2, 1.5] }]";
+            return refused(at, "it draws points over no key", advice);
+        }
+        let mut all = Vec::new();
+        for (dimension, table) in tables.iter().enumerate() {
+            let at = format!("{at}.over[{}]", dimension + 1);
+            let key = table.key(&at)?;
+            let ([from, to], log) = match table.spacing()[..] {
+                [Spacing::Uniform(bounds)] => (bounds, false),
+                [Spacing::LogUniform(bounds)] => (bounds, true),
+                _ => {
+                    let advice = "give one of uniform = [least, greatest] and loguniform = [least, greatest]";
+                    return refused(&at, "it must have bounds", advice);
+                }
+            };
+            check_range(&at, &[from, to])?;
+            if key.of_beads() {
+                check_beads(&at, &key, [from, to])?;
+            }
+            if from > to || (log && from <= 0.0) {
+                let what = format!("from {from} to {to} there is nothing to draw from");
+                return refused(&at, what, "give the least first; above 0 for loguniform");
+            }
+            let values = Values::Drawn {
+                method,
+                seed: self.seed.unwrap_or(0),
+                dimension,
+                dimensions: tables.len(),
+                from,
+                to: to + f64::from(u8::from(key.of_beads())),
+                log,
+            };
+            all.push(Along { key, values });
+        }
+        Ok(all)
+    }
+}
+
+/// The values of keys that change together, and their number.
+fn zipped(at: &str, tables: &[AxisTable]) -> Result<(Vec<Along>, u64), InputError> {
+    let (mut all, mut first) = (Vec::new(), None);
+    for (table, number) in tables.iter().zip(1..) {
+        let at = format!("{at}.zip[{number}]");
+        let Ok([spacing]) = <[_; 1]>::try_from(table.spacing()) else {
+            let what = format!("{} needs its values, once", table.key(&at)?);
+            return refused(&at, what, GIVE_VALUES);
+        };
+        let (along, count) = table.along(&at, &spacing)?;
+        let first = *first.get_or_insert(count);
+        if count != first {
+            let what = format!("{count} values, and {first} for the key before it");
+            return refused(&at, what, "keys that go together need equally many");
+        }
+        all.push(along);
+    }
+    match first {
+        Some(count) => Ok((all, count)),
+        None => refused(&format!("{at}.zip"), "it has no key", GIVE_VALUES),
+    }
+}
+
+/// Equal steps from the first value to the last.
+fn steps(at: &str, [from, to, step]: [f64; 3]) -> Result<(Values, u64), InputError> {
+    check_range(at, &[from, to, step])?;
+    let steps = (to - from) / step;
+    if step == 0.0 || steps < 0.0 {
+        let what = format!("the range from {from} to {to} in steps of {step} is empty");
+        return refused(at, what, "write [first, last, step], such as [0.1, 1.5, 0.1]");
+    }
+    // A last value that rounding has moved belongs to the range.
+    let count = check_count(at, (steps * (1.0 + 1e-12) + 1e-9).floor() + 1.0)?;
+    Ok((Values::Range { from, step }, count))
+}
+
+/// Checks both ends and the number of values between them.
+fn check_ends(at: &str, [from, to]: [f64; 2], count: f64) -> Result<u64, InputError> {
+    check_range(at, &[from, to])?;
+    let count = check_count(at, count)?;
+    if count > 1 && from == to {
+        let what = format!("{count} values from {from} to {to} are all the same");
+        return refused(at, what, "give two ends");
+    }
+    Ok(count)
+}
+
+/// Sizes that a scenario takes. Differences and ratios of two such values are finite.
+const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
+
+fn check_range(at: &str, numbers: &[f64]) -> Result<(), InputError> {
+    let is_wrong = |number: &&f64| **number != 0.0 && !SIZES.contains(&number.abs());
+    match numbers.iter().find(is_wrong) {
+        Some(number) => {
+            let what = format!("{number:e} is out of range");
+            refused(at, what, "give 0, or a size from 1e-30 to 1e30")
+        }
+        None => Ok(()),
+    }
+}
+
+/// Checks a number of values, which a file may give among other numbers.
+fn check_count(at: &str, count: f64) -> Result<u64, InputError> {
+    if count >= 1.0 && count.fract() == 0.0 && count <= MOST_PLACES as f64 {
+        return Ok(count as u64);
+    }
+    let what = if count < 1.0 {
+        "it is empty".to_owned()
+    } else {
+        format!("{count} is no number of values")
+    };
+    refused(at, what, format!("give a whole number from 1 to {MOST_PLACES}"))
+}
+
+/// Checks numbers of beads: whole, but for the rounding of equal steps and factors.
+fn check_beads(at: &str, key: &Key, numbers: impl IntoIterator<Item = f64>) -> Result<(), InputError> {
+    let is_bead = |number: f64| {
+        (1.0..=MOST_BEADS as f64).contains(&number.round())
+            && (number - number.round()).abs() < 1e-9 * number.abs()
+    };
+    match numbers.into_iter().find(|number| !is_bead(*number)) {
+        Some(number) => {
+            let what = format!("{key}: {number} is no number of a bead");
+            refused(at, what, format!("give whole numbers from 1 to {MOST_BEADS}"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn check_spaced_beads(at: &str, key: &Key, values: &Values, count: u64) -> Result<(), InputError> {
+    let number = |place: u64| values.number(place).unwrap_or(f64::NAN);
+    let (first, last) = (number(0), number(count - 1));
+    check_beads(at, key, [first, last])?;
+    if (last - first).abs() + 1.5 < count as f64 {
+        let what = format!("{key}: {count} values from {first} to {last} cannot all be beads");
+        return refused(at, what, "give fewer values");
+    }
+    check_beads(at, key, (0..count).map(number))
+}
+
+/// Checks the kinds of listed values: numbers or texts, and of beads lists of numbers too.
+fn check_list(at: &str, key: &Key, list: &[Value]) -> Result<(), InputError> {
+    let number = |value: &Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
+    let wrong = |what: &str, advice: &str| refused(at, format!("{key}: {what}"), advice);
+    if !key.of_beads() {
+        let is_number = |value: &Value| number(value).is_some();
+        if list.iter().any(|value| is_number(value) != is_number(&list[0])) {
+            return wrong(
+                "some values are numbers and some are not",
+                "give one kind of them",
+            );
+        }
+        return Ok(());
+    }
+    for value in list {
+        match (value, number(value)) {
+            (Value::Array(items), _) => {
+                let wholes: Option<Vec<i64>> = items.iter().map(Value::as_integer).collect();
+                let Some(wholes) = wholes else {
+                    return wrong(
+                        "a list has more than whole numbers",
+                        "name beads by their numbers",
+                    );
+                };
+                check_beads(at, key, wholes.into_iter().map(|whole| whole as f64))?;
+            }
+            (_, Some(number)) => check_beads(at, key, [number])?,
+            _ => return wrong("a value is no number", "give numbers of beads, or lists of them"),
+        }
+    }
+    Ok(())
+}

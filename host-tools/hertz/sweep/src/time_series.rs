@@ -1,0 +1,278 @@
+//! A simulation as a table: a row for each time, a column for each quantity.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use hertz_chain::{Model, Options, Run, Scenario, SimulateError, Snapshot, Snapshots, Summariser, Summary};
+
+use bead_tables::whole::{STANDARD_OUTPUT, Target, WriteError};
+use bead_tables::{Cell, Column, Kind, Writer};
+
+/// A time series was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum TimeSeriesError {
+    /// The rate gives no second row, or too many.
+    #[error("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6")]
+    Rate {
+        /// Rows a second, Hz.
+        rate_hz: f64,
+        /// Rows in all.
+        rows: f64,
+        /// End of the simulation, s.
+        end: f64,
+    },
+    /// The scenario cannot be run.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// The form of a file with a time series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Parquet, with the scenario's title, the scenario (JSON) and the rate as notes.
+    Parquet,
+    /// Comma-separated values.
+    Csv,
+}
+
+impl Form {
+    /// The form that the ending of a name stands for: `.parquet` or `.csv`. Standard output gets Parquet.
+    pub fn of(path: &Path) -> Option<Self> {
+        if path == Path::new(STANDARD_OUTPUT) {
+            return Some(Self::Parquet);
+        }
+        match path
+            .extension()
+            .and_then(OsStr::to_str)?
+            .to_ascii_lowercase()
+            .as_str()
+        {
+            "parquet" => Some(Self::Parquet),
+            "csv" => Some(Self::Csv),
+            _ => None,
+        }
+    }
+}
+
+/// A quantity: the name of its column, and its value at a time.
+type Series = (String, Box<dyn Fn(&Snapshot<'_>) -> f64>);
+
+fn series(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> Series {
+    (name.into(), Box::new(value))
+}
+
+fn all_series(model: &Model) -> Vec<Series> {
+    let mut all = vec![series("time_s", |s| s.time())];
+    for contact in 1..=model.contacts() {
+        let name = format!("contact_{contact}_force_n");
+        all.push(series(name, move |s| s.force(contact)));
+    }
+    for body in 0..model.bodies() {
+        let name = |quantity: &str| format!("body_{body}_{quantity}");
+        all.extend([
+            series(name("displacement_m"), move |s| s.displacement(body)),
+            series(name("velocity_mps"), move |s| s.velocity(body)),
+        ]);
+    }
+    for bead in model.intruders().iter().map(|intruder| intruder.bead) {
+        let mut add = |quantity: &str, value: fn(&Snapshot<'_>, usize) -> Option<f64>| {
+            let name = format!("bead_{bead}_intruder_{quantity}");
+            all.push(series(name, move |s| value(s, bead).unwrap_or(f64::NAN)));
+        };
+        add("displacement_m", |s, bead| s.intruder_displacement(bead));
+        add("acceleration_mps2", |s, bead| s.intruder_acceleration(bead));
+        add("dissipated_j", |s, bead| s.intruder_dissipated(bead));
+    }
+    all.extend([
+        series("striker_energy_j", |s| s.energies().striker),
+        series("chain_energy_j", |s| s.energies().chain),
+        series("intruders_energy_j", |s| s.energies().intruders),
+    ]);
+    all
+}
+
+/// The table of a run.
+struct Table<'a> {
+    writer: Writer<'a>,
+    series: Vec<Series>,
+}
+
+impl<'a> Table<'a> {
+    fn new(
+        file: &'a mut File,
+        form: Form,
+        scenario: &Scenario,
+        model: &Model,
+        rate_hz: f64,
+    ) -> anyhow::Result<Self> {
+        let series = all_series(model);
+        let columns = series.iter().map(|(name, _)| Column::new(name, Kind::Number));
+        let columns: Vec<_> = columns.collect();
+        let writer = match form {
+            Form::Parquet => {
+                let (rate, scenario_json) = (rate_hz.to_string(), serde_json::to_string(scenario)?);
+                let notes = [
+                    ("title", scenario.title.as_str()),
+                    ("scenario", &scenario_json),
+                    ("rate_hz", &rate),
+                ];
+                Writer::parquet(file, "time_series", &columns, &notes)?
+            }
+            Form::Csv => Writer::csv(file, &columns)?,
+        };
+        Ok(Self { writer, series })
+    }
+
+    fn push(&mut self, snapshot: &Snapshot<'_>) -> anyhow::Result<()> {
+        let cells = self.series.iter().map(|(_, value)| Cell::Number(value(snapshot)));
+        self.writer.push(cells.collect())
+    }
+}
+
+/// Runs a scenario, writes `rate_hz` rows a second from time 0 on, and returns the summary. Only some rows
+/// are held in memory, so the chain may have any length.
+///
+/// # Errors
+/// The rate is no positive number or gives no second row, the scenario cannot be run, or the file cannot be
+/// written.
+pub fn write(
+    scenario: &Scenario,
+    options: &Options<'_>,
+    rate_hz: f64,
+    form: Form,
+    target: &Target,
+) -> Result<Summary, TimeSeriesError> {
+    let (clock, end) = (Instant::now(), scenario.duration);
+    let rows = end * rate_hz;
+    if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
+        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
+    }
+    let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
+    let mut summariser = Summariser::new(&mut run);
+    let mut snapshots = Snapshots::new(&mut run, rate_hz, end);
+    let mut ran = Ok(ControlFlow::Continue(()));
+    target
+        .write(|file| {
+            let mut table = Table::new(file, form, scenario, run.model(), rate_hz)?;
+            ran = run.watch_while(end, |step| {
+                summariser.observe(step);
+                if step.number().is_multiple_of(64) {
+                    options
+                        .progress
+                        .iter()
+                        .for_each(|progress| progress(step.to() / end));
+                }
+                let mut written = Ok(());
+                snapshots.observe(step, |snapshot| {
+                    if written.is_ok() {
+                        written = table.push(snapshot);
+                    }
+                });
+                written.map_or_else(ControlFlow::Break, ControlFlow::Continue)
+            });
+            match &mut ran {
+                Ok(ControlFlow::Continue(())) => table.writer.finish(),
+                Ok(ControlFlow::Break(error)) => Err(std::mem::replace(
+                    error,
+                    anyhow::anyhow!("the error has been reported"),
+                )),
+                // The file is dropped, and the error of the run is returned below.
+                Err(_) => anyhow::bail!("the run has not ended"),
+            }
+        })
+        .map_err(|error| match ran {
+            Err(error) => TimeSeriesError::Simulate(error),
+            Ok(_) => error.into(),
+        })?;
+    let mut summary = summariser.summary(&mut run);
+    summary.solver.seconds = clock.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_tables::Reader;
+
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        let mut scenario = Scenario::paper();
+        scenario.duration = 1e-3;
+        scenario
+    }
+
+    #[test]
+    fn both_forms_hold_the_solution_bit_for_bit() {
+        let scenario = short_scenario();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        for (name, form) in [("strike.parquet", Form::Parquet), ("strike.csv", Form::Csv)] {
+            assert_eq!(Form::of(Path::new(name)), Some(form));
+            let target = Target::new(at(name));
+            let summary = write(&scenario, &Options::default(), 1e5, form, &target).unwrap();
+            assert_eq!(summary.final_state, solution.summary().final_state);
+        }
+        let reader = Reader::open(&at("strike.parquet")).unwrap();
+        assert_eq!((reader.rows(), reader.note("rate_hz")), (101, Some("100000")));
+        let names: Vec<_> = reader
+            .columns()
+            .iter()
+            .map(|column| column.name.clone())
+            .collect();
+        let csv = std::fs::read_to_string(at("strike.csv")).unwrap();
+        let mut lines = csv.lines();
+        assert_eq!(lines.next().unwrap(), names.join(","));
+        let mut rows = 0;
+        for row in reader.all_batches().flat_map(|batch| batch.unwrap().into_rows()) {
+            let time = f64::from(rows) / 1e5;
+            let snapshot = solution.at(time.min(solution.end()));
+            let mut texts = lines.next().unwrap().split(',');
+            for (name, cell) in names.iter().zip(row) {
+                assert_eq!(
+                    cell,
+                    Cell::Number(texts.next().unwrap().parse().unwrap()),
+                    "{name}"
+                );
+                let expected = match name.as_str() {
+                    "time_s" => snapshot.time(),
+                    "contact_1_force_n" => snapshot.force(1),
+                    "body_0_velocity_mps" => snapshot.velocity(0),
+                    "chain_energy_j" => snapshot.energies().chain,
+                    _ => continue,
+                };
+                assert_eq!(cell, Cell::Number(expected), "{name} in row {rows}");
+            }
+            rows += 1;
+        }
+        assert_eq!((rows, lines.next()), (101, None));
+    }
+
+    #[test]
+    fn a_long_chain_is_written_while_it_runs() {
+        let mut scenario = Scenario::paper();
+        (scenario.chain.beads, scenario.chain.relaxation, scenario.duration) = (2000, 0.0, 0.4);
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("long.parquet");
+        let draft = Options::with(hertz_chain::Accuracy::DRAFT);
+        write(&scenario, &draft, 10.0, Form::Parquet, &Target::new(&path)).unwrap();
+        assert_eq!(Reader::open(&path).unwrap().rows(), 5);
+    }
+
+    #[test]
+    fn a_rate_without_rows_is_refused() {
+        let scenario = short_scenario();
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
+            let target = Target::new("never.parquet");
+            let error = write(&scenario, &Options::default(), rate, Form::Parquet, &target).unwrap_err();
+            assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! What a chart of a sweep shows: its axes, and the points that it takes.
+
+use hertz_charts::FAMILY;
+
+use crate::axis::Axis;
+use crate::column::Column;
+use crate::plan::Plan;
+use crate::side::{self, Cells};
+use bead_tables::printable::first_of;
+use bead_tables::{Cell, Kind};
+
+/// The options of a chart; those that are left out follow from the sweep.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct View {
+    /// Column of the horizontal axis.
+    pub x: Option<String>,
+    /// Column of the vertical axis.
+    pub y: Option<String>,
+    /// Column of a map's colours; empty for the first result.
+    pub map: Option<String>,
+    /// Column whose values have a curve each.
+    pub by: Option<String>,
+    /// `COLUMN=VALUE`: only points with this value.
+    pub at: Vec<String>,
+}
+
+/// The layout of a chart.
+pub(super) struct Layout {
+    pub(super) x: Column,
+    pub(super) form: Form,
+    pub(super) at: Vec<Place>,
+}
+
+/// Curves of a result, or a map of a result.
+pub(super) enum Form {
+    Curves { y: String, by: Option<Column> },
+    Map { y: Column, value: String },
+}
+
+/// A place on an axis, chosen by --at.
+pub(super) struct Place {
+    pub(super) axis: usize,
+    pub(super) place: u64,
+    /// Its value, for people.
+    pub(super) label: String,
+}
+
+/// Curves at most: more cannot be told apart.
+const MOST_CURVES: u64 = 4 * FAMILY as u64;
+/// Cells of a map at most.
+const MOST_CELLS: u64 = 250_000;
+/// Points of curves at most.
+pub(super) const MOST_POINTS: usize = 1_000_000;
+/// Places of an axis at most.
+const MOST_PLACES: u64 = 10_000_000;
+/// Names of a list in a message at most.
+const NAMES: usize = 20;
+
+const NO_MAP: &str = "a map needs two axes of the sweep with two values each; draw a curve";
+
+impl View {
+    /// Checks that the view fits a sweep.
+    ///
+    /// # Errors
+    /// A column is unknown or missing, or the chart would be too large.
+    pub fn check(&self, plan: &Plan) -> Result<(), String> {
+        self.layout(plan).map(drop)
+    }
+
+    /// The layout of a sweep's chart.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub(super) fn layout(&self, plan: &Plan) -> Result<Layout, String> {
+        let mut axes = OpenAxes::new(self, plan)?;
+        let is_map = self.is_map(plan, &axes);
+        let x = axes.take(self.x.as_deref(), "--x", is_map)?;
+        let form = if is_map {
+            self.map_form(plan, &mut axes, &x)?
+        } else {
+            self.curves_form(plan, &mut axes, &x)?
+        };
+        axes.check_none_left()?;
+        let layout = Layout { x, form, at: axes.at };
+        layout.check_size(plan)?;
+        Ok(layout)
+    }
+
+    fn is_map(&self, plan: &Plan, axes: &OpenAxes<'_>) -> bool {
+        match (&self.map, &self.y) {
+            (Some(_), _) => true,
+            (None, Some(y)) => Column::find(plan, y).is_some(),
+            (None, None) => self.by.is_none() && self.x.is_none() && axes.open.len() == 2,
+        }
+    }
+
+    fn map_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &Column) -> Result<Form, String> {
+        axes.needs_two = true;
+        let y = axes.take(self.y.as_deref(), "--y", false)?;
+        if y.axis == x.axis {
+            return Err("a map needs two axes of the sweep, and --x and --y are of one".to_owned());
+        }
+        let value = self.map.as_deref().filter(|name| !name.is_empty());
+        let value = result(plan, value)?;
+        Ok(Form::Map { y, value })
+    }
+
+    fn curves_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &Column) -> Result<Form, String> {
+        let by = self.by.as_deref().map(|by| axes.take(Some(by), "--by", false));
+        let by = by.transpose()?;
+        if by.as_ref().is_some_and(|by| by.axis == x.axis) {
+            return Err("--x and --by are of one axis; give two".to_owned());
+        }
+        let y = result(plan, self.y.as_deref())?;
+        Ok(Form::Curves { y, by })
+    }
+}
+
+/// The result of this name, or the first.
+fn result(plan: &Plan, name: Option<&str>) -> Result<String, String> {
+    let results = plan.definition().outputs.columns();
+    let mut results = results.iter().map(|column| column.name.clone());
+    let Some(name) = name else {
+        return results
+            .next()
+            .ok_or_else(|| "the sweep keeps no result".to_owned());
+    };
+    if results.clone().any(|result| result == name) {
+        return Ok(name.to_owned());
+    }
+    Err(format!(
+        "{name} is no result of this sweep; there are {}",
+        first_of(results, NAMES)
+    ))
+}
+
+/// The axes with several places that no option has used yet.
+struct OpenAxes<'a> {
+    plan: &'a Plan,
+    open: Vec<usize>,
+    /// Number of axes with several places.
+    several: usize,
+    at: Vec<Place>,
+    needs_two: bool,
+}
+
+impl<'a> OpenAxes<'a> {
+    fn new(view: &View, plan: &'a Plan) -> Result<Self, String> {
+        if let Some(long) = plan.axes().iter().find(|axis| axis.count > MOST_PLACES) {
+            let (name, count) = (long.index(), long.count);
+            return Err(format!(
+                "axis {name} has {count} places, and {MOST_PLACES} are the most that a picture is made of"
+            ));
+        }
+        let mut at: Vec<Place> = Vec::new();
+        for text in &view.at {
+            let place = Place::parse(plan, text)?;
+            if at.iter().any(|other| other.axis == place.axis) {
+                return Err(format!(
+                    "--at {text}: another --at has chosen a place of that axis; leave out one of them"
+                ));
+            }
+            at.push(place);
+        }
+        let mut open: Vec<usize> = (0..plan.axes().len())
+            .filter(|axis| plan.axes()[*axis].count > 1)
+            .collect();
+        let several = open.len();
+        open.retain(|axis| at.iter().all(|place| place.axis != *axis));
+        let needs_two =
+            view.map.is_some() || view.y.as_ref().is_some_and(|y| Column::find(plan, y).is_some());
+        Ok(Self {
+            plan,
+            open,
+            several,
+            at,
+            needs_two,
+        })
+    }
+
+    /// Takes the column of an option; without a name, the first or last axis that is left.
+    fn take(&mut self, name: Option<&str>, option: &str, last: bool) -> Result<Column, String> {
+        let axes = self.plan.axes();
+        let column = match name {
+            Some(name) => Column::find(self.plan, name).ok_or_else(|| {
+                let known = first_of(axes.iter().map(Axis::index), NAMES);
+                format!("{name} is no column of an axis of this sweep; there are {known}")
+            })?,
+            None => {
+                let axis = if last { self.open.last() } else { self.open.first() };
+                let axis = *axis.ok_or_else(|| self.nothing_left(option))?;
+                let along = axes[axis].name.is_none().then_some(0);
+                Column { axis, along }
+            }
+        };
+        if self.at.iter().any(|place| place.axis == column.axis) {
+            return Err(format!(
+                "{option} is of an axis of which --at leaves one place; leave out one of them"
+            ));
+        }
+        self.open.retain(|axis| *axis != column.axis);
+        Ok(column)
+    }
+
+    fn nothing_left(&self, option: &str) -> String {
+        match self.several {
+            0 | 1 if self.needs_two => NO_MAP.to_owned(),
+            0 => "each axis of this sweep has one value; name the column of one with --x".to_owned(),
+            _ => format!("there is no axis left for {option}; leave out an --at"),
+        }
+    }
+
+    fn check_none_left(&self) -> Result<(), String> {
+        let Some(first) = self.open.first() else {
+            return Ok(());
+        };
+        let axis = |axis: &usize| &self.plan.axes()[*axis];
+        let left = self.open.iter().map(axis);
+        let left = left.map(|axis| format!("{} ({} values)", axis.index(), axis.count));
+        let first = axis(first).index();
+        Err(format!(
+            "the sweep has more axes: {}; choose a place of each with --at {first}=VALUE, or a curve for each with --by {first}",
+            first_of(left, NAMES)
+        ))
+    }
+}
+
+impl Layout {
+    /// Checks that the chart can be seen.
+    fn check_size(&self, plan: &Plan) -> Result<(), String> {
+        let count = |column: &Column| plan.axes()[column.axis].count;
+        let across = count(&self.x);
+        match &self.form {
+            Form::Curves { by, .. } => {
+                let curves = by.as_ref().map_or(1, count);
+                if curves > MOST_CURVES {
+                    return Err(format!(
+                        "{curves} curves cannot be told apart; choose {MOST_CURVES} at most, or draw a map"
+                    ));
+                }
+                if across * curves > MOST_POINTS as u64 {
+                    return Err(format!(
+                        "curves of {} points are more than can be seen, and {MOST_POINTS} are the most; choose places with \
+                         --at, or sweep fewer values",
+                        across * curves
+                    ));
+                }
+            }
+            Form::Map { y, .. } => {
+                let up = count(y);
+                if across < 2 || up < 2 {
+                    return Err(NO_MAP.to_owned());
+                }
+                if across.saturating_mul(up) > MOST_CELLS {
+                    return Err(format!(
+                        "a map of {across} × {up} cells is more than can be seen; {MOST_CELLS} are the most"
+                    ));
+                }
+                Cells::new(plan, &self.x).and(Cells::new(plan, y))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Place {
+    /// The place nearest to the value in `COLUMN=VALUE`.
+    fn parse(plan: &Plan, text: &str) -> Result<Self, String> {
+        let wrong = || format!("--at {text}: write COLUMN=VALUE with a column of an axis");
+        let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+        let column = Column::find(plan, name.trim()).ok_or_else(wrong)?;
+        let (along, value) = (column.along(plan), value.trim());
+        let mut places = 0..plan.axes()[column.axis].count;
+        let place = match along.filter(|along| along.kind() == Kind::Text) {
+            Some(along) => places
+                .find(|place| along.cell(*place) == Cell::Text(value.into()))
+                .ok_or_else(|| format!("--at {text}: no point has that value"))?,
+            None => {
+                let number: Option<f64> = value.parse().ok();
+                let number = number.filter(|number| number.is_finite());
+                let number =
+                    number.ok_or_else(|| format!("--at {text}: the value must be a finite number"))?;
+                let distances = places.map(|place| (place, (side::coordinate(along, place) - number).abs()));
+                let nearest = distances.min_by(|one, other| one.1.total_cmp(&other.1));
+                nearest.ok_or_else(wrong)?.0
+            }
+        };
+        Ok(Self {
+            axis: column.axis,
+            place,
+            label: side::label(plan, &column, place),
+        })
+    }
+}
