@@ -1,0 +1,62 @@
+//! Crates for recordings and comparisons build without the emulator, the command line and the image.
+
+#![allow(clippy::unwrap_used, reason = "a tree that cannot be read fails the test")]
+
+use std::process::Command;
+
+/// Crates that a wheel, a real board or a fuzz target builds, with the crates that must not come with them.
+const WALLS: [(&str, &[&str]); 7] = [
+    ("bead-tables", &["bead-", "hertz-", "stm32f405-qemu", "clap"]),
+    (
+        "bead-recording",
+        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
+    ),
+    (
+        "bead-line",
+        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
+    ),
+    (
+        "bead-instrument",
+        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
+    ),
+    (
+        "bead-compare",
+        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
+    ),
+    (
+        "hertz-chain",
+        &["bead-", "absorber-bead", "stm32f405-qemu", "clap"],
+    ),
+    ("stm32f405-qemu", &["bead-", "absorber-bead", "hertz-", "clap"]),
+];
+
+#[test]
+fn what_knows_no_emulator_builds_without_it() {
+    for (package, forbidden) in WALLS {
+        let tree = Command::new(env!("CARGO"))
+            .args([
+                "tree",
+                "--locked",
+                "--offline",
+                "--prefix",
+                "none",
+                "--edges",
+                "normal,build",
+            ])
+            .args(["--format", "{p}", "--package", package])
+            .output()
+            .unwrap();
+        let text = String::from_utf8(tree.stdout).unwrap();
+        let mut names = text.lines().filter_map(|line| line.split(' ').next());
+        assert_eq!(
+            names.next(),
+            Some(package),
+            "{}",
+            String::from_utf8_lossy(&tree.stderr)
+        );
+        for name in names {
+            let refused = forbidden.iter().find(|start| name.starts_with(**start));
+            assert_eq!(refused, None, "{package} builds {name}");
+        }
+    }
+}
