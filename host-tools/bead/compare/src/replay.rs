@@ -40,9 +40,15 @@ const INDEX_MOST: u64 = i64::MAX as u64;
 pub fn replay(strike: &RecordedStrike) -> Replay {
     let number = strike.said.strike;
     let Some(settings) = &strike.settings else {
-        return Replay::impossible(format!(
-            "strike {number}: no settings were received, so there is nothing to replay it with"
-        ));
+        return Replay::impossible(match strike.unreleased_settings {
+            Some(version) => format!(
+                "strike {number}: its settings block has version {version}, of a build before the first release; that \
+                 build replays it"
+            ),
+            None => {
+                format!("strike {number}: no settings were received, so there is nothing to replay it with")
+            }
+        });
     };
     // The bead's code counts on from these.
     let indices = [strike.said.first_index, strike.said.trigger_index];

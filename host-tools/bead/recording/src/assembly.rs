@@ -27,7 +27,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use bead_model::layout::WINDOW_MAX;
-use bead_model::settings::Settings;
+use bead_model::settings::{Settings, SettingsError};
 use bead_wire::{Arrival, Fetched, Header, Message, REORDER, Shape, Strike, Waveform};
 
 use crate::fetched::FetchedFrames;
@@ -178,6 +178,8 @@ struct Bead {
     strikes: Unwrapped,
     /// By the number of their frame, as they may change between two strikes.
     settings: BTreeMap<i64, Settings>,
+    /// Version of a settings block that a program from before the first release wrote.
+    unreleased_settings: Option<u16>,
     /// By the number of the strike.
     pending: BTreeMap<i64, Pending>,
     uid: Option<[u8; 12]>,
@@ -291,8 +293,13 @@ impl Bead {
     }
 
     fn push_settings(&mut self, frame: i64, block: &[u8]) {
-        let Ok(settings) = Settings::decode(block) else {
-            return;
+        let settings = match Settings::decode(block) {
+            Ok(settings) => settings,
+            Err(SettingsError::Unreleased(version)) => {
+                self.unreleased_settings = Some(version);
+                return;
+            }
+            Err(_) => return,
         };
         // Settings come every second and rarely change.
         if self.settings.values().next_back() != Some(&settings) {
@@ -423,6 +430,7 @@ impl Bead {
         } = pending.result.take()?;
         strike.shape = pending.shape;
         strike.settings = self.settings_before(number);
+        strike.unreleased_settings = self.unreleased_settings;
         for waveform in pending.window(strike.said.first_index) {
             strike.push(waveform);
         }
@@ -648,6 +656,22 @@ mod tests {
         assert!(line.send(7, others).is_empty());
         assert_eq!(line.send(7, [status()]), [(false, 0, 1), (true, 0, 2)]);
         assert!(line.assembly.is_whole(7, 0, 2) && !line.assembly.is_whole(7, 0, 1));
+    }
+
+    #[test]
+    fn a_settings_block_of_an_unreleased_build_leaves_its_version_with_the_strike() {
+        let mut line = Line::default();
+        let mut block = b"BEAD\x06\x00\x00\x00".to_vec();
+        block.extend(crc32fast::hash(&block).to_le_bytes());
+        let block = Block::try_from(&block[..]).unwrap();
+        line.push(7, RESTART, bead_wire::Settings { block }.into());
+        line.send(7, strike(0, 10));
+        let events = line.assembly.end();
+        let [Event::Whole(assembled) | Event::Gap(assembled)] = &events[..] else {
+            panic!("{events:?}");
+        };
+        assert_eq!(assembled.strike.settings, None);
+        assert_eq!(assembled.strike.unreleased_settings, Some(6));
     }
 
     #[test]

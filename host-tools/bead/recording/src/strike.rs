@@ -59,6 +59,8 @@ pub struct RecordedStrike {
     pub chunks: Vec<Chunk>,
     /// The settings in force, if any were received.
     pub settings: Option<Settings>,
+    /// Version of a settings block of the bead that a program from before the first release wrote.
+    pub unreleased_settings: Option<u16>,
 }
 
 impl RecordedStrike {
@@ -76,6 +78,7 @@ impl RecordedStrike {
             scans: Vec::new(),
             chunks: Vec::new(),
             settings: None,
+            unreleased_settings: None,
         }
     }
 
