@@ -254,7 +254,7 @@ fn a_strike_that_gives_no_energy_is_refused_and_says_why() {
 /// An independent CMA-ES, with another integration, found these shares.
 #[test]
 fn a_search_ends_where_another_method_finds_no_better() {
-    let ten = Scenario::load("../../docs/scenarios/ten-intruders.toml").expect("it is there");
+    let ten = Scenario::load("../../../docs/scenarios/ten-intruders.toml").expect("it is there");
     for (scenario, hosts, total_mass, evaluations, other) in [
         (&Scenario::paper(), 8..=8, 3.7e-3, 3_000, 0.98335),
         (&ten, 7..=9, 12e-3, 8_000, 0.81429),

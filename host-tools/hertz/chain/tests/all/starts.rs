@@ -125,7 +125,7 @@ fn a_model_can_be_had_without_a_run() {
 
 #[test]
 fn starts_that_cannot_be_are_refused_with_advice() {
-    let paper = std::fs::read_to_string("../../docs/scenarios/paper-strike.toml").expect("it is there");
+    let paper = std::fs::read_to_string("../../../docs/scenarios/paper-strike.toml").expect("it is there");
     for (text, words) in [
         (
             "[[start]]\nbeads = [17]\ngap = 1e-6",
