@@ -32,13 +32,13 @@ const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
 /// Counters of signed requests that one write to flash covers.
 const COUNTERS: u64 = 64;
 
-/// What the commands act on.
+/// The parts of the bead that commands act on.
 pub(crate) struct Commands {
     pub(crate) boot: &'static Boot,
     pub(crate) store: storage::SettingsStore,
     /// Of the writes to it.
     pub(crate) pace: Pace,
-    /// What it lets through.
+    /// The lock that admits requests.
     pub(crate) lock: Lock,
     /// Room for the window of a self-test.
     pub(crate) window: &'static mut bead_model::WindowRecord,
@@ -65,7 +65,7 @@ impl Answer {
     }
 }
 
-/// What is left of a request that was begun. It is small: the task that waits keeps it.
+/// The remaining step of a request that was begun. It is small, because the waiting task keeps it.
 enum Step {
     /// Its answer.
     Answer(Answer),
@@ -87,10 +87,13 @@ impl Commands {
         let number = heard.number;
         let answer = match self.begin(heard) {
             Step::Answer(answer) => answer,
-            Step::InForce(line) => match settings::taken().await {
-                true => Answer(Outcome::Done, line.into()),
-                false => Answer(Outcome::Done, "stored; in force as soon as samples come".into()),
-            },
+            Step::InForce(line) => {
+                if settings::taken().await {
+                    Answer(Outcome::Done, line.into())
+                } else {
+                    Answer(Outcome::Done, "stored; in force as soon as samples come".into())
+                }
+            }
             Step::SelfTest => {
                 let (failed, checks) = self_test::run(&mut self.store, self.window).await;
                 let passed = checks - failed;

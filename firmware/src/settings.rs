@@ -120,7 +120,7 @@ impl Loaded {
         }
     }
 
-    /// Whether the bead looks for strikes with them unasked.
+    /// Returns `true` if the bead looks for strikes with them unasked.
     pub(crate) fn arm(&self) -> bool {
         !self.refused.is_some_and(|refused| refused.foreign)
     }
@@ -254,7 +254,7 @@ static IN_FORCE: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex
 static CHANGES: AtomicU32 = AtomicU32::new(0);
 /// Settings for the estimators to take.
 static OFFERED: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex::new(RefCell::new(None));
-/// Whether there are some. To look at this costs little, which is done for every block.
+/// True while settings are offered. It is read for every block, and costs little.
 static IS_OFFERED: AtomicBool = AtomicBool::new(false);
 /// The estimators have taken the settings that were offered.
 static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
@@ -284,7 +284,7 @@ pub(crate) async fn taken() -> bool {
     with_timeout(PATIENCE, TAKEN.wait()).await.is_ok()
 }
 
-/// Whether settings are offered.
+/// Returns `true` if settings are offered.
 pub(crate) fn is_offered() -> bool {
     IS_OFFERED.load(Ordering::Acquire)
 }
@@ -303,7 +303,7 @@ pub(crate) fn take() -> Option<Settings> {
     Some(settings)
 }
 
-/// What `get` takes from the settings in force.
+/// Returns the result of `get` for the settings in force.
 fn in_force<T>(get: impl FnOnce(&Loaded) -> T) -> T {
     IN_FORCE.lock(|cell| {
         get(cell
@@ -342,7 +342,7 @@ pub(crate) fn current() -> Block {
     block
 }
 
-/// Whether the bead looks for strikes unasked with the settings in force.
+/// Returns `true` if the bead looks for strikes unasked with the settings in force.
 pub(crate) fn arm() -> bool {
     in_force(Loaded::arm)
 }
@@ -352,7 +352,8 @@ pub(crate) fn source() -> SettingsSource {
     in_force(|loaded| loaded.source)
 }
 
-/// Whether the settings in force are not the owner's: built in, with or without a refused block in flash.
+/// Returns `true` if the settings in force are not the owner's: built in, with or without a refused block in
+/// flash.
 pub(crate) fn are_not_owners() -> bool {
     matches!(
         source(),

@@ -76,9 +76,10 @@ pub(crate) fn open(
     supply_is_good: bool,
 ) -> (SettingsStore, Opened) {
     let flash = Flash(flash::Flash::new_blocking(flash));
-    let (store, opened) = match supply_is_good {
-        true => Store::open(flash, RANGE),
-        false => (Store::open_as_it_is(flash, RANGE), Opened::default()),
+    let (store, opened) = if supply_is_good {
+        Store::open(flash, RANGE)
+    } else {
+        (Store::open_as_it_is(flash, RANGE), Opened::default())
     };
     (Vault::new(store), opened)
 }

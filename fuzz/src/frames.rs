@@ -16,8 +16,8 @@ pub fn check(bytes: &[u8]) {
     same_verdicts(&mended(bytes));
 }
 
-/// What a run of bytes is by docs/protocol.md: its header, or why it is no frame. What the body is, this does
-/// not tell.
+/// Judges a run of bytes by docs/protocol.md: its header, or the reason why it is no frame. The body is not
+/// judged.
 fn verdict(run: &[u8]) -> Result<(Header, u8), Cause> {
     if run.len() > MAX_FRAME - 2 {
         return Err(Cause::TooLong);

@@ -1,4 +1,4 @@
-//! What must hold of every input from outside, whatever its bytes are.
+//! Invariants of every input from outside, whatever its bytes are.
 //!
 //! # Design
 //! Each module has one function `check`. It gives bytes to all that reads their kind, and panics where

@@ -20,7 +20,7 @@ pub fn runs(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
         .filter(|run| !run.is_empty())
 }
 
-/// What COBS bytes stand for; none if they end within a group.
+/// Decodes COBS bytes; `None` if they end within a group.
 pub fn from_cobs(run: &[u8]) -> Option<Vec<u8>> {
     let (mut payload, mut rest) = (Vec::new(), run);
     while let Some((&code, after)) = rest.split_first() {

@@ -19,7 +19,7 @@ pub fn check(bytes: &[u8]) {
     read(&mended(bytes));
 }
 
-/// What a run of bytes is by docs/protocol.md, without its body: address, number, version.
+/// Judges a run of bytes by docs/protocol.md, without its body: address, number, version.
 fn verdict(run: &[u8]) -> Result<(u8, u16, u8), Cause> {
     if run.len() > MAX_REQUEST - 2 {
         return Err(Cause::TooLong);

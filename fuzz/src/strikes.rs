@@ -108,7 +108,7 @@ static USUAL: LazyLock<Settings> = LazyLock::new(|| {
         .expect("the paper's bead has settings")
 });
 
-/// The same frames without settings, and with samples that are counted so that the first strike begins at
+/// Returns the frames without settings, and with samples that are counted so that the first strike begins at
 /// `first`.
 fn moved(mut frames: Vec<Frame>, first: u64) -> Vec<Frame> {
     frames.retain(|frame| !matches!(frame.message, Message::Settings(_)));

@@ -12,7 +12,7 @@ pub(crate) fn of(bytes: &[u8]) -> Option<&str> {
         .filter(|text| text.len() <= LONGEST)
 }
 
-/// What is wrong is told in one line, with a file.
+/// Checks that an error is told in one line, with a file.
 pub(crate) fn one_line(error: &InputError) {
     let line = error.to_string();
     assert!(

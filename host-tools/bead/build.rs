@@ -61,12 +61,13 @@ fn target_directory() -> PathBuf {
         .expect("OUT_DIR lies in the target directory");
     let above = profile.parent().expect("a profile lies in the target directory");
     let triple = env::var("TARGET").expect("cargo sets it");
-    match above.file_name().is_some_and(|name| *name == *triple) {
-        true => above
+    if above.file_name().is_some_and(|name| *name == *triple) {
+        above
             .parent()
             .expect("a triple lies in the target directory")
-            .to_owned(),
-        false => above.to_owned(),
+            .to_owned()
+    } else {
+        above.to_owned()
     }
 }
 

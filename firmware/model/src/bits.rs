@@ -10,7 +10,7 @@ use crate::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike};
 use bead_wire::GainMatch;
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-/// What a meter or a window tells, as numbers.
+/// The results of a meter or a window, as numbers.
 #[derive(Default)]
 struct Told {
     numbers: Vec<i64>,

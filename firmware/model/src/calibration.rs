@@ -92,13 +92,13 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Whether the scale is positive, and the slope fits a pole above `f_s/4π` and a delay below half a
-    /// sample.
+    /// Returns `true` if the scale is positive, and the slope fits a pole above `f_s/4π` and a delay below
+    /// half a sample.
     pub fn is_bounded(&self) -> bool {
         self.per_code.is_positive() && self.slope.unsigned_abs() < self.per_code.unsigned_abs()
     }
 
-    /// Whether every value that the codes can give is below `most`.
+    /// Returns `true` if every value that the codes can give is below `most`.
     pub fn is_below(&self, most: u32) -> bool {
         let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()).abs());
         (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)

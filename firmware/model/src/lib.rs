@@ -1,4 +1,4 @@
-//! What the bead computes from the codes of its two sensors, sample by sample, in fixed point.
+//! The bead's computation from the codes of its two sensors, sample by sample, in fixed point.
 //!
 //! # Design
 //!

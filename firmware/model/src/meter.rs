@@ -29,7 +29,7 @@ pub struct Chunk {
     pub scans: heapless::Vec<Scan, CHUNK>,
     /// The two scans before them; zeros in the first chunk.
     pub before: [Scan; 2],
-    /// Whether the wide codes had a part in the result here. If not, the window is the same without them.
+    /// True if the wide codes had a part in the result here. If not, the result needs no wide codes.
     pub loud: bool,
     /// Estimate A at the last scan.
     pub absorbed_measured: Energy,
@@ -66,7 +66,7 @@ impl Chunk {
     }
 }
 
-/// What opened a window.
+/// The cause of a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Origin {
@@ -244,8 +244,8 @@ impl Meter {
         }
     }
 
-    /// Whether strikes that come from now on are passed over: they are counted and take a number, but are not
-    /// measured. A strike that is being measured is measured to its end.
+    /// Passes over strikes from now on, or takes them again. Those passed over are counted and take a number,
+    /// but are not measured. A strike that is being measured is measured to its end.
     pub fn pass_over(&mut self, passing: bool) {
         self.passing = passing;
     }
@@ -281,12 +281,12 @@ impl Meter {
         self.strikes
     }
 
-    /// Whether a strike would be measured if it came now.
+    /// Returns `true` if a strike would be measured if it came now.
     pub fn is_armed(&self) -> bool {
         matches!(self.phase, Phase::Armed)
     }
 
-    /// Whether a strike is being measured: [`restart`](Self::restart) would cut it.
+    /// Returns `true` if a strike is being measured: [`restart`](Self::restart) would cut it.
     pub fn is_measuring(&self) -> bool {
         matches!(self.phase, Phase::Measuring(_))
     }

@@ -51,7 +51,7 @@ impl AdcCode {
         self.0
     }
 
-    /// Whether the code is at a rail: the signal may have been beyond it.
+    /// Returns `true` if the code is at a rail: the signal may have been beyond it.
     pub const fn is_railed(self) -> bool {
         self.0 == 0 || self.0 == Self::MAX.0
     }

@@ -132,7 +132,7 @@ pub struct ReducedChainState {
     overlaps: [Coordinate; FOLLOWERS],
     /// The intruder's displacement relative to its host.
     intruder: Coordinate,
-    /// The same of the followers' intruders, where they hold one.
+    /// Displacements of the followers' intruders relative to their hosts, where they hold one.
     behind: [Coordinate; FOLLOWERS],
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
     watch: Watch,
@@ -155,7 +155,7 @@ impl ReducedChainState {
         self.gate
     }
 
-    /// Whether a state left half the range of its format since the window opened.
+    /// Returns `true` if a state left half the range of its format since the window opened.
     pub fn saturated(&self) -> bool {
         self.watch.0 >= LIMIT
     }
@@ -229,13 +229,14 @@ impl ReducedChain {
             );
             let measured = gated(gate, &mut silent, measured);
             // `Settings::bounds` leaves room for these powers.
-            let [measured, pushed, pulled] = match SCALED {
-                true => [
+            let [measured, pushed, pulled] = if SCALED {
+                [
                     measured << powers.incoming,
                     springs << powers.masses,
                     contact << powers.masses,
-                ],
-                false => [measured, springs, contact],
+                ]
+            } else {
+                [measured, springs, contact]
             };
             let incoming = watch.limited(high_rounded(self.incoming.to_bits(), measured));
             let host = incoming - contact + high_rounded(self.intruder.to_bits(), pushed)

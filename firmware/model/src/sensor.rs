@@ -263,7 +263,8 @@ mod tests {
         Pair::new(code(128.0 + force * 256.0), code(100.3 + force * 16.0 * more))
     }
 
-    /// What comes out of forces, and of the overlap; cut into pieces of `piece` samples.
+    /// Feeds forces, cut into pieces of `piece` samples, and returns values, loudness and the match of the
+    /// gains.
     fn measured(forces: &[f64], more: f64, piece: usize) -> (Vec<f64>, Vec<Loudness>, Option<GainMatch>) {
         let sensor = sensor();
         let mut state = SensorState::default();

@@ -140,7 +140,7 @@ impl Settings {
         Ok(settings)
     }
 
-    /// What the owner states.
+    /// The owner's statement, from which all coefficients follow.
     pub fn description(&self) -> &Description {
         &self.description
     }

@@ -101,7 +101,7 @@ pub struct Ringing {
 }
 
 impl Ringing {
-    /// Whether a strike rang outside the tolerances.
+    /// Returns `true` if a strike rang outside the tolerances.
     pub fn is_other_than(&self, shape: &Shape) -> bool {
         let off = |found: u32, expected: Fine, tolerance: I16F16| {
             let apart = u64::from(found.abs_diff(expected.to_bits()));

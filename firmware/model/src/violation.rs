@@ -161,7 +161,7 @@ pub enum Bound {
 }
 
 impl Bound {
-    /// What is wrong with a setting that violates the bound.
+    /// Text about a setting that violates the bound.
     pub const fn text(&self) -> &'static str {
         match self {
             Self::Positive => "must be above 0",

@@ -32,7 +32,7 @@ pub struct Window {
     force_samples: u16,
     /// End of the last piece that counted for estimate A.
     ring_end: u16,
-    /// Whether the wide codes of the newest piece had a part in the result.
+    /// True if the wide codes of the newest piece had a part in the result.
     loud: bool,
     railed: StrikeFlags,
 }
@@ -133,8 +133,8 @@ impl Window {
         self.samples
     }
 
-    /// Whether the wide codes of the newest piece, or of the two samples before it, had a part in the result.
-    /// If not, the window is the same without them.
+    /// Returns `true` if the wide codes of the newest piece, or of the two samples before it, had a part in
+    /// the result. If not, the result needs no wide codes.
     pub fn is_loud(&self) -> bool {
         self.loud
     }
@@ -230,7 +230,7 @@ fn fraction(part: Energy, whole: Energy) -> Fraction {
     }
 }
 
-/// Whether two energies differ by more than `part` of the greater and the energy of the noise.
+/// Returns `true` if two energies differ by more than `part` of the greater and the energy of the noise.
 fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
     let apart = u128::from(
         a.bits()

@@ -1,5 +1,5 @@
-//! What the bead keeps: its settings in flash, over a loss of power, and its last windows in RAM, over a
-//! reset ([`Windows`]). The settings are written while the bead runs.
+//! The bead's memory: its settings in flash, over a loss of power, and its last windows in RAM, over a reset
+//! ([`Windows`]). The settings are written while the bead runs.
 //!
 //! # Design
 //! The store is `sequential-storage` on two sectors. Each write appends the block with its checksum, and the
@@ -25,7 +25,7 @@ mod store;
 mod vault;
 mod windows;
 
-/// What the flash of a [`Store`] has to do.
+/// The traits of a [`Store`]'s flash.
 pub use embedded_storage::nor_flash;
 
 pub use pace::{BURST, EVERY_MS, Pace};

@@ -17,7 +17,7 @@ pub(crate) struct Sectors<F> {
     range: Range<u32>,
     /// If set, all other flash reads as blank.
     pub(crate) alone: Option<Range<u32>>,
-    /// Whether a sector may be erased.
+    /// True if a sector may be erased.
     pub(crate) may_erase: bool,
     /// Number of sectors that were erased.
     pub(crate) erased: u32,
@@ -78,8 +78,8 @@ impl<F: NorFlash> Sectors<F> {
         Ok(4 * words.iter().rev().take_while(|word| **word == [BLANK; 4]).count())
     }
 
-    /// Whether the library has marked the sector as full: at least half of the bits of its last byte are
-    /// zeros.
+    /// Returns `true` if the library has marked the sector as full: at least half of the bits of its last
+    /// byte are zeros.
     pub(crate) fn is_closed(&mut self, sector: &Range<u32>) -> Result<bool, SectorError> {
         let mut byte = [0];
         self.read(sector.end - 1, &mut byte)?;

@@ -30,12 +30,12 @@ pub struct Store<F: NorFlash> {
     unreadable: bool,
 }
 
-/// What [`Store::open`] found and did.
+/// Result of [`Store::open`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Opened {
     /// Sectors that were erased.
     pub erased: u32,
-    /// Whether the flash held data but no whole block, and was erased.
+    /// True if the flash held data but no whole block, and was erased.
     pub lost: bool,
 }
 
@@ -104,7 +104,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Whether a block is found, or the sectors are blank.
+    /// Returns `true` if a block is found, or the sectors are blank.
     fn makes_sense(&mut self) -> bool {
         match self.fetch() {
             Ok(Some(_)) => true,
@@ -163,9 +163,9 @@ impl<F: NorFlash> Store<F> {
         Ok(self.fetch()?.filter(|block| !block.is_empty()))
     }
 
-    /// Whether the sectors held something when they were opened, and no block was found there. A store that
-    /// was [opened as it is](Self::open_as_it_is) may be so after a power cut in an erase, and any store on
-    /// flash that fails.
+    /// Returns `true` if the sectors held something when they were opened, and no block was found there. A
+    /// store that was [opened as it is](Self::open_as_it_is) may be so after a power cut in an erase, and any
+    /// store on flash that fails.
     pub const fn is_unreadable(&self) -> bool {
         self.unreadable
     }
@@ -183,9 +183,10 @@ impl<F: NorFlash> Store<F> {
             return Err(StoreError::Full);
         }
         self.put(block)?;
-        match self.fetch()? == Some(block) {
-            true => Ok(()),
-            false => Err(StoreError::Flash),
+        if self.fetch()? == Some(block) {
+            Ok(())
+        } else {
+            Err(StoreError::Flash)
         }
     }
 
@@ -202,7 +203,7 @@ impl<F: NorFlash> Store<F> {
         self.sectors.into_flash()
     }
 
-    /// Whether the sector holds a whole block. The other sector reads as blank meanwhile.
+    /// Returns `true` if the sector holds a whole block. The other sector reads as blank meanwhile.
     fn holds_block(&mut self, sector: &Range<u32>) -> bool {
         self.sectors.alone = Some(sector.clone());
         let found = self.reads_block();

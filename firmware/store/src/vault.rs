@@ -23,7 +23,7 @@ const HEAD: usize = MAGIC.len() + 16 + 8;
 /// Longest settings block beside a secret, in bytes.
 pub const MAX_SETTINGS: usize = MAX_BLOCK - HEAD;
 
-/// What the owner shares with the bead.
+/// A secret that owner and bead share.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Secret {
     /// The key.
@@ -68,15 +68,15 @@ pub struct Vault<F: NorFlash> {
 }
 
 impl<F: NorFlash> Vault<F> {
-    /// What is in the store.
+    /// Reads the contents of the store.
     pub fn new(mut store: Store<F>) -> Self {
         let record = store.read().ok().flatten();
         let secret = record.and_then(|record| Secret::split(record).0);
         Self { store, secret }
     }
 
-    /// Whether the store could not be read when it was opened. Then nobody knows whether there is a secret,
-    /// and nothing is written.
+    /// Returns `true` if the store could not be read when it was opened. Then nobody knows whether there is a
+    /// secret, and nothing is written.
     pub const fn is_unreadable(&self) -> bool {
         self.store.is_unreadable()
     }

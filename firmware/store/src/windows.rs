@@ -97,7 +97,7 @@ pub struct Cursor {
     part: u8,
 }
 
-/// What was read of a part.
+/// A part of a window, as it was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     /// How many parts come before it, and how many the window has.
@@ -241,12 +241,12 @@ impl<'m, const N: usize> Windows<'m, N> {
         self.open = None;
     }
 
-    /// Whether a window is being filled.
+    /// Returns `true` if a window is being filled.
     pub fn is_filling(&self) -> bool {
         self.open.is_some()
     }
 
-    /// Whether this window is being filled.
+    /// Returns `true` if this window is being filled.
     pub fn is_open(&self, boot: u32, strike: u32) -> bool {
         self.open
             .is_some_and(|open| (open.boot, open.strike) == (boot, strike))

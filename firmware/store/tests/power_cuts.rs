@@ -299,7 +299,7 @@ fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one
     assert!(cuts > 5 * 23 * 45 || cfg!(miri), "{cuts}");
 }
 
-/// What an owner has on a bead: a key with its counter, and settings.
+/// An owner's data on a bead: a key with its counter, and settings.
 type Owned = (Option<([u8; 16], u64)>, Option<Vec<u8>>);
 
 fn owned(ram: &Flash) -> (Vault<Flash>, Owned) {

@@ -16,7 +16,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// What a new meter gives of these scans, the first of which has the index `first`.
+    /// Runs a new meter on these scans, the first of which has the index `first`.
     pub fn measure(settings: &Settings, first: u64, scans: &[Scan]) -> Self {
         let (mut meter, mut collector) = (Meter::new(), Self::default());
         meter.process(settings, first, scans.iter().copied(), &mut collector);

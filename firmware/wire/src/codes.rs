@@ -81,7 +81,7 @@ impl<const BYTES: usize> Codes<BYTES> {
         self.0.len() / 3
     }
 
-    /// Whether it has no scan.
+    /// Returns `true` if it has no scan.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -11,7 +11,7 @@ use crate::deframer::Deframer;
 use crate::frame::{Checked, Frame, Header, MAX_ENCODED};
 use crate::sequence::{Arrival, Run};
 
-/// What was received, what was refused and what is missing.
+/// Counts of frames received, refused and missing.
 ///
 /// A frame damaged on the way is in `rejected` *and* in `lost`. Its number cannot be believed, so the two
 /// counts cannot be joined. A frame that is refused although its CRC is right is in `rejected` only.
@@ -32,13 +32,13 @@ pub struct Counters {
     /// Sequence number of the first frame; with several beads, the highest of theirs. Unless it is 0, frames
     /// were missed before it. Their number is unknown, as the bead may have sent before anyone listened.
     pub first_sequence: Option<u32>,
-    /// What was between delimiters and is no frame, by cause.
+    /// Runs between delimiters that are no frame, by cause.
     pub rejected: Rejected,
 }
 
 impl Counters {
-    /// Whether the first frame received was the first of its boot, of each bead. If not, it is unknown what
-    /// was lost before it.
+    /// Returns `true` if the first frame received of each bead was the first of its boot. If not, it is
+    /// unknown what was lost before it.
     pub fn from_start(&self) -> bool {
         self.first_sequence == Some(0)
     }
@@ -93,7 +93,7 @@ impl Decoder {
         }
     }
 
-    /// What was received so far.
+    /// Counts so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

@@ -15,11 +15,11 @@ pub(crate) struct Deframer<const N: usize> {
     pending: u64,
 }
 
-/// What was between two delimiters.
+/// The bytes between two delimiters.
 pub(crate) struct Between<'a> {
     /// Number of bytes, as received.
     pub(crate) bytes: u64,
-    /// What they carry, or why they carry nothing.
+    /// Their payload, or the reason why they have none.
     pub(crate) payload: Result<&'a [u8], Cause>,
 }
 

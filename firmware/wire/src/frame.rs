@@ -34,7 +34,7 @@ pub(crate) const MAX_ENCODED: usize = cobs::max_encoding_length(MAX_PAYLOAD);
 /// Longest frame on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_FRAME: usize = 1 + MAX_ENCODED + 1;
 
-/// What is before the body of every frame.
+/// The header of a frame: the fields before every body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Address of the bead, from its settings. It tells beads apart on a shared line and in merged streams. 0
@@ -217,7 +217,7 @@ impl<'a> Checked<'a> {
         })
     }
 
-    /// Whether this is the first frame of a boot.
+    /// Returns `true` if this is the first frame of a boot.
     pub(crate) fn opens_boot(&self) -> bool {
         self.kind == Kind::Identity as u8 && self.header.sequence == 0
     }

@@ -1,4 +1,4 @@
-//! What the bead sends to its host: the table of all messages.
+//! The bead's messages to its host: the table of all of them.
 //!
 //! # Design
 //! A row makes a kind: its number, its name, which is the name of its file too, and its body. Parsing,

@@ -130,7 +130,7 @@ macro_rules! bits {
                 self.0
             }
 
-            /// Whether any of `others` is in the set.
+            /// Returns `true` if any of `others` is in the set.
             pub const fn has(self, others: Self) -> bool {
                 self.0 & others.0 != 0
             }

@@ -1,4 +1,4 @@
-//! What frames and requests have in common: a payload ends with its CRC, and travels as COBS between two
+//! The common form of frames and requests: a payload ends with its CRC, and travels as COBS between two
 //! delimiters.
 
 use bead_crc::checksum;
@@ -41,9 +41,10 @@ pub(crate) fn seal<'b>(
 pub(crate) fn open<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER], &[u8]), Cause> {
     let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
     let parts = covered.split_first_chunk().ok_or(Cause::TooShort)?;
-    match checksum(covered) == u32::from_le_bytes(*crc) {
-        true => Ok(parts),
-        false => Err(Cause::Crc),
+    if checksum(covered) == u32::from_le_bytes(*crc) {
+        Ok(parts)
+    } else {
+        Err(Cause::Crc)
     }
 }
 

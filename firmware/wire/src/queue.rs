@@ -158,9 +158,10 @@ mod tests {
                 let fits = queue.free() >= taken(packed.bytes().len()) + keep;
                 let free = queue.free();
                 assert_eq!(queue.push(&packed, keep), fits);
-                match fits {
-                    true => waiting.push_back(packed.bytes().to_vec()),
-                    false => assert_eq!(queue.free(), free),
+                if fits {
+                    waiting.push_back(packed.bytes().to_vec())
+                } else {
+                    assert_eq!(queue.free(), free)
                 }
                 refused += u32::from(!fits);
                 sequence += 1;

@@ -1,4 +1,4 @@
-//! What a host asks of the bead: the table of all requests, their frame, and its decoder.
+//! Requests of a host to the bead: the table of all of them, their frame, and its decoder.
 //!
 //! # Design
 //! ```text
@@ -134,18 +134,18 @@ pub struct Heard {
     pub address: u8,
     /// The number that the reply must have.
     pub number: u16,
-    /// What is asked, or why the bead does not understand it.
+    /// The request, or the reason why the bead does not understand it.
     pub request: Result<Request, Cause>,
 }
 
-/// What was received, and what was refused.
+/// Counts of requests received and refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RequestCounters {
     /// Number of bytes received, with delimiters.
     pub bytes: u64,
     /// Number of requests understood, to any address.
     pub requests: u64,
-    /// What was between delimiters and is no request, by cause.
+    /// Runs between delimiters that are no request, by cause.
     pub rejected: Rejected,
 }
 
@@ -180,7 +180,7 @@ impl RequestDecoder {
         }
     }
 
-    /// What was received so far.
+    /// Counts so far.
     pub const fn counters(&self) -> &RequestCounters {
         &self.counters
     }

@@ -79,7 +79,7 @@ pub struct Ticket {
     pub until: u64,
 }
 
-/// What a signature covers, but for the body.
+/// The part of a request that its signature covers before the body.
 struct Head<'a> {
     uid: &'a [u8; UID],
     address: u8,
@@ -105,7 +105,8 @@ impl Head<'_> {
 }
 
 impl Request {
-    /// Whether the request changes the state of the bead. A bead with a key does it only if it is signed.
+    /// Returns `true` if the request changes the state of the bead. A bead with a key does it only if it is
+    /// signed.
     pub const fn changes_state(&self) -> bool {
         !matches!(
             self,
@@ -156,7 +157,7 @@ pub struct Moment {
     pub index: u64,
 }
 
-/// What a bead lets through.
+/// The lock of a bead: it admits requests.
 #[derive(Clone, Debug)]
 pub struct Lock {
     uid: [u8; UID],
@@ -240,7 +241,7 @@ impl Lock {
     }
 }
 
-/// Whether two codes are the same, in a time that does not tell where they differ.
+/// Compares two codes in constant time, so that the time does not tell where they differ.
 fn same(a: &[u8; KEY], b: &[u8; KEY]) -> bool {
     a.iter().zip(b).fold(0, |differs, (a, b)| differs | (a ^ b)) == 0
 }

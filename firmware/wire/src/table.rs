@@ -35,7 +35,7 @@ macro_rules! messages {
                 }
             }
 
-            /// What its messages say.
+            /// Describes the kind's messages.
             pub const fn about(self) -> &'static str {
                 match self {
                     $(Self::$body => <$name::$body as Body>::ABOUT,)*
@@ -141,7 +141,7 @@ macro_rules! requests {
             $($(#[doc = $doc:literal])* $field:ident: $type:ty,)*
         })?,
     )*) => {
-        /// What a host may ask. The list may grow at its end; a body never changes.
+        /// A request of a host. The list may grow at its end; a body never changes.
         #[derive(Clone, Debug, PartialEq, Eq)]
         pub enum Request {
             $(

@@ -118,12 +118,12 @@ impl Inner {
         &self.0
     }
 
-    /// What `write` writes into the room for the longest body. It returns its length.
+    /// Builds a text by `write`, which fills the room of the longest body and returns the length.
     pub fn filled_by(write: impl FnOnce(&mut [u8]) -> usize) -> Self {
         Self::filled(|room| Ok::<_, core::convert::Infallible>(write(room)))
     }
 
-    /// What `write` writes, which returns its length. Nothing if it fails.
+    /// Builds a text by `write`, which returns the length. It is empty if `write` fails.
     pub(crate) fn filled<E>(write: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Self {
         let mut bytes = Vec::new();
         // This cannot fail: there is room for as many.
@@ -179,7 +179,7 @@ impl Field for Block {
 mod tests {
     use super::*;
 
-    /// What is drawn from these bits and those that follow them.
+    /// Draws a field from these bits and those that follow them.
     fn drawn<F: Field>(first: usize, next: impl Fn(u64) -> u64) -> F {
         let mut taken = 0;
         F::draw(&mut || {

@@ -1,4 +1,4 @@
-//! What must hold of a run, whatever fails in it.
+//! Invariants of a run, whatever fails in it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -149,7 +149,7 @@ fn places(rows: &[[u16; 4]], strike: &RecordedStrike) -> Vec<usize> {
         .collect()
 }
 
-/// Whether a fault changes what a strike that begins at `start` feels like.
+/// Returns `true` if a fault changes what a strike that begins at `start` feels like.
 fn touches(fault: &Planned, start: f64) -> bool {
     let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
     match fault.kind {

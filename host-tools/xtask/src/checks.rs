@@ -1,4 +1,4 @@
-//! Whether docs/checks.md is what `bead figures --table` writes today.
+//! Check that docs/checks.md equals the output of `bead figures --table`.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
     }
 }
 
-/// Whether two rows say the same: word for word, but for the value.
+/// Compares two rows word for word, but for the value.
 fn same(one: &str, other: &str) -> bool {
     const VALUE: usize = 3;
     let [one, other] = [one, other].map(|row| row.split(" | ").collect::<Vec<_>>());

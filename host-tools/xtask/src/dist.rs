@@ -9,7 +9,7 @@ use crate::setup::find;
 use crate::step::{Line, Steps, Stop};
 use crate::supply;
 
-/// What is beside the program and the pages.
+/// Files beside the program and the pages.
 const BESIDE: [&str; 4] = ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.md", "CHANGELOG.md"];
 
 const README: &str = "\
@@ -143,9 +143,10 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
                 .words(words);
             steps.read("from an empty folder, without Rust", &line)?;
         }
-        match home.join("tables/samples.parquet").is_file() {
-            true => Ok(()),
-            false => Err(Stop::failed("bead wrote no table")),
+        if home.join("tables/samples.parquet").is_file() {
+            Ok(())
+        } else {
+            Err(Stop::failed("bead wrote no table"))
         }
     });
     let _ = fs::remove_dir_all(&folder);

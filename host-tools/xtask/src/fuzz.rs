@@ -9,7 +9,7 @@ use crate::step::{Steps, Stop};
 const SECONDS: u64 = 60;
 /// Longest input, bytes: as in the short run of `fuzz/tests/seeded.rs`.
 const LONGEST: usize = 16 << 10;
-/// What an input may cost: s and MB.
+/// Limits of an input: s and MB.
 const LIMITS: &str = "-timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256";
 /// Targets that take TOML: they get words of which it is made.
 const OF_TOML: [&str; 4] = ["beads", "faults", "scenarios", "sweeps"];

@@ -1,4 +1,4 @@
-//! What runs on the bead, under Miri: no undefined behaviour, and the same results on a big-endian machine.
+//! Code of the bead under Miri: no undefined behaviour, and equal results on a big-endian machine.
 
 use crate::nightly;
 use crate::step::{Steps, Stop};

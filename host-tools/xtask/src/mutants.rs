@@ -32,7 +32,7 @@ const VISCOSITY: &str = "lanes.viscosity[at] = 1.5 * contact.relaxation;";
 
 struct Mutant {
     mistake: &'static str,
-    /// What stands in a file, and what is put in its place.
+    /// Changes: a file, a text in it, and the text in its place.
     changes: &'static [(&'static str, &'static str, &'static str)],
 }
 

@@ -15,10 +15,11 @@ pub(crate) fn cargo(words: &str) -> Line {
 /// Status 3 with the command that installs it.
 pub(crate) fn need(command: &str, install: &str) -> Result<(), Stop> {
     let runs = cargo(command).command().output();
-    match runs.is_ok_and(|output| output.status.success()) {
-        true => Ok(()),
-        false => Err(Stop::missing(format!(
+    if runs.is_ok_and(|output| output.status.success()) {
+        Ok(())
+    } else {
+        Err(Stop::missing(format!(
             "`cargo +nightly {command}` does not run; `{install}` installs what it needs"
-        ))),
+        )))
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::step::{Line, Steps, Stop};
 
-/// What it needs.
+/// Its requirements.
 const REQUIREMENTS: &str = "host-tools/bead/tests/requirements.txt";
 
 /// Sets up `target/python`, unless it is there.

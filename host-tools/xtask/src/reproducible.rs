@@ -1,4 +1,4 @@
-//! Whether a commit gives the same flash image in another folder, to another person.
+//! Check that a commit gives an equal flash image in another folder, to another person.
 //!
 //! # Design
 //! The commit is cloned into a folder for temporary files: below this one cargo would read this one's
@@ -14,7 +14,7 @@ use crate::packages::IMAGE;
 use crate::step::{Line, Steps, Stop};
 use crate::{image, paths};
 
-/// What `firmware/build.rs` looks at for "-dirty".
+/// Sources that `firmware/build.rs` examines for "-dirty".
 const SOURCES: &str = "Cargo.lock Cargo.toml firmware memory.x rust-toolchain.toml .cargo";
 
 /// Builds the image here and elsewhere, and compares all bytes: code, constants and debug information.

@@ -15,7 +15,7 @@ pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 /// The oldest QEMU whose plugin interface the emulator knows.
 const QEMU_OLDEST: Version = Version(7, 2);
 
-/// What a command needs beyond the target and QEMU.
+/// Needs of a command beyond the target and QEMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Need {
     /// To build and to run.
@@ -244,7 +244,7 @@ pub(crate) fn find(program: &str) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// What a command prints on standard output, trimmed; `None` if it fails.
+/// Output of a command, trimmed; `None` if it fails.
 pub(crate) fn output(line: &str) -> Option<String> {
     let out = Line::new(line).command().output().ok()?;
     let said = String::from_utf8_lossy(&out.stdout);

@@ -111,9 +111,10 @@ impl fmt::Display for Line {
 /// A word as a shell would need it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
     }
 }
 
@@ -125,7 +126,7 @@ pub(crate) struct Steps {
     /// The directory that they build into.
     pub(crate) target: PathBuf,
     start: Instant,
-    /// Whether others run at the same time. Then what a command prints is kept, and told only if it fails.
+    /// True if others run at the same time. The output of a command is then kept, and shown only if it fails.
     beside: bool,
     /// Set when a step has failed. None of those beside it begins another one then.
     failed: Arc<AtomicBool>,
@@ -179,13 +180,14 @@ impl Steps {
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
         let mut command = self.command(line)?;
         self.say(title, line);
-        let output = match self.beside {
-            true => command.output(),
-            false => command
+        let output = if self.beside {
+            command.output()
+        } else {
+            command
                 .stdin(Stdio::inherit())
                 .stdout(Stdio::inherit())
                 .stderr(Stdio::inherit())
-                .output(),
+                .output()
         };
         self.ended(title, line, output).map(drop)
     }
@@ -291,7 +293,7 @@ impl Steps {
         Ok(command)
     }
 
-    /// What a command has printed, if it ended well.
+    /// Returns the output of a command that ended well.
     fn ended(&self, title: &str, line: &Line, output: io::Result<Output>) -> Result<Output, Stop> {
         let (root, program) = (self.root.display(), &line.words[0]);
         let repeat = format!("To repeat this step alone, in {root}:\n    {line}");

@@ -15,7 +15,7 @@ struct Machine {
     bin: tempfile::TempDir,
 }
 
-/// What a run of `xtask setup` left behind.
+/// Outcome of a run of `xtask setup`.
 struct Outcome {
     status: Option<i32>,
     said: String,

@@ -40,7 +40,7 @@ impl Outbox {
         self.queue.free().saturating_sub(KEPT)
     }
 
-    /// What leaves in the time of a block.
+    /// Sends the bytes that leave in the time of a block.
     fn send(&mut self, now: usize) {
         let mut room = LINE;
         loop {
@@ -70,7 +70,7 @@ impl Sink for Outbox {
     }
 }
 
-/// What the sensors of the model sense.
+/// Signals at the sensors of the model.
 struct Stimulus {
     /// Rms of the noise in codes, at most; it is even.
     noise: u64,

@@ -71,7 +71,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
     blocks
 }
 
-/// What the store of a run holds at its end, as the next start would find it.
+/// Returns the settings in the store at the end of a run, as the next start would find them.
 fn stored(answered: &Answered) -> Option<Vec<u8>> {
     let (address, bytes) = &answered.outcome.flash;
     assert_eq!(*address, STORE_ADDRESS);

@@ -31,7 +31,7 @@ fn strike(speed: f64, rate: u32, force_span: f64, acceleration_span: f64, force_
     strike_felt(speed, rate, force_span, acceleration_span, force_noise, 0.0)
 }
 
-/// The same with `front_mass` (kg) in front of the crystal of the force sensor.
+/// A strike with `front_mass` (kg) in front of the crystal of the force sensor.
 fn strike_felt(
     speed: f64,
     rate: u32,

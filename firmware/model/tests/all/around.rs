@@ -6,7 +6,7 @@ use bead_model::meter::REACH;
 use bead_model::{Meter, Origin, Scan, Settings, Window, WindowRecord};
 use bead_testing::Collector;
 
-/// What the image hands over at once.
+/// Number of scans that the image hands over at once.
 const BLOCK: usize = 200;
 
 fn settings() -> Settings {

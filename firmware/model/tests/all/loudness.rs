@@ -14,8 +14,8 @@ fn settings() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
 }
 
-/// What a meter tells of a rise of the force within a quarter of the range, and of a force and an
-/// acceleration `loud` codes above their zeros in four scans from `at` on.
+/// Runs a meter on a rise of the force within a quarter of the range, and of a force and an acceleration
+/// `loud` codes above their zeros in four scans from `at` on.
 fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Collector {
     let scans: Vec<Scan> = (0..1500)
         .map(|index| {

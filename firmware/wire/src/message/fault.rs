@@ -9,7 +9,7 @@ pub const MAX_DETAIL: usize = 96;
 pub type Detail = Text<MAX_DETAIL>;
 
 names! {
-    /// What went wrong. The list may grow at its end.
+    /// Cause of a fault. The list may grow at its end.
     pub enum FaultCause {
         /// The firmware panicked; `detail` has file and line.
         0 "panic" Panic,
@@ -55,7 +55,7 @@ names! {
 body! {
     /// Something went wrong, in this boot or in the one before it.
     pub struct Fault {
-        /// What went wrong.
+        /// Cause of the fault.
         pub cause: FaultCause,
         /// The boot in which it went wrong. It is the boot before this one if the fault ended in a reset.
         pub boot: u32,

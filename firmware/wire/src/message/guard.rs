@@ -14,7 +14,7 @@ body! {
         pub boots_failed: u32,
         /// Settings that were not written, because flash is written only so often.
         pub refused_too_soon: u32,
-        /// Whether the bead has a key. If it has, what changes its state must be signed.
+        /// True if the bead has a key. Requests that change its state must then be signed.
         pub keyed: bool,
         /// Counter of the last signed request that was accepted; the next one needs a higher one.
         pub counter: u64,

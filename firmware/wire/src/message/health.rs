@@ -22,13 +22,13 @@ body! {
         pub supply_low: u32,
         /// Supply voltage at the last start of acquisition, in mV; 0 before the first start.
         pub supply_mv: u16,
-        /// What is wrong now.
+        /// Faults that stand now.
         pub standing: Standing,
     }
 }
 
 bits! {
-    /// What is wrong now.
+    /// Faults that stand now.
     pub struct Standing(u8) {
         /// The force sensor is stuck.
         0 "force_stuck" FORCE_STUCK,

@@ -8,7 +8,7 @@ body! {
         /// Number of boots since power-up that ended in a fault. What a host did not hear of is the
         /// difference between two such numbers.
         pub faults: u32,
-        /// What went wrong.
+        /// Cause of the fault.
         pub cause: FaultCause,
         /// The boot in which it went wrong.
         pub boot: u32,

@@ -1,8 +1,8 @@
 use crate::body::body;
 
 body! {
-    /// What the bead received since the last reset, and what became of it. It comes with each status frame,
-    /// and at the end of a raw stream.
+    /// Counts of the bytes and requests that the bead received since the last reset, by their outcome. It
+    /// comes with each status frame, and at the end of a raw stream.
     ///
     /// The bytes between two delimiters count once: as a request, or in exactly one of the rejections.
     pub struct Link: Copy, Default {

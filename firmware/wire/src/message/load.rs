@@ -1,7 +1,7 @@
 use crate::body::body;
 
 body! {
-    /// What the work on a block of samples costs, by the core's cycle counter.
+    /// Cost of the work on a block of samples, by the core's cycle counter.
     ///
     /// It is sent when a host asks for the status, and covers the blocks since the last time, or since the
     /// reset. Interrupts that come meanwhile count too.

@@ -3,7 +3,7 @@ use crate::message::fault::Detail;
 use crate::names::names;
 
 names! {
-    /// What became of a request. The list may grow at its end.
+    /// Outcome of a request. The list may grow at its end.
     pub enum Outcome {
         /// The bead did what was asked.
         0 "done" Done,
@@ -53,7 +53,7 @@ body! {
     pub struct Reply {
         /// Number of the request, as its host chose it.
         pub request: u16,
-        /// What became of the request. A request with any other outcome than `done` has changed nothing.
+        /// Outcome of the request. A request with any other outcome than `done` has changed nothing.
         pub outcome: Outcome,
         /// One line for people, or nothing. A longer line is cut between two characters.
         pub detail: Detail,

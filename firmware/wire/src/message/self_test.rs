@@ -31,11 +31,11 @@ names! {
 body! {
     /// The result of one check of a self-test. Each check gives one frame.
     pub struct SelfTest: Copy {
-        /// What was checked.
+        /// The check.
         pub check: Check,
-        /// Whether the check passed.
+        /// True if the check passed.
         pub passed: bool,
-        /// What the check found; the list says what it is, and in which unit.
+        /// Value that the check found; the list has its meaning and unit.
         pub value: u32,
     }
 }

@@ -42,7 +42,7 @@ body! {
         pub stack_free_min: u32,
         /// Where the settings in force came from.
         pub settings_source: SettingsSource,
-        /// Whether the bead looks for strikes.
+        /// True while the bead looks for strikes.
         pub armed: bool,
     }
 }

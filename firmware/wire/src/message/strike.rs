@@ -33,13 +33,13 @@ body! {
         pub noise_energy: Energy,
         /// Standard deviation of the force before the strike.
         pub force_noise: Force,
-        /// What is to be known of the result.
+        /// Doubts about the result, and the cause of its window.
         pub flags: StrikeFlags,
     }
 }
 
 bits! {
-    /// What is to be known of the result of a strike: doubts, and what opened its window.
+    /// Doubts about the result of a strike, and the cause of its window.
     pub struct StrikeFlags(u16) {
         /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
         0 "force_railed" FORCE_RAILED,

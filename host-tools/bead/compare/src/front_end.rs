@@ -68,7 +68,7 @@ impl Channel {
         }
     }
 
-    /// The same channel at the gain at which its codes span `span` units, its zero at the same code.
+    /// This channel at the gain at which its codes span `span` units, with its zero unmoved.
     #[must_use]
     pub fn with_span(self, span: f64) -> Self {
         Self {
@@ -97,7 +97,7 @@ impl Channel {
         (self.value(0), self.value(CODES - 1))
     }
 
-    /// What a code stands for, in the sensor's unit.
+    /// Value of a code, in the sensor's unit.
     pub fn value(&self, code: u16) -> f64 {
         (f64::from(code) - self.zero_code()) / self.codes_per_unit()
     }
@@ -174,7 +174,7 @@ impl Default for FrontEnd {
     }
 }
 
-/// What the two sensors feel, as functions of time in seconds. Each channel reads a copy.
+/// Signals at the two sensors, as functions of time in seconds. Each channel reads a copy.
 pub trait Stimulus: Clone + Sync {
     /// Total force at the incoming contact in N, compression positive.
     fn force(&mut self, time: f64) -> f64;
@@ -233,8 +233,7 @@ impl FrontEnd {
         }
     }
 
-    /// The same front end behind sensors that are `times` less sensitive: ranges and noise grow by that
-    /// factor.
+    /// This front end behind sensors that are `times` less sensitive: ranges and noise grow by that factor.
     #[must_use]
     pub fn behind_weaker_sensors(mut self, times: f64) -> Self {
         for channel in self.channels_mut() {
@@ -307,9 +306,10 @@ fn convert(
             if silent <= time(steps.start) {
                 silent = signal.silent_until(time(steps.start));
             }
-            match time(steps.end) < silent {
-                true => filter.rest(FINE_STEPS),
-                false => steps.for_each(|step| _ = filter.advance(signal.at(time(step + 1)))),
+            if time(steps.end) < silent {
+                filter.rest(FINE_STEPS)
+            } else {
+                steps.for_each(|step| _ = filter.advance(signal.at(time(step + 1))))
             }
         }
         let noise = generator

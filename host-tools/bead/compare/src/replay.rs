@@ -331,8 +331,8 @@ mod tests {
         }
     }
 
-    /// What a bead reports of these scans, if it saw `past` before them and was asked for them at this sample
-    /// index.
+    /// The report of a bead on these scans, if it saw `past` before them and was asked for them at this
+    /// sample index.
     fn reported(strike: RecordedStrike, past: &[ScanCodes], asked: Option<u64>) -> RecordedStrike {
         let settings = strike.settings.unwrap();
         let (mut meter, mut heard) = (Meter::new(), Heard::default());

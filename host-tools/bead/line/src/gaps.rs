@@ -439,7 +439,7 @@ mod tests {
             self.says(boot, NEXT, reply);
         }
 
-        /// What it is asked a second later.
+        /// Returns the request that the bead gets a second later.
         fn asked(&mut self) -> Option<(u16, Request)> {
             self.now += PATIENCE;
             let bytes = self.gaps.next(self.now)?;

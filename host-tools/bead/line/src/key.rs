@@ -21,7 +21,7 @@ pub enum KeyError {
     Unread {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
     /// The file has something else in it.
@@ -35,9 +35,9 @@ pub enum KeyError {
     Unwritten {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
-        /// What to do about that.
+        /// Advice.
         advice: &'static str,
     },
 }

@@ -18,7 +18,7 @@ const CONNECT: Duration = Duration::from_secs(5);
 /// Why nothing more will come.
 const GONE: &str = "unplugged, or closed at the other end";
 
-/// What `--port` names.
+/// Address of a port, as `--port` names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
     /// A serial port or pseudo-terminal, by its path.
@@ -94,7 +94,7 @@ pub enum PortError {
     Unusable {
         /// The port.
         path: String,
-        /// What the system said.
+        /// Error of the system.
         reason: String,
     },
     /// The adapter runs at another rate.
@@ -117,7 +117,7 @@ pub enum PortError {
     Unconnected {
         /// The address.
         address: Address,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -189,7 +189,7 @@ impl Address {
         Ok(Port { line })
     }
 
-    /// Whether both are one port: a serial port may have several names.
+    /// Returns `true` if both are one port: a serial port may have several names.
     pub fn is_same(&self, other: &Self) -> bool {
         let file = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
         match (self, other) {
@@ -235,8 +235,8 @@ fn open_serial(path: &str, baud: u32) -> Result<serialport::TTYPort, PortError> 
     }
 }
 
-/// Whether a receiver at one rate understands a sender at the other. At 2 % the last of ten bits is sampled a
-/// fifth of a bit off its middle, which leaves room for the sender's own error.
+/// Returns `true` if a receiver at one rate understands a sender at the other. At 2 % the last of ten bits is
+/// sampled a fifth of a bit off its middle, which leaves room for the sender's own error.
 fn is_near(asked: u32, actual: u32) -> bool {
     u64::from(asked.abs_diff(actual)) * 50 <= u64::from(asked)
 }

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use bead_wire::{Arrival, Decoder, Header, MAX_FRAME, Status, encode};
 
-    /// What is said after these messages, the boot of each before it.
+    /// Returns the text after these messages, each with its boot.
     fn said(messages: &[(u8, Message)]) -> String {
         let mut seen = Evidence::default();
         let mut bytes = Vec::new();

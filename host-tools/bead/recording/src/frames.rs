@@ -22,7 +22,7 @@ pub struct Frame {
     pub sample_rate_hz: Option<u32>,
     /// When the host received it, in ns since 1970, if that is known.
     pub received_ns: Option<u64>,
-    /// What it says.
+    /// The message.
     pub message: Message,
 }
 
@@ -49,7 +49,7 @@ impl Frame {
     }
 }
 
-/// What stood between two delimiters.
+/// The content between two delimiters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[expect(clippy::large_enum_variant, reason = "nearly every item is a frame")]
 pub enum Item {
@@ -160,8 +160,8 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         self.reader.pending()
     }
 
-    /// Whether the next frame must still be read from a piece that is still to come. On a line it may take
-    /// long.
+    /// Returns `true` if the next frame must still be read from a piece that is still to come. On a line it
+    /// may take long.
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
     }

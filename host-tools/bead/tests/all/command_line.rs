@@ -48,7 +48,7 @@ fn keys(value: &Value) -> Vec<&str> {
     keys
 }
 
-/// What bead 8 sends of the paper's strike, and the scenario's text.
+/// Bytes of bead 8 for the paper's strike, and the scenario's text.
 fn struck() -> (Vec<u8>, String) {
     let (scenario, text) = load_scenario(Path::new(SCENARIO)).unwrap();
     let solution = simulate_with_ring_down(&scenario).unwrap();

@@ -68,7 +68,7 @@ fn names(path: &Path) -> Vec<String> {
         .collect()
 }
 
-/// What the tables should hold of these strikes.
+/// Expected contents of the tables for these strikes.
 fn expected(strikes: &[RecordedStrike]) -> Value {
     let signals: Vec<Signal> = strikes
         .iter()

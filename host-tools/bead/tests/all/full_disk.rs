@@ -89,9 +89,10 @@ fn refused(spoil: &str, reason: &str) {
     inputs(folder.path());
     for (command, name) in WRITERS {
         let (command, _) = command.split_once(" #").unwrap_or((command, ""));
-        let output = match command.ends_with("disk") {
-            true => String::new(),
-            false => format!("disk/{name}"),
+        let output = if command.ends_with("disk") {
+            String::new()
+        } else {
+            format!("disk/{name}")
         };
         let script = format!(
             "printf '' > disk/{name}; {spoil}; ls -A disk > before; $BEAD {command} {output} > /dev/null; status=$?; \

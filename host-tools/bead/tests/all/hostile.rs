@@ -38,7 +38,7 @@ fn bead(folder: &Path, arguments: &str) -> Output {
         .unwrap()
 }
 
-/// What each command that reads recordings says of these bytes, as a recording and as they came.
+/// Gives these bytes to each command that reads recordings, as a recording and as they came.
 fn read_by_all(bytes: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

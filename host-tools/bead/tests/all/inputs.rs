@@ -1,5 +1,4 @@
-//! What every command says to an input that is wrong: the table tests/inputs.txt, a row for each command and
-//! class.
+//! Every command's message about wrong input: the table tests/inputs.txt, a row for each command and class.
 //!
 //! # Design
 //! A row has the exit status, what the message holds, and the command line, between bars. To add one is to
@@ -233,9 +232,10 @@ fn tried(row: &Row<'_>, ports: &Path) -> Result<(), String> {
     let stdout = child.stdout.take().map(|mut stdout| {
         thread::spawn(move || {
             let mut text = Vec::new();
-            match head {
-                true => drop(BufReader::new(stdout).read_until(b'\n', &mut text)),
-                false => drop(stdout.read_to_end(&mut text)),
+            if head {
+                drop(BufReader::new(stdout).read_until(b'\n', &mut text))
+            } else {
+                drop(stdout.read_to_end(&mut text))
             }
             text
         })
@@ -358,9 +358,10 @@ fn leaves(command: &clap::Command, above: &str) -> Vec<String> {
     let below: Vec<_> = command.get_subcommands().collect();
     let below_it = below.into_iter().flat_map(|one| {
         let name = format!("{above} {}", one.get_name());
-        match one.has_subcommands() {
-            true => leaves(one, name.trim()),
-            false => vec![name.trim().to_owned()],
+        if one.has_subcommands() {
+            leaves(one, name.trim())
+        } else {
+            vec![name.trim().to_owned()]
         }
     });
     below_it.collect()

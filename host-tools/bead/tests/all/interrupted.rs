@@ -147,7 +147,7 @@ fn children(parent: u32) -> Vec<u32> {
     pids.filter(below).collect()
 }
 
-/// Whether a process runs: not one that has ended and was not yet waited for.
+/// Returns `true` if a process runs: not one that has ended and was not yet waited for.
 fn runs(pid: u32) -> bool {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     stat.rsplit(") ")

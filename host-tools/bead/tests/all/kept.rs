@@ -45,7 +45,7 @@ pub(crate) fn content(message: &Message) -> (u8, Inner) {
     (kind, inner)
 }
 
-/// What a test does to a bead.
+/// The treatment of a bead by a test.
 #[derive(Default)]
 struct Fate {
     /// The cable is out.

@@ -25,7 +25,7 @@ pub(crate) fn interruptible(folder: &Path) -> Command {
     command
 }
 
-/// What it said on standard error.
+/// Text on standard error.
 pub(crate) fn said(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }

@@ -16,9 +16,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// What `bead record --help` promises of a recorder that is killed: at most this is missing at the end.
+/// Longest part that a killed recorder may lose at the end, as `bead record --help` promises.
 const LOST_MOST: Duration = Duration::from_secs(2);
-/// What it promises of its memory, with some for what the system counts as the program's.
+/// Promised memory of a recorder, with some for what the system counts as the program's.
 const MEMORY_MOST_KB: u64 = 128 * 1024;
 
 fn frame(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
@@ -81,7 +81,7 @@ impl Recorder {
         self.peak().unwrap()
     }
 
-    /// The same; none if it has just ended.
+    /// Peak memory of the process; `None` if it has just ended.
     fn peak(&self) -> Option<u64> {
         let status = fs::read_to_string(format!("/proc/{}/status", self.0.id())).ok()?;
         let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -74,7 +74,7 @@ fn documents(output: &Output) -> Vec<Value> {
     documents.map(Result::unwrap).collect()
 }
 
-/// What a command prints.
+/// Runs a command and returns its output.
 fn printed(arguments: &str) -> Vec<Value> {
     documents(&bead(Path::new(ROOT), arguments.split_whitespace()))
 }

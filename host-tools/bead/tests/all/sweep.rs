@@ -55,7 +55,7 @@ fn bead(folder: &Path, arguments: &str) -> Output {
     command(folder, arguments).output().unwrap()
 }
 
-/// What a command prints that succeeds.
+/// Runs a command that succeeds and returns its output.
 fn done(folder: &Path, arguments: &str) -> String {
     let output = bead(folder, arguments);
     let said = String::from_utf8(output.stderr).unwrap();

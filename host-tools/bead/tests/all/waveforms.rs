@@ -41,7 +41,7 @@ fn typed(folder: &Path, line: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What an oscilloscope of eight bits would save of the force at bead 8: 1 MHz, its trigger at time 0, 8.9 N
+/// Writes the force at bead 8 as an oscilloscope of eight bits saves it: 1 MHz, its trigger at time 0, 8.9 N
 /// a volt.
 fn scope(path: &Path) {
     let (scenario, _) = load_scenario(Path::new(&format!("{ROOT}/{SCENARIO}"))).unwrap();

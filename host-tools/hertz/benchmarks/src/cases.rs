@@ -12,7 +12,7 @@ pub(crate) struct Case {
     pub(crate) scenario: Scenario,
     /// Velocities of all bodies at the end, m/s.
     pub(crate) end: Vec<f64>,
-    /// The same at each of [`ours::SAMPLES`] times, one after another.
+    /// Displacements at each of [`ours::SAMPLES`] times, one after another.
     pub(crate) samples: Vec<f64>,
 }
 
@@ -67,7 +67,7 @@ impl Case {
         distance(velocities, &self.end) / greatest(&self.end)
     }
 
-    /// The same over all samples, with the start before them or not.
+    /// Error over all samples, with the start before them or not.
     pub(crate) fn sampled_error(&self, samples: &[f64]) -> f64 {
         let samples = &samples[samples.len() - self.samples.len()..];
         distance(samples, &self.samples) / greatest(&self.samples)

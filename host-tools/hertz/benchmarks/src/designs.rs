@@ -6,7 +6,7 @@ use hertz_chain::{Chain, Material, Scenario, Search, Striker, optimise};
 
 use crate::report::{Report, Target};
 
-/// What single runs at draft accuracy allowed, designs a second and core, before designs went many at a time.
+/// Designs a second and core by single runs at draft accuracy, without the ensemble.
 const BEFORE: f64 = 190.0;
 
 /// A strike on 60 elastic beads, as in `docs/scenarios/ten-intruders.toml`.

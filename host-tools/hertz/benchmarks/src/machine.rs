@@ -1,4 +1,4 @@
-//! What a time belongs to: processor, vectors, compiler.
+//! The machine of a measured time: processor, vectors, compiler.
 
 use pulp::{Arch, Simd, WithSimd};
 use serde::Serialize;
@@ -13,7 +13,7 @@ pub(crate) struct Machine {
     vector_lanes: usize,
     system: String,
     compiler: &'static str,
-    /// What the compiler was told beyond the workspace's profile.
+    /// Compiler flags beyond the workspace's profile.
     flags: &'static str,
 }
 

@@ -15,7 +15,7 @@ pub(crate) fn end(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
         .collect()
 }
 
-/// The same at the start and at each of [`SAMPLES`] times, one after another.
+/// Displacements at the start and at each of [`SAMPLES`] times, one after another.
 pub(crate) fn samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
     let channels: Vec<Observable> = (0..=scenario.chain.beads).map(Observable::Velocity).collect();
     let mut samples = Samples::new(scenario.duration / SAMPLES as f64, channels).with_end(scenario.duration);

@@ -9,7 +9,7 @@ use crate::cases::Case;
 use crate::report::{Report, Target};
 use crate::{ensemble, ours};
 
-/// What is timed.
+/// Names of the timed cases.
 const NAMES: [&str; 3] = ["A, end only", "B, end only", "ensemble"];
 /// Few, for on a shared computer a long piece is always disturbed.
 const CHAINS: usize = 64;

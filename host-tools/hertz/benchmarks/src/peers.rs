@@ -1,6 +1,6 @@
-//! The same equations of motion in general solvers, as a careful user would write them: no allocation, sizes
-//! known to the compiler, displacements in a unit that makes all components of one order. The losses are left
-//! out, which is less work than the simulator does.
+//! The equations of motion in general solvers, as a careful user would write them: no allocation, sizes known
+//! to the compiler, displacements in a unit that makes all components of one order. The losses are left out,
+//! which is less work than the simulator does.
 
 use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
 use hertz_chain::{Model, Scenario};

@@ -13,11 +13,11 @@ pub struct Injection {
     pub mass_ratio: f64,
     /// The energy that the striker has given by the end of the run, J.
     pub energy: f64,
-    /// The same as a part of the energy that it had.
+    /// Energy given, as a part of the energy that the striker had.
     pub share: f64,
-    /// The same part in an elastic collision with bead 1 alone, 4 r / (1 + r)².
+    /// That part in an elastic collision with bead 1 alone, 4 r / (1 + r)².
     pub binary_share: f64,
-    /// Whether striker and bead 1 have parted for good by the end of the run: no overlap, and bead 1 is the
+    /// True if striker and bead 1 have parted for good by the end of the run: no overlap, and bead 1 is the
     /// faster.
     pub parted: bool,
 }

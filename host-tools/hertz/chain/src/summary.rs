@@ -53,7 +53,7 @@ pub struct FinalState {
 pub struct EnergySummary {
     /// Kinetic energy of the striker at t = 0.
     pub striker_initial: f64,
-    /// The same at the end.
+    /// Energy of the striker at the end, J.
     pub striker_final: f64,
     /// Energy of the chain at the end, with M - m for hosts, without intruders.
     pub chain_final: f64,

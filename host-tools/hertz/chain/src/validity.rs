@@ -1,4 +1,4 @@
-//! Whether the contacts of a run were what the model takes them for: elastic, small, and slow.
+//! Check that the contacts of a run were as the model takes them: elastic, small, and slow.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,8 +8,8 @@ use crate::model::Model;
 use crate::scenario::{InputError, Material, Scenario};
 use crate::summary::ContactPeak;
 
-/// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985,
-/// chapters 4 and 6).
+/// The suppositions of Hertz' theory, at the greatest force of one contact (Johnson, *Contact Mechanics*,
+/// 1985, chapters 4 and 6).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Validity {
@@ -35,7 +35,7 @@ const LARGE: f64 = 0.1;
 const SHORT: f64 = 1.0;
 
 impl Validity {
-    /// What each of these contacts went through.
+    /// Checks each of these contacts.
     ///
     /// # Errors
     /// [`InputError`]: the scenario is out of range.
@@ -71,7 +71,7 @@ impl Validity {
         Ok(peaks.iter().filter_map(of).collect())
     }
 
-    /// What the theory does not cover here, in a few words each.
+    /// Limits of the theory that are exceeded here, in a few words each.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         let contact = self.contact;

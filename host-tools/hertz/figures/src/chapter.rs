@@ -35,7 +35,7 @@ pub fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// What a check expects, for people.
+/// Expectation of a check, for people.
 pub fn expectation(check: &Check) -> String {
     match check.relation {
         Relation::Near if check.tolerance == 0.0 => number(check.expected),
@@ -84,7 +84,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// What a check measures, with what the paper says instead.
+/// Quantity of a check, with the paper's own value where it differs.
 fn what_of(check: &Check) -> String {
     let paper = check.paper.map(|says| format!(" (the paper: {says})"));
     format!("{}{}", check.what, paper.unwrap_or_default())

@@ -1,4 +1,4 @@
-//! What must be true of a figure, and the number that shows whether it is.
+//! A condition on a figure, and the number that shows if it holds.
 
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ pub enum Relation {
 /// One statement about a figure.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Check {
-    /// What was measured.
+    /// The measured quantity.
     pub what: String,
     /// Unit of the numbers; empty for a pure number.
     pub unit: &'static str,
@@ -29,9 +29,9 @@ pub struct Check {
     pub expected: f64,
     /// How far off the value may be, in the same unit; 0 for a bound.
     pub tolerance: f64,
-    /// Whether the check passed.
+    /// True if the check passed.
     pub pass: bool,
-    /// What the paper says, where the equations give something else.
+    /// The paper's value, where the equations give another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub paper: Option<&'static str>,
     /// The conservation law that this checks over all runs of a figure; none for other checks.

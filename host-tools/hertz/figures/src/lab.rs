@@ -76,8 +76,8 @@ impl Lab {
         self.keep("run", scenario, |run| run)
     }
 
-    /// What `reduce` makes of a scenario's run. The run itself is not kept, as the runs of a sweep would fill
-    /// the memory. `tag` names what `reduce` does.
+    /// Returns the result of `reduce` for a scenario's run. The run itself is not kept, as the runs of a
+    /// sweep would fill the memory. `tag` names what `reduce` does.
     pub(crate) fn keep<T: Any + Send + Sync>(
         &self,
         tag: &str,

@@ -1,4 +1,4 @@
-//! What figures read from a run, beyond its summary.
+//! Quantities that figures read from a run, beyond its summary.
 
 use std::ops::Range;
 

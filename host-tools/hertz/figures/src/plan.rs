@@ -12,9 +12,9 @@ use hertz_charts::Chart;
 pub struct Plan {
     /// As the paper numbers it: `5b`, `A4`, `eq9`.
     pub name: &'static str,
-    /// What it shows, one line.
+    /// Its title, one line.
     pub title: &'static str,
-    /// What is simulated for it, one line.
+    /// Its simulated setting, one line.
     pub setting: &'static str,
     pub(crate) draw: fn(&Lab) -> Result<Figure, Error>,
 }
@@ -24,7 +24,7 @@ pub struct Plan {
 pub struct Figure {
     /// The picture, which also holds the data.
     pub chart: Chart,
-    /// What must be true of it.
+    /// Conditions on it.
     pub checks: Vec<Check>,
     /// The pictures of an animation; empty for other figures.
     pub frames: Vec<Chart>,
@@ -60,17 +60,17 @@ pub(crate) use plans;
 pub struct Outcome {
     /// The figure.
     pub name: &'static str,
-    /// What it shows.
+    /// Its title.
     pub title: &'static str,
-    /// What was simulated.
+    /// Its simulated setting.
     pub setting: &'static str,
-    /// Whether every check passed.
+    /// True if every check passed.
     pub pass: bool,
     /// The checks.
     pub checks: Vec<Check>,
     /// The files written.
     pub files: Vec<String>,
-    /// Whether it is an animation.
+    /// True if it is an animation.
     #[serde(skip)]
     pub animated: bool,
 }
@@ -81,7 +81,7 @@ const BALANCE: f64 = 1e-10;
 const MOMENTUM: f64 = 1e-12;
 
 impl Plan {
-    /// Whether `name` is the name of the figure or of its plate.
+    /// Returns `true` if `name` is the name of the figure or of its plate.
     pub(crate) fn goes_by(&self, name: &str) -> bool {
         self.name.eq_ignore_ascii_case(name) || self.plate().eq_ignore_ascii_case(name)
     }

@@ -37,7 +37,7 @@ pub(crate) fn intruder(
     )
 }
 
-/// The same strike with these intruders; unchanged if they have no host.
+/// A strike with these intruders; unchanged if they have no host.
 pub(crate) fn with(mut scenario: Scenario, intruder: Intruder) -> Scenario {
     if !intruder.beads.is_empty() {
         scenario.intruders.push(intruder);

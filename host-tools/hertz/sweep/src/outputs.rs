@@ -139,12 +139,11 @@ impl Outputs {
         );
         for bead in &self.transmission {
             let last = model.bodies() - 1;
-            cells.extend(match *bead < last {
-                true => {
-                    let energy = end.region(bead + 1..=last).mechanical();
-                    [Cell::Number(energy), part(energy, injected)]
-                }
-                false => [Cell::Null, Cell::Null],
+            cells.extend(if *bead < last {
+                let energy = end.region(bead + 1..=last).mechanical();
+                [Cell::Number(energy), part(energy, injected)]
+            } else {
+                [Cell::Null, Cell::Null]
             });
         }
         cells

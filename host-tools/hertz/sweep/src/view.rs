@@ -1,4 +1,4 @@
-//! What a chart of a sweep shows: its axes, and the points that it takes.
+//! The view of a sweep's chart: its axes, and the points that it takes.
 
 use hertz_charts::FAMILY;
 

@@ -14,7 +14,7 @@ pub struct CommonTime {
     places: Boots,
     /// By the place of their segment, those whose clock was fitted.
     boots: HashMap<usize, Boot>,
-    /// Whether two of them have edges in common.
+    /// True if two of them have edges in common.
     is_shared: bool,
     /// True seconds in one of the boot whose time it is, as far as known.
     pace: f64,
@@ -31,7 +31,7 @@ const EDGES_LEAST: usize = 2;
 /// is held against all others.
 const BASES_MOST: usize = 64;
 
-/// What a bead sent between two resets, on other clocks than its own.
+/// Frames of a bead between two resets, on other clocks than its own.
 #[derive(Debug, Clone)]
 struct Boot {
     rate: f64,
@@ -83,7 +83,7 @@ impl CommonTime {
         Ok(Self::among(&Tracker::of(recording)?.segments))
     }
 
-    /// The same from its segments.
+    /// Finds the common time from the segments.
     pub(super) fn among(segments: &[Segment]) -> Self {
         let places = Boots::of(segments);
         let fitted: Vec<Fitted> = (0..)
@@ -104,9 +104,12 @@ impl CommonTime {
                 break;
             }
         }
-        let onto = |(at, own): (usize, &Fitted)| match most > 0 && at != reference {
-            true => Alignment::through(own.edges.in_common(&fitted[reference].edges)),
-            false => None,
+        let onto = |(at, own): (usize, &Fitted)| {
+            if most > 0 && at != reference {
+                Alignment::through(own.edges.in_common(&fitted[reference].edges))
+            } else {
+                None
+            }
         };
         let onto: Vec<Option<Alignment>> = fitted.iter().enumerate().map(onto).collect();
         let pace = fitted.get(reference).map_or(1.0, |own| pace(&own.fit, &onto));
@@ -145,7 +148,7 @@ impl CommonTime {
         }
     }
 
-    /// Whether there is a time that two beads have in common.
+    /// Returns `true` if there is a time that two beads have in common.
     pub fn is_shared(&self) -> bool {
         self.is_shared
     }

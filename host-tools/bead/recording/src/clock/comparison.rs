@@ -15,7 +15,7 @@ use crate::received::Received;
 use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
 
-/// What `bead clock` finds: each recording against the host, and against the first.
+/// Result of `bead clock`: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct ClockComparison {
     /// One for each recording, bead and boot.
@@ -27,7 +27,7 @@ pub struct ClockComparison {
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival: at most 100 000.
     pub strikes: Vec<StrikeArrival>,
-    /// What memory had no room for, in words; empty if nothing.
+    /// Data that memory had no room for, in words; empty if none.
     pub left_out: Vec<String>,
 }
 
@@ -65,7 +65,7 @@ pub struct ClockReport {
     pub delay_s: f64,
     pub edges: usize,
     pub edges_missed: u32,
-    /// Whether the frames came as fast as the bead's time passed ([`Fit::in_real_time`]).
+    /// True if the frames came as fast as the bead's time passed ([`Fit::in_real_time`]).
     pub in_real_time: bool,
 }
 

@@ -65,8 +65,9 @@ impl Fit {
         })
     }
 
-    /// Whether the frames came as fast as the bead's time passed. An emulated bead may run faster or slower,
-    /// and a stream out of a pipe comes at once: its times on the host say nothing of a crystal then.
+    /// Returns `true` if the frames came as fast as the bead's time passed. An emulated bead may run faster
+    /// or slower, and a stream out of a pipe comes at once: its times on the host say nothing of a crystal
+    /// then.
     pub fn in_real_time(&self) -> bool {
         self.uncertainty_ppm
             .is_none_or(|within| self.drift_ppm.abs() - within < CRYSTAL_PPM)

@@ -1,4 +1,4 @@
-//! What each bead sent between two resets, as far as clocks are concerned.
+//! Clock data of each bead between two resets.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -46,7 +46,7 @@ pub struct Struck {
     pub rise: Option<f64>,
 }
 
-/// What a bead sent between two resets.
+/// Clock data of a bead between two resets.
 #[derive(Debug, Clone, Default)]
 pub struct Segment {
     /// The address in the headers of its frames.
@@ -109,7 +109,7 @@ const SEGMENTS_MOST: usize = 4096;
 pub struct Tracker {
     /// The first segments, in the order in which they began: at most 4096.
     pub segments: Vec<Segment>,
-    /// Whether there were more.
+    /// True if there were more.
     pub left_out: bool,
     places: Segments,
 }
@@ -203,7 +203,7 @@ impl Live {
     }
 }
 
-/// Whether a frame is the first that was received of a boot.
+/// Returns `true` if a frame is the first that was received of a boot.
 fn begins(frame: &Frame) -> bool {
     matches!(frame.arrival, Arrival::First | Arrival::Restart { .. })
 }
@@ -229,9 +229,10 @@ impl Segment {
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
                 let number = sync.edge;
-                match self.edges.len() < EVENTS_MOST {
-                    true => self.edges.push(Edge { number, position }),
-                    false => self.left_out += 1,
+                if self.edges.len() < EVENTS_MOST {
+                    self.edges.push(Edge { number, position })
+                } else {
+                    self.left_out += 1
                 }
             }
             Message::Shape(_) if self.struck.len() == EVENTS_MOST => self.left_out += 1,

@@ -27,7 +27,7 @@ pub(super) struct BeadChannels {
     received: BTreeMap<u16, Option<u8>>,
 }
 
-/// Whether the log times of a bead's runs are receive times.
+/// True if the log times of a bead's runs are receive times.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum LogTimes {
     /// They are if the first message on the channel `received` follows.

@@ -196,7 +196,7 @@ impl Recording {
     }
 }
 
-/// What one pass through a file finds.
+/// Result of one pass through a file.
 struct Summary {
     contents: Contents,
     state: State,

@@ -233,7 +233,7 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
     }
 }
 
-/// What a damaged file gives back: its runs are those that were sent, in order, and some may be missing.
+/// Checks a damaged file: its runs are those that were sent, in order, and some may be missing.
 fn salvaged(path: &Path, sent: &[Vec<u8>]) -> (Recording, usize) {
     let recording = Recording::salvage(path).unwrap();
     let mut rest = sent.iter();

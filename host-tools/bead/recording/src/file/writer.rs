@@ -330,7 +330,7 @@ fn begin_file(
 pub struct Finished {
     /// Where it is.
     pub path: PathBuf,
-    /// What was received, refused and lost, of all beads.
+    /// Counts of frames received, refused and lost, of all beads.
     pub counters: Counters,
 }
 

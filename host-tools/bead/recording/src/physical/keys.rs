@@ -11,7 +11,7 @@ pub struct KeyRow {
     pub letter: &'static str,
     /// Its unit; empty for a text or a number.
     pub unit: &'static str,
-    /// What it is.
+    /// Its meaning.
     pub what: &'static str,
 }
 

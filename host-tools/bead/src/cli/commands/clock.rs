@@ -44,7 +44,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(arguments.format, &report, || table(&report))
 }
 
-/// What is said in place of the drift of a clock that is none.
+/// Text in place of the drift of a clock without one.
 pub(crate) fn times_as_fast(ppm: f64) -> String {
     format!(
         "the bead's time passed {:.2} times as fast as the host's, so this tells nothing of its crystal (an emulated \

@@ -522,9 +522,10 @@ impl<'a> Bench<'a> {
             .sync_period
             .or(several.then_some(SYNC_OF_SEVERAL))
         {
-            let until = match arguments.listen.is_some() {
-                true => SYNC_OF_LISTENING,
-                false => emulation.seconds(),
+            let until = if arguments.listen.is_some() {
+                SYNC_OF_LISTENING
+            } else {
+                emulation.seconds()
             };
             emulation.sync_until((1..).map(|number| f64::from(number) * period), until);
         }
@@ -672,9 +673,10 @@ fn record(
     }
     let write = || {
         let several = !matches!(arguments.bead, Beads::One(_));
-        let mut writer = match several {
-            true => Writer::create_for_several(recording, &about)?,
-            false => Writer::create(recording, &about)?,
+        let mut writer = if several {
+            Writer::create_for_several(recording, &about)?
+        } else {
+            Writer::create(recording, &about)?
         };
         let partial = Remove(
             writer.partial_path().to_owned(),

@@ -156,7 +156,7 @@ impl Arguments {
     }
 }
 
-/// What the bead keeps, the oldest first.
+/// Lists the strikes that the bead keeps, the oldest first.
 fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
     for _ in 0..LISTS {
         let answer = bead.request(&Request::ListKept)?;

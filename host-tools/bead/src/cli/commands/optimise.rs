@@ -196,7 +196,7 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
     Ok(search)
 }
 
-/// What the result was found for, as a comment in its file.
+/// The search of a result, as a comment in its file.
 fn found(search: &Search, optimum: &Optimum) -> String {
     let share = percent(optimum.share);
     match (&optimum.strikes[..], search.aim) {

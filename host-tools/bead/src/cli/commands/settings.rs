@@ -102,8 +102,8 @@ enum Action {
     },
     /// Change some of the settings of a bead: prints what changes, then sends it.
     Set {
-        /// What to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those of
-        /// the file that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the
+        /// Settings to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those
+        /// of the file that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the
         /// masses, springs and contacts. SI units.
         #[arg(value_name = "KEY=VALUE", required = true, value_parser = key_and_value)]
         changes: Vec<String>,
@@ -181,7 +181,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// What `bead settings set` is given, as it was typed.
+/// Checks an argument of `bead settings set`, and returns it as typed.
 fn key_and_value(text: &str) -> Result<String, String> {
     match text.split_once('=') {
         Some((key, value)) if !key.is_empty() && !value.is_empty() => Ok(text.to_owned()),

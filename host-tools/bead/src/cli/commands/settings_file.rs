@@ -151,9 +151,10 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     let name = file.display();
     let refused = |error| Failure::input(format!("{name}: {error}"));
     let is_toml = file.extension().is_some_and(|ending| ending == "toml");
-    let bytes = match is_toml {
-        true => block(&read_toml(file)?).map_err(refused)?,
-        false => block_in(file)?,
+    let bytes = if is_toml {
+        block(&read_toml(file)?).map_err(refused)?
+    } else {
+        block_in(file)?
     };
     let Some(address) = address else {
         return Ok(bytes);
@@ -167,7 +168,7 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
 
 /// Settings after some changes.
 pub(super) struct Changed {
-    /// What differs.
+    /// Differences.
     pub(super) changes: Vec<Change>,
     /// The new block.
     pub(super) block: Vec<u8>,

@@ -98,7 +98,7 @@ impl Bead {
         self.say(&Settings { block }.into())
     }
 
-    /// What it sends after these bytes.
+    /// Takes these bytes, and returns the bead's answer.
     pub(crate) fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut said = Vec::new();
         for &byte in bytes {
@@ -243,7 +243,7 @@ impl Line {
     }
 }
 
-/// What is on the line after these bytes: low wherever a bead pulls it low.
+/// Returns the line after these bytes: low wherever a bead pulls it low.
 fn collided(beads: &mut [Bead], bytes: &[u8]) -> Vec<u8> {
     let mut line = Vec::new();
     for said in beads.iter_mut().map(|bead| bead.hear(bytes)) {

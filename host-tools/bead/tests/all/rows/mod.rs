@@ -19,17 +19,17 @@ const INTERVAL: f64 = 0.05;
 /// Between two edges of the sync line, s.
 const EDGES: f64 = 0.0203;
 
-/// What one bead of a row does.
+/// One bead of a row.
 pub(crate) struct Who {
     /// Its place, and its address.
     pub(crate) bead: usize,
-    /// Whether its sync input is on the line.
+    /// True if its sync input is on the line.
     pub(crate) synced: bool,
     /// The strikes, from 0, that are not in its recording.
     pub(crate) lost: Vec<u32>,
     /// A scenario that it carries in place of the row's.
     pub(crate) carries: Option<String>,
-    /// What the emulator measured of its run.
+    /// The emulator's counts of its run.
     pub(crate) emulator: Option<Vec<u8>>,
     /// Its estimate B is sent with this many bits more.
     pub(crate) wrong_by: i64,
@@ -84,7 +84,7 @@ pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[Who], strikes: u
     writer.finish().unwrap();
 }
 
-/// What a bead sends, each frame with the time of its receipt, ns.
+/// Frames of a bead, each with the time of its receipt, ns.
 fn frames(solution: &Solution, who: &Who, strikes: u32) -> Vec<(u64, Vec<u8>)> {
     let began = 0.000_123_4 * who.bead as f64;
     let timing = Timing {

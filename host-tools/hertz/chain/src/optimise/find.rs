@@ -17,11 +17,11 @@ use crate::simulate::Accuracy;
 pub struct Optimum {
     /// One intruder a host, in the order of the beads.
     pub intruders: Vec<Intruder>,
-    /// What remains at each speed, at [`Accuracy::REFERENCE`].
+    /// Remaining energy at each speed, at [`Accuracy::REFERENCE`].
     pub strikes: Vec<Remaining>,
     /// The aim over these strikes.
     pub share: f64,
-    /// The same as the search found it, at its own accuracy.
+    /// Share as the search found it, at its own accuracy.
     pub share_searched: f64,
     /// The least share of intruders that are all alike, at the search's accuracy.
     pub share_alike: f64,
@@ -30,7 +30,7 @@ pub struct Optimum {
     pub far_end: f64,
     /// Number of designs tried.
     pub evaluations: usize,
-    /// Whether the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`]
+    /// True if the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`]
     /// descents in succession from elsewhere found nothing better either. If not, it spent its evaluations or
     /// was stopped.
     pub settled: bool,
@@ -38,7 +38,7 @@ pub struct Optimum {
     pub descents: usize,
     /// How many of them, the last ones, from fresh starts about the best design, led to nothing better.
     pub in_vain: usize,
-    /// Whether the search was asked to stop.
+    /// True if the search was asked to stop.
     pub stopped: bool,
 }
 
@@ -54,7 +54,7 @@ impl Optimum {
 
 /// Descents in vain after which a search ends.
 const IN_VAIN: usize = 3;
-/// What a descent must gain, in the share, not to be in vain.
+/// Least gain of a useful descent, in the share.
 const GAINED: f64 = 1e-6;
 
 /// Finds the intruders that leave the least energy. The scenario's own are left out. `watch` hears how far

@@ -7,8 +7,8 @@ use crate::options::{Accuracy, SimulateError};
 use crate::run::Run;
 use crate::scenario::{InputError, Scenario};
 
-/// What a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`]; `before`,
-/// `within`, `after` and `contacts` add up to `share`.
+/// Energy that a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`];
+/// `before`, `within`, `after` and `contacts` add up to `share`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Remaining {

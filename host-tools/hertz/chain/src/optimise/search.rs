@@ -26,7 +26,7 @@ pub struct Search {
     pub speeds: Vec<f64>,
     /// How the shares of several speeds become one.
     pub aim: Aim,
-    /// Whether all intruders are to be alike.
+    /// True if all intruders are to be alike.
     pub alike: bool,
     /// Most designs to try, each at every speed.
     pub evaluations: usize,
@@ -158,7 +158,7 @@ impl Search {
         }
     }
 
-    /// Whether a search can use all this, as [`optimise`](crate::optimise()) asks first.
+    /// Checks that a search can use these options, as [`optimise`](crate::optimise()) does first.
     ///
     /// # Errors
     /// [`OptimiseError`]: what it cannot use.

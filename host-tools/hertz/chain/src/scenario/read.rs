@@ -17,7 +17,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::words::plain_words;
 
-/// What is wrong with an input: where, what, and what would do. Its text is one line.
+/// An error in an input: its place, its kind, and a remedy. Its text is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InputError {
     /// The file, as it was named; none for data built in code.
@@ -27,9 +27,9 @@ pub struct InputError {
     /// The key, such as `chain.radius` or `intruder[2].mass` (tables of an array are counted from 1). Empty
     /// for the whole file.
     pub key: String,
-    /// What is wrong.
+    /// The error.
     pub what: String,
-    /// What would do.
+    /// The remedy.
     pub advice: String,
 }
 
@@ -289,7 +289,7 @@ fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The same for people: it can have a value of the file in it.
+/// Prepares a message for people: it can have a value of the file in it.
 fn told(message: &str) -> String {
     shortened(&one_line(message), TOLD_MOST)
 }

@@ -325,7 +325,7 @@ impl Section {
 }
 
 impl Intruder {
-    /// The same oscillator in each of some beads.
+    /// One oscillator in each of some beads.
     pub fn new(beads: impl IntoIterator<Item = usize>, oscillator: Oscillator) -> Self {
         Self {
             beads: beads.into_iter().collect(),

@@ -67,9 +67,10 @@ fn scenario(name: &str, case: &Value) -> Scenario {
     chain.density = number(p, "rho");
     chain.poisson = number(p, "nu");
     chain.relaxation = number(p, "tau");
-    chain.contact_force = match p["clip_contact_force"].as_bool().expect("a flag") {
-        true => ContactForce::Clipped,
-        false => ContactForce::Printed,
+    chain.contact_force = if p["clip_contact_force"].as_bool().expect("a flag") {
+        ContactForce::Clipped
+    } else {
+        ContactForce::Printed
     };
     let striker = &mut scenario.striker;
     striker.radius = p["Rs"].as_f64().unwrap_or(striker.radius);

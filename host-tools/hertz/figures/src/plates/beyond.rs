@@ -1,5 +1,5 @@
-//! What a user wants to know and the paper does not show: rebound, the solitary wave's invariants, exact
-//! scaling, and how the error falls with the effort.
+//! Figures beyond the paper: rebound, the solitary wave's invariants, exact scaling, and how the error falls
+//! with the effort.
 
 use std::sync::Arc;
 

@@ -45,7 +45,7 @@ plans! {
         BY_SIZE => |lab| far_spectrum(lab, &SIZE, size_spectrum),
 }
 
-/// What is changed on the striker, and to what.
+/// A change of the striker, and its values.
 struct Family {
     values: [f64; 4],
     name: fn(f64) -> String,

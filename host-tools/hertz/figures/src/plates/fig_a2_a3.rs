@@ -38,7 +38,7 @@ plans! {
         DAMPING_SWEEP => |lab| transmitted(lab, &DAMPINGS),
 }
 
-/// What is changed on the intruder, and what its energies must show.
+/// A change of the intruder, and the conditions on its energies.
 struct Family {
     three: [(&'static str, f64); 3],
     intruder: fn(f64) -> Intruder,

@@ -12,7 +12,7 @@ pub(crate) fn elastic(beads: usize, duration: f64) -> Scenario {
     scenario
 }
 
-/// The same, struck by a bead like its own: one solitary wave has nearly all of the energy.
+/// A chain struck by a bead like its own: one solitary wave has nearly all of the energy.
 pub(crate) fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
     let mut scenario = elastic(beads, duration);
     let (chain, striker) = (&scenario.chain, &scenario.striker);
