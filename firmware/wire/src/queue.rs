@@ -13,7 +13,7 @@ use crate::frame::Packed;
 use crate::message::Kind;
 
 /// Bytes of a bead's queue: the windows of three strikes, about 3.6 KB each.
-pub const OUTBOX: usize = 13 * 1024;
+pub const OUTBOX: usize = 13 * 1024 - 256;
 /// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for everything that a request
 /// can ask for, and for the frames of every second.
 pub const KEPT: usize = 2048;
