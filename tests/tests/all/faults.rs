@@ -549,8 +549,8 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
         );
         survived.heard.status().stack_free_min
     };
-    // Words that the stack does not use at that time are written, down to this one and none of them further from
-    // the next than the fence is wide: as if the stack had been there.
+    // Words that the stack does not use at that time are written, down to this one and none of them further
+    // from the next than the fence is wide: as if the stack had been there.
     let down_to = |address: u32| -> Vec<Poke> {
         let way = (address..START - 5_000).step_by(1_000);
         way.map(|address| Poke {
