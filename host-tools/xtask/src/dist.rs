@@ -26,7 +26,7 @@ strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be 
 | `completions/` | for bash, zsh (`_bead`) and fish |
 | `man/` | manual pages: `man -M man bead` |
 | `firmware/` | the image, for a debug probe: docs/how-to.md |
-| `THIRD-PARTY.md`, `notices/` | what others made in programs and image: licences, their texts, bills of materials (CycloneDX) |
+| `THIRD-PARTY.md`, `notices/` | the packages of others in programs and image: licences, their texts, bills of materials (CycloneDX) |
 ";
 
 /// The programs, and where each is built from.
@@ -90,11 +90,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         let to = from.strip_prefix(&steps.root).unwrap_or(&from);
         copy(&from, &to.display().to_string())?;
     }
-    let put = |to: &str, text: &str| {
-        let to = packed.join(to);
-        let failed = |error| Stop::failed(format!("cannot write {}: {error}", to.display()));
-        write(&to, text.as_bytes()).map_err(failed)
-    };
+    let put = |to: &str, text: &str| put_text(&packed.join(to), text);
     put("README.md", README)?;
     for (shell, file) in [("bash", "bead"), ("zsh", "_bead"), ("fish", "bead.fish")] {
         let script = Line::program(&program).words("completions").arg(shell);
@@ -111,6 +107,11 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         .arg(&archive)
         .arg("-C");
     steps.run("the archive", &pack.arg(&root).arg(&name))?;
+    // As `sha256sum --check` reads it, beside the archive.
+    let file = format!("{name}.tar.gz");
+    let sum = Line::new("sha256sum").arg(&file).within(&root);
+    let sum = steps.read("its SHA-256", &sum)?;
+    put_text(&root.join(format!("{file}.sha256")), &sum)?;
 
     try_out(steps, &archive, &name)?;
     let bytes = |path: &Path| fs::metadata(path).map_or(0.0, |found| found.len() as f64 / 1e6);
@@ -121,6 +122,11 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         bytes(&program)
     ));
     Ok(())
+}
+
+fn put_text(to: &Path, text: &str) -> Result<(), Stop> {
+    let failed = |error| Stop::failed(format!("cannot write {}: {error}", to.display()));
+    write(to, text.as_bytes()).map_err(failed)
 }
 
 /// Unpacks the archive into an empty folder and follows its page, with nothing in PATH but QEMU.
@@ -144,10 +150,9 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
             steps.read("from an empty folder, without Rust", &line)?;
         }
         if home.join("tables/samples.parquet").is_file() {
-            Ok(())
-        } else {
-            Err(Stop::failed("bead wrote no table"))
+            return Ok(());
         }
+        Err(Stop::failed("bead wrote no table"))
     });
     let _ = fs::remove_dir_all(&folder);
     tried

@@ -88,10 +88,21 @@ fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
             .and_then(|m| m.modified())
             .unwrap_or(SystemTime::UNIX_EPOCH)
     };
+    // Cargo adds a hash to the name where this crate comes from a registry or from git.
+    let stem = file.trim_end_matches(std::env::consts::DLL_SUFFIX);
+    let is_overlay = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let rest = name
+            .strip_prefix(stem)
+            .and_then(|rest| rest.strip_suffix(std::env::consts::DLL_SUFFIX));
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+            && path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0)
+    };
     let found = looked
         .iter()
-        .map(|l| l.join(&file))
-        .filter(|p| p.metadata().is_ok_and(|m| m.is_file() && m.len() > 0))
+        .filter_map(|folder| std::fs::read_dir(folder).ok())
+        .flat_map(|entries| entries.flatten().map(|entry| entry.path()))
+        .filter(is_overlay)
         .max_by_key(built);
     found.ok_or(RunError::OverlayMissing(file, looked))
 }
