@@ -12,12 +12,12 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// The results of a meter or a window, as numbers.
 #[derive(Default)]
-struct Told {
+struct ResultNumbers {
     numbers: Vec<i64>,
     reports: usize,
 }
 
-impl Told {
+impl ResultNumbers {
     fn checksum(&self) -> u32 {
         let bytes: Vec<u8> = self
             .numbers
@@ -35,7 +35,7 @@ impl Told {
     }
 }
 
-impl Sink for Told {
+impl Sink for ResultNumbers {
     fn chunk(&mut self, chunk: &Chunk) {
         self.numbers.extend([
             chunk.strike.into(),
@@ -142,7 +142,7 @@ fn strikes([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) 
 
 /// Checksum over what a meter tells of the scans, which come in calls of `call`.
 fn metered(settings: &Settings, scans: &[Scan], call: usize) -> u32 {
-    let (mut meter, mut told) = (Meter::new(), Told::default());
+    let (mut meter, mut told) = (Meter::new(), ResultNumbers::default());
     for (n, some) in scans.chunks(call).enumerate() {
         meter.process(settings, (n * call) as u64, some.iter().copied(), &mut told);
     }

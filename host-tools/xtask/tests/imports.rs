@@ -311,7 +311,7 @@ fn check(rooms: &[String], modules: &[Module], faults: &mut Vec<String>) {
             arrows.push((from, to, place));
         }
     }
-    // What imports nothing, and what nothing imports, is on no circle.
+    // A file without imports, or that no file imports, is on no circle.
     loop {
         let (before, old) = (arrows.len(), arrows.clone());
         arrows.retain(|(from, to, _)| {

@@ -221,7 +221,7 @@ mod tests {
         let (top, start) = times(&path);
         assert!((top - 25.0 * 300e-9).abs() < 1e-15, "{top}");
         assert!((start - 1_772_000_000.000_123).abs() < 1e-6, "{start}");
-        // What is refused is told in the file's own time.
+        // The message of a refusal states times as the file does.
         let schema = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
         table::<Int64Type>(&path, schema, |row| 1000 * if row > 30 { 4 } else { row as i64 });
         let error = refusal(&path);

@@ -762,7 +762,7 @@ mod tests {
         assert_eq!(assembled.fetched, Some(FetchedCopy { boot: 3, before }));
         assert_eq!((assembled.strike.boot, assembled.strike.nth_boot), (3, None));
         assert_eq!(assembled.strike.scans.len(), 1);
-        // The same name, and another window: a power cycle that the boot number does not show.
+        // Equal names of two windows come from a power cycle that the boot number does not show.
         assert_eq!(line.send(7, fetched(3, 0, 999)), [(true, 3, 0)]);
     }
 

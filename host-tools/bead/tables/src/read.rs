@@ -80,7 +80,7 @@ fn call<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ReadErro
 struct Bounded(File);
 
 /// The bytes of a [`Bounded`] file from a place on.
-struct Rest(BufReader<File>);
+struct BoundedReader(BufReader<File>);
 
 impl Length for Bounded {
     fn len(&self) -> u64 {
@@ -89,10 +89,10 @@ impl Length for Bounded {
 }
 
 impl ChunkReader for Bounded {
-    type T = Rest;
+    type T = BoundedReader;
 
-    fn get_read(&self, start: u64) -> Result<Rest, ParquetError> {
-        self.0.get_read(start).map(Rest)
+    fn get_read(&self, start: u64) -> Result<BoundedReader, ParquetError> {
+        self.0.get_read(start).map(BoundedReader)
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
@@ -105,7 +105,7 @@ impl ChunkReader for Bounded {
     }
 }
 
-impl Read for Rest {
+impl Read for BoundedReader {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self.0.read(bytes)? {
             0 if !bytes.is_empty() => Err(io::ErrorKind::UnexpectedEof.into()),

@@ -12,20 +12,20 @@ use crate::strikes::RecordedStrike;
 use bead_tables::unit::Unit;
 use bead_tables::{Cell, Column, Kind};
 
-/// The table's columns, and what the settings that were seen last give: they rarely change.
+/// The table's columns, and the cells of the last settings, which rarely change.
 pub struct Strikes {
     columns: Vec<Column>,
-    last: Option<(Settings, Told)>,
+    last: Option<(Settings, SettingsCells)>,
 }
 
-/// The cells of settings.
-struct Told {
+/// The cells of a strike's settings.
+struct SettingsCells {
     name: Cell,
     /// A cell for each of the [`settings`].
     quantities: Vec<Cell>,
 }
 
-impl Told {
+impl SettingsCells {
     fn of(settings: &Settings) -> Self {
         let description = settings.description();
         let name = Some(description.name.as_str()).filter(|name| !name.is_empty());
@@ -58,10 +58,10 @@ impl Strikes {
         if let Some(settings) = strike.settings
             && self.last.as_ref().is_none_or(|(last, _)| *last != settings)
         {
-            self.last = Some((settings, Told::of(&settings)));
+            self.last = Some((settings, SettingsCells::of(&settings)));
         }
         let last = self.last.as_ref().filter(|_| strike.settings.is_some());
-        row(id, recording, strike, last.map(|(_, told)| told))
+        row(id, recording, strike, last.map(|(_, cells)| cells))
     }
 }
 
@@ -86,12 +86,17 @@ fn columns() -> Vec<Column> {
     origin.into_iter().chain(results).chain(settings).collect()
 }
 
-fn row(id: u64, recording: &str, strike: &RecordedStrike, told: Option<&Told>) -> Vec<Cell> {
+fn row(
+    id: u64,
+    recording: &str,
+    strike: &RecordedStrike,
+    settings_cells: Option<&SettingsCells>,
+) -> Vec<Cell> {
     let uid = strike.uid.map(|uid| hex(&uid));
     let origin: [Cell; ORIGIN.len()] = [
         Cell::whole(id),
         Cell::text(Some(recording)),
-        told.map_or(Cell::Null, |told| told.name.clone()),
+        settings_cells.map_or(Cell::Null, |cells| cells.name.clone()),
         Cell::text(uid.as_deref()),
         Cell::whole(strike.address),
         Cell::whole(strike.boot),
@@ -102,8 +107,8 @@ fn row(id: u64, recording: &str, strike: &RecordedStrike, told: Option<&Told>) -
     ];
     let results = results(Some(strike)).into_iter().map(|(_, cell)| cell);
     let mut row: Vec<Cell> = origin.into_iter().chain(results).collect();
-    match told {
-        Some(told) => row.extend(told.quantities.iter().cloned()),
+    match settings_cells {
+        Some(cells) => row.extend(cells.quantities.iter().cloned()),
         None => row.extend(settings().map(|_| Cell::Null)),
     }
     row

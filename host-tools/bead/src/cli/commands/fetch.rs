@@ -204,7 +204,7 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
             _ => return Err(answer.refusal().into()),
         }
         for frame in answer.frames {
-            // What was asked for before may still come.
+            // Frames of an earlier request may still arrive.
             let is_its = matches!(&frame.message, Message::Fetched(fetched)
                 if (fetched.boot, fetched.strike) == (boot, strike));
             if !is_its {
