@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 /// The end of a run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub enum End {
+pub enum RunEnd {
     /// The stimulus and its tail were over, or the time for an image that does not sample.
     #[default]
     Over,
     /// The image executed BKPT outside a panic. Test firmware ends so.
-    Breakpoint(Place),
+    Breakpoint(CodeAddress),
     /// The image ended itself by semihosting, with this status.
     Exited(i32),
     /// The image panicked, and nothing resets it.
@@ -21,7 +21,7 @@ pub enum End {
     Faulted,
     /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The
     /// program counter there, if QEMU said it.
-    LockedUp(Option<Place>),
+    LockedUp(Option<CodeAddress>),
     /// The image does nothing but read this register, which no model knows.
     Stuck(String),
     /// The host stopped it: its time was over.
@@ -32,14 +32,14 @@ pub enum End {
 
 /// An address in the image's code.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Place {
+pub struct CodeAddress {
     /// The address.
     pub address: u32,
     /// The function around it, if the image has symbols.
     pub function: Option<String>,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for CodeAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#010x}", self.address)?;
         match &self.function {
@@ -49,7 +49,7 @@ impl fmt::Display for Place {
     }
 }
 
-impl From<u32> for Place {
+impl From<u32> for CodeAddress {
     fn from(address: u32) -> Self {
         let function = None;
         Self { address, function }
@@ -65,9 +65,9 @@ pub struct Exception {
     pub number: u8,
     /// Where it came, from the frame on the stack. `None` if there is no frame: the stack itself failed, or
     /// it is the process stack, which the emulator does not see.
-    pub pc: Option<Place>,
+    pub pc: Option<CodeAddress>,
     /// The link register in that frame.
-    pub lr: Option<Place>,
+    pub lr: Option<CodeAddress>,
     /// CFSR: the cause (B3.2.15).
     pub cfsr: u32,
     /// HFSR.
@@ -153,7 +153,7 @@ mod tests {
         let fault = Exception {
             at_ns: 1_200_000,
             number: 3,
-            pc: Some(Place {
+            pc: Some(CodeAddress {
                 address: 0x0800_01a2,
                 function: Some("main".into()),
             }),

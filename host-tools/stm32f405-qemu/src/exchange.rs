@@ -9,7 +9,7 @@
 //!
 //! In a live run nothing that grows with time is written to files. At a stop the plugin writes a message on
 //! standard output, what came out since the stop before ([`Reached`]), and reads what comes next from
-//! standard input ([`Step`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see
+//! standard input ([`TimeStep`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see
 //! [`write_message`].
 //!
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
@@ -24,7 +24,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::given::{Inputs, Run};
-use crate::outcome::{Sampling, Work};
+use crate::outcome::{Sampling, StretchWork};
 
 /// Changes with every change of these files.
 pub(crate) const FORMAT: u32 = 12;
@@ -66,7 +66,7 @@ pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
 /// Description of a run, from the host to the plugin. The fields of `run` that only the host needs are left
 /// out.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Description<'a> {
+pub(crate) struct RunDescription<'a> {
     pub(crate) format: u32,
     pub(crate) run: Cow<'a, Run>,
     /// Address of the RTT control block, if the image has one.
@@ -85,13 +85,13 @@ pub(crate) struct Description<'a> {
 
 /// On standard input of QEMU: the host wants the report of a run that takes too long.
 pub(crate) const REPORT: u8 = b'r';
-/// On standard input of QEMU: a [`Step`] follows.
+/// On standard input of QEMU: a [`TimeStep`] follows.
 pub(crate) const STEP: u8 = b's';
 
 /// The next step of virtual time, and the inputs that arrive in it. The bytes beside it are rows of the
 /// stimulus, as in [`STIMULUS`].
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(crate) struct Step {
+pub(crate) struct TimeStep {
     /// Virtual time of the next stop. `None` ends the run here.
     pub(crate) to_ns: Option<u64>,
     pub(crate) inputs: Inputs,
@@ -107,7 +107,7 @@ pub(crate) struct Reached {
     pub(crate) sampling: Option<Sampling>,
     /// When the last row of the stimulus ends, if the first has begun.
     pub(crate) codes_until_ns: Option<u64>,
-    pub(crate) work: Work,
+    pub(crate) work: StretchWork,
     /// Bytes of records of each USART.
     pub(crate) sent: Vec<usize>,
 }

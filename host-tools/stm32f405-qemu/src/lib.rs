@@ -11,11 +11,11 @@ mod plugin;
 mod run;
 mod vcd;
 
-pub use ending::{End, Exception, Place};
+pub use ending::{CodeAddress, Exception, RunEnd};
 pub use given::{AnalogInput, Fault, FaultKind, Inputs, Level, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
-    Block, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin, Reset,
-    ResetCause, Sampling, Uart, UnknownRegister, Work,
+    BlockCost, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin, Reset,
+    ResetCause, Sampling, StretchWork, Uart, UnknownRegister,
 };
 #[doc(hidden)]
 pub use run::carry;

@@ -36,19 +36,20 @@ mod wiring;
 
 pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
-pub use stimulus::Stimulus;
+pub use stimulus::StimulusPlayer;
 pub(crate) use wiring::{USARTS, interrupt_name, pin};
 
 use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
+use crate::peripherals::Peripheral;
+use crate::peripherals::flash::FlashEvent;
 use crate::peripherals::usart::Usart;
-use crate::peripherals::{Peripheral, flash};
 use chip::Chip;
 use crash::crash;
-use events::Event;
+use events::MachineEvent;
 use levels::Levels;
-use lines::Lines;
+use lines::InterruptLines;
 use polls::Polls;
 use sampling::Scans;
 use table::DMA2_LINES;
@@ -63,7 +64,7 @@ pub struct Machine {
     chip: Chip,
     levels: Levels,
     transfers: Transfers,
-    lines: Lines,
+    lines: InterruptLines,
     unknown: UnknownRegisters,
     polls: Polls,
     /// The register without a model that the processor does nothing but read.
@@ -81,7 +82,7 @@ impl Machine {
     /// One of the pins or USARTs does not exist.
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
-        let stimulus = Stimulus::new(run.stimulus, run.sample_period_ns, run.stimulus_since)
+        let stimulus = StimulusPlayer::new(run.stimulus, run.sample_period_ns, run.stimulus_since)
             .with(&run.analog_inputs)
             .on_clock(hse_hz, run.hse_hz);
         let mut chip = Chip::new(hse_hz, run.uid, stimulus);
@@ -106,7 +107,7 @@ impl Machine {
             levels: Levels::new(&run.pin_inputs, &mut chip),
             chip,
             transfers: Transfers::default(),
-            lines: Lines::default(),
+            lines: InterruptLines::default(),
             unknown: UnknownRegisters::default(),
             polls: Polls::default(),
             stuck: None,
@@ -267,7 +268,7 @@ impl Machine {
     // What there is to see.
 
     /// The analog inputs, and how far they were read.
-    pub fn stimulus(&self) -> &Stimulus {
+    pub fn stimulus(&self) -> &StimulusPlayer {
         &self.chip.stimulus
     }
 
@@ -366,53 +367,53 @@ impl Machine {
                 && at <= until
                 && trigger.is_none_or(|trigger| at <= trigger)
             {
-                self.happen(Event::Converted(adc), at, board);
+                self.happen(MachineEvent::Converted(adc), at, board);
                 if !self.transfers.serve_converter(&mut self.chip, adc, at, board) {
                     return;
                 }
             }
             match trigger.filter(|at| *at <= until) {
-                Some(at) => self.happen(Event::Triggered(tim), at, board),
+                Some(at) => self.happen(MachineEvent::Triggered(tim), at, board),
                 None => return,
             }
         }
     }
 
-    fn happen(&mut self, event: Event, at: u64, board: &mut impl Board) {
+    fn happen(&mut self, event: MachineEvent, at: u64, board: &mut impl Board) {
         let units = &mut self.chip.units;
         match event {
-            Event::Converted(adc) => self.chip.convert(adc, at),
-            Event::Started(tim) => units.tim[tim].start(at),
-            Event::Level => self.levels.change(at, &mut self.chip),
-            Event::Moved(tim) => {
+            MachineEvent::Converted(adc) => self.chip.convert(adc, at),
+            MachineEvent::Started(tim) => units.tim[tim].start(at),
+            MachineEvent::Level => self.levels.change(at, &mut self.chip),
+            MachineEvent::Moved(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.move_outputs(tim, at);
             }
-            Event::Triggered(tim) => {
+            MachineEvent::Triggered(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.trigger_converters(tim, at);
             }
-            Event::Sent(usart) => {
+            MachineEvent::Sent(usart) => {
                 if let Some(data) = self.chip.sent(usart, at) {
                     board.sent(usart, data, at);
                 }
             }
-            Event::Received(usart) => self.chip.received(usart, at),
+            MachineEvent::Received(usart) => self.chip.received(usart, at),
             // The DMA is served after every event.
-            Event::Fetched(usart) => units.usart[usart].fetch_is_due(),
-            Event::WatchdogOut => {
+            MachineEvent::Fetched(usart) => units.usart[usart].fetch_is_due(),
+            MachineEvent::WatchdogOut => {
                 units.iwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
                 board.reset_wanted();
             }
-            Event::Flash(flash::Event::Finished) => {
+            MachineEvent::Flash(FlashEvent::Finished) => {
                 let changed = units.flash.finish();
                 let offset = (changed.start - WRITABLE.start) as usize;
                 let bytes = &units.flash.contents()[offset..][..changed.len()];
                 board.flash_changed(changed.start, bytes);
                 board.stall(false);
             }
-            Event::Flash(flash::Event::PowerGone) => {
+            MachineEvent::Flash(FlashEvent::PowerGone) => {
                 units.flash.reset(at);
                 self.lose_power(board);
             }

@@ -4,14 +4,14 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::ending::{End, Exception, Place};
+use crate::ending::{CodeAddress, Exception, RunEnd};
 
 /// Outcome of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
     /// The end of the run.
-    pub end: End,
+    pub end: RunEnd,
     /// Bytes that left the USART1 transmitter by a pin.
     pub uart: Vec<u8>,
     /// When each of them had left, in ns of virtual time since power-up.
@@ -47,7 +47,7 @@ pub struct Outcome {
     pub panics: Vec<u64>,
     /// Where the processor was at the end: the beginning of the last block of instructions without a branch.
     /// `None` if it slept since the first instruction.
-    pub stopped_at: Option<Place>,
+    pub stopped_at: Option<CodeAddress>,
     /// The register that the processor accessed most at the end, if one stands out.
     pub busy_with: Option<String>,
     /// Registers that the firmware accessed and that no model knows.
@@ -87,18 +87,18 @@ impl Outcome {
                 .map_or_else(String::new, ToString::to_string)
         };
         Err(match &self.end {
-            End::Over | End::Breakpoint(_) | End::Exited(0) => return Ok(()),
-            End::Exited(status) => format!("the image ended with status {status}{}", last()),
-            End::Panicked => {
+            RunEnd::Over | RunEnd::Breakpoint(_) | RunEnd::Exited(0) => return Ok(()),
+            RunEnd::Exited(status) => format!("the image ended with status {status}{}", last()),
+            RunEnd::Panicked => {
                 let at = self.panics.last().map_or(0.0, |at| *at as f64 * 1e-9);
                 format!("the image panicked at {at:.6} s{}", last())
             }
-            End::Faulted => format!(
+            RunEnd::Faulted => format!(
                 "the image stands in the handler of a fault: {}{}",
                 fault(),
                 last()
             ),
-            End::LockedUp(at) => format!(
+            RunEnd::LockedUp(at) => format!(
                 "the processor locked up{}: a fault in the handler of a fault, or no image at the reset vector{}{}{}",
                 at.as_ref().map_or_else(String::new, |at| format!(" at {at}")),
                 if self.exceptions.is_empty() {
@@ -109,20 +109,20 @@ impl Outcome {
                 fault(),
                 last()
             ),
-            End::Stuck(register) => format!(
+            RunEnd::Stuck(register) => format!(
                 "the image does nothing but read {register}, which no model knows{}",
                 self.whereabouts()
             ),
-            End::Stopped => format!("the run was stopped{}", self.whereabouts()),
-            End::QemuEnded(how) => format!("QEMU ended{} ({how})", self.whereabouts()),
+            RunEnd::Stopped => format!("the run was stopped{}", self.whereabouts()),
+            RunEnd::QemuEnded(how) => format!("QEMU ended{} ({how})", self.whereabouts()),
         })
     }
 
     /// Lets `name` fill in the function around each address.
-    pub(crate) fn name_functions(&mut self, name: impl Fn(&mut Place)) {
+    pub(crate) fn name_functions(&mut self, name: impl Fn(&mut CodeAddress)) {
         let at_end = match &mut self.end {
-            End::Breakpoint(place) => Some(place),
-            End::LockedUp(place) => place.as_mut(),
+            RunEnd::Breakpoint(place) => Some(place),
+            RunEnd::LockedUp(place) => place.as_mut(),
             _ => None,
         };
         let of_faults = self
@@ -178,12 +178,12 @@ pub struct Instructions {
     /// One entry for each label, in the order given.
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
-    pub worst_block: Option<Block>,
+    pub worst_block: Option<BlockCost>,
     /// All stretches in which a function of [`Run::work`](crate::Run::work) ran, taken together. `None` if
     /// there were none.
-    pub working: Option<Block>,
+    pub working: Option<BlockCost>,
     /// All other stretches, taken together. `None` if there were none.
-    pub idle: Option<Block>,
+    pub idle: Option<BlockCost>,
     /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream
     /// on.
     pub masked: Option<Masked>,
@@ -196,7 +196,7 @@ pub struct Masked {
     /// Executed instructions.
     pub instructions: u64,
     /// Where it begins.
-    pub from: Place,
+    pub from: CodeAddress,
 }
 
 /// Instructions inside the functions of one label. Functions that they call are not included.
@@ -265,7 +265,7 @@ impl fmt::Display for LogLine {
 /// Cost of a stretch of a live run. It is counted rather than timed, and so is equal in every run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Work {
+pub struct StretchWork {
     /// Number of QEMU's calls of the overlay, for an access to a peripheral or at a requested time.
     pub calls: u64,
     /// Executed instructions; 0 if they are not counted.
@@ -350,14 +350,14 @@ pub struct Pin {
 
 /// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Block {
+pub struct BlockCost {
     /// Instructions of the whole image, with its interrupts.
     pub instructions: u64,
     /// Scans of the ADC in the same time.
     pub scans: u64,
 }
 
-impl Block {
+impl BlockCost {
     /// Instructions for each scan of the ADC.
     pub fn instructions_per_scan(&self) -> f64 {
         self.instructions as f64 / self.scans as f64

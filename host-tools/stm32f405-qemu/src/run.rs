@@ -28,15 +28,15 @@ pub use live::{Live, Passed};
 pub use overlay::carry;
 pub use qemu::qemu_version;
 
-use crate::ending::End;
-use crate::exchange::{self, Description, FORMAT};
+use crate::ending::RunEnd;
+use crate::exchange::{self, FORMAT, RunDescription};
 use crate::given::Run;
 use crate::machine::{USARTS, pin};
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
-use folder::Folder;
+use folder::RunFolder;
 use image::Image;
-use process::Job;
+use process::QemuJob;
 use qemu::FoundQemu;
 
 impl Run {
@@ -66,7 +66,7 @@ impl Run {
     }
 
     /// Checks the run and writes its files.
-    fn prepare(&self, live: bool) -> Result<(Image, Job), RunError> {
+    fn prepare(&self, live: bool) -> Result<(Image, QemuJob), RunError> {
         self.check()?;
         let shift = self.shift()?;
         if let Some(port) = self.gdb {
@@ -76,9 +76,9 @@ impl Run {
         let description = self.describe(&image, live)?;
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
-        let folder = Folder::new()?;
+        let folder = RunFolder::new()?;
         let arguments = self.command(&folder, &description)?;
-        let job = Job {
+        let job = QemuJob {
             qemu,
             overlay,
             folder,
@@ -89,7 +89,7 @@ impl Run {
     }
 
     /// The outcome with what stands in files beside it.
-    fn complete(&self, image: &Image, job: &Job, outcome: Outcome) -> Result<Outcome, RunError> {
+    fn complete(&self, image: &Image, job: &QemuJob, outcome: Outcome) -> Result<Outcome, RunError> {
         let folder = &job.folder;
         let rtt = folder.read(exchange::RTT)?;
         let mut uarts = Vec::new();
@@ -113,9 +113,9 @@ impl Run {
         outcome.name_functions(|place| image.name(place));
         outcome.unmodelled.extend(outcome.faster_than_the_core());
         match outcome.end {
-            End::Stuck(_) => Err(RunError::Stuck(outcome.into())),
-            End::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),
-            End::QemuEnded(ref how) => Err(RunError::QemuEnded(how.clone(), outcome.into())),
+            RunEnd::Stuck(_) => Err(RunError::Stuck(outcome.into())),
+            RunEnd::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),
+            RunEnd::QemuEnded(ref how) => Err(RunError::QemuEnded(how.clone(), outcome.into())),
             _ => Ok(outcome),
         }
     }
@@ -139,7 +139,7 @@ impl Run {
     }
 
     /// Builds the description for the plugin.
-    fn describe(&self, image: &Image, live: bool) -> Result<Description<'_>, RunError> {
+    fn describe(&self, image: &Image, live: bool) -> Result<RunDescription<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
             labels.iter().position(|label| label == work).ok_or_else(|| {
@@ -148,7 +148,7 @@ impl Run {
                 ))
             })
         };
-        Ok(Description {
+        Ok(RunDescription {
             format: FORMAT,
             rtt: image.rtt,
             fault_handlers: image.fault_handlers.clone(),
@@ -162,7 +162,11 @@ impl Run {
     }
 
     /// Writes the run's files. Returns the arguments that give QEMU the image and the blocks in flash.
-    fn command(&self, folder: &Folder, description: &Description<'_>) -> Result<Vec<OsString>, RunError> {
+    fn command(
+        &self,
+        folder: &RunFolder,
+        description: &RunDescription<'_>,
+    ) -> Result<Vec<OsString>, RunError> {
         let json = serde_json::to_vec(description).expect("a plain struct has a JSON form");
         folder.write(exchange::DESCRIPTION, &json)?;
         folder.write(exchange::STIMULUS, &exchange::bytes_of(&self.stimulus))?;

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use stm32f405_qemu::{Inputs, Live, UartInput, Work};
+use stm32f405_qemu::{Inputs, Live, StretchWork, UartInput};
 
 use crate::emulation::Emulation;
 use crate::error::BenchError;
@@ -64,7 +64,7 @@ pub struct Bridge {
     rate: f64,
     pace: Option<Pace>,
     /// Work of the emulator in the last step of time.
-    pub work: Work,
+    pub work: StretchWork,
 }
 
 /// Relation of the image's time to this computer's.
@@ -121,7 +121,7 @@ impl Bridge {
                 started: Instant::now(),
                 factor,
             }),
-            work: Work::default(),
+            work: StretchWork::default(),
         })
     }
 

@@ -10,7 +10,7 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::violation::{Bound, Violation};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
-use stm32f405_qemu::{End, Outcome, PinInput, Reset, Run, Since};
+use stm32f405_qemu::{Outcome, PinInput, Reset, Run, RunEnd, Since};
 
 use crate::error::BenchError;
 use crate::faults::{self, Planned};
@@ -488,7 +488,7 @@ fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
 fn failure(outcome: &Outcome) -> Option<String> {
     match &outcome.end {
         // That is how test firmware ends. A bead's never does.
-        End::Breakpoint(place) => Some(format!(
+        RunEnd::Breakpoint(place) => Some(format!(
             "the image stopped at a breakpoint of its own, at {place}, at {:.6} s",
             outcome.virtual_ns as f64 * 1e-9
         )),
@@ -544,7 +544,7 @@ pub fn settings_of(
 
 #[cfg(test)]
 mod tests {
-    use stm32f405_qemu::Place;
+    use stm32f405_qemu::CodeAddress;
 
     use super::*;
 
@@ -558,7 +558,7 @@ mod tests {
 
     #[test]
     fn an_image_that_ends_before_its_time_has_failed() {
-        let place = Place {
+        let place = CodeAddress {
             address: 0x0800_018a,
             function: Some("dead".to_owned()),
         };
@@ -567,13 +567,13 @@ mod tests {
         outcome.virtual_ns = 1_000_000;
         for (end, says) in [
             (
-                End::LockedUp(Some(place.clone())),
+                RunEnd::LockedUp(Some(place.clone())),
                 "locked up at 0x0800018a (dead)",
             ),
-            (End::Faulted, "stands in the handler of a fault"),
-            (End::Panicked, "the image panicked"),
+            (RunEnd::Faulted, "stands in the handler of a fault"),
+            (RunEnd::Panicked, "the image panicked"),
             (
-                End::Breakpoint(place),
+                RunEnd::Breakpoint(place),
                 "a breakpoint of its own, at 0x0800018a (dead), at 0.001000 s",
             ),
         ] {

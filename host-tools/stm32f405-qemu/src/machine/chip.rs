@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::mem::take;
 
-use super::stimulus::Stimulus;
-use super::table::{Row, TABLE, Units, locate};
+use super::stimulus::StimulusPlayer;
+use super::table::{PeripheralRow, TABLE, Units, locate};
 use super::wires::Wires;
 use super::wiring::{self, ADCS};
 use crate::memory::APB;
 use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
-use crate::peripherals::clock::Clocks;
+use crate::peripherals::clock::ClockTree;
 use crate::peripherals::dma::STREAMS;
 
 /// Deep sleep mode of the part.
@@ -27,7 +27,7 @@ pub(super) enum DeepSleep {
 #[derive(Debug, Clone)]
 pub(super) struct Chip {
     pub(super) units: Units,
-    pub(super) stimulus: Stimulus,
+    pub(super) stimulus: StimulusPlayer,
     /// The converter that a trigger from outside started first: the one that samples.
     pub(super) sampler: Option<usize>,
     /// Scans of that converter that were started.
@@ -35,7 +35,7 @@ pub(super) struct Chip {
     pub(super) wires: Wires,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
-    pub(super) clocks: Clocks,
+    pub(super) clocks: ClockTree,
     /// Time that HCLK spent at each frequency up to its last change, and the time of that change, ns.
     hclk_ns: BTreeMap<u32, u64>,
     hclk_since_ns: u64,
@@ -58,7 +58,7 @@ impl From<NoRegister> for Unanswered {
 
 impl Chip {
     /// After power-up, with a crystal of `hse_hz` and its factory identifier.
-    pub(super) fn new(hse_hz: u32, uid: [u8; 12], stimulus: Stimulus) -> Self {
+    pub(super) fn new(hse_hz: u32, uid: [u8; 12], stimulus: StimulusPlayer) -> Self {
         Self {
             units: Units::new(hse_hz, uid),
             stimulus,
@@ -66,7 +66,7 @@ impl Chip {
             scans: 0,
             wires: Wires::default(),
             driving: 0,
-            clocks: Clocks::HSI,
+            clocks: ClockTree::HSI,
             hclk_ns: BTreeMap::new(),
             hclk_since_ns: 0,
             deep_sleep: None,
@@ -131,7 +131,7 @@ impl Chip {
         self.units.flash.busy() || self.clocks.hclk == 0
     }
 
-    fn clocked(&self, address: u32) -> Result<(&'static Row, u32), Unanswered> {
+    fn clocked(&self, address: u32) -> Result<(&'static PeripheralRow, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
         match row.gate {
             Some(gate) if !self.units.rcc.enabled(gate.bus, gate.enables) => {

@@ -4,11 +4,12 @@ use super::chip::Chip;
 use super::levels::Levels;
 use super::sampling::Scans;
 use super::wiring;
-use crate::peripherals::{Peripheral, flash};
+use crate::peripherals::Peripheral;
+use crate::peripherals::flash::FlashEvent;
 
 /// An event that needs no instruction.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Event {
+pub(super) enum MachineEvent {
     /// A conversion of a converter ends.
     Converted(usize),
     /// The trigger that a timer waits for comes.
@@ -28,22 +29,22 @@ pub(super) enum Event {
     /// The watchdog runs out.
     WatchdogOut,
     /// An operation of the flash ends, or is cut.
-    Flash(flash::Event),
+    Flash(FlashEvent),
 }
 
 /// Returns the next event and its time, ns. Of several events at one time, a timer is started first, then a
 /// level changes, a conversion ends, and a trigger comes.
-pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
+pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, MachineEvent)> {
     next_but(chip, levels, None)
 }
 
 /// Returns the next event other than those of the given converter and its trigger.
-pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Option<(u64, Event)> {
+pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Option<(u64, MachineEvent)> {
     let units = &chip.units;
     let tim = &units.tim;
     let mut next = None;
     // The first of those at the same time.
-    let mut offer = |at: Option<u64>, event: Event| {
+    let mut offer = |at: Option<u64>, event: MachineEvent| {
         if let Some(at) = at
             && next.is_none_or(|(soonest, _)| at < soonest)
         {
@@ -52,33 +53,33 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     };
     for (n, slave) in tim.iter().enumerate() {
         if let Some(master) = slave.waits_for().and_then(|itr| wiring::master(n, itr)) {
-            offer(tim[master].trigger(0), Event::Started(n));
+            offer(tim[master].trigger(0), MachineEvent::Started(n));
         }
     }
-    offer(levels.next(chip), Event::Level);
+    offer(levels.next(chip), MachineEvent::Level);
     for (n, timer) in tim.iter().enumerate() {
-        offer(timer.next_output(), Event::Moved(n));
+        offer(timer.next_output(), MachineEvent::Moved(n));
     }
     let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
     for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {
-        offer(converter.next_conversion(), Event::Converted(n));
+        offer(converter.next_conversion(), MachineEvent::Converted(n));
     }
     for n in (0..units.adc.converters.len()).filter(|n| !but(*n)) {
         if let Some(master) = chip.converter_trigger(n) {
-            offer(tim[master].trigger(0), Event::Triggered(master));
+            offer(tim[master].trigger(0), MachineEvent::Triggered(master));
         }
     }
     for (n, usart) in units.usart.iter().enumerate() {
-        offer(usart.next_sent(), Event::Sent(n));
+        offer(usart.next_sent(), MachineEvent::Sent(n));
     }
     // After what is sent: over a wire, a frame that ends keeps the line from being idle.
     for (n, usart) in units.usart.iter().enumerate() {
-        offer(usart.next_received(), Event::Received(n));
-        offer(usart.next_fetch(), Event::Fetched(n));
+        offer(usart.next_received(), MachineEvent::Received(n));
+        offer(usart.next_fetch(), MachineEvent::Fetched(n));
     }
-    offer(units.iwdg.next_interrupt(), Event::WatchdogOut);
+    offer(units.iwdg.next_interrupt(), MachineEvent::WatchdogOut);
     if let Some((at, event)) = units.flash.next_event() {
-        offer(Some(at), Event::Flash(event));
+        offer(Some(at), MachineEvent::Flash(event));
     }
     next
 }

@@ -3,20 +3,20 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::chip::Chip;
-use super::wiring::{self, Pin};
+use super::wiring::{self, PinIndex};
 use crate::given::{PinInput, Since};
 
 /// A change of the level on a pin, `at_ns` after power-up or the first scan.
 #[derive(Debug, Clone, Copy)]
-struct Level {
+struct LevelChange {
     at_ns: u64,
-    pin: Pin,
+    pin: PinIndex,
     high: bool,
 }
 
 /// All changes of level that are still to come: for each beginning, in order of time.
 #[derive(Debug, Clone)]
-pub(super) struct Levels([(Since, VecDeque<Level>); 2]);
+pub(super) struct Levels([(Since, VecDeque<LevelChange>); 2]);
 
 impl Levels {
     /// The levels that these inputs give. Every pin with an input is low at first.
@@ -31,7 +31,7 @@ impl Levels {
                     wiring::pin(&input.pin).unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
                 chip.units.gpio[pin.0].drive(pin.1, false);
                 let changes = input.changes_ns.iter().enumerate();
-                levels.extend(changes.map(|(n, at_ns)| Level {
+                levels.extend(changes.map(|(n, at_ns)| LevelChange {
                     at_ns: *at_ns,
                     pin,
                     high: n % 2 == 0,
@@ -43,8 +43,8 @@ impl Levels {
     }
 
     /// Adds one that comes later.
-    pub(super) fn add(&mut self, pin: Pin, at_ns: u64, high: bool) {
-        let level = Level { at_ns, pin, high };
+    pub(super) fn add(&mut self, pin: PinIndex, at_ns: u64, high: bool) {
+        let level = LevelChange { at_ns, pin, high };
         if let Some((_, levels)) = self.0.iter_mut().find(|(since, _)| *since == Since::PowerUp) {
             let place = levels.partition_point(|other| other.at_ns <= at_ns);
             levels.insert(place, level);
@@ -89,7 +89,7 @@ impl Levels {
             }
         }
         let sampled = chip.first_scan_ns().is_some();
-        let line = |(((port, pin), since), changes): (&(Pin, Since), &u32)| {
+        let line = |(((port, pin), since), changes): (&(PinIndex, Since), &u32)| {
             let why = match since {
                 Since::FirstScan if !sampled => ": there was no triggered scan to count from",
                 _ => "",
@@ -109,7 +109,7 @@ impl Levels {
         if !captures && chip.units.exti.watched() == 0 && !chip.sleeps() {
             return None;
         }
-        let interrupts = |level: &&Level| {
+        let interrupts = |level: &&LevelChange| {
             let by_timer = captures
                 && chip
                     .timer_input(level.pin)

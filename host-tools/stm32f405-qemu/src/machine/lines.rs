@@ -6,15 +6,15 @@ use super::table::TABLE;
 
 /// The levels that the board knows.
 #[derive(Debug, Clone)]
-pub(super) struct Lines([bool; NMI + 1]);
+pub(super) struct InterruptLines([bool; NMI + 1]);
 
-impl Default for Lines {
+impl Default for InterruptLines {
     fn default() -> Self {
         Self([false; NMI + 1])
     }
 }
 
-impl Lines {
+impl InterruptLines {
     /// Tells the board which levels have changed.
     pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Board) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.

@@ -3,12 +3,12 @@
 use std::mem::take;
 
 use super::chip::Chip;
-use super::wiring::{self, Pin};
+use super::wiring::{self, PinIndex};
 
 impl Chip {
     /// Puts the levels that outputs drive on the pins at the other ends of wires.
     pub(super) fn drive_wires(&mut self, now: u64) {
-        let driven = |(from, to): (Pin, Pin)| (to, self.units.gpio[from.0].driven(from.1));
+        let driven = |(from, to): (PinIndex, PinIndex)| (to, self.units.gpio[from.0].driven(from.1));
         let levels: Vec<_> = self.wires.ends().map(driven).collect();
         for (pin, level) in levels {
             if let Some(high) = self.units.gpio[pin.0].drive_by_wire(pin.1, level) {
@@ -41,7 +41,7 @@ impl Chip {
     }
 
     /// The level on a pin has changed, from outside or by a wire.
-    pub(super) fn level_changed(&mut self, pin: Pin, high: bool, at: u64) {
+    pub(super) fn level_changed(&mut self, pin: PinIndex, high: bool, at: u64) {
         if let Some((tim, input)) = self.timer_input(pin) {
             self.units.tim[tim].edge(input, high, at);
         }
@@ -73,13 +73,13 @@ impl Chip {
     }
 
     /// Returns `true` if a change of the level on a pin would come through EXTI, or wake the part.
-    pub(super) fn listens_to(&self, pin: Pin, high: bool) -> bool {
+    pub(super) fn listens_to(&self, pin: PinIndex, high: bool) -> bool {
         let units = &self.units;
         (units.syscfg.port(pin.1) == pin.0 && units.exti.listens(pin.1, high)) || self.waits_for(pin, high)
     }
 
     /// The timer and its input that a pin leads to, as the pin is set.
-    pub(super) fn timer_input(&self, pin: Pin) -> Option<(usize, usize)> {
+    pub(super) fn timer_input(&self, pin: PinIndex) -> Option<(usize, usize)> {
         let function = self.units.gpio[pin.0].alternate(pin.1)?;
         wiring::timer_input(pin, function)
     }

@@ -1,13 +1,13 @@
 //! The USARTs' frames on their way: out of the part, in, and over wires.
 
 use super::chip::Chip;
-use super::wiring::{self, Pin, USARTS};
+use super::wiring::{self, PinIndex, USARTS};
 
 impl Chip {
     /// The pin of these that a USART is connected to, as the pins are set.
-    pub(super) fn connected(&self, pins: &[(Pin, u32)]) -> Option<Pin> {
+    pub(super) fn connected(&self, pins: &[(PinIndex, u32)]) -> Option<PinIndex> {
         let is_set =
-            |(pin, function): &&(Pin, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
+            |(pin, function): &&(PinIndex, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
         pins.iter().find(is_set).map(|(pin, _)| *pin)
     }
 
@@ -20,7 +20,7 @@ impl Chip {
                 .note("CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part");
             return None;
         };
-        let others: Vec<Pin> = self.wires.from(pin).collect();
+        let others: Vec<PinIndex> = self.wires.from(pin).collect();
         for to in 0..USARTS.len() {
             let at_wire = self
                 .connected(wiring::receivers(to))

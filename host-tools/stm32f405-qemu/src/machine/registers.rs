@@ -56,9 +56,9 @@ const OTHERS: [(Range<u32>, &str); 13] = [
 ];
 
 /// A peripheral of [`TABLE`]: its name, its first address, and its kind, which has the registers.
-type Place = (&'static str, u32, &'static str);
+type MappedBlock = (&'static str, u32, &'static str);
 
-fn places() -> impl Iterator<Item = Place> {
+fn places() -> impl Iterator<Item = MappedBlock> {
     TABLE.lines().filter_map(|line| {
         let mut words = line.strip_prefix("at ")?.split(' ');
         let start = hex(words.next()?)?;
@@ -66,7 +66,7 @@ fn places() -> impl Iterator<Item = Place> {
     })
 }
 
-fn registers((peripheral, start, kind): Place) -> impl Iterator<Item = Register> {
+fn registers((peripheral, start, kind): MappedBlock) -> impl Iterator<Item = Register> {
     let mut lines = TABLE.lines();
     lines.find(|line| line.strip_prefix("block ") == Some(kind));
     let lines = lines.map_while(|line| line.strip_prefix("  "));

@@ -8,10 +8,10 @@
 //! long silicon takes to wake is left out.
 
 use super::chip::{Chip, DeepSleep};
-use super::wiring::Pin;
+use super::wiring::PinIndex;
 
 /// WKUP is PA0.
-const WAKE_UP: Pin = (0, 0);
+const WAKE_UP: PinIndex = (0, 0);
 
 impl Chip {
     /// The processor sleeps, with SLEEPDEEP set. With an interrupt of EXTI pending the part goes on (section
@@ -53,13 +53,13 @@ impl Chip {
     }
 
     /// Returns `true` if a change of the level on a pin would end STANDBY.
-    pub(super) fn waits_for(&self, pin: Pin, high: bool) -> bool {
+    pub(super) fn waits_for(&self, pin: PinIndex, high: bool) -> bool {
         let standby = self.deep_sleep == Some(DeepSleep::Standby);
         standby && pin == WAKE_UP && high && self.units.pwr.wakes_by_pin()
     }
 
     /// The level on a pin has changed.
-    pub(super) fn sense_wake_up_pin(&mut self, pin: Pin, high: bool) {
+    pub(super) fn sense_wake_up_pin(&mut self, pin: PinIndex, high: bool) {
         if self.waits_for(pin, high) {
             self.units.pwr.woken();
             self.deep_sleep = Some(DeepSleep::StandbyEnds);

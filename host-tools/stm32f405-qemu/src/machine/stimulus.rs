@@ -2,14 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::wiring::{self, Pin};
+use super::wiring::{self, PinIndex};
 use crate::given::{AnalogInput, Since};
 use crate::outcome::Sampling;
 
 /// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
 /// scan or from power-up on.
 #[derive(Debug, Clone)]
-pub struct Stimulus {
+pub struct StimulusPlayer {
     rows: VecDeque<[u16; 4]>,
     /// The number of the first of them. Those before it have passed.
     passed: usize,
@@ -22,12 +22,12 @@ pub struct Stimulus {
     /// The row that the scan of each converter reads.
     row: [[u16; 4]; 3],
     /// Inputs by their pins.
-    pins: BTreeMap<Pin, AnalogInput>,
+    pins: BTreeMap<PinIndex, AnalogInput>,
     /// Channels that were converted and have no input, each with its converter.
     unmapped: BTreeSet<(usize, u32)>,
 }
 
-impl Stimulus {
+impl StimulusPlayer {
     /// Rows of the codes of channels 0 to 3. Without rows, all codes are 0.
     pub fn new(rows: Vec<[u16; 4]>, period_ns: u64, since: Since) -> Self {
         Self {
@@ -172,8 +172,8 @@ impl Stimulus {
 mod tests {
     use super::*;
 
-    fn three_rows() -> Stimulus {
-        Stimulus::new(
+    fn three_rows() -> StimulusPlayer {
+        StimulusPlayer::new(
             vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]],
             10_000,
             Since::FirstScan,
@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn rows_follow_time_from_the_first_triggered_scan_and_the_last_stays() {
         let mut stimulus = three_rows();
-        let force_at = |s: &mut Stimulus, now: u64| {
+        let force_at = |s: &mut StimulusPlayer, now: u64| {
             s.begin_scan(0, now, true);
             s.code(0, 0, 0)
         };
@@ -205,7 +205,7 @@ mod tests {
     fn rows_keep_to_the_scans_of_a_crystal_that_is_off() {
         let rows = (0..4000).map(|n| [n, 0, 0, 0]).collect();
         // 125 ppm: one row in 8000 more.
-        let mut stimulus = Stimulus::new(rows, 10_000, Since::FirstScan).on_clock(8_001_000, 8_000_000);
+        let mut stimulus = StimulusPlayer::new(rows, 10_000, Since::FirstScan).on_clock(8_001_000, 8_000_000);
         for scan in 0..4000u64 {
             let at = 777 + (scan * 10_000 * 8_000).div_ceil(8_001);
             stimulus.begin_scan(0, at, true);
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn rows_that_follow_are_read_at_their_time_and_those_that_have_passed_are_forgotten() {
-        let mut stimulus = Stimulus::new(Vec::new(), 10_000, Since::FirstScan);
+        let mut stimulus = StimulusPlayer::new(Vec::new(), 10_000, Since::FirstScan);
         stimulus.append((0..10).map(|n| [n, 0, 0, 0]), 0);
         for scan in 0..100_000u64 {
             let now = 777 + 10_000 * scan;
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn rows_from_power_up_on_are_played_for_software_scans_too() {
         let rows = (0..4).map(|n| [n, 0, 0, 0]).collect();
-        let mut stimulus = Stimulus::new(rows, 10_000, Since::PowerUp);
+        let mut stimulus = StimulusPlayer::new(rows, 10_000, Since::PowerUp);
         let read = [0, 15_000, 25_000].map(|at| {
             stimulus.begin_scan(0, at, false);
             stimulus.code(0, 0, 0)

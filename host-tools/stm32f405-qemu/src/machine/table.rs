@@ -23,7 +23,7 @@ use crate::peripherals::{
     dma::Dma,
     dwt::Dwt,
     exti::Exti,
-    flash::Flash,
+    flash::FlashController,
     gpio::Gpio,
     iwdg::Iwdg,
     pwr::Pwr,
@@ -31,15 +31,15 @@ use crate::peripherals::{
     signature::Signature,
     syscfg::Syscfg,
     systick::SysTick,
-    tim::{Kind, Tim},
-    usart::{self, Usart},
+    tim::{Tim, TimerKind},
+    usart::{Usart, UsartFeatures},
 };
 
 /// The interrupt lines of DMA2's streams.
 pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];
 
 /// One peripheral.
-pub(super) struct Row {
+pub(super) struct PeripheralRow {
     pub(super) name: &'static str,
     addresses: Range<u32>,
     /// Its bits in RCC's enable and reset registers. Without them, its clock is always on.
@@ -102,8 +102,8 @@ macro_rules! peripherals {
         }
 
         /// In the order in which notes are reported.
-        pub(super) static TABLE: &[Row] = &[$($(
-            Row {
+        pub(super) static TABLE: &[PeripheralRow] = &[$($(
+            PeripheralRow {
                 name: $name,
                 addresses: $addresses,
                 gate: $gate,
@@ -116,31 +116,31 @@ macro_rules! peripherals {
 }
 
 /// TIM1 to TIM14.
-const TIMERS: [Kind; 14] = [
-    Kind::ADVANCED,
-    Kind::GENERAL_32,
-    Kind::GENERAL,
-    Kind::GENERAL,
-    Kind::GENERAL_32,
-    Kind::BASIC,
-    Kind::BASIC,
-    Kind::ADVANCED,
-    Kind::TWO_CHANNELS.on_apb2(),
-    Kind::ONE_CHANNEL.on_apb2(),
-    Kind::ONE_CHANNEL.on_apb2(),
-    Kind::TWO_CHANNELS,
-    Kind::ONE_CHANNEL,
-    Kind::ONE_CHANNEL,
+const TIMERS: [TimerKind; 14] = [
+    TimerKind::ADVANCED,
+    TimerKind::GENERAL_32,
+    TimerKind::GENERAL,
+    TimerKind::GENERAL,
+    TimerKind::GENERAL_32,
+    TimerKind::BASIC,
+    TimerKind::BASIC,
+    TimerKind::ADVANCED,
+    TimerKind::TWO_CHANNELS.on_apb2(),
+    TimerKind::ONE_CHANNEL.on_apb2(),
+    TimerKind::ONE_CHANNEL.on_apb2(),
+    TimerKind::TWO_CHANNELS,
+    TimerKind::ONE_CHANNEL,
+    TimerKind::ONE_CHANNEL,
 ];
 
 /// USART1 to USART6.
-const PORTS: [usart::Kind; 6] = [
-    usart::Kind::USART,
-    usart::Kind::USART_ON_APB1,
-    usart::Kind::USART_ON_APB1,
-    usart::Kind::UART,
-    usart::Kind::UART,
-    usart::Kind::USART,
+const PORTS: [UsartFeatures; 6] = [
+    UsartFeatures::USART,
+    UsartFeatures::USART_ON_APB1,
+    UsartFeatures::USART_ON_APB1,
+    UsartFeatures::UART,
+    UsartFeatures::UART,
+    UsartFeatures::USART,
 ];
 
 peripherals! {
@@ -173,7 +173,7 @@ peripherals! {
     }
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, None, &[]; }
-    flash: Flash = Flash::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
+    flash: FlashController = FlashController::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
     pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, gate(Apb1, 28), &[]; }
     rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, None, &[5, NMI]; }
     usart: [Usart; 6] = PORTS.map(|kind| Usart::new(kind, HSI_HZ)) => {
@@ -206,7 +206,7 @@ peripherals! {
 }
 
 /// The peripheral at an address, and the offset in it.
-pub(super) fn locate(address: u32) -> Option<(&'static Row, u32)> {
+pub(super) fn locate(address: u32) -> Option<(&'static PeripheralRow, u32)> {
     let row = TABLE.iter().find(|row| row.addresses.contains(&address))?;
     Some((row, address - row.addresses.start))
 }

@@ -12,15 +12,15 @@ const DMA2: usize = 1;
 
 /// A stream of a controller.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct DmaStream {
     pub(super) dma: usize,
     pub(super) stream: usize,
 }
 
 /// The stream that serves a request.
-pub(super) fn serving(chip: &Chip, server: &Server) -> Option<Place> {
+pub(super) fn serving(chip: &Chip, server: &Server) -> Option<DmaStream> {
     let stream = chip.units.dma[server.dma].serving(&server.streams)?;
-    Some(Place {
+    Some(DmaStream {
         dma: server.dma,
         stream,
     })
@@ -91,7 +91,7 @@ impl Transfers {
         &mut self,
         chip: &mut Chip,
         adc: usize,
-        stream: Place,
+        stream: DmaStream,
         now: u64,
         board: &mut impl Board,
     ) {
@@ -118,7 +118,7 @@ impl Transfers {
     /// Streams between memories need no request. They run when they are enabled, and here they end at once.
     pub(super) fn copy_memory(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
         for stream in 0..STREAMS {
-            let place = Place { dma: DMA2, stream };
+            let place = DmaStream { dma: DMA2, stream };
             let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
             while chip.units.dma[DMA2].beat(stream).is_some_and(copies) {
                 if self.transfer(chip, place, now, board).ended {
@@ -129,12 +129,12 @@ impl Transfers {
     }
 
     /// Moves one beat.
-    fn transfer(&mut self, chip: &mut Chip, place: Place, now: u64, board: &mut impl Board) -> Progress {
+    fn transfer(&mut self, chip: &mut Chip, place: DmaStream, now: u64, board: &mut impl Board) -> Progress {
         const STOPPED: Progress = Progress {
             block: false,
             ended: true,
         };
-        let Place { dma, stream } = place;
+        let DmaStream { dma, stream } = place;
         let Some(beat) = chip.units.dma[dma].beat(stream) else {
             return STOPPED;
         };

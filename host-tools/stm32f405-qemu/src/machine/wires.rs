@@ -6,14 +6,14 @@
 //! transmitter to the receiver there. Frames go as a whole, at the time at which they end: the bits of a
 //! frame are not seen as levels.
 
-use super::wiring::Pin;
+use super::wiring::PinIndex;
 
 /// All wires. Each joins two pins.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Wires(Vec<[Pin; 2]>);
+pub(super) struct Wires(Vec<[PinIndex; 2]>);
 
 impl Wires {
-    pub(super) fn new(wires: Vec<[Pin; 2]>) -> Self {
+    pub(super) fn new(wires: Vec<[PinIndex; 2]>) -> Self {
         Self(wires)
     }
 
@@ -22,12 +22,12 @@ impl Wires {
     }
 
     /// Each wire twice: from a pin to the pin at its other end.
-    pub(super) fn ends(&self) -> impl Iterator<Item = (Pin, Pin)> + '_ {
+    pub(super) fn ends(&self) -> impl Iterator<Item = (PinIndex, PinIndex)> + '_ {
         self.0.iter().flat_map(|[a, b]| [(*a, *b), (*b, *a)])
     }
 
     /// The pins at the other ends of the wires at a pin.
-    pub(super) fn from(&self, pin: Pin) -> impl Iterator<Item = Pin> + '_ {
+    pub(super) fn from(&self, pin: PinIndex) -> impl Iterator<Item = PinIndex> + '_ {
         self.ends()
             .filter(move |(from, _)| *from == pin)
             .map(|(_, to)| to)

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 const TABLE: &str = include_str!("connections.txt");
 
 /// A pin: port (A is 0) and number.
-pub(crate) type Pin = (usize, usize);
+pub(crate) type PinIndex = (usize, usize);
 
 /// Number of a timer's model: TIM1 is 0.
 pub(super) type TimNumber = usize;
@@ -62,13 +62,13 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 /// Pins and DMA requests from ST's database.
 struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
-    timer_inputs: BTreeMap<(Pin, u32), (TimNumber, usize)>,
+    timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
     /// Pins of a timer, each with its alternate function and its channel.
-    timer_pins: BTreeMap<TimNumber, Vec<(Pin, u32, usize)>>,
+    timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
     /// Pins of a USART's transmitter or receiver, each with its alternate function.
-    lines: BTreeMap<(usize, &'static str), Vec<(Pin, u32)>>,
+    lines: BTreeMap<(usize, &'static str), Vec<(PinIndex, u32)>>,
     /// The pin of a converter's channel.
-    analog: BTreeMap<(usize, u32), Pin>,
+    analog: BTreeMap<(usize, u32), PinIndex>,
     /// Name of the request by controller, stream and channel.
     requests: BTreeMap<(usize, usize, u32), &'static str>,
     /// The names of the interrupt lines.
@@ -139,7 +139,7 @@ static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
 });
 
 impl Connections {
-    fn connect(&mut self, pin: Pin, function: &str, peripheral: &'static str, signal: &'static str) {
+    fn connect(&mut self, pin: PinIndex, function: &str, peripheral: &'static str, signal: &'static str) {
         let position = |names: &[&str]| names.iter().position(|name| *name == peripheral);
         if let (Some(adc), Some(Ok(channel))) = (position(&ADCS), signal.strip_prefix("IN").map(str::parse)) {
             self.analog.insert((adc, channel), pin);
@@ -164,27 +164,27 @@ impl Connections {
 }
 
 /// The timer and its channel (0 is the first) that a pin is connected to by an alternate function.
-pub(super) fn timer_input(pin: Pin, function: u32) -> Option<(TimNumber, usize)> {
+pub(super) fn timer_input(pin: PinIndex, function: u32) -> Option<(TimNumber, usize)> {
     CONNECTIONS.timer_inputs.get(&(pin, function)).copied()
 }
 
 /// The pins of a timer's channels, each with its alternate function and its channel.
-pub(super) fn timer_pins(tim: TimNumber) -> &'static [(Pin, u32, usize)] {
+pub(super) fn timer_pins(tim: TimNumber) -> &'static [(PinIndex, u32, usize)] {
     CONNECTIONS.timer_pins.get(&tim).map_or(&[], Vec::as_slice)
 }
 
 /// The pins that can be the transmitter of a USART, each with its alternate function.
-pub(super) fn transmitters(usart: usize) -> &'static [(Pin, u32)] {
+pub(super) fn transmitters(usart: usize) -> &'static [(PinIndex, u32)] {
     CONNECTIONS.lines.get(&(usart, "TX")).map_or(&[], Vec::as_slice)
 }
 
 /// The pins that can be the receiver of a USART, each with its alternate function.
-pub(super) fn receivers(usart: usize) -> &'static [(Pin, u32)] {
+pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
     CONNECTIONS.lines.get(&(usart, "RX")).map_or(&[], Vec::as_slice)
 }
 
 /// The pin of a converter's channel.
-pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<Pin> {
+pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<PinIndex> {
     CONNECTIONS.analog.get(&(adc, channel)).copied()
 }
 
@@ -205,7 +205,7 @@ pub(super) fn is_modelled(request: &str) -> bool {
 }
 
 /// `PA15`: port and number.
-pub(crate) fn pin(name: &str) -> Option<Pin> {
+pub(crate) fn pin(name: &str) -> Option<PinIndex> {
     let mut letters = name.strip_prefix('P')?.chars();
     let port = "ABCDEFGHI".find(letters.next()?)?;
     let number = letters.as_str().parse().ok().filter(|number| *number < 16)?;
@@ -213,6 +213,6 @@ pub(crate) fn pin(name: &str) -> Option<Pin> {
 }
 
 /// The name of a pin.
-pub(super) fn pin_name((port, number): Pin) -> String {
+pub(super) fn pin_name((port, number): PinIndex) -> String {
     format!("P{}{number}", char::from(b'A' + port as u8))
 }

@@ -10,7 +10,7 @@
 //! Data that was not fetched is kept, and the new conversion is lost. With DMA on, an overrun also ends the
 //! scan, withdraws the request and blocks triggers until OVR is cleared (section 13.8.1).
 
-use super::clock::{self, Clocks};
+use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{field, index};
 
@@ -47,7 +47,7 @@ const UNMODELLED: [(u32, u32, &str); 4] = [
 
 /// A scan under way.
 #[derive(Debug, Clone, Copy)]
-struct Scan {
+struct ScanProgress {
     started_ns: u64,
     rank: u32,
     /// ADC clock cycles from the start to the end of the conversion at `rank`.
@@ -69,7 +69,7 @@ pub struct Adc {
     dr: u32,
     /// Divider of PCLK2 (CCR.ADCPRE, section 13.13.16).
     pub divider: u32,
-    scan: Option<Scan>,
+    scan: Option<ScanProgress>,
     /// True if SWSTART starts a scan while EXTEN selects a trigger.
     pub software_scan_under_trigger: bool,
     /// The converter starts a scan without a trigger as soon as it waits for one.
@@ -160,7 +160,7 @@ impl Adc {
         );
         self.sr |= STRT;
         self.scan_started = true;
-        self.scan = Some(Scan {
+        self.scan = Some(ScanProgress {
             started_ns: now,
             rank: 0,
             cycles: self.conversion_cycles(0),
@@ -272,7 +272,7 @@ impl Adc {
         }
         self.scan = (!last).then(|| {
             let rank = scan.rank + 1;
-            Scan {
+            ScanProgress {
                 rank,
                 cycles: scan.cycles + self.conversion_cycles(rank),
                 ..scan
@@ -393,7 +393,7 @@ impl Peripheral for Adc {
         (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.pclk2 = clocks.pclk2;
     }
 
@@ -404,6 +404,7 @@ impl Peripheral for Adc {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
     const SR: u32 = 0x00;
@@ -411,6 +412,7 @@ mod tests {
     const CR2: u32 = 0x08;
     const SMPR2: u32 = 0x10;
     const SQR1: u32 = 0x2c;
+    const SQR2: u32 = 0x30;
     const SQR3: u32 = 0x34;
     const DR: u32 = 0x4c;
     const BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24;
@@ -419,11 +421,8 @@ mod tests {
     fn scanning(cr2: u32) -> Adc {
         let mut adc = Adc::new(84_000_000);
         adc.divider = 4;
-        adc.write(CR1, SCAN, 0).unwrap();
-        adc.write(SMPR2, 0b011_011, 0).unwrap();
-        adc.write(SQR1, 1 << 20, 0).unwrap();
-        adc.write(SQR3, 1 << 5, 0).unwrap();
-        adc.write(CR2, ADON | cr2, 0).unwrap();
+        adc.put(0, [(CR1, SCAN), (SMPR2, 0b011_011)]);
+        adc.put(0, [(SQR1, 1 << 20), (SQR3, 1 << 5), (CR2, ADON | cr2)]);
         adc
     }
 
@@ -431,28 +430,27 @@ mod tests {
     fn a_conversion_takes_its_sampling_time_and_twelve_cycles() {
         let mut adc = scanning(BY_TIM3);
         adc.trigger(1_000);
-        assert_eq!(adc.next_conversion(), Some(1_000 + clock::edge(68, 21_000_000)));
-        assert_eq!(adc.converting(), Some(0));
-        adc.finish(100, 4_239);
-        assert_eq!(adc.converting(), Some(1));
-        assert_eq!(adc.next_conversion(), Some(1_000 + clock::edge(136, 21_000_000)));
+        for (channel, cycles) in [(0, 68), (1, 136)] {
+            assert_eq!(adc.converting(), Some(channel));
+            let ends = 1_000 + clock::edge(cycles, 21_000_000);
+            assert_eq!(adc.next_conversion(), Some(ends));
+            adc.finish(100, ends);
+        }
     }
 
     #[test]
     fn the_end_of_conversion_shows_after_the_scan_or_after_each_as_eocs_says_and_a_read_clears_it() {
-        let mut adc = scanning(0);
-        adc.write(CR2, ADON | SWSTART, 0).unwrap();
+        let mut adc = scanning(SWSTART);
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR, 0), Ok(STRT));
+        assert_eq!(adc.get(SR, 0), STRT);
         adc.finish(8, 2);
-        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
-        assert_eq!(adc.read(DR, 0), Ok(8));
-        assert_eq!(adc.read(SR, 0), Ok(STRT));
-
-        let mut adc = scanning(EOCS);
-        adc.write(CR2, ADON | EOCS | SWSTART, 0).unwrap();
+        assert_eq!(
+            [SR, DR, SR].map(|register| adc.get(register, 0)),
+            [STRT | EOC, 8, STRT]
+        );
+        let mut adc = scanning(EOCS | SWSTART);
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
+        assert_eq!(adc.get(SR, 0), STRT | EOC);
     }
 
     #[test]
@@ -468,8 +466,10 @@ mod tests {
         assert_eq!(scanning(BY_TIM3).external_trigger(), Some(0b1000));
         assert_eq!(scanning(0b1000 << 24).external_trigger(), None, "EXTEN is 0");
         let mut adc = scanning(BY_TIM3);
-        adc.write(CR2, BY_TIM3, 0).unwrap();
+        adc.put(0, [(CR2, BY_TIM3)]);
         assert_eq!(adc.external_trigger(), None, "ADON is 0");
+        adc.put(0, [(CR2, SWSTART)]);
+        assert_eq!(adc.next_conversion(), None, "nor by software");
     }
 
     #[test]
@@ -479,7 +479,7 @@ mod tests {
         adc.finish(1, 3_239);
         assert!(adc.request);
         adc.finish(2, 6_477);
-        assert_eq!(adc.read(SR, 0).unwrap() & OVR, OVR);
+        assert_eq!(adc.get(SR, 0) & OVR, OVR);
         assert_eq!(
             (adc.overruns, adc.request, adc.next_conversion()),
             (1, false, None)
@@ -487,7 +487,7 @@ mod tests {
         adc.trigger(10_000);
         assert_eq!((adc.converting(), adc.triggers_ignored), (None, 1));
         adc.take_data();
-        adc.write(SR, !OVR, 15_000).unwrap();
+        adc.put(15_000, [(SR, !OVR)]);
         adc.trigger(20_000);
         assert_eq!(adc.converting(), Some(0));
     }
@@ -521,24 +521,20 @@ mod tests {
 
     #[test]
     fn continuous_mode_starts_the_next_scan_where_the_last_ends() {
-        let mut adc = scanning(CONT);
-        adc.write(CR2, ADON | CONT | SWSTART, 0).unwrap();
+        let mut adc = scanning(CONT | SWSTART);
         let fifth = adc.conversion(5, |_| None).unwrap();
         for _ in 0..4 {
             let at = adc.next_conversion().unwrap();
             adc.finish(0, at);
         }
-        assert!(
-            adc.next_conversion().unwrap().abs_diff(fifth) <= 2,
-            "rounded to ns once a scan"
-        );
+        let off = adc.next_conversion().unwrap().abs_diff(fifth);
+        assert!(off <= 2, "rounded to ns once a scan");
     }
 
     #[test]
     fn without_scan_mode_only_the_first_rank_is_converted() {
         let mut adc = scanning(0);
-        adc.write(CR1, 0, 0).unwrap();
-        adc.write(CR2, ADON | SWSTART, 0).unwrap();
+        adc.put(0, [(CR1, 0), (CR2, ADON | SWSTART)]);
         adc.finish(5, 1);
         assert_eq!(adc.converting(), None);
     }
@@ -546,46 +542,35 @@ mod tests {
     #[test]
     fn ranks_above_six_come_from_sqr2_and_sqr1() {
         let mut adc = scanning(0);
-        adc.write(0x30, 9 << 5, 0).unwrap();
-        adc.write(SQR1, 13 << 20 | 11 << 5, 0).unwrap();
+        adc.put(0, [(SQR2, 9 << 5), (SQR1, 13 << 20 | 11 << 5)]);
         assert_eq!((adc.channel_at(7), adc.channel_at(13)), (9, 11));
     }
 
     #[test]
     fn lower_resolution_drops_low_bits_and_cycles_and_left_alignment_moves_up() {
-        let mut adc = scanning(0);
-        adc.write(CR1, SCAN | 0b10 << 24, 0).unwrap();
-        adc.write(CR2, ADON | SWSTART, 0).unwrap();
-        assert_eq!(adc.next_conversion(), Some(clock::edge(64, 21_000_000)));
-        adc.finish(0xabc, 1);
-        assert_eq!(adc.read(DR, 0), Ok(0xab));
-        adc.write(CR2, ADON | ALIGN, 0).unwrap();
-        adc.finish(0xabc, 2);
-        assert_eq!(adc.read(DR, 0), Ok(0xab00));
-    }
-
-    #[test]
-    fn six_bits_are_aligned_to_the_left_of_a_byte() {
-        let mut adc = scanning(0);
-        adc.write(CR1, SCAN | 0b11 << 24, 0).unwrap();
-        adc.write(CR2, ADON | ALIGN | SWSTART, 0).unwrap();
-        adc.finish(0xabc, 1);
-        assert_eq!(adc.read(DR, 0), Ok(0b10_1010 << 2));
-    }
-
-    #[test]
-    fn a_disabled_adc_starts_nothing() {
-        let mut adc = scanning(0);
-        adc.write(CR2, SWSTART, 0).unwrap();
-        assert_eq!(adc.next_conversion(), None);
+        // Six bits are aligned to the left of a byte.
+        for (resolution, align, cycles, data) in [
+            (0b10, 0, 64, 0xab),
+            (0b10, ALIGN, 64, 0xab00),
+            (0b11, ALIGN, 62, 0b10_1010 << 2),
+        ] {
+            let mut adc = scanning(0);
+            adc.put(0, [(CR1, SCAN | resolution << 24), (CR2, ADON | align | SWSTART)]);
+            assert_eq!(adc.next_conversion(), Some(clock::edge(cycles, 21_000_000)));
+            adc.finish(0xabc, 1);
+            assert_eq!(adc.get(DR, 0), data);
+        }
     }
 
     #[test]
     fn what_is_not_modelled_is_noted() {
         let mut adc = scanning(0);
-        adc.write(CR2, ADON | 0b01 << 28, 0).unwrap();
-        adc.write(CR1, 1 << 11, 0).unwrap();
+        adc.put(0, [(CR2, ADON | 0b01 << 28), (CR1, 1 << 11)]);
         assert_eq!(adc.notes.iter().count(), 2);
         assert_eq!(adc.read(0x50, 0), Err(NoRegister));
+        adc = Adc::new(84_000_000);
+        adc.put(0, [(CR2, ADON | SWSTART)]);
+        let notes: Vec<_> = adc.notes.iter().collect();
+        assert_eq!(notes, ["the converter's clock is above 36 MHz"]);
     }
 }

@@ -12,7 +12,7 @@ pub const LSI_HZ: u32 = 32_000;
 
 /// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Clocks {
+pub struct ClockTree {
     /// System clock.
     pub sysclk: u32,
     /// AHB and processor.
@@ -36,7 +36,7 @@ pub enum Apb {
     Two,
 }
 
-impl Clocks {
+impl ClockTree {
     /// After a reset: the internal oscillator, undivided.
     pub const HSI: Self = Self {
         sysclk: HSI_HZ,

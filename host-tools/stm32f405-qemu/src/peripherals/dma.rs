@@ -67,7 +67,7 @@ pub struct Progress {
 }
 
 #[derive(Debug, Clone, Default)]
-struct Stream {
+struct StreamRegisters {
     cr: u32,
     ndtr: u32,
     par: u32,
@@ -83,7 +83,7 @@ struct Stream {
 pub struct Dma {
     /// DMA1 is 0.
     number: usize,
-    streams: [Stream; STREAMS],
+    streams: [StreamRegisters; STREAMS],
     /// Streams that were just enabled, a bit for each. Whoever looks clears them.
     pub started: u32,
     notes: Notes,
@@ -92,9 +92,9 @@ pub struct Dma {
 impl Dma {
     /// After reset: DMA1 is 0, DMA2 is 1.
     pub fn new(number: usize) -> Self {
-        let stream = Stream {
+        let stream = StreamRegisters {
             fcr: 0x21,
-            ..Stream::default()
+            ..StreamRegisters::default()
         };
         Self {
             number,
@@ -274,7 +274,7 @@ impl Dma {
     }
 }
 
-impl Stream {
+impl StreamRegisters {
     /// Table 49: the threshold is a whole number of bursts of the memory port. In circular mode and others a
     /// single transfer always fits.
     fn burst_fits(&self) -> bool {
@@ -376,6 +376,7 @@ impl Peripheral for Dma {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
     const TEIE: u32 = 1 << 2;
@@ -385,107 +386,102 @@ mod tests {
         0x10 + 0x18 * n + register
     }
 
+    const CR: u32 = stream(0, 0x00);
+    const NDTR: u32 = stream(0, 0x04);
+    const M0AR: u32 = stream(0, 0x0c);
+    const M1AR: u32 = stream(0, 0x10);
+
     /// Stream `n`, `items` from the ADC's DR to 0x2000_0000.
     fn started(n: u32, items: u32, cr: u32) -> Dma {
         let mut dma = Dma::new(1);
-        dma.write(stream(n, 0x04), items, 0).unwrap();
-        dma.write(stream(n, 0x08), 0x4001_204c, 0).unwrap();
-        dma.write(stream(n, 0x0c), 0x2000_0000, 0).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr, 0).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN, 0).unwrap();
+        let cr = HALFWORDS | MINC | cr;
+        let settings = [
+            (0x04, items),
+            (0x08, 0x4001_204c),
+            (0x0c, 0x2000_0000),
+            (0, cr),
+            (0, cr | EN),
+        ];
+        dma.put(0, settings.map(|(register, value)| (stream(n, register), value)));
         dma
+    }
+
+    fn move_beats(dma: &mut Dma, beats: usize) {
+        for _ in 0..beats {
+            dma.moved(0);
+        }
     }
 
     #[test]
     fn memory_advances_by_the_item_size_and_the_peripheral_stands_still() {
         let mut dma = started(0, 4, 0);
-        dma.moved(0);
-        dma.moved(0);
-        assert_eq!(
-            dma.beat(0),
-            Some(Beat {
-                peripheral: 0x4001_204c,
-                memory: 0x2000_0004,
-                bytes: 2,
-                direction: Direction::ToMemory
-            })
-        );
-        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(2));
+        move_beats(&mut dma, 2);
+        let expected = Beat {
+            peripheral: 0x4001_204c,
+            memory: 0x2000_0004,
+            bytes: 2,
+            direction: Direction::ToMemory,
+        };
+        assert_eq!((dma.beat(0), dma.get(NDTR, 0)), (Some(expected), 2));
     }
 
     #[test]
     fn a_beat_that_resets_its_own_controller_ends_the_stream() {
         let mut dma = started(0, 4, TCIE);
         dma.reset(0);
-        let ended = Progress {
-            block: false,
-            ended: true,
-        };
-        assert_eq!(dma.moved(0), ended);
-        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(0));
+        let progress = dma.moved(0);
+        assert!(progress.ended && !progress.block);
+        assert_eq!(dma.get(NDTR, 0), 0);
     }
 
     #[test]
     fn a_plain_stream_flags_half_and_full_and_stops() {
         for (enabled, [half, full]) in [(0, [false; 2]), (TCIE, [false, true]), (HTIE | TCIE, [true; 2])] {
             let mut dma = started(0, 4, enabled);
-            let progress: Vec<_> = (0..4).map(|_| dma.moved(0)).map(|p| (p.block, p.ended)).collect();
-            assert_eq!(
-                progress,
-                [(false, false), (half, false), (false, false), (full, true)]
-            );
-            assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
+            let progress = [(); 4].map(|()| dma.moved(0)).map(|p| (p.block, p.ended));
+            let plain = (false, false);
+            assert_eq!(progress, [plain, (half, false), plain, (full, true)]);
+            assert_eq!(dma.get(0x00, 0), HTIF | TCIF);
+            assert_eq!((dma.get(CR, 0) & EN, dma.beat(0)), (0, None));
         }
-        let mut dma = started(0, 4, 0);
-        for _ in 0..4 {
-            dma.moved(0);
-        }
-        assert_eq!(dma.read(stream(0, 0x00), 0).unwrap() & EN, 0);
-        assert_eq!(dma.beat(0), None);
     }
 
     #[test]
     fn a_circular_stream_starts_again_at_its_first_address() {
         let mut dma = started(0, 4, CIRC);
-        for _ in 0..4 {
-            dma.moved(0);
-        }
-        assert_eq!(dma.beat(0).unwrap().memory, 0x2000_0000);
-        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(4));
+        move_beats(&mut dma, 4);
+        assert_eq!((dma.beat(0).unwrap().memory, dma.get(NDTR, 0)), (0x2000_0000, 4));
     }
 
     #[test]
     fn double_buffer_mode_swaps_targets_at_the_end_of_each() {
         let mut dma = Dma::new(1);
-        dma.write(stream(0, 0x04), 1, 0).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_0000, 0).unwrap();
-        dma.write(stream(0, 0x10), 0x2000_1000, 0).unwrap();
-        dma.write(stream(0, 0x00), DBM | CIRC | EN, 0).unwrap();
-        let targets: Vec<_> = (0..3)
-            .map(|_| {
-                let memory = dma.beat(0).unwrap().memory;
-                dma.moved(0);
-                memory
-            })
-            .collect();
+        dma.put(0, [(NDTR, 1), (M0AR, 0x2000_0000), (M1AR, 0x2000_1000)]);
+        dma.put(0, [(CR, DBM | CIRC | EN)]);
+        let targets = [(); 3].map(|()| {
+            let memory = dma.beat(0).unwrap().memory;
+            dma.moved(0);
+            memory
+        });
         assert_eq!(targets, [0x2000_0000, 0x2000_1000, 0x2000_0000]);
     }
 
     #[test]
     fn flags_stand_where_the_manual_has_them_and_are_cleared_there() {
-        for (n, register, at) in [
+        let places = [
             (0, 0, 0),
             (1, 0, 6),
             (2, 0, 16),
             (3, 0, 22),
             (4, 4, 0),
             (7, 4, 22),
-        ] {
+        ];
+        for (n, register, at) in places {
             let mut dma = started(n, 1, 0);
             dma.moved(n as usize);
-            assert_eq!(dma.read(register, 0), Ok((HTIF | TCIF) << at), "stream {n}");
-            dma.write(0x08 + register, HTIF << at, 0).unwrap();
-            assert_eq!(dma.read(register, 0), Ok(TCIF << at), "stream {n}");
+            assert_eq!(dma.get(register, 0), (HTIF | TCIF) << at, "stream {n}");
+            dma.put(0, [(0x08 + register, HTIF << at)]);
+            assert_eq!(dma.get(register, 0), TCIF << at, "stream {n}");
         }
     }
 
@@ -493,27 +489,19 @@ mod tests {
     fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
         let mut dma = started(0, 8, CIRC | HTIE | TCIE);
         assert_eq!(dma.beats_to_interrupt(0), Some(4));
-        for _ in 0..4 {
-            assert!(!dma.interrupt(0));
-            dma.moved(0);
-        }
+        move_beats(&mut dma, 3);
+        assert!(!dma.interrupt(0));
+        move_beats(&mut dma, 1);
         assert!(dma.interrupt(0));
         assert_eq!(dma.beats_to_interrupt(0), None, "the line is up already");
-        dma.write(0x08, HTIF, 0).unwrap();
+        dma.put(0, [(0x08, HTIF)]);
         assert_eq!(dma.beats_to_interrupt(0), Some(4));
-        let dma = started(0, 8, CIRC | TCIE);
-        assert_eq!(dma.beats_to_interrupt(0), Some(8));
+        assert_eq!(started(0, 8, CIRC | TCIE).beats_to_interrupt(0), Some(8));
         assert_eq!(started(0, 8, CIRC).beats_to_interrupt(0), None);
-    }
-
-    #[test]
-    fn after_the_half_the_next_half_is_in_the_next_pass() {
         let mut dma = started(0, 8, CIRC | HTIE);
-        for _ in 0..6 {
-            dma.moved(0);
-        }
-        dma.write(0x08, HTIF, 0).unwrap();
-        assert_eq!(dma.beats_to_interrupt(0), Some(6));
+        move_beats(&mut dma, 6);
+        dma.put(0, [(0x08, HTIF)]);
+        assert_eq!(dma.beats_to_interrupt(0), Some(6), "the half of the next pass");
     }
 
     #[test]
@@ -521,30 +509,23 @@ mod tests {
         let mut dma = started(2, 8, TEIE);
         dma.failed(2);
         assert!(dma.interrupt(2));
-        assert_eq!(dma.read(0x00, 0), Ok(TEIF << 16));
-        assert_eq!(dma.beat(2), None);
+        assert_eq!((dma.get(0x00, 0), dma.beat(2)), (TEIF << 16, None));
     }
 
     #[test]
     fn stopping_by_software_sets_the_completion_flag_and_keeps_what_is_left() {
         let mut dma = started(0, 8, CIRC);
         dma.moved(0);
-        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC, 0).unwrap();
-        assert_eq!(
-            (dma.read(0x00, 0), dma.read(stream(0, 0x04), 0)),
-            (Ok(TCIF), Ok(7))
-        );
+        dma.put(0, [(CR, HALFWORDS | MINC | CIRC)]);
+        assert_eq!((dma.get(0x00, 0), dma.get(NDTR, 0)), (TCIF, 7));
     }
 
     #[test]
     fn a_running_stream_takes_no_new_setting_but_its_interrupt_enables() {
         let mut dma = started(0, 8, 0);
-        dma.write(stream(0, 0x04), 99, 0).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_4000, 0).unwrap();
-        dma.write(stream(0, 0x00), EN | TCIE, 0).unwrap();
-        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(8));
-        assert_eq!(dma.read(stream(0, 0x0c), 0), Ok(0x2000_0000));
-        assert_eq!(dma.read(stream(0, 0x00), 0), Ok(HALFWORDS | MINC | TCIE | EN));
+        dma.put(0, [(NDTR, 99), (M0AR, 0x2000_4000), (CR, EN | TCIE)]);
+        let settings = [NDTR, M0AR, CR].map(|register| dma.get(register, 0));
+        assert_eq!(settings, [8, 0x2000_0000, HALFWORDS | MINC | TCIE | EN]);
         assert_eq!(dma.notes.iter().count(), 1);
     }
 

@@ -4,7 +4,7 @@
 //! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz. The counter measures
 //! this virtual time. It does not measure what the pipeline of a real Cortex-M4 would take.
 
-use super::clock::{self, Clocks};
+use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::bit;
 
@@ -92,7 +92,7 @@ impl Peripheral for Dwt {
         };
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {
         self.settle(now);
         self.hclk = clocks.hclk;
     }
@@ -113,7 +113,7 @@ mod tests {
         assert_eq!(dwt.read(0x04, 1_000_000), Ok(0), "DEMCR.TRCENA is clear");
         dwt.enable(true, 1_000_000);
         assert_eq!(dwt.read(0x04, 2_000_000), Ok(168_000));
-        dwt.set_clocks(&Clocks::HSI, 2_000_000);
+        dwt.set_clocks(&ClockTree::HSI, 2_000_000);
         assert_eq!(dwt.read(0x04, 3_000_000), Ok(184_000));
         dwt.write(0x00, 0, 3_000_000).unwrap();
         assert_eq!(dwt.read(0x04, 9_000_000), Ok(184_000));

@@ -121,48 +121,39 @@ impl Peripheral for Exti {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
+
+    const IMR: u32 = 0x00;
+    const EMR: u32 = 0x04;
+    const RTSR: u32 = 0x08;
+    const FTSR: u32 = 0x0c;
+    const SWIER: u32 = 0x10;
+    const PR: u32 = 0x14;
 
     #[test]
     fn an_edge_is_pending_if_its_direction_and_its_interrupt_are_asked_for() {
         let mut exti = Exti::default();
-        exti.write(0x00, 0b0111, 0).unwrap();
-        exti.write(0x04, 0b1000, 0).unwrap();
-        exti.write(0x08, 0b1101, 0).unwrap();
-        exti.write(0x0c, 0b0110, 0).unwrap();
-        for levels in [0b0000, 0b1111] {
-            exti.input(Some(levels));
-        }
-        assert_eq!(
-            exti.read(0x14, 0),
-            Ok(0b0101),
-            "rising: lines 0 and 2; 3 is an event"
-        );
-        assert!(std::mem::take(&mut exti.edge_came));
-        exti.write(0x14, 0b0101, 0).unwrap();
+        exti.put(0, [(IMR, 0b0111), (EMR, 0b1000), (RTSR, 0b1101), (FTSR, 0b0110)]);
         exti.input(Some(0b0000));
-        assert_eq!(exti.read(0x14, 0), Ok(0b0110), "falling: lines 1 and 2");
-        assert_eq!(
-            (
-                exti.listens(0, true),
-                exti.listens(2, true),
-                exti.listens(3, false)
-            ),
-            (true, false, false)
-        );
+        exti.input(Some(0b1111));
+        assert_eq!(exti.get(PR, 0), 0b0101, "rising: lines 0 and 2; 3 is an event");
+        assert!(std::mem::take(&mut exti.edge_came));
+        exti.put(0, [(PR, 0b0101)]);
+        exti.input(Some(0b0000));
+        assert_eq!(exti.get(PR, 0), 0b0110, "falling: lines 1 and 2");
+        let listens = [(0, true), (2, true), (3, false)].map(|(line, rising)| exti.listens(line, rising));
+        assert_eq!(listens, [true, false, false]);
         let up = (0..SHARED.len()).filter(|output| exti.interrupt(*output));
-        assert_eq!(
-            up.map(|output| Exti::INTERRUPTS[output]).collect::<Vec<_>>(),
-            [7, 8]
-        );
+        let up: Vec<_> = up.map(|output| Exti::INTERRUPTS[output]).collect();
+        assert_eq!(up, [7, 8]);
     }
 
     #[test]
     fn what_the_levels_were_before_an_edge_was_asked_for_is_no_edge() {
         let mut exti = Exti::default();
         exti.input(None);
-        exti.write(0x00, 1, 0).unwrap();
-        exti.write(0x08, 1, 0).unwrap();
+        exti.put(0, [(IMR, 1), (RTSR, 1)]);
         exti.input(Some(1));
         exti.input(Some(1));
         assert!(!exti.pending());
@@ -171,12 +162,11 @@ mod tests {
     #[test]
     fn a_software_trigger_stands_until_one_is_written_to_pr() {
         let mut exti = Exti::default();
-        exti.write(0x00, 1 << 3, 0).unwrap();
-        exti.write(0x10, 1 << 3 | 1 << 4, 0).unwrap();
-        assert_eq!(exti.read(0x14, 0), Ok(1 << 3), "line 4 is not enabled");
+        exti.put(0, [(IMR, 1 << 3), (SWIER, 1 << 3 | 1 << 4)]);
+        assert_eq!(exti.get(PR, 0), 1 << 3, "line 4 is not enabled");
         assert!(exti.interrupt(3));
-        exti.write(0x14, 1 << 3, 0).unwrap();
+        exti.put(0, [(PR, 1 << 3)]);
         assert!((0..SHARED.len()).all(|output| !exti.interrupt(output)));
-        assert_eq!(exti.read(0x10, 0), Ok(1 << 4));
+        assert_eq!(exti.get(SWIER, 0), 1 << 4);
     }
 }

@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use super::clock::{Clocks, HSI_HZ};
+use super::clock::{ClockTree, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 use crate::memory::WRITABLE;
@@ -85,7 +85,7 @@ fn erase_ns(bytes: u32, psize: u32) -> u64 {
 
 /// An operation under way.
 #[derive(Debug, Clone, Copy)]
-struct Running {
+struct PendingOperation {
     operation: FlashOperation,
     /// Value to program: bits that are 0 here become 0. Unused by an erase.
     value: u32,
@@ -95,7 +95,7 @@ struct Running {
 
 /// A power cut that waits for its operation.
 #[derive(Debug, Clone, Copy)]
-struct Cut {
+struct PlannedCut {
     /// Number of operations that still begin before that one.
     after: u32,
     percent: u8,
@@ -103,8 +103,8 @@ struct Cut {
 
 /// An event that needs no access to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Event {
-    /// The operation ends: see [`Flash::finish`].
+pub enum FlashEvent {
+    /// The operation ends: see [`FlashController::finish`].
     Finished,
     /// The power goes in the middle of it.
     PowerGone,
@@ -112,7 +112,7 @@ pub enum Event {
 
 /// FLASH's registers, and the bytes of [`WRITABLE`].
 #[derive(Debug, Clone, Default)]
-pub struct Flash {
+pub struct FlashController {
     hclk: u32,
     acr: u32,
     cr: u32,
@@ -123,13 +123,13 @@ pub struct Flash {
     shut: bool,
     first_option_key_seen: bool,
     contents: Vec<u8>,
-    running: Option<Running>,
-    cuts: Vec<Cut>,
+    running: Option<PendingOperation>,
+    cuts: Vec<PlannedCut>,
     operations: Vec<FlashOperation>,
     notes: Notes,
 }
 
-impl Flash {
+impl FlashController {
     /// After power-up, erased.
     pub fn new() -> Self {
         Self {
@@ -163,7 +163,7 @@ impl Flash {
     /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
     /// it is over when the power goes, 0 to 100.
     pub fn cut_power_in(&mut self, after: u32, percent: u8) {
-        self.cuts.push(Cut { after, percent });
+        self.cuts.push(PlannedCut { after, percent });
     }
 
     /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
@@ -172,11 +172,11 @@ impl Flash {
     }
 
     /// Returns the next event and its time, ns.
-    pub fn next_event(&self) -> Option<(u64, Event)> {
+    pub fn next_event(&self) -> Option<(u64, FlashEvent)> {
         let running = self.running?;
         Some(match running.power_goes_ns {
-            Some(at) => (at, Event::PowerGone),
-            None => (running.ends_ns, Event::Finished),
+            Some(at) => (at, FlashEvent::PowerGone),
+            None => (running.ends_ns, FlashEvent::Finished),
         })
     }
 
@@ -194,7 +194,7 @@ impl Flash {
     }
 
     /// Changes the bits for whose number `done` is true. Returns the addresses of the operation.
-    fn change(&mut self, running: Running, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
+    fn change(&mut self, running: PendingOperation, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
         let operation = running.operation;
         let (address, bytes) = (operation.address, operation.bytes);
         let first = (address - WRITABLE.start) as usize;
@@ -219,7 +219,7 @@ impl Flash {
         self.operations.push(operation);
         let due = self.cuts.extract_if(.., |cut| cut.after == 0).last();
         self.cuts.iter_mut().for_each(|cut| cut.after -= 1);
-        self.running = Some(Running {
+        self.running = Some(PendingOperation {
             operation,
             value,
             ends_ns: now + ns,
@@ -346,7 +346,7 @@ fn hash(number: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-impl Peripheral for Flash {
+impl Peripheral for FlashController {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.acr,
@@ -420,7 +420,7 @@ impl Peripheral for Flash {
         self.next_event().map(|(at, _)| at)
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.hclk = clocks.hclk;
         self.check_latency();
     }
@@ -432,106 +432,108 @@ impl Peripheral for Flash {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
+    const ACR: u32 = 0x00;
     const KEYR: u32 = 0x04;
     const SR: u32 = 0x0c;
     const CR: u32 = 0x10;
     const BY_WORDS: u32 = 0b10 << 8;
     const A: u32 = WRITABLE.start;
 
-    fn unlocked() -> Flash {
-        let mut flash = Flash::new();
-        for key in KEYS {
-            flash.write(KEYR, key, 0).unwrap();
-        }
+    fn unlocked() -> FlashController {
+        let mut flash = FlashController::new();
+        flash.put(0, KEYS.map(|key| (KEYR, key)));
         flash
     }
 
-    fn word(flash: &Flash, address: u32) -> u32 {
+    fn word(flash: &FlashController, address: u32) -> u32 {
         let at = (address - WRITABLE.start) as usize;
         u32::from_le_bytes(flash.contents()[at..at + 4].try_into().unwrap())
     }
 
-    /// Programs one word from `now` on. Returns SR, with its errors.
-    fn program(flash: &mut Flash, address: u32, value: u32, now: u64) -> u32 {
-        flash.write(CR, PG | BY_WORDS, now).unwrap();
+    /// Begins to program a word.
+    fn begin(flash: &mut FlashController, cr: u32, address: u32, value: u32, now: u64) {
+        flash.put(now, [(CR, PG | BY_WORDS | cr)]);
         flash.store(address, 4, value, now);
-        if flash.busy() {
-            flash.finish();
-        }
-        flash.read(SR, 0).unwrap()
+    }
+
+    /// Programs a word. Returns SR, with its errors.
+    fn program(flash: &mut FlashController, address: u32, value: u32, now: u64) -> u32 {
+        begin(flash, 0, address, value, now);
+        flash.finish();
+        flash.get(SR, 0)
     }
 
     #[test]
-    fn wait_states_read_back_and_too_few_are_noted() {
-        let mut flash = Flash::new();
-        let fast = Clocks {
-            hclk: 168_000_000,
-            ..Clocks::HSI
-        };
-        flash.write(0x00, 0x705, 0).unwrap();
+    fn too_few_wait_states_are_noted_and_caches_that_are_off_while_they_are() {
+        let mut flash = FlashController::new();
+        let mut fast = ClockTree::HSI;
+        fast.hclk = 168_000_000;
+        flash.put(0, [(ACR, 0x705)]);
         flash.set_clocks(&fast, 0);
-        assert_eq!((flash.read(0x00, 0), flash.notes.iter().count()), (Ok(0x705), 0));
-        flash.write(0x00, 0x704, 0).unwrap();
-        assert_eq!(flash.notes.iter().count(), 1);
+        let mut notes = |acr: u32| {
+            flash.put(0, [(ACR, acr)]);
+            assert_eq!(flash.get(ACR, 0), acr);
+            flash.notes.iter().count()
+        };
+        assert_eq!(
+            [0x705, 0x605, 0x505, 0x005, 0x705].map(&mut notes),
+            [0, 1, 1, 3, 0]
+        );
+        assert_eq!(notes(0x704), 1);
     }
 
     #[test]
     fn the_control_register_opens_with_both_keys_in_order_and_shuts_for_good_with_others() {
         let mut flash = unlocked();
-        assert_eq!(flash.read(CR, 0), Ok(0));
-        flash.write(CR, LOCK, 0).unwrap();
-        assert_eq!(flash.read(CR, 0), Ok(LOCK));
-        for key in [KEYS[1], KEYS[0], KEYS[0], KEYS[1]] {
-            flash.write(KEYR, key, 0).unwrap();
-        }
-        assert_eq!(flash.read(CR, 0), Ok(LOCK), "the first was wrong");
+        assert_eq!(flash.get(CR, 0), 0);
+        flash.put(0, [(CR, LOCK)]);
+        assert_eq!(flash.get(CR, 0), LOCK);
+        flash.put(0, [KEYS[1], KEYS[0], KEYS[0], KEYS[1]].map(|key| (KEYR, key)));
+        assert_eq!(flash.get(CR, 0), LOCK, "the first was wrong");
         flash.reset(0);
-        for key in KEYS {
-            flash.write(KEYR, key, 0).unwrap();
-        }
-        assert_eq!(flash.read(CR, 0), Ok(0), "a reset forgives");
+        flash.put(0, KEYS.map(|key| (KEYR, key)));
+        assert_eq!(flash.get(CR, 0), 0, "a reset forgives");
     }
 
     #[test]
     fn programming_takes_16_us_and_clears_bits_only() {
         let mut flash = unlocked();
-        flash.write(CR, PG | BY_WORDS, 0).unwrap();
-        flash.store(A + 8, 4, 0x1234_5678, 1_000);
-        assert_eq!(flash.read(SR, 0), Ok(BSY));
-        assert_eq!(flash.next_event(), Some((17_000, Event::Finished)));
+        begin(&mut flash, 0, A + 8, 0x1234_5678, 1_000);
+        assert_eq!(flash.get(SR, 0), BSY);
+        assert_eq!(flash.next_event(), Some((17_000, FlashEvent::Finished)));
         assert_eq!(word(&flash, A + 8), u32::MAX, "not before its end");
         assert_eq!(flash.finish(), A + 8..A + 12);
-        assert_eq!((flash.read(SR, 0), word(&flash, A + 8)), (Ok(0), 0x1234_5678));
+        assert_eq!((flash.get(SR, 0), word(&flash, A + 8)), (0, 0x1234_5678));
         program(&mut flash, A + 8, 0xffff_0000, 20_000);
-        assert_eq!(word(&flash, A + 8), 0x1234_0000);
-        assert_eq!(word(&flash, A + 12), u32::MAX);
+        assert_eq!([A + 8, A + 12].map(|a| word(&flash, a)), [0x1234_0000, u32::MAX]);
     }
 
     #[test]
     fn erasing_sets_every_bit_of_one_sector_in_the_time_of_its_parallelism() {
         let mut flash = unlocked();
-        for address in [0x080d_fffc, 0x080e_0000, 0x080f_fffc] {
+        let places = [0x080d_fffc, 0x080e_0000, 0x080f_fffc];
+        for address in places {
             program(&mut flash, address, 0, 0);
         }
         for (psize, ns) in [(0, 2_000_000_000), (1, 1_300_000_000), (2, 1_000_000_000)] {
-            flash.write(CR, SER | 11 << 3 | psize << 8 | STRT, 5).unwrap();
-            assert_eq!(flash.next_event(), Some((5 + ns, Event::Finished)));
-            assert_eq!(flash.read(CR, 0).unwrap() & STRT, STRT);
+            flash.put(5, [(CR, SER | 11 << 3 | psize << 8 | STRT)]);
+            assert_eq!(flash.next_event(), Some((5 + ns, FlashEvent::Finished)));
+            assert_eq!(flash.get(CR, 0) & STRT, STRT);
             assert_eq!(flash.finish(), 0x080e_0000..0x0810_0000);
-            assert_eq!(flash.read(CR, 0).unwrap() & STRT, 0);
+            assert_eq!(flash.get(CR, 0) & STRT, 0);
         }
-        let words = [0x080d_fffc, 0x080e_0000, 0x080f_fffc].map(|a| word(&flash, a));
+        let words = places.map(|address| word(&flash, address));
         assert_eq!(words, [0, u32::MAX, u32::MAX], "sector 10 stays");
     }
 
     #[test]
     fn sectors_are_where_table_5_has_them() {
-        assert_eq!(sector(3), Some((0x0800_c000, 16 << 10)));
-        assert_eq!(sector(4), Some((0x0801_0000, 64 << 10)));
-        assert_eq!(sector(5), Some((0x0802_0000, 128 << 10)));
-        assert_eq!(sector(11), Some((0x080e_0000, 128 << 10)));
+        let sectors = [3, 4, 5, 11].map(|number| sector(number).unwrap());
+        assert_eq!(sectors[..2], [(0x0800_c000, 16 << 10), (0x0801_0000, 64 << 10)]);
+        assert_eq!(sectors[2..], [(0x0802_0000, 128 << 10), (0x080e_0000, 128 << 10)]);
         assert_eq!(sector(12), None);
     }
 
@@ -539,11 +541,11 @@ mod tests {
     fn each_way_to_program_wrongly_has_its_flag_and_programs_nothing() {
         let mut flash = unlocked();
         let mut store = |cr: u32, address: u32, bytes: u32| {
-            flash.write(CR, cr, 0).unwrap();
+            flash.put(0, [(CR, cr)]);
             flash.store(address, bytes, 0, 0);
-            let flags = flash.read(SR, 0).unwrap();
-            flash.write(SR, flags, 0).unwrap();
-            assert_eq!(flash.read(SR, 0), Ok(0), "rc_w1");
+            let flags = flash.get(SR, 0);
+            flash.put(0, [(SR, flags)]);
+            assert_eq!(flash.get(SR, 0), 0, "rc_w1");
             flags
         };
         assert_eq!(store(BY_WORDS, A, 4), PGSERR, "PG is not set");
@@ -561,9 +563,9 @@ mod tests {
     fn a_sector_of_the_image_and_a_mass_erase_are_refused_and_noted() {
         for cr in [SER | 9 << 3, SER | 12 << 3, MER, MER | SER | 11 << 3] {
             let mut flash = unlocked();
-            flash.write(CR, cr | STRT, 0).unwrap();
+            flash.put(0, [(CR, cr | STRT)]);
             assert!(!flash.busy());
-            assert_eq!((flash.read(CR, 0), flash.notes.iter().count()), (Ok(cr), 1));
+            assert_eq!((flash.get(CR, 0), flash.notes.iter().count()), (cr, 1));
         }
     }
 
@@ -571,36 +573,31 @@ mod tests {
     fn the_end_interrupts_only_if_enabled() {
         let mut flash = unlocked();
         assert_eq!(program(&mut flash, A, 0, 0), 0);
-        flash.write(CR, PG | BY_WORDS | EOPIE, 0).unwrap();
-        flash.store(A + 4, 4, 0, 0);
+        begin(&mut flash, EOPIE, A + 4, 0, 0);
         assert!(!flash.interrupt(0));
         flash.finish();
         assert!(flash.interrupt(0));
-        flash.write(SR, EOP, 0).unwrap();
+        flash.put(0, [(SR, EOP)]);
         assert!(!flash.interrupt(0));
     }
 
     #[test]
     fn a_reset_in_the_midst_leaves_as_many_bits_changed_as_time_had_passed() {
-        let changed = |share: u64| {
+        // 256 steps of the share, and three deviations of a million bits drawn.
+        for share in [0, 25, 50, 75, 100] {
             let mut flash = unlocked();
             flash.set_contents(vec![0; WRITABLE.len()]);
-            flash.write(CR, SER | 10 << 3 | BY_WORDS | STRT, 0).unwrap();
+            flash.put(0, [(CR, SER | 10 << 3 | BY_WORDS | STRT)]);
             flash.reset(share * 10_000_000);
             assert!(!flash.busy());
             let (tenth, eleventh) = flash.contents().split_at(128 << 10);
             assert!(eleventh.iter().all(|byte| *byte == 0));
             let ones: u32 = tenth.iter().map(|byte| byte.count_ones()).sum();
-            f64::from(ones) / f64::from(1 << 20)
-        };
-        // 256 steps of the share, and three deviations of a million bits drawn.
-        for share in [0, 25, 50, 75, 100] {
-            let expected = share as f64 / 100.0;
-            assert!((changed(share) - expected).abs() < 0.0015, "{share} %");
+            let changed = f64::from(ones) / f64::from(1 << 20);
+            assert!((changed - share as f64 / 100.0).abs() < 0.0015, "{share} %");
         }
         let mut flash = unlocked();
-        flash.write(CR, PG | BY_WORDS, 0).unwrap();
-        flash.store(A, 4, 0, 0);
+        begin(&mut flash, 0, A, 0, 0);
         flash.reset(8_000);
         let ones = word(&flash, A).count_ones();
         assert!((8..=24).contains(&ones), "half of 32 bits, by a draw: {ones}");
@@ -612,15 +609,17 @@ mod tests {
         program(&mut flash, A, 0, 0);
         flash.cut_power_in(1, 25);
         program(&mut flash, A + 4, 0, 0);
-        flash.write(CR, PG | BY_WORDS, 0).unwrap();
-        flash.store(A + 8, 4, 0, 100_000);
-        assert_eq!(flash.next_event(), Some((104_000, Event::PowerGone)));
+        begin(&mut flash, 0, A + 8, 0, 100_000);
+        assert_eq!(flash.next_event(), Some((104_000, FlashEvent::PowerGone)));
         flash.reset(104_000);
         assert!(word(&flash, A + 8).count_ones() > 16, "a quarter was cleared");
-        flash = Flash { cr: 0, ..flash };
-        flash.write(CR, PG | BY_WORDS, 0).unwrap();
-        flash.store(A + 12, 4, 0, 200_000);
-        assert_eq!(flash.next_event(), Some((216_000, Event::Finished)), "once only");
+        flash = FlashController { cr: 0, ..flash };
+        begin(&mut flash, 0, A + 12, 0, 200_000);
+        assert_eq!(
+            flash.next_event(),
+            Some((216_000, FlashEvent::Finished)),
+            "once only"
+        );
         let addresses: Vec<u32> = flash.operations().iter().map(|o| o.address).collect();
         assert_eq!(addresses, [A, A + 4, A + 8, A + 12]);
     }
@@ -630,6 +629,6 @@ mod tests {
         let mut flash = unlocked();
         program(&mut flash, A, 0x600d_f1a5, 0);
         flash.reset(1_000_000);
-        assert_eq!((word(&flash, A), flash.read(CR, 0)), (0x600d_f1a5, Ok(LOCK)));
+        assert_eq!((word(&flash, A), flash.get(CR, 0)), (0x600d_f1a5, LOCK));
     }
 }

@@ -14,7 +14,7 @@ const MOST_CHANGES: usize = 1 << 21;
 
 /// The lock key (section 8.4.8): LCKK is written as 1, 0, 1 with the same pins, and then read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Key {
+enum LockKey {
     #[default]
     Open,
     /// Number of the lock sequence's three writes that were made, and their pins.
@@ -33,7 +33,7 @@ pub struct Gpio {
     odr: u32,
     lckr: u32,
     /// State of the lock sequence.
-    key: Key,
+    key: LockKey,
     afr: [u32; 2],
     /// Levels from outside. `None` where nothing is wired.
     wired: [Option<bool>; 16],
@@ -145,7 +145,7 @@ impl Gpio {
 impl Gpio {
     /// The pins whose setting is locked.
     fn locked(&self) -> u32 {
-        if self.key == Key::Closed { self.lckr } else { 0 }
+        if self.key == LockKey::Closed { self.lckr } else { 0 }
     }
 
     /// Returns a setting of `width` bits for each pin after a write: locked pins keep theirs.
@@ -182,11 +182,11 @@ impl Gpio {
     fn write_lock(&mut self, value: u32) {
         let (key, pins) = (value & LCKK != 0, value & 0xffff);
         self.key = match self.key {
-            Key::Closed => return,
-            Key::Turning(1, before) if !key && before == pins => Key::Turning(2, pins),
-            Key::Turning(2, before) if key && before == pins => Key::Turning(3, pins),
-            _ if key => Key::Turning(1, pins),
-            _ => Key::Open,
+            LockKey::Closed => return,
+            LockKey::Turning(1, before) if !key && before == pins => LockKey::Turning(2, pins),
+            LockKey::Turning(2, before) if key && before == pins => LockKey::Turning(3, pins),
+            _ if key => LockKey::Turning(1, pins),
+            _ => LockKey::Open,
         };
         self.lckr = pins;
     }
@@ -203,10 +203,10 @@ impl Peripheral for Gpio {
             0x14 => self.odr,
             0x18 => 0,
             0x1c => {
-                if let Key::Turning(3, _) = self.key {
-                    self.key = Key::Closed;
+                if let LockKey::Turning(3, _) = self.key {
+                    self.key = LockKey::Closed;
                 }
-                self.lckr | if self.key == Key::Closed { LCKK } else { 0 }
+                self.lckr | if self.key == LockKey::Closed { LCKK } else { 0 }
             }
             0x20 => self.afr[0],
             0x24 => self.afr[1],
@@ -259,26 +259,35 @@ impl Peripheral for Gpio {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
+
+    const MODER: u32 = 0x00;
+    const OTYPER: u32 = 0x04;
+    const PUPDR: u32 = 0x0c;
+    const IDR: u32 = 0x10;
+    const ODR: u32 = 0x14;
+    const BSRR: u32 = 0x18;
+    const LCKR: u32 = 0x1c;
+    const AFRL: u32 = 0x20;
+    const AFRH: u32 = 0x24;
 
     #[test]
     fn bsrr_sets_and_resets_without_touching_other_pins_and_set_wins() {
         let mut port = Gpio::new(2);
-        port.write(0x14, 0x0f0f, 0).unwrap();
-        port.write(0x18, 0x0001_0010, 0).unwrap();
-        assert_eq!(port.read(0x14, 0), Ok(0x0f1e));
-        port.write(0x18, 0x0002_0002, 0).unwrap();
-        assert_eq!(port.read(0x14, 0), Ok(0x0f1e));
+        port.put(0, [(ODR, 0x0f0f), (BSRR, 0x0001_0010)]);
+        assert_eq!(port.get(ODR, 0), 0x0f1e);
+        port.put(0, [(BSRR, 0x0002_0002)]);
+        assert_eq!(port.get(ODR, 0), 0x0f1e);
     }
 
     #[test]
     fn an_output_reads_back_an_input_reads_its_pull_up() {
         let mut port = Gpio::new(2);
-        port.write(0x00, 0b01, 0).unwrap();
-        port.write(0x0c, 0b01 << 2, 0).unwrap();
-        assert_eq!(port.read(0x10, 0), Ok(0b10));
-        port.write(0x18, 1, 0).unwrap();
-        assert_eq!(port.read(0x10, 0), Ok(0b11));
+        port.put(0, [(MODER, 0b01), (PUPDR, 0b01 << 2)]);
+        assert_eq!(port.get(IDR, 0), 0b10);
+        port.put(0, [(BSRR, 1)]);
+        assert_eq!(port.get(IDR, 0), 0b11);
     }
 
     #[test]
@@ -286,54 +295,41 @@ mod tests {
         let mut port = Gpio::new(2);
         port.drive(3, true);
         port.drive(4, false);
-        port.write(0x0c, 0b01 << 8, 0).unwrap();
-        assert_eq!(
-            port.read(0x10, 0),
-            Ok(1 << 3),
-            "and the pull-up of PC4 is overcome"
-        );
+        port.put(0, [(PUPDR, 0b01 << 8)]);
+        assert_eq!(port.get(IDR, 0), 1 << 3, "and the pull-up of PC4 is overcome");
         port.reset(0);
-        assert_eq!(port.read(0x10, 0), Ok(1 << 3));
-        port.write(0x00, 0b11 << 6, 0).unwrap();
-        assert_eq!(
-            port.read(0x10, 0),
-            Ok(0),
-            "an analog pin reads low (section 8.3.12)"
-        );
+        assert_eq!(port.get(IDR, 0), 1 << 3);
+        port.put(0, [(MODER, 0b11 << 6)]);
+        assert_eq!(port.get(IDR, 0), 0, "an analog pin reads low (section 8.3.12)");
     }
 
     #[test]
     fn the_alternate_function_is_known_only_while_it_is_in_use() {
         let mut port = Gpio::new(2);
-        port.write(0x24, 3 << 28, 0).unwrap();
+        port.put(0, [(AFRH, 3 << 28)]);
         assert_eq!(port.alternate(15), None);
-        port.write(0x00, 0b10 << 30, 0).unwrap();
+        port.put(0, [(MODER, 0b10 << 30)]);
         assert_eq!((port.alternate(15), port.alternate(14)), (Some(3), None));
     }
 
     #[test]
     fn edges_are_counted_for_outputs_only_and_once_a_change() {
         let mut port = Gpio::new(2);
-        port.write(0x00, 0b01, 0).unwrap();
-        for value in [0b11, 0b11, 0b00, 0b11] {
-            port.write(0x14, value, 0).unwrap();
-        }
+        port.put(0, [(MODER, 0b01)]);
+        port.put(0, [0b11, 0b11, 0b00, 0b11].map(|value| (ODR, value)));
         assert_eq!(port.edges[..2], [3, 0]);
     }
 
     #[test]
     fn changes_beyond_what_is_kept_are_only_counted_and_noted() {
-        let mut port = Gpio {
-            records: true,
-            recorded: MOST_CHANGES - 2,
-            ..Gpio::new(2)
-        };
-        port.write(0x00, 0b01, 0).unwrap();
+        let mut port = Gpio::new(2);
+        (port.records, port.recorded) = (true, MOST_CHANGES - 2);
+        port.put(0, [(MODER, 0b01)]);
         for now in 0..4 {
-            port.write(0x14, now & 1 ^ 1, u64::from(now)).unwrap();
+            port.put(u64::from(now), [(ODR, now & 1 ^ 1)]);
         }
         assert_eq!(
-            (port.edges[0], &port.changes[0][..]),
+            (port.edges[0], &*port.changes[0]),
             (4, &[(0, true), (1, false)][..])
         );
         port.reset(4);
@@ -344,50 +340,38 @@ mod tests {
     fn a_locked_pin_keeps_its_setting_until_the_next_reset_and_others_do_not() {
         let lock = |writes: &[u32]| {
             let mut port = Gpio::new(2);
-            for value in writes {
-                port.write(0x1c, *value, 0).unwrap();
-            }
-            port.read(0x1c, 0).unwrap();
-            for register in [0x00, 0x20, 0x24, 0x14] {
-                port.write(register, u32::MAX, 0).unwrap();
-            }
+            writes.iter().for_each(|value| port.put(0, [(LCKR, *value)]));
+            port.get(LCKR, 0);
+            port.put(0, [MODER, AFRL, AFRH, ODR].map(|register| (register, u32::MAX)));
             port
         };
         let pins = 1 << 0 | 1 << 9;
         let mut port = lock(&[LCKK | pins, pins, LCKK | pins]);
-        let settings = [0x00, 0x20, 0x24, 0x14, 0x1c].map(|register| port.read(register, 0).unwrap());
-        assert_eq!(
-            settings,
-            [0xfff3_fffc, 0xffff_fff0, 0xffff_ff0f, 0xffff, LCKK | pins]
-        );
+        let settings = [MODER, AFRL, AFRH, ODR].map(|register| port.get(register, 0));
+        assert_eq!(settings, [0xfff3_fffc, 0xffff_fff0, 0xffff_ff0f, 0xffff]);
+        assert_eq!(port.get(LCKR, 0), LCKK | pins);
         port.reset(0);
-        assert_eq!(port.read(0x1c, 0), Ok(0));
-        for wrong in [
-            &[LCKK | pins, pins][..],
+        assert_eq!(port.get(LCKR, 0), 0);
+        let wrong: [&[u32]; 3] = [
+            &[LCKK | pins, pins],
             &[LCKK | pins, pins, LCKK | 1],
             &[pins, LCKK | pins],
-        ] {
-            assert_eq!(lock(wrong).read(0x00, 0), Ok(u32::MAX), "{wrong:x?}");
+        ];
+        for writes in wrong {
+            assert_eq!(lock(writes).get(MODER, 0), u32::MAX, "{writes:x?}");
         }
     }
 
     #[test]
     fn an_open_drain_drives_low_only_and_reads_what_the_wire_carries() {
         let mut port = Gpio::new(2);
-        port.write(0x04, 1, 0).unwrap();
-        port.write(0x00, 0b01, 0).unwrap();
+        port.put(0, [(OTYPER, 1), (MODER, 0b01)]);
         assert_eq!((port.driven(0), port.driven(1)), (Some(false), None));
-        port.write(0x14, 1, 0).unwrap();
+        port.put(0, [(ODR, 1)]);
         assert_eq!(port.driven(0), None);
         assert_eq!(port.drive_by_wire(0, Some(false)), None, "it was low already");
-        assert_eq!(port.read(0x10, 0), Ok(0));
+        assert_eq!(port.get(IDR, 0), 0);
         assert_eq!(port.drive_by_wire(0, Some(true)), Some(true));
-        assert_eq!(port.read(0x10, 0), Ok(1));
-    }
-
-    #[test]
-    fn the_debug_pins_are_in_use_after_reset() {
-        assert_eq!(Gpio::new(0).read(0x00, 0), Ok(0xa800_0000));
-        assert_eq!(Gpio::new(1).read(0x00, 0), Ok(0x0000_0280));
+        assert_eq!(port.get(IDR, 0), 1);
     }
 }

@@ -71,55 +71,54 @@ impl Peripheral for Iwdg {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
+
+    const KR: u32 = 0x00;
+    const PR: u32 = 0x04;
+    const RLR: u32 = 0x08;
 
     fn started(prescaler: u32, reload: u32) -> Iwdg {
         let mut iwdg = Iwdg::default();
-        for (offset, value) in [
-            (0x00, START),
-            (0x00, UNLOCK),
-            (0x04, prescaler),
-            (0x08, reload),
-            (0x00, FEED),
-        ] {
-            iwdg.write(offset, value, 0).unwrap();
-        }
+        iwdg.put(
+            0,
+            [
+                (KR, START),
+                (KR, UNLOCK),
+                (PR, prescaler),
+                (RLR, reload),
+                (KR, FEED),
+            ],
+        );
         iwdg
     }
 
     #[test]
     fn the_timeout_is_that_of_table_107() {
-        assert_eq!(
-            started(0, 0xfff).next_interrupt(),
-            Some(512_000_000),
-            "PR 0: 512 ms"
-        );
-        assert_eq!(
-            started(6, 0xfff).next_interrupt(),
-            Some(32_768_000_000),
-            "PR 6: 32.768 s"
-        );
-        assert_eq!(
-            started(0, 0).next_interrupt(),
-            Some(125_000),
-            "PR 0, RL 0: 0.125 ms"
-        );
+        // 512 ms, 32.768 s and 0.125 ms.
+        for (prescaler, reload, ns) in [
+            (0, 0xfff, 512_000_000),
+            (6, 0xfff, 32_768_000_000),
+            (0, 0, 125_000),
+        ] {
+            assert_eq!(started(prescaler, reload).next_interrupt(), Some(ns));
+        }
     }
 
     #[test]
     fn feeding_puts_it_off_and_does_not_start_it() {
         let mut iwdg = Iwdg::default();
-        iwdg.write(0x00, FEED, 0).unwrap();
+        iwdg.put(0, [(KR, FEED)]);
         assert_eq!(iwdg.next_interrupt(), None);
         let mut iwdg = started(0, 0xfff);
-        iwdg.write(0x00, FEED, 100_000_000).unwrap();
+        iwdg.put(100_000_000, [(KR, FEED)]);
         assert_eq!(iwdg.next_interrupt(), Some(612_000_000));
     }
 
     #[test]
     fn the_setting_is_locked_until_the_key() {
         let mut iwdg = started(0, 10);
-        iwdg.write(0x08, 99, 0).unwrap();
-        assert_eq!(iwdg.read(0x08, 0), Ok(10));
+        iwdg.put(0, [(RLR, 99)]);
+        assert_eq!(iwdg.get(RLR, 0), 10);
     }
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use super::clock::Clocks;
+use super::clock::ClockTree;
 
 /// A peripheral: registers, interrupt lines, and a clock.
 ///
@@ -27,7 +27,7 @@ pub trait Peripheral {
     fn reset(&mut self, now: u64);
 
     /// The clock tree has changed.
-    fn set_clocks(&mut self, _clocks: &Clocks, _now: u64) {}
+    fn set_clocks(&mut self, _clocks: &ClockTree, _now: u64) {}
 
     /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0 on.
     fn interrupt(&self, _output: usize) -> bool {
@@ -88,3 +88,22 @@ impl Notes {
         self.0.iter().map(AsRef::as_ref)
     }
 }
+
+/// Accesses of tests, to registers that the model has.
+#[cfg(test)]
+pub(super) trait Access: Peripheral {
+    /// Reads a register.
+    fn get(&mut self, offset: u32, now: u64) -> u32 {
+        self.read(offset, now).unwrap()
+    }
+
+    /// Writes registers, one after the other.
+    fn put<const N: usize>(&mut self, now: u64, writes: [(u32, u32); N]) {
+        for (offset, value) in writes {
+            self.write(offset, value, now).unwrap();
+        }
+    }
+}
+
+#[cfg(test)]
+impl<P: Peripheral> Access for P {}

@@ -2,7 +2,7 @@
 //! from outside, and the programmable voltage detector compares it with its threshold. A deep sleep is STOP
 //! or STANDBY, as CR.PDDS says.
 
-use super::clock::Clocks;
+use super::clock::ClockTree;
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
@@ -160,7 +160,7 @@ impl Peripheral for Pwr {
         };
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.hclk = clocks.hclk;
         self.check_scale();
     }
@@ -172,60 +172,63 @@ impl Peripheral for Pwr {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
+    const CR: u32 = 0x00;
+    const CSR: u32 = 0x04;
+    const VOSRDY: u32 = 1 << 14;
+    const PVDO: u32 = 1 << 2;
+    /// The detector at 2.93 V.
+    const DETECTING: u32 = VOS | PVDE | 6 << 5;
+
     #[test]
-    fn the_regulator_is_ready_and_dbp_opens_the_backup_domain() {
+    fn regulators_are_ready_and_dbp_opens_the_backup_domain() {
         let mut pwr = Pwr::default();
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14));
+        assert_eq!(pwr.get(CSR, 0), VOSRDY);
         assert!(!pwr.backup_domain_open());
-        pwr.write(0x00, VOS | DBP, 0).unwrap();
+        pwr.put(0, [(CR, VOS | DBP), (CSR, 1 << 9)]);
         assert!(pwr.backup_domain_open());
-        assert_eq!(pwr.read(0x00, 0), Ok(VOS | DBP));
+        assert_eq!(pwr.get(CSR, 0), VOSRDY | 1 << 9 | 1 << 3, "BRE and BRR");
     }
 
     #[test]
     fn the_detector_finds_a_supply_below_its_threshold_and_lets_go_above_the_hysteresis() {
         let mut pwr = Pwr::default();
-        let low = |pwr: &mut Pwr| pwr.read(0x04, 0).unwrap() & 1 << 2 != 0;
         pwr.set_supply(2800);
-        assert!(!low(&mut pwr), "the detector is off");
-        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
-        assert!(low(&mut pwr));
-        for (millivolts, expected) in [
-            (2940, true),
-            (3029, true),
-            (3030, false),
-            (2930, false),
-            (2929, true),
-        ] {
+        assert_eq!(pwr.get(CSR, 0), VOSRDY, "the detector is off");
+        pwr.put(0, [(CR, DETECTING)]);
+        let supplies = [2800, 2940, 3029, 3030, 2930, 2929];
+        let low = supplies.map(|millivolts| {
             pwr.set_supply(millivolts);
-            assert_eq!(low(&mut pwr), expected, "{millivolts} mV");
-        }
-        pwr.write(0x00, VOS | PVDE, 0).unwrap();
-        assert!(!low(&mut pwr), "2.0 V is the threshold now");
+            pwr.get(CSR, 0) & PVDO != 0
+        });
+        assert_eq!(low, [true, true, true, false, false, true]);
+        pwr.put(0, [(CR, VOS | PVDE)]);
+        assert_eq!(pwr.get(CSR, 0), VOSRDY, "2.0 V is the threshold now");
     }
 
     #[test]
     fn the_supply_outlives_a_reset_and_the_detector_is_off_after_it() {
         let mut pwr = Pwr::default();
-        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
+        pwr.put(0, [(CR, DETECTING)]);
         pwr.set_supply(2800);
         pwr.reset(0);
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14));
-        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | 1 << 2));
+        assert_eq!(pwr.get(CSR, 0), VOSRDY);
+        pwr.put(0, [(CR, DETECTING)]);
+        assert_eq!(pwr.get(CSR, 0), VOSRDY | PVDO);
     }
 
     #[test]
     fn scale_2_is_noted_above_144_mhz() {
         let mut pwr = Pwr::default();
-        pwr.write(0x00, 0, 0).unwrap();
-        let at = |hclk| Clocks { hclk, ..Clocks::HSI };
-        pwr.set_clocks(&at(144_000_000), 0);
-        assert_eq!(pwr.notes.iter().count(), 0);
-        pwr.set_clocks(&at(168_000_000), 0);
-        assert_eq!(pwr.notes.iter().count(), 1);
+        pwr.put(0, [(CR, 0)]);
+        let mut clocks = ClockTree::HSI;
+        for (hclk, notes) in [(144_000_000, 0), (168_000_000, 1)] {
+            clocks.hclk = hclk;
+            pwr.set_clocks(&clocks, 0);
+            assert_eq!(pwr.notes.iter().count(), notes);
+        }
     }
 
     #[test]
@@ -233,15 +236,8 @@ mod tests {
         let mut pwr = Pwr::default();
         pwr.woken();
         pwr.reset(0);
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | SBF | WUF));
-        pwr.write(0x00, VOS | CSBF, 0).unwrap();
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | WUF));
-    }
-
-    #[test]
-    fn the_backup_regulator_is_ready_when_on() {
-        let mut pwr = Pwr::default();
-        pwr.write(0x04, 1 << 9, 0).unwrap();
-        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | 1 << 9 | 1 << 3));
+        assert_eq!(pwr.get(CSR, 0), VOSRDY | SBF | WUF);
+        pwr.put(0, [(CR, VOS | CSBF)]);
+        assert_eq!(pwr.get(CSR, 0), VOSRDY | WUF);
     }
 }

@@ -7,7 +7,7 @@
 //! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is
 //! gone. On silicon a PLL without input may go on at some low frequency, which the manual does not give.
 
-use super::clock::{Clocks, HSI_HZ};
+use super::clock::{ClockTree, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
 use crate::outcome::ResetCause;
@@ -188,7 +188,7 @@ impl Rcc {
     }
 
     /// The clock tree as programmed. A clock that has stopped has 0 Hz.
-    pub fn clocks(&self) -> Clocks {
+    pub fn clocks(&self) -> ClockTree {
         let sysclk = match self.system_source {
             _ if self.asleep => 0,
             0 => HSI_HZ,
@@ -206,7 +206,7 @@ impl Rcc {
         let (shift1, shift2) = (apb(field(self.cfgr, 10, 3)), apb(field(self.cfgr, 13, 3)));
         // Section 7.2: timers get twice the bus clock wherever the bus is divided.
         let timers = |shift: u32| hclk >> shift.saturating_sub(1);
-        Clocks {
+        ClockTree {
             sysclk,
             hclk,
             pclk1: hclk >> shift1,
@@ -278,7 +278,7 @@ impl Rcc {
         if self.ready() & on != 0 {
             self.system_source = wanted;
         }
-        let Clocks {
+        let ClockTree {
             sysclk, pclk1, pclk2, ..
         } = self.clocks();
         // DocID022152, general operating conditions.
@@ -382,16 +382,29 @@ impl Peripheral for Rcc {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
-    /// HSE 8 MHz, PLL /4 *168 /2, APB1 /4, APB2 /2: what the data sheet's maxima ask for.
-    fn at_168_mhz() -> Rcc {
-        let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
+    const CR: u32 = 0x00;
+    const PLLCFGR: u32 = 0x04;
+    const CFGR: u32 = 0x08;
+    const CIR: u32 = 0x0c;
+    const BDCR: u32 = 0x70;
+    const CSR: u32 = 0x74;
+    const HZ: u32 = 8_000_000;
+    /// The crystal by 4, times 168, by 2.
+    const PLL: u32 = 4 | 168 << 6 | 1 << 22 | 7 << 24;
+
+    /// The crystal and the PLL are on: 168 MHz, APB1 /4, APB2 /2, as the data sheet's maxima ask for.
+    fn on_pll(mut rcc: Rcc) -> Rcc {
+        let buses = 2 | 0b101 << 10 | 0b100 << 13;
+        rcc.put(0, [(CR, 0x83 | HSEON), (PLLCFGR, PLL)]);
+        rcc.put(0, [(CR, 0x83 | HSEON | PLLON), (CFGR, buses)]);
         rcc
+    }
+
+    fn at_168_mhz() -> Rcc {
+        on_pll(Rcc::new(HZ))
     }
 
     fn reset(rcc: &mut Rcc, cause: ResetCause) {
@@ -400,101 +413,77 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_after_reset_is_the_16_mhz_oscillator_undivided() {
-        let c = Rcc::new(8_000_000).clocks();
-        let all = 16_000_000;
-        assert_eq!(
-            c,
-            Clocks {
-                sysclk: all,
-                hclk: all,
-                pclk1: all,
-                pclk2: all,
-                timers1: all,
-                timers2: all
-            }
-        );
-    }
-
-    #[test]
     fn the_tree_follows_the_dividers_and_timers_get_twice_a_divided_bus() {
-        let c = at_168_mhz().clocks();
-        assert_eq!(
-            c,
-            Clocks {
-                sysclk: 168_000_000,
-                hclk: 168_000_000,
-                pclk1: 42_000_000,
-                pclk2: 84_000_000,
-                timers1: 84_000_000,
-                timers2: 168_000_000
-            }
-        );
+        assert_eq!(Rcc::new(HZ).clocks(), ClockTree::HSI);
+        let expected = ClockTree {
+            sysclk: 168_000_000,
+            hclk: 168_000_000,
+            pclk1: 42_000_000,
+            pclk2: 84_000_000,
+            timers1: 84_000_000,
+            timers2: 168_000_000,
+        };
+        assert_eq!(at_168_mhz().clocks(), expected);
     }
 
     #[test]
     fn the_ahb_prescaler_skips_32() {
-        let mut rcc = Rcc::new(8_000_000);
-        let divided = |rcc: &mut Rcc, hpre: u32| {
-            rcc.write(0x08, hpre << 4, 0).unwrap();
+        let mut rcc = Rcc::new(HZ);
+        let divided = [7, 8, 11, 12, 15].map(|hpre| {
+            rcc.put(0, [(CFGR, hpre << 4)]);
             HSI_HZ / rcc.clocks().hclk
-        };
-        assert_eq!(
-            [7, 8, 11, 12, 15].map(|h| divided(&mut rcc, h)),
-            [1, 2, 16, 64, 512],
-            "section 7.3.3, HPRE"
-        );
+        });
+        assert_eq!(divided, [1, 2, 16, 64, 512], "section 7.3.3, HPRE");
     }
 
     #[test]
     fn every_oscillator_is_ready_when_on_and_not_when_off() {
-        let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), HSION << 1);
-        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON, 0).unwrap();
-        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), ON_BITS << 1);
+        let mut rcc = Rcc::new(HZ);
+        assert_eq!(rcc.get(CR, 0) & (ON_BITS << 1), HSION << 1);
+        rcc.put(0, [(CR, 0x83 | HSEON | PLLON | PLLI2SON)]);
+        assert_eq!(rcc.get(CR, 0) & (ON_BITS << 1), ON_BITS << 1);
     }
 
     #[test]
     fn the_system_clock_does_not_switch_to_a_source_that_is_off() {
-        let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x08, 1, 0).unwrap();
-        assert_eq!(
-            rcc.read(0x08, 0).unwrap() & 0xf,
-            1,
-            "SW asks for HSE, SWS says HSI"
-        );
-        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
-        assert_eq!(rcc.read(0x08, 0).unwrap() & 0xf, 0b0101);
+        let mut rcc = Rcc::new(HZ);
+        rcc.put(0, [(CFGR, 1)]);
+        assert_eq!(rcc.get(CFGR, 0) & 0xf, 1, "SW asks for HSE, SWS says HSI");
+        rcc.put(0, [(CR, 0x83 | HSEON)]);
+        assert_eq!(rcc.get(CFGR, 0) & 0xf, 0b0101);
     }
 
     #[test]
     fn the_clock_in_use_cannot_be_stopped() {
         let mut rcc = at_168_mhz();
-        rcc.write(0x00, 0, 0).unwrap();
-        assert_eq!(rcc.read(0x00, 0).unwrap() & ON_BITS, HSEON | PLLON);
+        rcc.put(0, [(CR, 0)]);
+        assert_eq!(rcc.get(CR, 0) & ON_BITS, HSEON | PLLON);
     }
 
     #[test]
     fn reset_flags_add_up_until_rmvf_clears_them() {
-        let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS);
+        let mut rcc = Rcc::new(HZ);
+        assert_eq!(rcc.get(CSR, 0), POWER_ON_FLAGS);
         reset(&mut rcc, ResetCause::Software);
-        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS | SFTRSTF);
-        rcc.write(0x74, RMVF, 0).unwrap();
-        assert_eq!(rcc.read(0x74, 0).unwrap(), 0);
+        assert_eq!(rcc.get(CSR, 0), POWER_ON_FLAGS | SFTRSTF);
+        rcc.put(0, [(CSR, RMVF)]);
+        assert_eq!(rcc.get(CSR, 0), 0);
         reset(&mut rcc, ResetCause::Watchdog);
-        assert_eq!(rcc.read(0x74, 0).unwrap(), IWDGRSTF | PINRSTF);
+        assert_eq!(rcc.get(CSR, 0), IWDGRSTF | PINRSTF);
         reset(&mut rcc, ResetCause::PowerCut);
-        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS, "and none of before");
+        assert_eq!(rcc.get(CSR, 0), POWER_ON_FLAGS, "and none of before");
     }
 
     #[test]
-    fn buses_above_their_limits_are_noted() {
+    fn buses_and_a_pll_input_outside_their_limits_are_noted() {
         let mut rcc = at_168_mhz();
         assert_eq!(rcc.notes.iter().count(), 0);
-        rcc.write(0x08, 2, 0).unwrap();
+        rcc.put(0, [(CFGR, 2)]);
         let noted: Vec<_> = rcc.notes.iter().collect();
         assert_eq!(noted, ["PCLK1 is above 42 MHz", "PCLK2 is above 84 MHz"]);
+        let mut rcc = Rcc::new(25_000_000);
+        rcc.put(0, [(PLLCFGR, PLL), (CR, 0x83 | HSEON | PLLON)]);
+        assert_eq!(rcc.notes.iter().count(), 1);
     }
 
     #[test]
@@ -503,36 +492,26 @@ mod tests {
         rcc.sleep();
         assert_eq!(rcc.clocks().hclk, 0);
         rcc.wake();
-        assert_eq!(rcc.clocks().sysclk, HSI_HZ);
-        assert_eq!(rcc.read(0x00, 0).unwrap() & ON_BITS, HSION);
+        assert_eq!((rcc.clocks().sysclk, rcc.get(CR, 0) & ON_BITS), (HSI_HZ, HSION));
     }
 
     #[test]
     fn a_crystal_that_never_starts_is_never_ready_and_nothing_switches_to_it() {
-        let mut rcc = Rcc::new(8_000_000);
+        let mut rcc = Rcc::new(HZ);
         rcc.set_crystal(false);
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
-        rcc.write(0x08, 2, 0).unwrap();
-        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), HSION << 1);
-        assert_eq!(
-            (rcc.read(0x08, 0).unwrap() & 0xc, rcc.clocks().sysclk),
-            (0, HSI_HZ)
-        );
+        let mut rcc = on_pll(rcc);
+        assert_eq!(rcc.get(CR, 0) & (ON_BITS << 1), HSION << 1);
+        assert_eq!((rcc.get(CFGR, 0) & 0xc, rcc.clocks().sysclk), (0, HSI_HZ));
     }
 
     #[test]
     fn a_crystal_that_stops_gives_an_nmi_and_hsi_with_css_and_no_clock_without() {
         let mut safe = at_168_mhz();
-        safe.write(0x00, 0x83 | HSEON | CSSON | PLLON, 0).unwrap();
+        safe.put(0, [(CR, 0x83 | HSEON | CSSON | PLLON)]);
         safe.set_crystal(false);
         assert_eq!((safe.clocks().sysclk, safe.interrupt(1)), (HSI_HZ, true));
-        assert_eq!(
-            safe.read(0x00, 0).unwrap() & ON_BITS,
-            HSION,
-            "HSE and PLL are off"
-        );
-        safe.write(0x0c, CSSF << CLEAR_AT, 0).unwrap();
+        assert_eq!(safe.get(CR, 0) & ON_BITS, HSION, "HSE and PLL are off");
+        safe.put(0, [(CIR, CSSF << CLEAR_AT)]);
         assert!(!safe.interrupt(1));
 
         let mut bare = at_168_mhz();
@@ -541,56 +520,36 @@ mod tests {
         assert_eq!(bare.notes.iter().count(), 1);
         reset(&mut bare, ResetCause::Watchdog);
         assert_eq!(bare.clocks().sysclk, HSI_HZ);
-        bare.write(0x00, 0x83 | HSEON, 0).unwrap();
-        assert_eq!(
-            bare.read(0x00, 0).unwrap() & (HSEON << 1),
-            0,
-            "it outlives a reset"
-        );
+        bare.put(0, [(CR, 0x83 | HSEON)]);
+        assert_eq!(bare.get(CR, 0) & (HSEON << 1), 0, "it outlives a reset");
     }
 
     #[test]
     fn a_clock_that_gets_ready_raises_its_flag_and_interrupt_if_asked_to() {
-        let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x0c, 1 << (8 + 3), 0).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
-        assert_eq!(
-            rcc.read(0x0c, 0),
-            Ok(1 << (8 + 3) | 1 << 3),
-            "HSE's; PLL's is off"
-        );
+        let mut rcc = Rcc::new(HZ);
+        let hse = 1 << 3;
+        rcc.put(0, [(CIR, hse << 8), (CR, 0x83 | HSEON | PLLON)]);
+        assert_eq!(rcc.get(CIR, 0), hse << 8 | hse, "PLL's is off");
         assert!(rcc.interrupt(0));
-        rcc.write(0x0c, 1 << (16 + 3), 0).unwrap();
-        assert_eq!((rcc.read(0x0c, 0), rcc.interrupt(0)), (Ok(0), false));
-    }
-
-    #[test]
-    fn a_pll_input_outside_1_to_2_mhz_is_noted() {
-        let mut rcc = Rcc::new(25_000_000);
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22, 0).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
-        assert_eq!(rcc.notes.iter().count(), 1);
+        rcc.put(0, [(CIR, hse << CLEAR_AT)]);
+        assert_eq!((rcc.get(CIR, 0), rcc.interrupt(0)), (0, false));
     }
 
     #[test]
     fn a_crystal_that_is_off_by_some_ppm_is_within_every_limit_and_seen_in_every_clock() {
-        let mut rcc = Rcc::new(8_000_400);
-        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
+        let rcc = on_pll(Rcc::new(8_000_400));
         assert_eq!(rcc.clocks().timers1, 84_004_200, "50 ppm");
         assert_eq!(rcc.notes.iter().count(), 0);
     }
 
     #[test]
     fn the_backup_domain_keeps_its_setting_over_a_reset_and_needs_dbp() {
-        let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x70, 1, 0).unwrap();
-        assert_eq!(rcc.read(0x70, 0), Ok(0));
+        let mut rcc = Rcc::new(HZ);
+        rcc.put(0, [(BDCR, 1)]);
+        assert_eq!(rcc.get(BDCR, 0), 0);
         rcc.backup_domain_open = true;
-        rcc.write(0x70, 1, 0).unwrap();
+        rcc.put(0, [(BDCR, 1)]);
         reset(&mut rcc, ResetCause::Software);
-        assert_eq!(rcc.read(0x70, 0), Ok(0b11), "LSEON and LSERDY");
+        assert_eq!(rcc.get(BDCR, 0), 0b11, "LSEON and LSERDY");
     }
 }

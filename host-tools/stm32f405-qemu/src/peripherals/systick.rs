@@ -6,7 +6,7 @@
 //! is enabled. Like the other timers this one is a function of time. Ticks count from an origin: the last
 //! time at which a register was written that changes what follows.
 
-use super::clock::{self, Clocks};
+use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Peripheral};
 
 const ENABLE: u32 = 1 << 0;
@@ -155,7 +155,7 @@ impl Peripheral for SysTick {
         Some(self.origin_ns.saturating_add(clock::edge(zero, self.hz())))
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {
         self.settle(now);
         self.origin_ns = now;
         self.hclk = clocks.hclk;
@@ -164,84 +164,81 @@ impl Peripheral for SysTick {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
     const CSR: u32 = 0x00;
     const RVR: u32 = 0x04;
     const CVR: u32 = 0x08;
 
-    fn at(hclk: u32, writes: &[(u32, u32)]) -> SysTick {
-        let mut systick = SysTick::new(hclk);
-        for (offset, value) in writes {
-            systick.write(*offset, *value, 0).unwrap();
-        }
+    /// On 16 MHz, where 16 000 ticks are 1 ms.
+    fn with<const N: usize>(writes: [(u32, u32); N]) -> SysTick {
+        let mut systick = SysTick::new(16_000_000);
+        systick.put(0, writes);
         systick
     }
 
     #[test]
     fn it_counts_down_on_hclk_or_an_eighth_and_follows_the_clock() {
-        let mut fast = at(168_000_000, &[(RVR, 9_999_999), (CVR, 0), (CSR, 0b101)]);
         // One tick to load the reload value.
-        assert_eq!(fast.read(CVR, 1_000_000), Ok(9_999_999 + 1 - 168_000));
-        let mut slow = at(168_000_000, &[(RVR, 9_999_999), (CVR, 0), (CSR, 0b001)]);
-        assert_eq!(slow.read(CVR, 1_000_000), Ok(9_999_999 + 1 - 21_000));
-        fast.set_clocks(&Clocks::HSI, 1_000_000);
-        assert_eq!(fast.read(CVR, 2_000_000), Ok(9_999_999 + 1 - 184_000));
+        for (csr, ticks) in [(0b101, 16_000), (0b001, 2_000)] {
+            let mut systick = with([(RVR, 9_999_999), (CVR, 0), (CSR, csr)]);
+            assert_eq!(systick.get(CVR, 1_000_000), 9_999_999 + 1 - ticks);
+            let mut faster = ClockTree::HSI;
+            faster.hclk = 168_000_000;
+            systick.set_clocks(&faster, 1_000_000);
+            let faster = ticks / 16 * 168;
+            assert_eq!(systick.get(CVR, 2_000_000), 9_999_999 + 1 - ticks - faster);
+        }
     }
 
     #[test]
     fn a_period_is_one_tick_longer_than_the_reload_value_and_the_flag_is_read_once() {
-        // 16 000 ticks of 16 MHz: 1 ms.
-        let mut systick = at(16_000_000, &[(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
+        let mut systick = with([(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
         assert_eq!(systick.next_interrupt(), Some(1_000_000));
         systick.advance(999_999);
         assert!(!systick.fired);
         systick.advance(1_000_000);
         assert!(std::mem::take(&mut systick.fired));
         assert_eq!(systick.next_interrupt(), Some(2_000_000));
-        assert_eq!(systick.read(CSR, 1_000_000), Ok(COUNTFLAG | 0b111));
-        assert_eq!(systick.read(CSR, 1_000_000), Ok(0b111));
-        assert_eq!(systick.read(CVR, 2_000_062), Ok(0), "in the tick of the zero");
-        assert_eq!(systick.read(CVR, 2_000_063), Ok(15_999));
+        assert_eq!(
+            [CSR; 2].map(|csr| systick.get(csr, 1_000_000)),
+            [COUNTFLAG | 0b111, 0b111]
+        );
+        assert_eq!(systick.get(CVR, 2_000_062), 0, "in the tick of the zero");
+        assert_eq!(systick.get(CVR, 2_000_063), 15_999);
     }
 
     #[test]
     fn a_reload_value_that_comes_after_the_start_starts_it() {
-        let mut systick = at(16_000_000, &[(CSR, 0b111)]);
-        assert_eq!(
-            (systick.next_interrupt(), systick.read(CVR, 500_000)),
-            (None, Ok(0))
-        );
-        systick.write(RVR, 15_999, 500_000).unwrap();
+        let mut systick = with([(CSR, 0b111)]);
+        assert_eq!((systick.next_interrupt(), systick.get(CVR, 500_000)), (None, 0));
+        systick.put(500_000, [(RVR, 15_999)]);
         assert_eq!(systick.next_interrupt(), Some(1_500_000));
     }
 
     #[test]
     fn a_new_reload_value_counts_from_the_next_zero_on_and_0_stops_it_there() {
-        let mut systick = at(16_000_000, &[(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
-        systick.write(RVR, 31_999, 500_000).unwrap();
+        let mut systick = with([(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
+        systick.put(500_000, [(RVR, 31_999)]);
         assert_eq!(systick.next_interrupt(), Some(1_000_000));
         systick.advance(1_000_000);
         assert_eq!(systick.next_interrupt(), Some(3_000_000));
-        systick.write(RVR, 0, 2_000_000).unwrap();
+        systick.put(2_000_000, [(RVR, 0)]);
         systick.advance(3_000_000);
-        assert_eq!(
-            (systick.next_interrupt(), systick.read(CVR, 9_000_000)),
-            (None, Ok(0))
-        );
+        assert_eq!((systick.next_interrupt(), systick.get(CVR, 9_000_000)), (None, 0));
     }
 
     #[test]
     fn a_write_to_the_counter_clears_it_and_makes_no_interrupt() {
-        let mut systick = at(16_000_000, &[(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
-        systick.write(CVR, 77, 400_000).unwrap();
-        assert_eq!(systick.read(CVR, 400_000), Ok(0));
-        assert!(!systick.fired);
+        let mut systick = with([(RVR, 15_999), (CVR, 0), (CSR, 0b111)]);
+        systick.put(400_000, [(CVR, 77)]);
+        assert_eq!((systick.get(CVR, 400_000), systick.fired), (0, false));
         assert_eq!(systick.next_interrupt(), Some(1_400_000));
-        systick.write(CSR, 0, 1_000_000).unwrap();
+        systick.put(1_000_000, [(CSR, 0)]);
         assert_eq!(
-            (systick.next_interrupt(), systick.read(CVR, 9_000_000)),
-            (None, Ok(6_400))
+            (systick.next_interrupt(), systick.get(CVR, 9_000_000)),
+            (None, 6_400)
         );
     }
 }

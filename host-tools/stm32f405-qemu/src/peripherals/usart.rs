@@ -9,7 +9,7 @@
 
 use std::collections::VecDeque;
 
-use super::clock::{self, Apb, Clocks};
+use super::clock::{self, Apb, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{field, index};
 
@@ -48,14 +48,14 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
 
 /// Features of a USART: registers are masks of the bits that exist.
 #[derive(Debug, Clone, Copy)]
-pub struct Kind {
+pub struct UsartFeatures {
     apb: Apb,
     cr2: u32,
     cr3: u32,
     gtpr: u32,
 }
 
-impl Kind {
+impl UsartFeatures {
     /// USART1, USART6 on APB2.
     pub const USART: Self = Self {
         apb: Apb::Two,
@@ -79,7 +79,7 @@ impl Kind {
 
 /// A frame that has left a transmitter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sent {
+pub struct SentFrame {
     /// Its 7, 8 or 9 data bits.
     pub data: u16,
     /// Time that it took without a stall, ns.
@@ -88,7 +88,7 @@ pub struct Sent {
 
 /// A frame in the transmitter's shift register.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
+struct ShiftedFrame {
     data: u32,
     ends_ns: u64,
     frame_ns: u64,
@@ -104,7 +104,7 @@ struct Incoming {
 /// The registers of a USART and its two lines.
 #[derive(Debug, Clone)]
 pub struct Usart {
-    kind: Kind,
+    kind: UsartFeatures,
     pclk: u32,
     sr: u32,
     received: u32,
@@ -112,7 +112,7 @@ pub struct Usart {
     cr: [u32; 3],
     gtpr: u32,
     waiting: Option<u32>,
-    shifting: Option<Frame>,
+    shifting: Option<ShiftedFrame>,
     /// No frame ends before this time.
     stalled_until_ns: u64,
     input: VecDeque<Incoming>,
@@ -131,7 +131,7 @@ pub struct Usart {
 
 impl Usart {
     /// After reset, on a bus clock of `pclk`.
-    pub fn new(kind: Kind, pclk: u32) -> Self {
+    pub fn new(kind: UsartFeatures, pclk: u32) -> Self {
         Self {
             kind,
             pclk,
@@ -219,7 +219,7 @@ impl Usart {
             return;
         }
         if let Some(data) = self.waiting.take() {
-            self.shifting = Some(Frame {
+            self.shifting = Some(ShiftedFrame {
                 data,
                 ends_ns: now.saturating_add(self.frame_ns()).max(self.stalled_until_ns),
                 frame_ns: self.frame_ns(),
@@ -247,7 +247,7 @@ impl Usart {
     }
 
     /// Ends the frame that is being sent.
-    pub fn sent(&mut self) -> Option<Sent> {
+    pub fn sent(&mut self) -> Option<SentFrame> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
         if self.shifting.is_none() {
@@ -255,7 +255,7 @@ impl Usart {
         }
         // The parity takes the place of the highest bit.
         let bits = 8 + u32::from(self.cr[0] & M != 0) - u32::from(self.cr[0] & PCE != 0);
-        Some(Sent {
+        Some(SentFrame {
             data: (frame.data & ((1 << bits) - 1)) as u16,
             frame_ns: frame.frame_ns,
         })
@@ -306,7 +306,7 @@ impl Usart {
     }
 
     /// A frame comes over a wire.
-    pub fn arrive(&mut self, frame: Sent, now: u64) {
+    pub fn arrive(&mut self, frame: SentFrame, now: u64) {
         // Section 30.3.5, table 142: the receiver stands up to some 3 % in all.
         let off = self.frame_ns().abs_diff(frame.frame_ns);
         let framing = 100 * off > 3 * self.frame_ns();
@@ -436,7 +436,7 @@ impl Peripheral for Usart {
             .min()
     }
 
-    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+    fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.pclk = clocks.of_bus(self.kind.apb);
     }
 
@@ -447,6 +447,7 @@ impl Peripheral for Usart {
 
 #[cfg(test)]
 mod tests {
+    use super::super::peripheral::Access;
     use super::*;
 
     const SR: u32 = 0x00;
@@ -460,78 +461,74 @@ mod tests {
 
     /// 84 MHz / 84 = 1 Mbit/s, 8N1.
     fn running(cr1: u32) -> Usart {
-        let mut usart = Usart::new(Kind::USART, 84_000_000);
-        usart.write(BRR, 84, 0).unwrap();
-        usart.write(CR1, UE | cr1, 0).unwrap();
+        let mut usart = Usart::new(UsartFeatures::USART, 84_000_000);
+        usart.put(0, [(BRR, 84), (CR1, UE | cr1)]);
         usart
+    }
+
+    /// Ends the frame that is being sent: when, and its data.
+    fn sent(usart: &mut Usart) -> (u64, u16) {
+        (usart.next_sent().unwrap(), usart.sent().unwrap().data)
     }
 
     #[test]
     fn the_first_byte_goes_to_the_shift_register_at_once_and_the_second_waits() {
         let mut usart = running(TE);
-        usart.write(DR, 0x55, 0).unwrap();
-        assert_eq!(usart.read(SR, 0), Ok(TXE));
-        usart.write(DR, 0xaa, 0).unwrap();
-        assert_eq!(usart.read(SR, 0), Ok(0));
-        assert_eq!(usart.next_sent(), Some(FRAME_NS));
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
-        assert_eq!(usart.read(SR, 0), Ok(TXE));
-        assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0xaa));
-        assert_eq!(usart.read(SR, 0), Ok(TXE | TC));
+        usart.put(0, [(DR, 0x55)]);
+        assert_eq!(usart.get(SR, 0), TXE);
+        usart.put(0, [(DR, 0xaa)]);
+        assert_eq!(usart.get(SR, 0), 0);
+        assert_eq!((sent(&mut usart), usart.get(SR, 0)), ((FRAME_NS, 0x55), TXE));
+        assert_eq!(sent(&mut usart), (2 * FRAME_NS, 0xaa));
+        assert_eq!(usart.get(SR, 0), TXE | TC);
     }
 
     #[test]
     fn a_stalled_transmitter_ends_no_frame_until_its_time_and_loses_none() {
         let mut usart = running(TE);
-        usart.write(DR, 0x55, 0).unwrap();
-        usart.write(DR, 0xaa, 0).unwrap();
+        usart.put(0, [(DR, 0x55), (DR, 0xaa)]);
         usart.stall(1_000_000);
-        assert_eq!(usart.next_sent(), Some(1_000_000));
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
-        assert_eq!(usart.next_sent(), Some(1_000_000 + FRAME_NS));
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0xaa));
+        assert_eq!(sent(&mut usart), (1_000_000, 0x55));
+        assert_eq!(sent(&mut usart), (1_000_000 + FRAME_NS, 0xaa));
         let mut usart = running(TE);
         usart.stall(1_000_000);
-        usart.write(DR, 0x55, 5_000).unwrap();
+        usart.put(5_000, [(DR, 0x55)]);
         assert_eq!(usart.next_sent(), Some(1_000_000), "also what comes after");
     }
 
     #[test]
     fn tc_is_cleared_by_reading_sr_and_writing_dr_or_by_a_zero() {
         let mut usart = running(TE);
-        usart.write(SR, !TC, 0).unwrap();
-        assert_eq!(usart.read(SR, 0), Ok(TXE));
+        usart.put(0, [(SR, !TC)]);
+        assert_eq!(usart.get(SR, 0), TXE);
         let mut usart = running(TE);
-        usart.read(SR, 0).unwrap();
-        usart.write(DR, 1, 0).unwrap();
-        assert_eq!(usart.read(SR, 0), Ok(TXE));
+        usart.get(SR, 0);
+        usart.put(0, [(DR, 1)]);
+        assert_eq!(usart.get(SR, 0), TXE);
     }
 
     #[test]
     fn the_frame_time_follows_brr_word_length_stop_bits_and_oversampling() {
-        let ns = |brr: u32, cr1: u32, cr2: u32| {
+        // Two stop bits; one and a half; USARTDIV 10.5 by 8 (mantissa 10, fraction 4); 115200 baud.
+        for (brr, cr1, cr2, ns) in [
+            (84, 0, 0, 10_000),
+            (84, M, 0, 11_000),
+            (84, 0, 0b10 << 12, 11_000),
+            (84, 0, 0b11 << 12, 10_500),
+            (10 << 4 | 4, OVER8, 0, 10_000),
+            (729, 0, 0, 86_786),
+        ] {
             let mut usart = running(TE);
-            usart.write(BRR, brr, 0).unwrap();
-            usart.write(CR2, cr2, 0).unwrap();
-            usart.write(CR1, UE | TE | cr1, 0).unwrap();
-            usart.write(DR, 0, 0).unwrap();
-            usart.next_sent().unwrap()
-        };
-        assert_eq!(ns(84, 0, 0), 10_000);
-        assert_eq!(ns(84, M, 0), 11_000);
-        assert_eq!(ns(84, 0, 0b10 << 12), 11_000, "two stop bits");
-        assert_eq!(ns(84, 0, 0b11 << 12), 10_500, "one and a half");
-        // USARTDIV 10.5 by 8: mantissa 10, fraction 4.
-        assert_eq!(ns(10 << 4 | 4, OVER8, 0), 10_000);
-        assert_eq!(ns(729, 0, 0), 86_786, "115200 baud");
+            usart.put(0, [(BRR, brr), (CR2, cr2), (CR1, UE | TE | cr1), (DR, 0)]);
+            assert_eq!(usart.next_sent(), Some(ns));
+        }
     }
 
     #[test]
     fn dma_requests_come_with_the_first_two_bytes_at_once_and_then_a_frame_apart() {
         let mut usart = running(TE);
         assert!(!usart.dma_transmit_request());
-        usart.write(CR3, DMAT, 0).unwrap();
+        usart.put(0, [(CR3, DMAT)]);
         assert!(usart.dma_transmit_request());
         usart.put_data(1, 0);
         assert!(usart.dma_transmit_request());
@@ -550,14 +547,11 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(at) = usart.next_received() {
             usart.receive(at, true, false);
-            let sr = usart.read(SR, 0).unwrap();
-            seen.push((at, sr & (RXNE | IDLE), usart.read(DR, 0).unwrap() as u8));
+            seen.push((at, usart.get(SR, 0) & (RXNE | IDLE), usart.get(DR, 0) as u8));
         }
-        assert_eq!(
-            seen,
-            [(15_000, RXNE, b'a'), (25_000, RXNE, b'b'), (35_000, IDLE, b'b')],
-            "idle is flagged once"
-        );
+        let bytes = [(15_000, RXNE, b'a'), (25_000, RXNE, b'b')];
+        assert_eq!((&seen[..2], seen[2]), (&bytes[..], (35_000, IDLE, b'b')));
+        assert_eq!(seen.len(), 3, "idle is flagged once");
     }
 
     #[test]
@@ -569,21 +563,16 @@ mod tests {
             usart.receive(at, true, false);
         }
         assert!(usart.interrupt(0));
-        assert_eq!(usart.read(SR, 0).unwrap() & (RXNE | ORE), RXNE | ORE);
-        assert_eq!(usart.read(DR, 0), Ok(u32::from(b'a')));
-        assert_eq!(
-            usart.read(SR, 0).unwrap() & (RXNE | ORE),
-            0,
-            "reading SR, then DR, clears both"
-        );
+        assert_eq!(usart.get(SR, 0) & (RXNE | ORE), RXNE | ORE);
+        assert_eq!(usart.get(DR, 0), u32::from(b'a'));
+        assert_eq!(usart.get(SR, 0) & (RXNE | ORE), 0, "SR, then DR: both clear");
     }
 
     #[test]
     fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
         let mut usart = running(TE);
         assert!(!usart.interrupt(0));
-        usart.write(DR, 1, 0).unwrap();
-        usart.write(CR1, UE | TE | TCIE, 0).unwrap();
+        usart.put(0, [(DR, 1), (CR1, UE | TE | TCIE)]);
         assert_eq!(usart.next_interrupt(), Some(FRAME_NS));
         usart.sent();
         assert!(usart.interrupt(0));
@@ -592,29 +581,27 @@ mod tests {
     #[test]
     fn without_a_baud_rate_nothing_is_sent_and_the_dma_waits() {
         let mut usart = running(TE);
-        usart.write(BRR, 0, 0).unwrap();
-        usart.write(CR3, DMAT, 0).unwrap();
+        usart.put(0, [(BRR, 0), (CR3, DMAT)]);
         usart.put_data(0x55, 0);
         assert_eq!((usart.next_sent(), usart.dma_transmit_request()), (None, false));
-        usart.write(BRR, 84, 5_000).unwrap();
-        assert_eq!(usart.next_sent(), Some(5_000 + FRAME_NS));
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
+        usart.put(5_000, [(BRR, 84)]);
+        assert_eq!(sent(&mut usart), (5_000 + FRAME_NS, 0x55));
     }
 
     #[test]
     fn nothing_is_sent_or_received_while_disabled() {
         let mut usart = running(0);
-        usart.write(DR, 1, 0).unwrap();
+        usart.put(0, [(DR, 1)]);
         assert_eq!(usart.next_sent(), None);
         usart.feed(0, b"a");
         usart.receive(FRAME_NS, true, false);
-        assert_eq!(usart.read(SR, 0).unwrap() & RXNE, 0);
+        assert_eq!(usart.get(SR, 0) & RXNE, 0);
     }
 
     #[test]
     fn seven_data_bits_are_what_parity_leaves_of_eight() {
         let mut usart = running(TE | PCE);
-        usart.write(DR, 0xff, 0).unwrap();
-        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x7f));
+        usart.put(0, [(DR, 0xff)]);
+        assert_eq!(sent(&mut usart).1, 0x7f);
     }
 }

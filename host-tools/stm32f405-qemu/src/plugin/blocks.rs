@@ -1,11 +1,11 @@
 //! Instructions of each block: from one interrupt of the ADC's DMA stream to the next.
 
-use super::count::Counters;
-use crate::outcome::{Block, Instructions};
+use super::count::InstructionCounters;
+use crate::outcome::{BlockCost, Instructions};
 
 /// Cost of the blocks of a run so far.
 pub(super) struct Blocks {
-    pub(super) counters: &'static Counters,
+    pub(super) counters: &'static InstructionCounters,
     /// The labels whose functions make a block a working one.
     work: Vec<usize>,
     /// Instructions of the whole image, and of those functions, when the block began. Nothing before the
@@ -15,7 +15,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    pub(super) fn new(counters: &'static Counters, work: Vec<usize>) -> Self {
+    pub(super) fn new(counters: &'static InstructionCounters, work: Vec<usize>) -> Self {
         Self {
             counters,
             work,
@@ -37,7 +37,7 @@ impl Blocks {
         let Some(began) = self.began.replace(now).filter(|_| scans > 0) else {
             return;
         };
-        let block = Block {
+        let block = BlockCost {
             instructions: now[0] - began[0],
             scans,
         };

@@ -17,7 +17,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
-use super::count::{Counters, Site, Sites};
+use super::count::{InstructionCounters, Site, Sites};
 use super::failures::{self, Sighting};
 use super::handlers;
 use super::idle::IdleSchedule;
@@ -30,13 +30,13 @@ use super::qemu::{
 };
 use super::self_test::self_test;
 use super::stops::{self, HostRequest};
-use crate::ending::End;
-use crate::exchange::{self, SELF_TEST_STATUS, Step};
+use crate::ending::RunEnd;
+use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
 use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
-static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
+static COUNTERS: OnceLock<(&'static InstructionCounters, Mutex<Sites>)> = OnceLock::new();
 /// Thumb's WFI and WFE, narrow, and wide with the second halfword above the first.
 const WFI: u32 = 0xbf30;
 const WFE: u32 = 0xbf20;
@@ -164,13 +164,13 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
 
 /// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a
 /// report.
-fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
+fn watch_host(folder: &Path, steps: Option<&Sender<TimeStep>>) {
     take_no_signals();
     if let HostRequest::Report = stops::listen(steps) {
         // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {
-                overlay.stop(End::Stopped, qemu);
+                overlay.stop(RunEnd::Stopped, qemu);
                 break;
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -197,10 +197,10 @@ extern "C" fn on_abort(_signal: c_int) {
 extern "C" fn on_exit(_: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
         let end = if overlay.semihosting() {
-            End::Exited(0)
+            RunEnd::Exited(0)
         } else {
             // The host knows how.
-            End::QemuEnded(String::new())
+            RunEnd::QemuEnded(String::new())
         };
         overlay.stop(end, qemu);
     }

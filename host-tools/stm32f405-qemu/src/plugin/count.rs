@@ -28,7 +28,7 @@ struct Label {
 
 /// All counters of a run.
 #[derive(Debug)]
-pub(super) struct Counters {
+pub(super) struct InstructionCounters {
     total: AtomicU64,
     labels: Vec<Label>,
     functions: Vec<FunctionRange>,
@@ -50,7 +50,7 @@ struct Masks {
     longest_from: AtomicU32,
 }
 
-impl Counters {
+impl InstructionCounters {
     pub(super) fn new(labels: &[String], functions: Vec<FunctionRange>) -> Self {
         Self {
             total: AtomicU64::new(0),
@@ -170,7 +170,7 @@ fn add_one(counter: &AtomicU64) {
 pub(super) struct Sites(HashMap<u32, Option<&'static Site>>);
 
 impl Sites {
-    pub(super) fn get(&mut self, address: u32, counters: &Counters) -> Option<&'static Site> {
+    pub(super) fn get(&mut self, address: u32, counters: &InstructionCounters) -> Option<&'static Site> {
         *self
             .0
             .entry(address)
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn the_longest_stretch_without_interrupts_is_found_and_none_outside_the_watch() {
-        let counters = Counters::new(&[], Vec::new());
+        let counters = InstructionCounters::new(&[], Vec::new());
         let stretch = |from, length| {
             counters.masked(from);
             // A critical section in another masks once more, and lets nothing through.
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {
         let range = |label, start, end| FunctionRange { label, start, end };
-        let counters = Counters::new(
+        let counters = InstructionCounters::new(
             &["a".into(), "b".into()],
             vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)],
         );

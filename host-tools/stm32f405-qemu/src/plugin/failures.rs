@@ -10,7 +10,7 @@
 //! [`GRACE_NS`], and more if the watchdog runs.
 
 use super::qemu::Qemu;
-use crate::ending::{End, Exception};
+use crate::ending::{Exception, RunEnd};
 use crate::machine::name_of;
 use crate::memory::is_ram;
 
@@ -43,22 +43,22 @@ pub(super) struct Failures {
     pub(super) exceptions: Vec<Exception>,
     pub(super) panics: Vec<u64>,
     /// Time and kind of the run's end, unless a reset comes first.
-    pending_end: Option<(u64, End)>,
+    pending_end: Option<(u64, RunEnd)>,
 }
 
 impl Failures {
     /// An exception of a fault was taken at this time. If the image is at its end by that: how.
-    pub(super) fn fault(&mut self, exception: Exception) -> Option<End> {
-        let panicked = matches!(self.pending_end, Some((_, End::Panicked)));
+    pub(super) fn fault(&mut self, exception: Exception) -> Option<RunEnd> {
+        let panicked = matches!(self.pending_end, Some((_, RunEnd::Panicked)));
         let pc = exception.pc.clone().unwrap_or_default();
         let end = match exception.breakpoint {
-            Some(SEMIHOSTING) => Some(End::Faulted),
-            Some(_) if panicked => Some(End::Panicked),
-            Some(_) => Some(End::Breakpoint(pc)),
+            Some(SEMIHOSTING) => Some(RunEnd::Faulted),
+            Some(_) if panicked => Some(RunEnd::Panicked),
+            Some(_) => Some(RunEnd::Breakpoint(pc)),
             None => None,
         };
         self.pending_end
-            .get_or_insert((exception.at_ns.saturating_add(GRACE_NS), End::Faulted));
+            .get_or_insert((exception.at_ns.saturating_add(GRACE_NS), RunEnd::Faulted));
         if self.exceptions.len() < MOST {
             self.exceptions.push(exception);
         }
@@ -68,8 +68,8 @@ impl Failures {
     /// The image panicked at this time.
     pub(super) fn panic(&mut self, now: u64) {
         self.panics.push(now);
-        if !matches!(self.pending_end, Some((_, End::Panicked))) {
-            self.pending_end = Some((now.saturating_add(GRACE_NS), End::Panicked));
+        if !matches!(self.pending_end, Some((_, RunEnd::Panicked))) {
+            self.pending_end = Some((now.saturating_add(GRACE_NS), RunEnd::Panicked));
         }
     }
 
@@ -85,9 +85,9 @@ impl Failures {
 
     /// Returns the end of the run once its time has come. `None` if the image goes on: a watchdog will reset
     /// it, or it has left the fault's handler.
-    pub(super) fn due_end(&mut self, watchdog: bool, qemu: &Qemu) -> Option<End> {
+    pub(super) fn due_end(&mut self, watchdog: bool, qemu: &Qemu) -> Option<RunEnd> {
         let (_, end) = self.pending_end.take()?;
-        let gone_on = end == End::Faulted && !FAULTS.contains(&active_exception(qemu));
+        let gone_on = end == RunEnd::Faulted && !FAULTS.contains(&active_exception(qemu));
         (!watchdog && !gone_on).then_some(end)
     }
 }

@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
-use super::count::Counters;
+use super::count::InstructionCounters;
 use super::failures::{Failures, Sighting};
 use super::qemu::{self, Qemu};
-use super::recorder::{Outside, Recorder, written};
+use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
 use super::{handlers, rtt, self_test};
-use crate::ending::{End, Exception};
-use crate::exchange::{self, Description, FORMAT, Reached, SELF_TEST_STATUS, Step};
+use crate::ending::{Exception, RunEnd};
+use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
 use crate::given::{Fault, Poke, Run, Since};
 use crate::machine::{Board, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
-use crate::outcome::{Outcome, Work};
+use crate::outcome::{Outcome, StretchWork};
 
 /// Addresses at which something begins that the overlay wants to see.
 pub(super) struct Entries {
@@ -27,11 +27,11 @@ pub(super) struct Entries {
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
     machine: Machine,
-    description: Description<'static>,
+    description: RunDescription<'static>,
     folder: PathBuf,
-    recorder: Recorder,
+    recorder: RunRecorder,
     /// Of a live run: what the host's steps go to.
-    steps: Option<Sender<Step>>,
+    steps: Option<Sender<TimeStep>>,
     /// In order of time.
     pokes: VecDeque<Poke>,
     /// Those since power-up, and those since the first scan.
@@ -67,7 +67,7 @@ impl Overlay {
             faults.into()
         });
         let blocks = run.count_instructions.then(|| {
-            let counters = Counters::new(&description.labels, description.functions.clone());
+            let counters = InstructionCounters::new(&description.labels, description.functions.clone());
             // Kept for the life of QEMU: its callbacks point there.
             Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
         });
@@ -75,7 +75,7 @@ impl Overlay {
         Ok(Self {
             machine,
             folder: folder.into(),
-            recorder: Recorder::new(folder, blocks, stops)?,
+            recorder: RunRecorder::new(folder, blocks, stops)?,
             steps,
             pokes: pokes.into(),
             faults,
@@ -90,12 +90,12 @@ impl Overlay {
     }
 
     /// The counters of instructions, if any are counted.
-    pub(super) fn counters(&self) -> Option<&'static Counters> {
+    pub(super) fn counters(&self) -> Option<&'static InstructionCounters> {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
     /// Where the host's steps go, if the run is live.
-    pub(super) fn steps(&self) -> Option<Sender<Step>> {
+    pub(super) fn steps(&self) -> Option<Sender<TimeStep>> {
         self.steps.clone()
     }
 
@@ -114,7 +114,7 @@ impl Overlay {
             .stuck()
             .filter(|_| self.description.run.stop_when_stuck)
         {
-            self.end(End::Stuck(register), now, qemu);
+            self.end(RunEnd::Stuck(register), now, qemu);
         }
         result
     }
@@ -159,7 +159,7 @@ impl Overlay {
         self.stop_for_host(now, qemu);
         self.after(now, qemu);
         if self.ends_at() <= now {
-            self.end(End::Over, now, qemu);
+            self.end(RunEnd::Over, now, qemu);
         }
     }
 
@@ -180,13 +180,13 @@ impl Overlay {
         };
         match stops.wait() {
             Some(inputs) => self.machine.feed(inputs, now),
-            None => self.end(End::Over, now, qemu),
+            None => self.end(RunEnd::Over, now, qemu),
         }
     }
 
     /// In a live run, tells the host what came out since the last stop.
     fn tell_host(&mut self, now: u64, ended: bool) {
-        let total = self.counters().map_or(0, Counters::total);
+        let total = self.counters().map_or(0, InstructionCounters::total);
         let Some(stops) = &mut self.recorder.stops else {
             return;
         };
@@ -201,7 +201,7 @@ impl Overlay {
             ended,
             sampling: stimulus.sampling(),
             codes_until_ns: stimulus.ends_at(),
-            work: Work {
+            work: StretchWork {
                 calls: stops.calls,
                 instructions: total - before,
                 held: self.machine.held(),
@@ -348,7 +348,7 @@ impl Overlay {
     }
 
     /// The host wants the report now, or QEMU ends by itself.
-    pub(super) fn stop(&mut self, end: End, qemu: &Qemu) {
+    pub(super) fn stop(&mut self, end: RunEnd, qemu: &Qemu) {
         let now = qemu.now();
         self.drain_log(qemu);
         self.report(end, now);
@@ -365,11 +365,11 @@ impl Overlay {
             }
         }
         self.drain_log(qemu);
-        self.report(End::LockedUp(None), self.now);
+        self.report(RunEnd::LockedUp(None), self.now);
     }
 
     /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
-    fn end(&mut self, end: End, now: u64, qemu: &Qemu) {
+    fn end(&mut self, end: RunEnd, now: u64, qemu: &Qemu) {
         self.drain_log(qemu);
         if self.report(end, now) {
             qemu.request_shutdown();
@@ -401,7 +401,7 @@ impl Overlay {
     }
 
     /// Writes the outcome, once. Gives whether this was the first time.
-    fn report(&mut self, end: End, now: u64) -> bool {
+    fn report(&mut self, end: RunEnd, now: u64) -> bool {
         if std::mem::replace(&mut self.ended, true) {
             return false;
         }
@@ -438,7 +438,7 @@ fn odd(folder: &Path, name: &str, why: String) -> String {
 }
 
 /// The run's description.
-fn describe(folder: &Path) -> Result<Description<'static>, String> {
+fn describe(folder: &Path) -> Result<RunDescription<'static>, String> {
     let odd = |e: serde_json::Error| odd(folder, exchange::DESCRIPTION, e.to_string());
     let json: serde_json::Value =
         serde_json::from_slice(&read(folder, exchange::DESCRIPTION)?).map_err(odd)?;
@@ -460,7 +460,7 @@ fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
 /// a register of ours.
 struct Guest<'a>(&'a Qemu);
 
-impl rtt::Memory for Guest<'_> {
+impl rtt::GuestMemory for Guest<'_> {
     fn read(&mut self, address: u32, bytes: &mut [u8]) {
         if is_ram(address, bytes.len()) {
             self.0.read_memory(address, bytes);

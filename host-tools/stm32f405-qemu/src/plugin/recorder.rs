@@ -33,7 +33,7 @@ impl LogRoom {
 }
 
 /// Recorder of the machine's output while it runs.
-pub(super) struct Recorder {
+pub(super) struct RunRecorder {
     /// Frames that each USART sent.
     sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
@@ -46,7 +46,7 @@ pub(super) struct Recorder {
     flash_before: Vec<(u32, Vec<u8>)>,
 }
 
-impl Recorder {
+impl RunRecorder {
     /// Begins the files of the run.
     ///
     /// # Errors
@@ -116,7 +116,7 @@ impl Recorder {
 }
 
 /// The machine's outside: QEMU and the recorder.
-pub(super) struct Outside<'a>(pub(super) &'a Qemu, pub(super) &'a mut Recorder);
+pub(super) struct Outside<'a>(pub(super) &'a Qemu, pub(super) &'a mut RunRecorder);
 
 impl Board for Outside<'_> {
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {

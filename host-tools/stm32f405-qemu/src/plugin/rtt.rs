@@ -12,7 +12,7 @@ const READ_OFFSET: u32 = 40;
 const MAX_BUFFER: u32 = 0x2_0000;
 
 /// Guest memory, as far as the log needs it.
-pub(super) trait Memory {
+pub(super) trait GuestMemory {
     fn read(&mut self, address: u32, bytes: &mut [u8]);
     fn write(&mut self, address: u32, bytes: &[u8]);
 }
@@ -24,7 +24,7 @@ pub(super) fn write_offset(block: u32) -> u32 {
 }
 
 /// Takes what is in the buffer, and tells the image so. `None` before the image has set up the block.
-pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Option<Vec<u8>> {
+pub(super) fn drain(block: u32, memory: &mut impl GuestMemory) -> Option<Vec<u8>> {
     let mut bytes = [0; BLOCK_BYTES];
     memory.read(block, &mut bytes);
     let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
@@ -56,7 +56,7 @@ mod tests {
 
     struct Ram(Vec<u8>);
 
-    impl Memory for Ram {
+    impl GuestMemory for Ram {
         fn read(&mut self, address: u32, bytes: &mut [u8]) {
             let at = address as usize;
             bytes.copy_from_slice(&self.0[at..at + bytes.len()]);
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn a_buffer_at_the_end_of_the_address_space_wraps() {
         struct Recorded(Ram, Vec<u32>);
-        impl Memory for Recorded {
+        impl GuestMemory for Recorded {
             fn read(&mut self, address: u32, bytes: &mut [u8]) {
                 self.1.push(address);
                 if address == 0 {

@@ -12,13 +12,13 @@
 use std::io::{self, Read};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-use crate::exchange::{self, REPORT, Reached, STEP, Step};
+use crate::exchange::{self, REPORT, Reached, STEP, TimeStep};
 use crate::given::Inputs;
 use crate::machine::USARTS;
 
 /// The stops of a run.
 pub(super) struct Stops {
-    steps: Receiver<Step>,
+    steps: Receiver<TimeStep>,
     /// The next one.
     at_ns: u64,
     /// Frames that each USART sent since the last stop, as records.
@@ -33,7 +33,7 @@ pub(super) struct Stops {
 
 impl Stops {
     /// The first stop is at once. The sender is for [`listen`].
-    pub(super) fn new() -> (Self, Sender<Step>) {
+    pub(super) fn new() -> (Self, Sender<TimeStep>) {
         let (sender, steps) = channel();
         let stops = Self {
             steps,
@@ -91,13 +91,13 @@ pub(super) enum HostRequest {
 }
 
 /// Reads requests of the host and passes its steps on, until another request comes.
-pub(super) fn listen(steps: Option<&Sender<Step>>) -> HostRequest {
+pub(super) fn listen(steps: Option<&Sender<TimeStep>>) -> HostRequest {
     let mut from = io::stdin().lock();
     loop {
         let mut what = [0];
         match (from.read(&mut what), what, steps) {
             (Ok(1), [STEP], Some(steps)) => {
-                let Ok((mut step, rows)) = exchange::read_message::<Step>(&mut from) else {
+                let Ok((mut step, rows)) = exchange::read_message::<TimeStep>(&mut from) else {
                     return HostRequest::Disconnect;
                 };
                 step.inputs.codes = exchange::rows(&rows);

@@ -32,9 +32,9 @@ fn misread(folder: &Path) -> Option<&'static str> {
 }
 
 /// A temporary directory. It is removed when this is dropped.
-pub(super) struct Folder(tempfile::TempDir);
+pub(super) struct RunFolder(tempfile::TempDir);
 
-impl Drop for Folder {
+impl Drop for RunFolder {
     fn drop(&mut self) {
         let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         folders.retain(|folder| folder != self.0.path());
@@ -43,7 +43,7 @@ impl Drop for Folder {
     }
 }
 
-impl Folder {
+impl RunFolder {
     /// # Errors
     /// [`RunError::Io`], and [`RunError::Input`] where QEMU could not read the directory's name.
     pub(super) fn new() -> Result<Self, RunError> {

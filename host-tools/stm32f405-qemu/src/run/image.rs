@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use object::{Object, ObjectSegment, ObjectSymbol};
 
 use super::error::RunError;
-use crate::ending::Place;
+use crate::ending::CodeAddress;
 use crate::exchange::FunctionRange;
 use crate::memory::FLASH;
 
@@ -106,7 +106,7 @@ impl Image {
     }
 
     /// Fills in the function around an address.
-    pub(super) fn name(&self, place: &mut Place) {
+    pub(super) fn name(&self, place: &mut CodeAddress) {
         let within = |function: &&Function| {
             (function.address..function.address.saturating_add(function.bytes)).contains(&place.address)
         };

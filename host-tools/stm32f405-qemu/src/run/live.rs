@@ -5,12 +5,12 @@ use std::time::Duration;
 use super::error::RunError;
 use super::image::Image;
 use super::log::Log;
-use super::process::{Job, Running, StopReport};
+use super::process::{QemuJob, QemuProcess, StopReport};
 use super::sent;
-use crate::exchange::{Reached, Step};
+use crate::exchange::{Reached, TimeStep};
 use crate::given::{Inputs, Run};
 use crate::machine::{USARTS, pin};
-use crate::outcome::{LogLine, Outcome, Sampling, Uart, Work};
+use crate::outcome::{LogLine, Outcome, Sampling, StretchWork, Uart};
 
 /// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however
 /// long.
@@ -35,8 +35,8 @@ use crate::outcome::{LogLine, Outcome, Sampling, Uart, Work};
 pub struct Live {
     run: Run,
     image: Image,
-    job: Job,
-    running: Running,
+    job: QemuJob,
+    running: QemuProcess,
     log: Log,
     reached: Reached,
 }
@@ -56,7 +56,7 @@ pub struct Passed {
     /// When the last row of the stimulus ends, if the first has begun.
     pub codes_until_ns: Option<u64>,
     /// Cost of this stretch.
-    pub work: Work,
+    pub work: StretchWork,
     /// True if the image has ended the run. [`Live::finish`] says how.
     pub ended: bool,
 }
@@ -71,7 +71,7 @@ impl Passed {
 
 impl Live {
     /// Starts QEMU. The image stands before its first instruction.
-    pub(super) fn start(run: Run, image: Image, job: Job) -> Result<Self, RunError> {
+    pub(super) fn start(run: Run, image: Image, job: QemuJob) -> Result<Self, RunError> {
         let log = Log::new(&run.elf, &image.bytes)?;
         let (running, (reached, _)) = job.start_live(run.limit())?;
         Ok(Self {
@@ -108,7 +108,7 @@ impl Live {
         }
         let to_ns = Some(to_ns);
         let rows = inputs.codes.clone();
-        self.running.say(&Step { to_ns, inputs }, &rows);
+        self.running.say(&TimeStep { to_ns, inputs }, &rows);
         let report = self.next_stop()?;
         Ok(self.passed(report))
     }
@@ -119,7 +119,7 @@ impl Live {
     /// See [`RunError`].
     pub fn finish(mut self) -> Result<Outcome, RunError> {
         if !self.reached.ended {
-            self.running.say(&Step::default(), &[]);
+            self.running.say(&TimeStep::default(), &[]);
             self.next_stop()?;
         }
         let ended = self.job.end(self.running.take()?, Some(self.run.timeout))?;

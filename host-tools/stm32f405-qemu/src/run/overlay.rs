@@ -34,7 +34,7 @@ macro_rules! carry_overlay {
 }
 
 /// The overlay's bytes.
-pub(super) struct Overlay {
+pub(super) struct OverlayFile {
     /// Where it is from, for messages.
     place: PathBuf,
     bytes: Cow<'static, [u8]>,
@@ -47,7 +47,7 @@ pub(super) struct Overlay {
 ///
 /// # Errors
 /// [`RunError::OverlayMissing`] and [`RunError::OverlayOdd`].
-pub(super) fn find(named: Option<&Path>) -> Result<Overlay, RunError> {
+pub(super) fn find(named: Option<&Path>) -> Result<OverlayFile, RunError> {
     let named = named.map(Path::to_path_buf);
     let named = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from));
     if named.is_none()
@@ -55,12 +55,12 @@ pub(super) fn find(named: Option<&Path>) -> Result<Overlay, RunError> {
     {
         let place = std::env::current_exe().unwrap_or_default();
         let bytes = Cow::Borrowed(*bytes);
-        return Ok(Overlay { place, bytes });
+        return Ok(OverlayFile { place, bytes });
     }
     let place = find_file(named)?;
     let bytes = std::fs::read(&place).map_err(|e| RunError::OverlayOdd(place.clone(), e.to_string()))?;
     let bytes = bytes.into();
-    Ok(Overlay { place, bytes })
+    Ok(OverlayFile { place, bytes })
 }
 
 fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
@@ -112,7 +112,7 @@ fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
 ///
 /// # Errors
 /// [`RunError::OverlayOdd`].
-pub(super) fn with_version(overlay: &Overlay, version: i32) -> Result<Vec<u8>, RunError> {
+pub(super) fn with_version(overlay: &OverlayFile, version: i32) -> Result<Vec<u8>, RunError> {
     let odd = |reason: String| RunError::OverlayOdd(overlay.place.clone(), reason);
     let mut bytes = overlay.bytes.to_vec();
     let at = version_offset(&bytes).map_err(odd)?;

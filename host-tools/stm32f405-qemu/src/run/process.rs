@@ -9,24 +9,24 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
-use super::folder::Folder;
-use super::overlay::{self, Overlay};
+use super::folder::RunFolder;
+use super::overlay::{self, OverlayFile};
 use super::qemu::{FoundQemu, cannot_run, wanted_version};
-use crate::ending::{End, Place};
-use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, Step};
+use crate::ending::{CodeAddress, RunEnd};
+use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, TimeStep};
 use crate::outcome::Outcome;
 
 /// Inputs of a QEMU process.
-pub(super) struct Job {
+pub(super) struct QemuJob {
     pub(super) qemu: FoundQemu,
-    pub(super) overlay: Overlay,
-    pub(super) folder: Folder,
+    pub(super) overlay: OverlayFile,
+    pub(super) folder: RunFolder,
     /// They come after the usual ones.
     pub(super) arguments: Vec<OsString>,
     pub(super) shift: u8,
 }
 
-impl Job {
+impl QemuJob {
     /// Runs QEMU to its end. If it wants another version of the overlay than expected, it is started once
     /// more with that version.
     ///
@@ -46,10 +46,10 @@ impl Job {
     ///
     /// # Errors
     /// QEMU or the overlay fails, or it takes longer than `limit`.
-    pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(Running, StopReport), RunError> {
+    pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(QemuProcess, StopReport), RunError> {
         let version = self.qemu.plugin_version();
         let started = |version| {
-            let mut running = Running::of(self.start(version, Stdio::piped())?);
+            let mut running = QemuProcess::of(self.start(version, Stdio::piped())?);
             let first = running.next_stop(limit);
             Ok::<_, RunError>((running, first))
         };
@@ -111,7 +111,7 @@ impl Job {
 }
 
 /// A QEMU that runs live. It ends when this is dropped.
-pub(super) struct Running {
+pub(super) struct QemuProcess {
     child: Option<Child>,
     reports: Receiver<StopReport>,
 }
@@ -119,7 +119,7 @@ pub(super) struct Running {
 /// Report at a stop.
 pub(super) type StopReport = (Reached, Vec<u8>);
 
-impl Running {
+impl QemuProcess {
     fn of(mut child: Child) -> Self {
         let (sender, reports) = channel();
         let stdout = child.stdout.take();
@@ -144,7 +144,7 @@ impl Running {
     }
 
     /// Says how far time goes next. A QEMU that is gone is seen by [`hear`](Self::hear).
-    pub(super) fn say(&mut self, step: &Step, rows: &[[u16; 4]]) {
+    pub(super) fn say(&mut self, step: &TimeStep, rows: &[[u16; 4]]) {
         if let Some(to) = self.child.as_mut().and_then(|child| child.stdin.as_mut()) {
             let said = to
                 .write_all(&[exchange::STEP])
@@ -163,7 +163,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for QemuProcess {
     fn drop(&mut self) {
         if let Some(mut child) = self.child.take() {
             // One that has ended by itself cannot be killed.
@@ -181,9 +181,9 @@ pub(super) struct Ended {
 
 impl Ended {
     /// The program counter, which QEMU prints when it gives up.
-    fn program_counter(&self) -> Option<Place> {
+    fn program_counter(&self) -> Option<CodeAddress> {
         let (_, value) = self.stderr.split_once("R15=")?;
-        Some(Place::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
+        Some(CodeAddress::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
     }
 
     /// The version of the overlay that it wants, if it refused this one.
@@ -192,7 +192,7 @@ impl Ended {
     }
 
     /// Why it ended before the run began.
-    fn failure(&self, folder: &Folder) -> RunError {
+    fn failure(&self, folder: &RunFolder) -> RunError {
         match self.outcome(folder) {
             Err(error) => error,
             Ok(_) => RunError::Qemu(self.status, "it ended before the first instruction".into()),
@@ -200,7 +200,7 @@ impl Ended {
     }
 
     /// Returns the overlay's report, or the reason why there is none.
-    pub(super) fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
+    pub(super) fn outcome(&self, folder: &RunFolder) -> Result<Outcome, RunError> {
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let any = || first("").unwrap_or_else(|| "it said nothing".into());
         if let Some(panic) = panic(&self.stderr) {
@@ -211,13 +211,15 @@ impl Ended {
                 .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")))?;
             let end = match outcome.end {
                 // An image that ends itself does so without a word.
-                End::Exited(_) if first("terminating on signal").is_none() => {
-                    End::Exited(self.status.code().unwrap_or(-1))
+                RunEnd::Exited(_) if first("terminating on signal").is_none() => {
+                    RunEnd::Exited(self.status.code().unwrap_or(-1))
                 }
-                End::Exited(_) | End::QemuEnded(_) => End::QemuEnded(format!("{}: {}", self.status, any())),
-                End::LockedUp(_) if first("Lockup").is_some() => End::LockedUp(self.program_counter()),
+                RunEnd::Exited(_) | RunEnd::QemuEnded(_) => {
+                    RunEnd::QemuEnded(format!("{}: {}", self.status, any()))
+                }
+                RunEnd::LockedUp(_) if first("Lockup").is_some() => RunEnd::LockedUp(self.program_counter()),
                 // QEMU gave up for a reason of its own.
-                End::LockedUp(_) => return Err(RunError::Qemu(self.status, any())),
+                RunEnd::LockedUp(_) => return Err(RunError::Qemu(self.status, any())),
                 end => end,
             };
             return Ok(Outcome { end, ..outcome });
@@ -289,7 +291,7 @@ mod tests {
 
     #[test]
     fn an_overlay_that_panics_is_told_apart_from_one_that_was_not_loaded() {
-        let folder = Folder::new().unwrap();
+        let folder = RunFolder::new().unwrap();
         let said = "thread '<unnamed>' (22) panicked at host-tools/src/plugin/rtt.rs:39:21:\n\
              attempt to add with overflow\n   4: stm32f405_qemu::plugin::callbacks::on_write\n";
         let failed = ended(134, said).outcome(&folder).unwrap_err().to_string();
@@ -309,8 +311,8 @@ mod tests {
 
     #[test]
     fn a_qemu_that_ends_by_itself_keeps_what_it_said_and_what_the_run_had_given() {
-        let folder = Folder::new().unwrap();
-        for end in [End::QemuEnded(String::new()), End::Exited(0)] {
+        let folder = RunFolder::new().unwrap();
+        for end in [RunEnd::QemuEnded(String::new()), RunEnd::Exited(0)] {
             let outcome = Outcome {
                 end,
                 virtual_ns: 5,
@@ -323,9 +325,12 @@ mod tests {
                 .outcome(&folder)
                 .unwrap();
             let how = "exit status: 0: qemu: terminating on signal 15";
-            assert_eq!((outcome.end, outcome.virtual_ns), (End::QemuEnded(how.into()), 5));
+            assert_eq!(
+                (outcome.end, outcome.virtual_ns),
+                (RunEnd::QemuEnded(how.into()), 5)
+            );
         }
         let by_itself = ended(7 << 8, "").outcome(&folder).unwrap();
-        assert_eq!(by_itself.end, End::Exited(7));
+        assert_eq!(by_itself.end, RunEnd::Exited(7));
     }
 }

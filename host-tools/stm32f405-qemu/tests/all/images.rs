@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use stm32f405_qemu::{
-    AnalogInput, End, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunError, Since, UartInput,
+    AnalogInput, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunEnd, RunError, Since, UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -83,7 +83,7 @@ fn an_image_on_embassys_default_time_driver_comes_through() {
     let outcome = result(&run).unwrap();
     assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
-    assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
+    assert!(matches!(outcome.end, RunEnd::Breakpoint(_)), "{:?}", outcome.end);
     // It goes high at first, and then toggles.
     assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
     // And every 10 ms: by a clock of 32 768 Hz, from one to the next of which is 31 us.
@@ -190,7 +190,7 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
 #[test]
 fn an_image_that_panics_ends_with_its_words() {
     let outcome = result(&run_of("panics")).unwrap();
-    assert_eq!(outcome.end, End::Panicked);
+    assert_eq!(outcome.end, RunEnd::Panicked);
     assert_eq!(outcome.panics.len(), 1);
     let said = outcome.verdict().unwrap_err();
     assert!(said.contains("panicked at 0.00"), "{said}");
@@ -201,7 +201,7 @@ fn an_image_that_panics_ends_with_its_words() {
 #[test]
 fn an_image_that_faults_ends_with_where_and_why() {
     let outcome = result(&run_of("faults")).unwrap();
-    assert_eq!(outcome.end, End::Faulted);
+    assert_eq!(outcome.end, RunEnd::Faulted);
     assert_eq!(lines(&outcome), ["looking"]);
     let [fault] = &outcome.exceptions[..] else {
         panic!("{:?}", outcome.exceptions)
@@ -241,7 +241,7 @@ fn each_line_of_a_peripheral_raises_its_own_interrupt_and_none_while_it_is_maske
 #[test]
 fn a_fault_in_the_handler_of_a_fault_ends_the_run_with_a_verdict_and_its_log() {
     let outcome = result(&run_of("locks-up")).unwrap();
-    let End::LockedUp(Some(at)) = &outcome.end else {
+    let RunEnd::LockedUp(Some(at)) = &outcome.end else {
         panic!("{:?}", outcome.end)
     };
     assert!(
@@ -264,7 +264,7 @@ fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
     assert!(said.contains("busy with RNG_SR"), "{said}");
     let outcome = error.outcome().unwrap();
     assert_eq!(lines(outcome), ["waiting for a random number"]);
-    assert_eq!(outcome.end, End::Stuck("RNG_SR".into()));
+    assert_eq!(outcome.end, RunEnd::Stuck("RNG_SR".into()));
 }
 
 /// The program, run on an image: its exit status and what it said.
@@ -490,7 +490,7 @@ fn a_log_of_text_that_waits_for_the_host_is_whole_also_beside_defmt() {
 fn beyond_the_parts_memory_there_is_a_bus_fault() {
     let outcome = result(&run_of("edges-of-memory")).unwrap();
     assert!(lines(&outcome)[0].starts_with("the last word is there"));
-    assert_eq!(outcome.end, End::Faulted, "{:?}", lines(&outcome));
+    assert_eq!(outcome.end, RunEnd::Faulted, "{:?}", lines(&outcome));
     assert_eq!(outcome.exceptions[0].address, Some(0x2002_0000));
 }
 
@@ -532,7 +532,7 @@ fn a_run_that_is_stopped_says_where_the_image_was() {
 fn an_image_calls_the_host_only_if_it_may() {
     let mut run = run_of("semihosts");
     let refused = result(&run).unwrap();
-    assert_eq!(refused.end, End::Faulted);
+    assert_eq!(refused.end, RunEnd::Faulted);
     let said = refused.verdict().unwrap_err();
     assert!(
         said.contains("a semihosting call, which Run::semihosting lets through"),
@@ -542,7 +542,7 @@ fn an_image_calls_the_host_only_if_it_may() {
     let outcome = result(&run).unwrap();
     assert_eq!(
         (outcome.end.clone(), outcome.semihosting.as_str()),
-        (End::Exited(7), "hello, host\n")
+        (RunEnd::Exited(7), "hello, host\n")
     );
     assert!(outcome.verdict().unwrap_err().contains("status 7"));
     let (status, said) = program("semihosts", &["--semihosting"]);

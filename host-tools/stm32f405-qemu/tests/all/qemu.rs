@@ -12,8 +12,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    End, Fault, FaultKind, FlashOperation, Inputs, Level, Outcome, PinInput, Poke, ResetCause, Run, RunError,
-    Since, Uart, UartInput, functions,
+    Fault, FaultKind, FlashOperation, Inputs, Level, Outcome, PinInput, Poke, ResetCause, Run, RunEnd,
+    RunError, Since, Uart, UartInput, functions,
 };
 
 const FLASH: u32 = 0x0800_0000;
@@ -119,19 +119,19 @@ fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
 }
 
 /// The run of an image, and the folder that holds it.
-struct Bench {
+struct ImageBench {
     run: Run,
     _folder: tempfile::TempDir,
 }
 
-fn bench(image: &[u8]) -> Bench {
+fn bench(image: &[u8]) -> ImageBench {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join("image.elf");
     std::fs::write(&path, image).unwrap();
     let mut run = Run::new(path);
     run.tail_ns = 100_000;
     run.sampling_deadline_ns = 1_000_000;
-    Bench { run, _folder: folder }
+    ImageBench { run, _folder: folder }
 }
 
 /// Scans of both channels at 10 kHz into a ring of 8, each full ring sent over USART1 at 1 Mbit/s; all at 16
@@ -388,7 +388,11 @@ fn a_poke_over_the_code_locks_up_an_image_without_a_fault_handler() {
         bytes: vec![0xde; 20],
     }];
     let outcome = bench.run.execute().unwrap();
-    assert!(matches!(outcome.end, End::LockedUp(Some(_))), "{:?}", outcome.end);
+    assert!(
+        matches!(outcome.end, RunEnd::LockedUp(Some(_))),
+        "{:?}",
+        outcome.end
+    );
     let said = outcome.verdict().unwrap_err();
     assert!(said.contains("locked up"), "{said}");
     // What was there before it is there.
@@ -507,7 +511,7 @@ fn a_missing_overlay_and_a_file_that_is_none_are_told_apart() {
 
 /// A shell script in place of QEMU. Another process writes it: a file that this process, or a child that it
 /// just forked, has open for writing cannot be executed.
-fn script(bench: &Bench, text: &str) -> PathBuf {
+fn script(bench: &ImageBench, text: &str) -> PathBuf {
     let path = bench.run.elf.with_file_name("qemu.sh");
     let write = "printf '#!/bin/sh\\n%s\\n' \"$1\" > \"$0\" && chmod +x \"$0\"";
     let status = Command::new("sh")
@@ -944,7 +948,7 @@ const GPIOC: u32 = 0x4002_0800;
 const OUTPUTS: [(u32, u32); 2] = [(RCC + 0x30, 1 << 22 | 0b111), (GPIOC, 0x5555_5555)];
 
 /// A run in which an exception has the image's handler.
-fn with_vector(bench: &mut Bench, vector: u32) {
+fn with_vector(bench: &mut ImageBench, vector: u32) {
     bench.run.pokes.push(Poke {
         at_ns: 0,
         address: FLASH + 4 * vector,
@@ -1017,7 +1021,7 @@ fn a_live_run_gives_the_same_bytes_times_and_counts_wherever_it_stops() {
             whole.instructions.as_ref().map(|all| all.total)
         );
         assert_eq!(outcome.instructions, whole.instructions);
-        assert_eq!((outcome.sampling, outcome.end), (whole.sampling, End::Over));
+        assert_eq!((outcome.sampling, outcome.end), (whole.sampling, RunEnd::Over));
         assert!(outcome.uart.is_empty(), "what was handed over is kept nowhere");
     }
 }
@@ -1066,7 +1070,7 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
     let mut live = ends.run.start().unwrap();
     assert!(live.advance(1_000_000, Inputs::default()).unwrap().ended);
     assert!(live.advance(2_000_000, Inputs::default()).unwrap().ended);
-    assert!(matches!(live.finish().unwrap().end, End::LockedUp(_)));
+    assert!(matches!(live.finish().unwrap().end, RunEnd::LockedUp(_)));
 
     let mut hangs = bench(&image(&[], BRANCH_TO_SELF, &[]));
     hangs.run.timeout = Duration::from_millis(300);

@@ -29,9 +29,9 @@ const RCC: u32 = 0x4002_3800;
 const ENABLES: [u32; 5] = [0x30, 0x34, 0x38, 0x40, 0x44];
 
 /// A machine after reset with all clocks on; `reset` brings it back there.
-struct Chip(Machine);
+struct ClockedChip(Machine);
 
-impl Chip {
+impl ClockedChip {
     fn new() -> Self {
         let mut chip = Self(Machine::new(Run::new("")));
         chip.reset();
@@ -256,7 +256,7 @@ fn all_needed(exceptions: &[Exception], needed: &[bool]) {
 }
 
 /// Every register that a model has.
-fn modelled(chip: &mut Chip) -> Vec<Register> {
+fn modelled(chip: &mut ClockedChip) -> Vec<Register> {
     registers::all()
         .filter(|register| chip.answers(register.address))
         .collect()
@@ -264,7 +264,7 @@ fn modelled(chip: &mut Chip) -> Vec<Register> {
 
 #[test]
 fn every_register_has_the_value_after_reset_that_st_describes() {
-    let mut chip = Chip::new();
+    let mut chip = ClockedChip::new();
     let mut needed = [false; RESETS.len()];
     let mut wrong = Vec::new();
     for register in modelled(&mut chip) {
@@ -284,7 +284,7 @@ fn every_register_has_the_value_after_reset_that_st_describes() {
 
 #[test]
 fn every_register_keeps_the_bits_that_st_describes_and_no_other() {
-    let mut chip = Chip::new();
+    let mut chip = ClockedChip::new();
     let mut needed = [false; BITS.len()];
     let mut wrong = Vec::new();
     for register in modelled(&mut chip) {
@@ -308,7 +308,7 @@ fn every_register_keeps_the_bits_that_st_describes_and_no_other() {
 
 #[test]
 fn a_modelled_peripheral_has_every_register_but_those_that_are_reported() {
-    let mut chip = Chip::new();
+    let mut chip = ClockedChip::new();
     let known: BTreeSet<_> = modelled(&mut chip)
         .iter()
         .map(|register| register.peripheral)

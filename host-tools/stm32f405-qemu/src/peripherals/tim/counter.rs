@@ -10,12 +10,12 @@ use super::super::clock;
 
 /// A register with a buffer behind it: `written` is loaded into `active` at an update event.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Loaded {
+pub(super) struct BufferedRegister {
     pub(super) written: u32,
     pub(super) active: u32,
 }
 
-impl Loaded {
+impl BufferedRegister {
     pub(super) const fn new(value: u32) -> Self {
         Self {
             written: value,
@@ -39,10 +39,10 @@ pub(super) struct Counter {
     pub(super) max: u32,
     /// CEN.
     pub(super) enabled: bool,
-    pub(super) prescaler: Loaded,
-    pub(super) reload: Loaded,
+    pub(super) prescaler: BufferedRegister,
+    pub(super) reload: BufferedRegister,
     /// RCR: an update event comes with every `active + 1`st overflow.
-    pub(super) repetition: Loaded,
+    pub(super) repetition: BufferedRegister,
     /// The timer's clock, and when it began to have this frequency.
     pub(super) hz: u32,
     since_ns: u64,
@@ -59,7 +59,7 @@ impl Counter {
         Self {
             max,
             hz,
-            reload: Loaded::new(max),
+            reload: BufferedRegister::new(max),
             ..Self::default()
         }
     }
@@ -171,7 +171,7 @@ impl Counter {
     pub(super) fn has_pending_load(&self) -> bool {
         [self.prescaler, self.reload, self.repetition]
             .iter()
-            .any(Loaded::is_pending)
+            .any(BufferedRegister::is_pending)
     }
 
     // What moves the origin.
@@ -237,8 +237,8 @@ mod tests {
     /// 84 MHz by 84, a period of 10 us.
     fn running() -> Counter {
         let mut counter = Counter::new(0xffff, 84_000_000);
-        counter.prescaler = Loaded::new(83);
-        counter.reload = Loaded::new(9);
+        counter.prescaler = BufferedRegister::new(83);
+        counter.reload = BufferedRegister::new(9);
         counter.enabled = true;
         counter
     }
@@ -273,7 +273,7 @@ mod tests {
     #[test]
     fn an_update_comes_with_every_so_many_overflows() {
         let mut counter = running();
-        counter.repetition = Loaded::new(2);
+        counter.repetition = BufferedRegister::new(2);
         counter.start_again(0);
         assert_eq!([0, 29, 30, 59].map(|n| counter.update_after(n)), [30, 30, 60, 60]);
         assert_eq!(counter.compare_after(3, 3), 13, "each period has its compare");

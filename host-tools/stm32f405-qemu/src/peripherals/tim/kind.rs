@@ -5,7 +5,7 @@ use super::super::clock::Apb;
 
 /// A kind of timer. Registers are masks of the bits that exist; a register without bits does not exist.
 #[derive(Debug, Clone, Copy)]
-pub struct Kind {
+pub struct TimerKind {
     /// The bus that it lies on.
     pub(super) apb: Apb,
     /// The highest value of its counter.
@@ -23,7 +23,7 @@ pub struct Kind {
     pub(super) lines: &'static [u32],
 }
 
-impl Kind {
+impl TimerKind {
     /// Four channels and 16 bits: TIM3, TIM4.
     pub const GENERAL: Self = Self {
         apb: Apb::One,

@@ -91,13 +91,13 @@ impl Board for TestBoard {
 }
 
 /// A machine with its board and the time, stepped as QEMU steps it.
-pub(crate) struct Bench {
+pub(crate) struct MachineBench {
     pub(crate) machine: Machine,
     pub(crate) board: TestBoard,
     pub(crate) wakes: usize,
 }
 
-impl Bench {
+impl MachineBench {
     pub(crate) fn new(rows: Vec<[u16; 4]>) -> Self {
         Self::with_inputs(rows, &[], &[])
     }

@@ -22,15 +22,15 @@ const SR: u32 = 0x10;
 const EGR: u32 = 0x14;
 
 /// All clocks on.
-fn bench(run: Run) -> Bench {
-    let mut bench = Bench::of(run);
+fn bench(run: Run) -> MachineBench {
+    let mut bench = MachineBench::of(run);
     for enable in [0x30, 0x40, 0x44] {
         bench.write(RCC + enable, u32::MAX);
     }
     bench
 }
 
-fn with_wires(wires: &[(&str, &str)]) -> Bench {
+fn with_wires(wires: &[(&str, &str)]) -> MachineBench {
     let mut run = Run::new("");
     run.wires = wires
         .iter()
@@ -40,7 +40,7 @@ fn with_wires(wires: &[(&str, &str)]) -> Bench {
 }
 
 /// A pin gets an alternate function.
-fn set_function(bench: &mut Bench, port: u32, pin: u32, function: u32) {
+fn set_function(bench: &mut MachineBench, port: u32, pin: u32, function: u32) {
     let mode = bench.read(port) & !(0b11 << (2 * pin));
     bench.write(port, mode | 0b10 << (2 * pin));
     let register = port + 0x20 + 4 * (pin / 8);
@@ -49,7 +49,7 @@ fn set_function(bench: &mut Bench, port: u32, pin: u32, function: u32) {
 }
 
 /// 1 Mbit/s, 8N1, with these bits of CR1 beside UE, TE and RE. USART1 and USART6 have 84 MHz, the others 42.
-fn start_usart(bench: &mut Bench, usart: u32, cr1: u32) {
+fn start_usart(bench: &mut MachineBench, usart: u32, cr1: u32) {
     let pclk = if usart < 0x4001_0000 { 42 } else { 84 };
     bench.write(usart + 0x08, pclk);
     bench.write(usart + 0x0c, 1 << 13 | 0b11 << 2 | cr1);

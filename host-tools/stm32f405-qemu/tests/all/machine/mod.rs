@@ -12,9 +12,9 @@ const EXTI: u32 = 0x4001_3c00;
 
 #[test]
 fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_a_half() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM + 0x100, 128);
-    bench.run(2_000_000, Bench::clear_stream0);
+    bench.run(2_000_000, MachineBench::clear_stream0);
 
     // 199 whole scans, and the first conversions of one that began at 2 ms are still running.
     let ring = bench.halfwords(SRAM + 0x100, 128);
@@ -50,7 +50,7 @@ fn what_is_played_in_one_stretch_is_what_is_played_event_by_event() {
     const ADC2: u32 = ADC1 + 0x100;
     let played = |memory: u32, two_converters: bool, step: usize| {
         let input = UartInput::usart1(211_003, *b"beside the scans");
-        let mut bench = Bench::with_uart_input(ramp(400), &[input]);
+        let mut bench = MachineBench::with_uart_input(ramp(400), &[input]);
         bench.board.sram[0x8000..0x8064].fill(0x5a);
         bench.write(USART1 + 0x08, 84);
         bench.write(USART1 + 0x0c, 1 << 13 | 1 << 5 | 0b11 << 2);
@@ -93,7 +93,7 @@ fn what_is_played_in_one_stretch_is_what_is_played_event_by_event() {
 
 #[test]
 fn the_ring_shows_how_far_it_is_whenever_the_firmware_looks() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.run(105_000, |_| {});
     // Ten triggers; the tenth scan began at 100 µs and has one conversion.
@@ -102,7 +102,7 @@ fn the_ring_shows_how_far_it_is_whenever_the_firmware_looks() {
 
 #[test]
 fn a_software_start_puts_one_untimed_scan_before_the_first_trigger() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.write(ADC1 + 0x08, ADON_DMA_BY_TIM3 | 1 << 30);
     bench.run(38_000, |_| {});
@@ -112,7 +112,7 @@ fn a_software_start_puts_one_untimed_scan_before_the_first_trigger() {
 
 #[test]
 fn a_ring_whose_stream_is_stopped_overruns_and_goes_on_only_after_ovr_is_cleared() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.run(35_000, |_| {});
     let cr = bench.read(STREAM0);
@@ -132,7 +132,7 @@ fn a_ring_whose_stream_is_stopped_overruns_and_goes_on_only_after_ovr_is_cleared
 
 #[test]
 fn an_overrun_that_nobody_clears_wakes_nobody() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.run(35_000, |_| {});
     let cr = bench.read(STREAM0);
@@ -147,7 +147,7 @@ fn an_overrun_that_nobody_clears_wakes_nobody() {
 
 #[test]
 fn faults_on_demand_look_like_those_of_the_hardware() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.run(35_000, |_| {});
     bench
@@ -161,7 +161,7 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
         "the scan of 30 µs was aborted half way"
     );
 
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     bench.run(35_000, |_| {});
     bench
@@ -177,7 +177,7 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
 
 #[test]
 fn channel_17_is_the_internal_reference_against_the_supply_once_it_is_on() {
-    let mut bench = Bench::new(ramp(1));
+    let mut bench = MachineBench::new(ramp(1));
     let mut convert = |ccr: u32, supply: Option<u32>| {
         let now = bench.board.now;
         if let Some(millivolts) = supply {
@@ -201,7 +201,7 @@ fn channel_17_is_the_internal_reference_against_the_supply_once_it_is_on() {
 fn a_crash_on_demand_overwrites_the_vector_of_the_stream_that_serves_the_adc() {
     const VECTOR: u32 = 0x0800_0000 + 4 * (16 + DMA2_STREAM0 as u32);
     let written = |kind: FaultKind| {
-        let mut bench = Bench::new(ramp(400));
+        let mut bench = MachineBench::new(ramp(400));
         bench.machine.fail(kind, 0, &mut bench.board);
         assert_eq!(bench.board.flash_writes, [], "no stream serves the ADC yet");
         bench.start_acquisition(SRAM, 128);
@@ -225,7 +225,7 @@ fn a_crash_on_demand_overwrites_the_vector_of_the_stream_that_serves_the_adc() {
 
 #[test]
 fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
     // 480 + 12 cycles: 23.4 µs a conversion.
     bench.write(ADC1 + 0x10, 0b111_111);
@@ -236,7 +236,7 @@ fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
 
 #[test]
 fn a_ring_in_ccm_is_a_transfer_error() {
-    let mut bench = Bench::new(ramp(10));
+    let mut bench = MachineBench::new(ramp(10));
     bench.start_acquisition(CCM, 128);
     bench.run(30_000, |_| {});
     assert!(bench.board.lines[DMA2_STREAM0]);
@@ -245,7 +245,7 @@ fn a_ring_in_ccm_is_a_transfer_error() {
 
 #[test]
 fn a_transmission_by_dma_sends_every_byte_at_the_baud_rate_and_wakes_once() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.board.sram[..100].copy_from_slice(&std::array::from_fn::<u8, 100, _>(|i| i as u8));
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x0c, 1 << 13 | 1 << 3);
@@ -266,7 +266,7 @@ fn a_transmission_by_dma_sends_every_byte_at_the_baud_rate_and_wakes_once() {
 #[test]
 fn received_bytes_reach_the_firmware_a_frame_apart() {
     let input = UartInput::usart1(50_000, *b"ok");
-    let mut bench = Bench::with_uart_input(Vec::new(), &[input]);
+    let mut bench = MachineBench::with_uart_input(Vec::new(), &[input]);
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x0c, 1 << 13 | 1 << 5 | 1 << 2);
     let mut seen = Vec::new();
@@ -279,7 +279,7 @@ fn received_bytes_reach_the_firmware_a_frame_apart() {
 
 #[test]
 fn a_byte_write_to_the_data_register_sends_that_byte_and_one_to_a_port_keeps_the_rest() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x0c, 1 << 13 | 1 << 3);
     bench.machine.write(USART1 + 0x04, 1, 0x41, 0, &mut bench.board);
@@ -295,8 +295,8 @@ fn a_byte_write_to_the_data_register_sends_that_byte_and_one_to_a_port_keeps_the
 
 #[test]
 fn a_narrow_write_to_an_apb_register_is_repeated_over_the_word_without_a_read() {
-    let mut bench = Bench::new(Vec::new());
-    let narrow = |bench: &mut Bench, address: u32, bytes: u32, value: u32| {
+    let mut bench = MachineBench::new(Vec::new());
+    let narrow = |bench: &mut MachineBench, address: u32, bytes: u32, value: u32| {
         bench.machine.write(address, bytes, value, 0, &mut bench.board);
     };
     narrow(&mut bench, TIM3 + 0x2c, 1, 0x12);
@@ -312,7 +312,7 @@ fn a_narrow_write_to_an_apb_register_is_repeated_over_the_word_without_a_read() 
 
 #[test]
 fn an_embassy_time_driver_is_woken_at_its_half_periods() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     // 1 MHz, 16-bit period, compare 1 half way, update and compare 1 interrupts.
     for (offset, value) in [
         (0x28, 83),
@@ -332,7 +332,7 @@ fn an_embassy_time_driver_is_woken_at_its_half_periods() {
 
 #[test]
 fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.write(0x4001_3008, 7);
     bench.read(0x4001_3008);
     bench.write(RCC + 0x44, 0);
@@ -353,7 +353,7 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
 
 #[test]
 fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
-    let mut bench = Bench::new(ramp(10));
+    let mut bench = MachineBench::new(ramp(10));
     bench.write(0x4002_3c00, 0x704);
     bench.start_acquisition(SRAM, 4);
     bench.write(ADC1 + 0x34, 5 << 5);
@@ -369,7 +369,7 @@ fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
 
 #[test]
 fn resetting_a_peripheral_through_rcc_stops_it() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.start_tim3();
     bench.write(RCC + 0x20, 1 << 1);
     bench.write(RCC + 0x20, 0);
@@ -378,9 +378,9 @@ fn resetting_a_peripheral_through_rcc_stops_it() {
 
 #[test]
 fn a_software_reset_starts_the_peripherals_anew_and_the_world_goes_on() {
-    let mut bench = Bench::new(ramp(400));
+    let mut bench = MachineBench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);
-    bench.run(1_000_000, Bench::clear_stream0);
+    bench.run(1_000_000, MachineBench::clear_stream0);
     bench.machine.reset(bench.board.now, &mut bench.board);
     assert_eq!(
         bench.read(RCC + 0x74) >> 24,
@@ -395,7 +395,7 @@ fn a_software_reset_starts_the_peripherals_anew_and_the_world_goes_on() {
 
 #[test]
 fn a_watchdog_that_is_not_fed_wants_a_reset_once_and_shows_it_in_csr() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.write(IWDG, 0xcccc);
     bench.run(400_000_000, |_| {});
     bench.write(IWDG, 0xaaaa);
@@ -410,7 +410,7 @@ fn a_watchdog_that_is_not_fed_wants_a_reset_once_and_shows_it_in_csr() {
 
 #[test]
 fn a_copy_between_memories_is_done_when_it_is_started() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.board.sram[..8].copy_from_slice(b"absorber");
     let stream1 = STREAM0 + 0x18;
     bench.write(stream1 + 0x04, 8);
@@ -423,7 +423,7 @@ fn a_copy_between_memories_is_done_when_it_is_started() {
 
 #[test]
 fn the_processor_stands_still_while_flash_is_written_and_serves_what_came_up_after_that() {
-    let mut bench = Bench::new(vec![[0; 4]]);
+    let mut bench = MachineBench::new(vec![[0; 4]]);
     bench.start_tim3();
     bench.write(TIM3 + 0x0c, 1);
     bench.open_flash();
@@ -443,7 +443,7 @@ fn the_processor_stands_still_while_flash_is_written_and_serves_what_came_up_aft
 
 #[test]
 fn a_processor_that_wakes_nevertheless_is_stalled_again_when_it_looks_for_the_end() {
-    let mut bench = Bench::new(vec![[0; 4]]);
+    let mut bench = MachineBench::new(vec![[0; 4]]);
     bench.open_flash();
     bench.store(WRITABLE.start, 0);
     bench.board.stalled = false;
@@ -453,7 +453,7 @@ fn a_processor_that_wakes_nevertheless_is_stalled_again_when_it_looks_for_the_en
 
 #[test]
 fn a_power_cut_loses_memory_and_leaves_the_flags_of_power_up_alone() {
-    let mut bench = Bench::new(vec![[0; 4]]);
+    let mut bench = MachineBench::new(vec![[0; 4]]);
     bench.machine.reset(1_000, &mut bench.board);
     bench.board.now = 2_000;
     bench.machine.fail(FaultKind::PowerCut, 2_000, &mut bench.board);
@@ -467,7 +467,7 @@ fn a_power_cut_loses_memory_and_leaves_the_flags_of_power_up_alone() {
 
 #[test]
 fn power_goes_during_the_operation_that_a_fault_names_and_what_it_wrote_is_half_there() {
-    let mut bench = Bench::new(vec![[0; 4]]);
+    let mut bench = MachineBench::new(vec![[0; 4]]);
     let cut = FaultKind::PowerCutInFlash {
         after: 1,
         percent: 50,
@@ -491,7 +491,7 @@ fn power_goes_during_the_operation_that_a_fault_names_and_what_it_wrote_is_half_
 
 #[test]
 fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
-    let mut bench = Bench::new(vec![[0; 4]]);
+    let mut bench = MachineBench::new(vec![[0; 4]]);
     // The prescaler stays 4: 512 ms.
     bench.write(IWDG, 0xcccc);
     bench.open_flash();
@@ -506,13 +506,13 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
 
 /// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt;
 /// samples at 100 kHz.
-fn capturing(changes_ns: &[u64]) -> Bench {
+fn capturing(changes_ns: &[u64]) -> MachineBench {
     let input = PinInput {
         pin: "PA15".into(),
         since: Since::FirstScan,
         changes_ns: changes_ns.to_vec(),
     };
-    let mut bench = Bench::with_inputs(vec![[0; 4]], &[], &[input]);
+    let mut bench = MachineBench::with_inputs(vec![[0; 4]], &[], &[input]);
     bench.write(GPIOA + 0x24, 1 << 28);
     bench.write(GPIOA, 0xa800_0000 & !(0b11 << 30) | 0b10 << 30);
     bench.write(TIM2 + 0x08, 0b010 << 4 | 0b110);
@@ -573,7 +573,7 @@ fn a_software_scan_under_a_trigger_is_taken_or_ignored_as_the_run_says() {
         let mut run = Run::new("none");
         run.stimulus = ramp(10);
         run.software_scan_under_trigger = taken;
-        let mut bench = Bench::of(run);
+        let mut bench = MachineBench::of(run);
         bench.start_acquisition(SRAM, 64);
         bench.write(ADC1 + 0x08, ADON_DMA_BY_TIM3 | 1 << 30);
         bench.run(9_000, |_| {});
@@ -587,12 +587,12 @@ fn a_software_scan_under_a_trigger_is_taken_or_ignored_as_the_run_says() {
 }
 
 /// USART1 at 1 Mbit/s that receives these bytes from 10 µs on, by DMA2 stream 2 into SRAM.
-fn receiving(bytes: &[u8], latency_ns: u64) -> Bench {
+fn receiving(bytes: &[u8], latency_ns: u64) -> MachineBench {
     const STREAM2: u32 = DMA2 + 0x10 + 2 * 0x18;
     let mut run = Run::new("none");
     run.receive_dma_latency_ns = latency_ns;
     run.uart_input = vec![UartInput::usart1(10_000, bytes)];
-    let mut bench = Bench::of(run);
+    let mut bench = MachineBench::of(run);
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x14, 1 << 6);
     bench.write(USART1 + 0x0c, 1 << 13 | 1 << 2);
@@ -645,7 +645,7 @@ fn levels_and_rows_since_power_up_need_no_scan() {
         since: Since::PowerUp,
         changes_ns: vec![5_000, 8_000],
     }];
-    let mut bench = Bench::of(run);
+    let mut bench = MachineBench::of(run);
     bench.write(RCC + 0x30, 1 << 2);
     let mut levels = Vec::new();
     for at in [4_999, 5_000, 7_999, 8_000] {
@@ -667,7 +667,7 @@ fn levels_and_rows_since_power_up_need_no_scan() {
 
 #[test]
 fn rows_that_no_triggered_scan_plays_are_said() {
-    let mut bench = Bench::new(ramp(3));
+    let mut bench = MachineBench::new(ramp(3));
     bench.write(ADC1 + 0x304, 1 << 16);
     bench.write(ADC1 + 0x08, 1);
     bench.write(ADC1 + 0x08, 1 << 30 | 1);
@@ -679,7 +679,7 @@ fn rows_that_no_triggered_scan_plays_are_said() {
 
 #[test]
 fn a_core_above_30_mhz_without_prefetch_or_a_cache_is_noted_while_it_stays_so() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     let mut said = |acr: u32| {
         bench.write(FLASH, acr);
         bench.outcome().unmodelled.len()
@@ -692,7 +692,7 @@ fn a_core_above_30_mhz_without_prefetch_or_a_cache_is_noted_while_it_stays_so() 
 
 #[test]
 fn a_converter_above_36_mhz_is_noted() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     // PCLK2 is 84 MHz, and the prescaler 2.
     bench.write(ADC1 + 0x08, 1);
     bench.write(ADC1 + 0x08, 1 << 30 | 1);
@@ -704,7 +704,7 @@ fn a_converter_above_36_mhz_is_noted() {
 
 #[test]
 fn the_time_of_each_clock_adds_up_to_the_run() {
-    let mut bench = Bench::new(Vec::new());
+    let mut bench = MachineBench::new(Vec::new());
     bench.run(1_000_000, |_| {});
     bench.write(RCC + 0x08, 0);
     bench.run(1_500_000, |_| {});
