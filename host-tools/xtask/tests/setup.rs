@@ -15,14 +15,6 @@ struct Machine {
     bin: tempfile::TempDir,
 }
 
-/// Outcome of a run of `xtask setup`.
-struct Outcome {
-    status: Option<i32>,
-    said: String,
-    /// The package manager's and rustup's command lines, in order.
-    ran: Vec<String>,
-}
-
 const RUSTC: &str =
     r#"case "$1" in --version) echo "rustc 1.95.0 (0123 2026-04-01)" ;; *) echo "$HERE/thumb" ;; esac"#;
 const LOG: &str = r#"echo "${0##*/} $*" >> "$HERE/log""#;
@@ -67,18 +59,7 @@ impl Machine {
         );
     }
 
-    /// An apt whose `install` brings QEMU 7.2.
-    fn apt(&self) {
-        self.apt_with("");
-    }
-
-    /// An apt whose simulation also prints `Remv qemu-utils`, unless it is asked for this release.
-    fn apt_that_removes_unless(&self, release: &str) {
-        self.apt_with(&format!(
-            r#"case "$*" in *"-t {release} "*) ;; *) echo "Remv qemu-utils [1:10.0.2]" ;; esac"#
-        ));
-    }
-
+    /// An apt whose `install` brings QEMU 7.2, and whose simulation prints what `simulation` prints besides.
     fn apt_with(&self, simulation: &str) {
         self.qemu("7.2.22");
         fs::rename(self.path("qemu-system-arm"), self.path("package")).unwrap();
@@ -95,19 +76,17 @@ esac"#
         );
     }
 
-    fn setup(&self) -> Outcome {
-        let xtask = Command::new(env!("CARGO_BIN_EXE_xtask"))
-            .arg("setup")
-            .env("PATH", self.bin.path())
-            .output()
-            .unwrap();
+    /// Runs `xtask setup`, which must end with this status after these commands of the package manager and of
+    /// rustup; returns what it said.
+    fn setup(&self, status: i32, commands: &[&str]) -> String {
+        let mut xtask = Command::new(env!("CARGO_BIN_EXE_xtask"));
+        let xtask = xtask.arg("setup").env("PATH", self.bin.path()).output().unwrap();
+        let said = String::from_utf8(xtask.stderr).unwrap();
         let log = fs::read_to_string(self.path("log")).unwrap_or_default();
         let _ = fs::remove_file(self.path("log"));
-        Outcome {
-            status: xtask.status.code(),
-            said: String::from_utf8(xtask.stderr).unwrap(),
-            ran: log.lines().map(str::to_owned).collect(),
-        }
+        assert_eq!(xtask.status.code(), Some(status), "{said}");
+        assert_eq!(log.lines().collect::<Vec<_>>(), commands, "{said}");
+        said
     }
 }
 
@@ -118,114 +97,82 @@ const INSTALL: &str = "apt-get install -q -y --no-remove --no-install-recommends
 #[test]
 fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
     let machine = Machine::new();
-    machine.apt();
+    machine.apt_with("");
     machine.user("0");
-    let first = machine.setup();
-    assert_eq!(
-        (first.status, first.ran),
-        (Some(0), vec![UPDATE.into(), SIMULATE.into(), INSTALL.into()]),
-        "{}",
-        first.said
+    let said = machine.setup(0, &[UPDATE, SIMULATE, INSTALL]);
+    let (plan, install) = (
+        said.find("apt installs qemu-system-arm"),
+        said.find("apt-get install -q"),
     );
-    assert!(
-        first.said.find("apt installs qemu-system-arm").unwrap()
-            < first.said.find("apt-get install -q").unwrap()
-    );
-    let second = machine.setup();
-    assert_eq!(
-        (second.status, second.ran.len(), second.said.lines().count()),
-        (Some(0), 0, 1),
-        "{}",
-        second.said
-    );
+    assert!(plan.is_some() && plan < install, "{said}");
+    assert_eq!(machine.setup(0, &[]).lines().count(), 1);
 }
 
 #[test]
 fn a_user_with_sudo_that_asks_nothing_gets_qemu() {
     let machine = Machine::new();
-    machine.apt();
+    machine.apt_with("");
     machine.program("sudo", "shift; exec \"$@\"");
     machine.program("true", "");
-    let run = machine.setup();
-    assert_eq!(
-        (run.status, run.ran),
-        (Some(0), vec![UPDATE.into(), SIMULATE.into(), INSTALL.into()]),
-        "{}",
-        run.said
-    );
+    let said = machine.setup(0, &[UPDATE, SIMULATE, INSTALL]);
     assert!(
-        run.said
-            .contains("$ sudo -n env DEBIAN_FRONTEND=noninteractive apt-get install"),
-        "{}",
-        run.said
+        said.contains("$ sudo -n env DEBIAN_FRONTEND=noninteractive apt-get install"),
+        "{said}"
     );
 }
 
 #[test]
-fn a_user_who_may_not_install_is_told_the_command_of_this_system() {
-    let commands = [
+fn a_user_who_may_not_install_reads_the_command_of_this_system() {
+    for (manager, command) in [
         ("apt-get", "sudo apt-get install -y"),
         ("dnf", "sudo dnf install"),
         ("pacman", "sudo pacman -S"),
-    ];
-    for (manager, command) in commands {
+    ] {
         let machine = Machine::new();
         machine.program(manager, LOG);
         machine.program("sudo", "exit 1");
-        let run = machine.setup();
-        assert_eq!(
-            (run.status, run.ran.len()),
-            (Some(3), 0),
-            "{manager}: {}",
-            run.said
-        );
+        let said = machine.setup(3, &[]);
         // The apt advice refreshes the index first, so the command need not begin the line.
-        assert!(run.said.contains(command), "{manager}: {}", run.said);
+        assert!(said.contains(command), "{manager}: {said}");
     }
 }
 
-/// An `apt-cache` that offers QEMU in two releases.
-const OFFERS: &str = r#"echo "qemu-system-arm | 1:7.2 | http://deb.debian.org/debian bookworm/main amd64 Packages"
-echo "qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages""#;
-
+/// QEMU comes from the release whose plan removes no package; if each would remove one, nothing is installed.
 #[test]
-fn where_apt_would_remove_a_package_qemu_comes_from_the_release_that_removes_none() {
-    let machine = Machine::new();
-    machine.apt_that_removes_unless("bookworm-backports");
-    machine.program("apt-cache", OFFERS);
-    machine.user("0");
-    let run = machine.setup();
-    let install =
-        "apt-get install -q -y --no-remove -t bookworm-backports --no-install-recommends qemu-system-arm";
-    assert_eq!(run.status, Some(0), "{}", run.said);
-    assert_eq!(run.ran.last().map(String::as_str), Some(install), "{}", run.said);
-}
-
-#[test]
-fn a_package_that_every_release_would_remove_is_named_and_nothing_is_installed() {
-    let machine = Machine::new();
-    machine.apt_that_removes_unless("no such release");
-    machine.program("apt-cache", OFFERS);
-    machine.user("0");
-    let run = machine.setup();
-    assert_eq!(run.status, Some(3), "{}", run.said);
-    let only_simulated = |line: &String| line == UPDATE || line.starts_with("apt-get install -s ");
-    assert!(run.ran.iter().all(only_simulated), "{:?}", run.ran);
-    assert!(
-        run.said
+fn no_package_is_removed_for_qemu() {
+    const BACKPORTS: &str = "-t bookworm-backports --no-install-recommends qemu-system-arm";
+    let simulate = SIMULATE.replace("--no-install", "-t bookworm --no-install");
+    for (removes_none, status) in [("bookworm-backports", 0), ("no such release", 3)] {
+        let machine = Machine::new();
+        machine.apt_with(&format!(
+            r#"case "$*" in *"-t {removes_none} "*) ;; *) echo "Remv qemu-utils [1:10.0.2]" ;; esac"#
+        ));
+        machine.program(
+            "apt-cache",
+            r#"echo "qemu-system-arm | 1:7.2 | http://deb.debian.org/debian bookworm/main amd64 Packages"
+echo "qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages""#,
+        );
+        machine.user("0");
+        let (last, install) = (
+            format!("apt-get install -s {BACKPORTS}"),
+            format!("apt-get install -q -y --no-remove {BACKPORTS}"),
+        );
+        let mut commands = vec![UPDATE, SIMULATE, &simulate, &last];
+        commands.extend((status == 0).then_some(install.as_str()));
+        let said = machine.setup(status, &commands);
+        let refusal = "sudo apt-get install --no-install-recommends qemu-system-arm";
+        let refused = said
             .lines()
-            .any(|line| line.contains("would remove qemu-utils")
-                && line.ends_with("sudo apt-get install --no-install-recommends qemu-system-arm")),
-        "{}",
-        run.said
-    );
+            .any(|line| line.contains("would remove qemu-utils") && line.ends_with(refusal));
+        assert_eq!(refused, status == 3, "{said}");
+    }
 }
 
 #[test]
 fn an_install_that_fails_names_the_command_to_repeat() {
-    for (failing, ran) in [
-        ("-s", vec![UPDATE, SIMULATE]),
-        ("-q", vec![UPDATE, SIMULATE, INSTALL]),
+    for (failing, commands) in [
+        ("-s", &[UPDATE, SIMULATE][..]),
+        ("-q", &[UPDATE, SIMULATE, INSTALL]),
     ] {
         let machine = Machine::new();
         machine.user("0");
@@ -233,55 +180,26 @@ fn an_install_that_fails_names_the_command_to_repeat() {
             "apt-get",
             &format!("{LOG}\ncase \"$1 $2\" in \"install {failing}\") exit 100 ;; esac"),
         );
-        let run = machine.setup();
-        assert_eq!(
-            (run.status, run.ran),
-            (Some(3), ran.into_iter().map(str::to_owned).collect()),
-            "{}",
-            run.said
-        );
-        assert!(run.said.contains("To repeat this step alone"), "{}", run.said);
+        let said = machine.setup(3, commands);
+        assert!(said.contains("To repeat this step alone"), "{said}");
     }
 }
 
 #[test]
-fn a_missing_rust_target_is_added_by_rustup() {
+fn a_missing_rust_target_is_added_by_rustup_or_named() {
+    const ADD: &str = "rustup target add thumbv7em-none-eabihf";
     let machine = Machine::new();
     machine.qemu("10.0.2");
     fs::remove_dir(machine.path("thumb")).unwrap();
+    assert!(machine.setup(3, &[]).contains(ADD));
     machine.program("rustup", &format!("{LOG}\n/bin/mkdir \"$HERE/thumb\""));
-    let run = machine.setup();
-    assert_eq!(
-        (run.status, run.ran),
-        (Some(0), vec!["rustup target add thumbv7em-none-eabihf".into()]),
-        "{}",
-        run.said
-    );
-}
-
-#[test]
-fn a_rust_without_rustup_is_told_what_it_lacks() {
-    let machine = Machine::new();
-    machine.qemu("10.0.2");
-    fs::remove_dir(machine.path("thumb")).unwrap();
-    let run = machine.setup();
-    assert_eq!(run.status, Some(3));
-    assert!(
-        run.said.contains("rustup target add thumbv7em-none-eabihf"),
-        "{}",
-        run.said
-    );
+    machine.setup(0, &[ADD]);
 }
 
 #[test]
 fn a_qemu_older_than_the_plugin_interface_is_refused() {
     let machine = Machine::new();
     machine.qemu("6.2.0");
-    let run = machine.setup();
-    assert_eq!(run.status, Some(3));
-    assert!(
-        run.said.contains("QEMU 6.2 is too old: 7.2 or later"),
-        "{}",
-        run.said
-    );
+    let said = machine.setup(3, &[]);
+    assert!(said.contains("QEMU 6.2 is too old: 7.2 or later"), "{said}");
 }
