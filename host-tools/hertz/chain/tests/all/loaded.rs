@@ -1,32 +1,53 @@
 //! Chains under a static load, and chains with a fixed far end.
 
-use crate::common::{elastic, run, softer, struck_by_a_bead};
-use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
+use crate::common::{changed, close, elastic, from_height, near, of_radius, run, softer, struck_by_a_bead};
+use hertz_chain::{ContactForce, Material, Scenario, Section, Snapshot, Solution, Wall};
 
 /// Walls and loads, weak and strong, with everything that makes a run harder.
 fn harder() -> Vec<(&'static str, Scenario)> {
-    let mut cases = Vec::new();
-    for (name, load, walled) in [
+    let mut cases: Vec<_> = [
         ("weak load", 0.5, false),
         ("strong load", 200.0, false),
         ("wall", 0.0, true),
         ("wall, weak load", 0.5, true),
         ("wall, strong load", 200.0, true),
-    ] {
+    ]
+    .map(|(name, load, walled)| {
         let mut scenario = elastic(16, 0.006);
         scenario.chain.relaxation = 4.2e-6;
         scenario.chain.precompression = load;
         scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
         scenario.intruders = vec![softer([5, 16])];
-        let mut thin = Section::of([9, 10]);
-        thin.radius = Some(0.012);
-        scenario.sections = vec![thin];
-        cases.push((name, scenario));
-    }
-    let (_, mut clipped) = cases[3].clone();
-    clipped.chain.contact_force = ContactForce::Clipped;
-    cases.push(("wall, weak load, clipped", clipped));
+        scenario.sections = vec![of_radius([9, 10], 0.012)];
+        (name, scenario)
+    })
+    .into();
+    let clip = |one: &mut Scenario| one.chain.contact_force = ContactForce::Clipped;
+    cases.push(("wall, weak load, clipped", changed(cases[3].1.clone(), clip)));
     cases
+}
+
+/// Greatest distance between the energy that passes some contacts and what is gained after them, in parts of
+/// the striker's.
+fn unaccounted(solution: &Solution, contacts: &[usize], times: &[f64]) -> f64 {
+    let (model, mut worst) = (solution.model(), 0.0_f64);
+    let flows: Vec<_> = (1..=model.contacts())
+        .map(|contact| solution.flow(contact))
+        .collect();
+    for &t in times {
+        for &from in contacts {
+            let lost: f64 = flows[from - 1..]
+                .iter()
+                .map(|flow| flow.between(0.0, t).lost)
+                .sum();
+            let passed = flows[from - 1].between(0.0, t).energy;
+            let gain = solution.at(t).region(from..=model.bodies() - 1).total();
+            worst = worst.max((passed - lost - gain).abs());
+        }
+        let lost: f64 = flows.iter().map(|flow| flow.between(0.0, t).lost).sum();
+        worst = worst.max((lost - solution.at(t).energies().dissipated_contacts).abs());
+    }
+    worst / model.striker_energy()
 }
 
 #[test]
@@ -43,47 +64,38 @@ fn energy_and_momentum_are_kept_with_load_and_wall() {
             let snapshot = solution.at(t);
             let momentum = snapshot.momentum() + snapshot.wall_impulse();
             worst = worst.max((momentum / start - 1.0).abs());
-            // The same with what passes the wall's contact.
+            // The flow through the wall's contact gives the same.
             if let Some(wall) = &wall {
                 let impulse = wall.between(0.0, t).impulse - load * t;
                 reckoned = reckoned.max((snapshot.wall_impulse() - impulse).abs() / start);
             }
         }
-        println!(
-            "{name}: balance {:.1e}, momentum {worst:.1e}, by flow {reckoned:.1e}",
-            energy.balance_error
-        );
         assert!(energy.balance_error < 1e-12, "{name}: {:e}", energy.balance_error);
-        assert!(worst < 1e-13, "{name}: {worst:e}");
-        assert!(reckoned < 5e-12, "{name}: {reckoned:e}");
+        assert!(
+            worst < 1e-13 && reckoned < 5e-12,
+            "{name}: {worst:e}, {reckoned:e}"
+        );
     }
 }
 
 #[test]
-fn what_passes_a_contact_is_what_is_gained_after_it_with_load_and_wall() {
+fn what_passes_a_contact_is_what_the_beads_after_it_gain() {
     for (name, scenario) in harder() {
         let solution = run(&scenario);
-        let energy = solution.model().striker_energy();
-        let contacts = solution.model().contacts();
-        let flows: Vec<_> = (1..=contacts).map(|contact| solution.flow(contact)).collect();
-        let mut worst = 0.0_f64;
-        for t in [0.0007, 0.0031, 0.0052, 0.006] {
-            for a in [2, 6, 12, 16] {
-                let lost: f64 = (a..=contacts)
-                    .map(|contact| flows[contact - 1].between(0.0, t).lost)
-                    .sum();
-                let passed = flows[a - 1].between(0.0, t).energy;
-                let gain = solution.at(t).region(a..=16).total();
-                worst = worst.max((passed - lost - gain).abs() / energy);
-            }
-            let whole = solution.at(t).energies().chain;
-            let parts =
-                solution.at(t).region(1..=7).mechanical() + solution.at(t).region(8..=16).mechanical();
-            let intruders = solution.at(t).energies().intruders;
-            worst = worst.max((parts - intruders - whole).abs() / energy);
-        }
-        println!("{name}: {worst:.1e}");
+        let times = [0.0007, 0.0031, 0.0052, 0.006];
+        let worst = unaccounted(&solution, &[2, 6, 12, 16], &times);
         assert!(worst < 2e-11, "{name}: {worst:e}");
+    }
+    let mut lossy = elastic(16, 0.004);
+    lossy.intruders = vec![softer([8, 9])];
+    lossy.chain.relaxation = 4.2e-6;
+    let clipped = changed(lossy.clone(), |one| {
+        one.chain.contact_force = ContactForce::Clipped
+    });
+    for scenario in [lossy, clipped] {
+        let times = [0.0007, 0.0016, 0.00203, 0.004];
+        let worst = unaccounted(&run(&scenario), &[1, 6, 8, 9, 12], &times);
+        assert!(worst < 2e-12, "{worst:e}");
     }
 }
 
@@ -94,24 +106,23 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
         scenario.chain.precompression = 12.5;
         scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
         let solution = run(&scenario);
-        let start = solution.at(0.0);
+        let (model, start) = (solution.model(), solution.at(0.0));
         assert_eq!((start.force(1), start.overlap(1)), (0.0, 0.0));
-        for contact in 2..=solution.model().contacts() {
-            let overlap = (12.5 / solution.model().contact(contact).stiffness).powf(2.0 / 3.0);
-            assert!((start.force(contact) / 12.5 - 1.0).abs() < 2e-15);
-            assert!((start.overlap(contact) / overlap - 1.0).abs() < 1e-15);
+        for contact in 2..=model.contacts() {
+            let overlap = (12.5 / model.contact(contact).stiffness).powf(2.0 / 3.0);
+            near(start.force(contact), 12.5, 2e-15);
+            near(start.overlap(contact), overlap, 1e-15);
         }
         // The wave has not come to bead 40 yet, and the load has not pushed it.
         assert!(solution.at(0.0007).velocity(40).abs() < 1e-12 * scenario.striker.velocity);
-        let summary = solution.summary();
-        assert_eq!(summary.peak_force.len(), solution.model().contacts());
-        let last = summary.peak_force[summary.peak_force.len() - 1];
+        let peaks = solution.summary().peak_force;
+        assert_eq!(peaks.len(), model.contacts());
+        let (third, last) = (peaks[2], peaks[peaks.len() - 1]);
+        near(last.force, 12.5, 1e-12);
         assert!(
-            (last.force / 12.5 - 1.0).abs() < 1e-12 && last.fwhm.is_none(),
-            "{last:?}"
+            last.fwhm.is_none() && third.force > 13.0 && third.fwhm.is_some(),
+            "{third:?}"
         );
-        let third = summary.peak_force[2];
-        assert!(third.force > 13.0 && third.fwhm.is_some(), "{third:?}");
     }
 }
 
@@ -125,16 +136,15 @@ fn the_walls_stiffness_is_hertz() {
         let mut wall = Wall::flat(Material::STEEL);
         (wall.radius, wall.relaxation) = (radius, Some(3e-6));
         scenario.wall = Some(wall);
-        let solution = run(&scenario);
-        let wall = solution.model().contact(4);
-        assert!((wall.stiffness * theta * f64::sqrt(curvature) - 1.0).abs() < 1e-15);
+        let wall = run(&scenario).model().contact(4);
+        close(wall.stiffness * theta * f64::sqrt(curvature), 1.0, 1e-15);
         assert_eq!(wall.relaxation, 3e-6);
     }
     // Without one of its own, the contact has the last bead's relaxation time.
     let mut last = Section::of([3]);
     last.relaxation = Some(1e-6);
     scenario.sections = vec![last];
-    scenario.wall.as_mut().expect("it has one").relaxation = None;
+    scenario.wall = Some(Wall::flat(Material::STEEL));
     assert_eq!(run(&scenario).model().contact(4).relaxation, 1e-6);
 }
 
@@ -143,35 +153,20 @@ fn a_solitary_wave_comes_back_from_the_wall() {
     let mut scenario = struck_by_a_bead(40, 0.012);
     scenario.wall = Some(Wall::flat(Material::BAKELITE));
     let solution = run(&scenario);
-    let search = PulseSearch {
-        height: 0.1,
-        ..PulseSearch::default()
-    };
-    let pulses = solution.pulses(20, &search);
+    let pulses = solution.pulses(20, &from_height(0.1));
     assert_eq!(pulses.len(), 2, "{pulses:?}");
     let (there, back) = (pulses[0], pulses[1]);
-    let wall = solution.pulses(41, &search)[0];
+    let wall = solution.pulses(41, &from_height(0.1))[0];
     // Nearly all of the wave comes back, as strong as it was.
-    assert!(
-        (back.energy / there.energy + 0.99723).abs() < 1e-5,
-        "{there:?} {back:?}"
-    );
-    assert!(
-        (back.force / there.force - 0.99834).abs() < 1e-5,
-        "{there:?} {back:?}"
-    );
+    close(back.energy / there.energy, -0.99723, 1e-5);
+    close(back.force / there.force, 0.99834, 1e-5);
     // The beads near the wall follow the wave back, so the wall gives a little more than twice its momentum.
-    assert!(
-        (wall.impulse / there.impulse - 2.06043).abs() < 1e-5,
-        "{wall:?} {there:?}"
-    );
+    close(wall.impulse / there.impulse, 2.06043, 1e-5);
     let end = solution.at(back.to);
-    let behind: f64 = (20..=40)
-        .map(|bead| solution.model().mass(bead) * end.velocity(bead))
-        .sum();
+    let behind = (20..=40).map(|bead| solution.model().mass(bead) * end.velocity(bead));
     let given = solution.flow(41).between(there.from, back.to).impulse;
-    let sum = there.impulse + solution.flow(20).between(there.to, back.to).impulse - behind;
-    assert!((given / sum - 1.0).abs() < 1e-12, "{given} {sum}");
+    let passed = solution.flow(20).between(there.to, back.to).impulse;
+    near(given, there.impulse + passed - behind.sum::<f64>(), 1e-12);
 }
 
 /// A strike so soft and weak on a chain so loaded that the wave is long and small.
@@ -191,8 +186,7 @@ fn a_small_wave_goes_at_the_speed_of_sound() {
         let solution = run(&long_and_small(load, 240, 0.016));
         let model = solution.model();
         let stiffness = 1.5 * model.contact(2).stiffness.powf(2.0 / 3.0) * f64::cbrt(load);
-        assert!((model.contact(2).linear_stiffness() / stiffness - 1.0).abs() < 1e-15);
-        let beads_a_second = (stiffness / model.mass(1)).sqrt();
+        near(model.contact(2).linear_stiffness(), stiffness, 1e-15);
         let mut sampler = solution.sampler();
         let mut sums = [[0.0; 2]; 2];
         for i in 0..8000 {
@@ -204,27 +198,22 @@ fn a_small_wave_goes_at_the_speed_of_sound() {
             }
         }
         let [early, late] = sums.map(|[force, moment]| moment / force);
-        let ratio = 40.0 / (late - early) / beads_a_second;
-        println!("{load} N: {ratio}");
-        assert!((ratio - 1.0).abs() < 5e-5, "{load} N: {ratio}");
+        near(40.0 / (late - early), (stiffness / model.mass(1)).sqrt(), 5e-5);
     }
 }
 
 #[test]
 fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
     let mut scenario = long_and_small(800.0, 160, 0.025);
-    let rigid = Material {
-        young: 1e30,
-        ..Material::BAKELITE
-    };
-    scenario.wall = Some(Wall::flat(rigid));
+    let mut wall = Wall::flat(Material::BAKELITE);
+    wall.young = 1e30;
+    scenario.wall = Some(wall);
     let solution = run(&scenario);
     // Before the wave reaches the wall, and on its way back.
     let (before, after) = (solution.at(0.012), solution.at(0.025));
     let momentum = before.momentum() - solution.model().mass(0) * before.velocity(0);
     assert!(before.wall_impulse().abs() < 1e-8 * momentum);
-    let ratio = after.wall_impulse() / momentum;
-    assert!((ratio - 2.0).abs() < 3e-5, "{ratio}");
+    close(after.wall_impulse() / momentum, 2.0, 3e-5);
     let energy = |snapshot: &Snapshot<'_>| snapshot.region(1..=160).mechanical();
-    assert!((energy(&after) / energy(&before) - 1.0).abs() < 1e-12);
+    near(energy(&after), energy(&before), 1e-12);
 }

@@ -32,46 +32,33 @@ fn it_absorbs_what_the_page_says() {
 /// The keys that the error of an unknown key names.
 fn known(text: &str) -> Vec<String> {
     let error = Scenario::from_toml(text, "own-chain.toml").expect_err("the key is unknown");
-    let names = error
-        .advice
-        .strip_prefix("known here are ")
-        .expect("no key is near");
-    names.split(", ").map(str::to_owned).collect()
+    let names = error.advice.strip_prefix("known here are ");
+    let names = names.expect("no key is near").split(", ");
+    names.map(str::to_owned).collect()
 }
 
 #[test]
 fn it_has_every_key_and_the_page_explains_each() {
     let section = &PAGE[PAGE.find("## Your own chain").expect("it is there")..];
-    let tables = [
-        "[chain]",
-        "[striker]",
-        "[wall]",
-        "[[section]]",
-        "[[start]]",
-        "[[intruder]]",
-    ];
-    for table in tables {
+    for table in "[chain] [striker] [wall] [[section]] [[start]] [[intruder]]".split(' ') {
         let with_stranger = TEXT.replacen(table, &format!("{table}\nqqqqqqqqqqqqqqq = 1\n"), 1);
         let start = TEXT.find(table).expect("the table is there") + table.len();
         let end = TEXT[start..].find("\n[").map_or(TEXT.len(), |next| start + next);
         let names = known(&with_stranger);
         assert!(names.len() >= 3, "{names:?}");
         for name in names {
-            let given = TEXT[start..end]
-                .lines()
-                .any(|line| line.starts_with(&format!("{name} = ")));
+            let given = TEXT[start..end].contains(&format!("\n{name} = "));
             assert!(given, "{table} lacks {name}");
             assert!(section.contains(&format!("`{name}`")), "the page lacks {name}");
         }
         assert!(section.contains(&format!("`{table}`")), "the page lacks {table}");
     }
-    let names = known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}"));
-    for name in names {
-        assert!(
-            TEXT.contains(&format!("\n{name} = "))
-                || TEXT.contains(&format!("\n[{name}]"))
-                || TEXT.contains(&format!("\n[[{name}]]")),
-            "{name} is missing"
-        );
+    for name in known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}")) {
+        let forms = [
+            format!("\n{name} = "),
+            format!("\n[{name}]"),
+            format!("\n[[{name}]]"),
+        ];
+        assert!(forms.iter().any(|form| TEXT.contains(form)), "{name} is missing");
     }
 }

@@ -17,8 +17,9 @@
 
 use std::collections::BTreeMap;
 
+use crate::common::run;
 use hertz_chain::{
-    Chain, ContactForce, Intruder, Oscillator, Scenario, Solution, Striker, Summary, simulate,
+    Chain, ContactForce, Energies, Intruder, Oscillator, Scenario, Solution, Striker, Summary,
 };
 use serde_json::{Map, Value};
 
@@ -51,14 +52,12 @@ fn scenario(name: &str, case: &Value) -> Scenario {
         numbers(p, "c"),
         numbers(p, "m"),
     );
-    let intruder = |i: usize| {
-        let oscillator = Oscillator {
-            mass: m[i],
-            stiffness: k[i],
-            damping: c[i],
-        };
-        Intruder::new([hosts[i] as usize], oscillator)
+    let oscillator = |i: usize| Oscillator {
+        mass: m[i],
+        stiffness: k[i],
+        damping: c[i],
     };
+    let intruder = |i: usize| Intruder::new([hosts[i] as usize], oscillator(i));
     let mut scenario = Scenario::new(number(p, "T_end"), Chain::PAPER, Striker::PAPER);
     name.clone_into(&mut scenario.title);
     let chain = &mut scenario.chain;
@@ -67,11 +66,9 @@ fn scenario(name: &str, case: &Value) -> Scenario {
     chain.density = number(p, "rho");
     chain.poisson = number(p, "nu");
     chain.relaxation = number(p, "tau");
-    chain.contact_force = if p["clip_contact_force"].as_bool().expect("a flag") {
-        ContactForce::Clipped
-    } else {
-        ContactForce::Printed
-    };
+    if p["clip_contact_force"].as_bool().expect("a flag") {
+        chain.contact_force = ContactForce::Clipped;
+    }
     let striker = &mut scenario.striker;
     striker.radius = p["Rs"].as_f64().unwrap_or(striker.radius);
     striker.young = p["Ys"].as_f64().unwrap_or(striker.young);
@@ -82,9 +79,9 @@ fn scenario(name: &str, case: &Value) -> Scenario {
 
 /// The worst distance of each kind of quantity.
 #[derive(Default)]
-struct Worst(BTreeMap<&'static str, f64>);
+struct Distances(BTreeMap<&'static str, f64>);
 
-impl Worst {
+impl Distances {
     /// Compares with the reference, as a part of `scale`.
     fn see(&mut self, kind: &'static str, ours: f64, theirs: f64, scale: f64) {
         let distance = (ours - theirs).abs() / scale;
@@ -96,20 +93,16 @@ impl Worst {
     /// Compares lists as parts of the greatest magnitude in the reference's.
     fn see_all(&mut self, kind: &'static str, ours: &[f64], theirs: &[f64]) {
         assert_eq!(ours.len(), theirs.len());
-        let scale = theirs
-            .iter()
-            .fold(0.0_f64, |greatest, value| greatest.max(value.abs()));
+        let scale = theirs.iter().copied().map(f64::abs).fold(0.0, f64::max);
         for (ours, theirs) in ours.iter().zip(theirs) {
-            match scale {
-                0.0 => assert_eq!(*ours, 0.0, "{kind}"),
-                _ => self.see(kind, *ours, *theirs, scale),
-            }
+            // Zeros must be zeros.
+            self.see(kind, *ours, *theirs, scale.max(f64::MIN_POSITIVE));
         }
     }
 }
 
 /// The motion at equal intervals, as the reference has it.
-struct Samples {
+struct SampledMotion {
     interval: f64,
     /// Of every contact, from 1, at index 0.
     forces: Vec<Vec<f64>>,
@@ -125,7 +118,7 @@ struct SampledPeak {
     fwhm: Option<f64>,
 }
 
-impl Samples {
+impl SampledMotion {
     fn of(solution: &Solution) -> Self {
         let interval = if solution.end() <= 0.004 { 1e-7 } else { 2e-7 };
         let count = (solution.end() / interval).round() as usize;
@@ -151,48 +144,36 @@ impl Samples {
         samples
     }
 
-    /// None if the force still rises at the end.
+    /// The peak of a contact's force, or `None` if the force still rises at the end.
     fn peak(&self, contact: usize) -> Option<SampledPeak> {
         let force = &self.forces[contact - 1];
-        let top = (0..force.len())
-            .max_by(|&i, &j| force[i].total_cmp(&force[j]))
-            .expect("there are samples");
+        let all = 0..force.len();
+        let top = all.max_by(|&i, &j| force[i].total_cmp(&force[j])).expect("some");
         let (before, greatest, after) = (force[top - 1], force[top], *force.get(top + 1)?);
         let aside = 0.5 * (before - after) / (before - 2.0 * greatest + after);
         let half = 0.5 * greatest;
         let passage = |i: usize| i as f64 + (half - force[i]) / (force[i + 1] - force[i]);
         let rise = (0..top).rev().find(|&i| force[i] < half);
         let fall = (top..force.len()).find(|&i| force[i] < half);
+        let width = |(rise, fall)| (passage(fall - 1) - passage(rise)) * self.interval;
         Some(SampledPeak {
             force: greatest - 0.25 * (before - after) * aside,
             time: (top as f64 + aside) * self.interval,
-            fwhm: rise
-                .zip(fall)
-                .map(|(rise, fall)| (passage(fall - 1) - passage(rise)) * self.interval),
+            fwhm: rise.zip(fall).map(width),
         })
     }
 }
 
-fn compare_peaks(worst: &mut Worst, case: &Value, samples: &Samples, summary: &Summary) {
+fn compare_peaks(worst: &mut Distances, case: &Value, samples: &SampledMotion, summary: &Summary) {
     let mut risen = 0;
     for reference in case["peaks"].as_array().expect("peaks") {
         let contact = number(reference, "contact") as usize;
-        let ours = summary
-            .peak_force
-            .iter()
-            .find(|peak| peak.contact == contact)
-            .expect("the contact carried force");
-        let (force, time, fwhm) = (
-            number(reference, "F_max"),
-            number(reference, "t"),
-            number(reference, "fwhm"),
-        );
+        let ours = summary.peak_force.iter().find(|peak| peak.contact == contact);
+        let ours = ours.expect("the contact carried force");
+        let [force, time, fwhm] = ["F_max", "t", "fwhm"].map(|key| number(reference, key));
         let Some(sampled) = samples.peak(contact) else {
             assert_eq!(ours.time, summary.final_state.time);
-            assert!(
-                fwhm < 1.1e-5 && force < ours.force,
-                "contact {contact} has no peak yet"
-            );
+            assert!(fwhm < 1.1e-5 && force < ours.force, "contact {contact}");
             continue;
         };
         risen += 1;
@@ -205,65 +186,50 @@ fn compare_peaks(worst: &mut Worst, case: &Value, samples: &Samples, summary: &S
             worst.see("width", sampled, fwhm, fwhm);
             worst.see("summary's width", ours, sampled, fwhm);
         } else {
-            assert!(
-                time + 0.52 * fwhm > summary.final_state.time,
-                "contact {contact} has no width"
-            );
+            assert!(time + 0.52 * fwhm > summary.final_state.time, "contact {contact}");
         }
     }
     assert!(risen + 3 >= case["peaks"].as_array().expect("peaks").len());
 }
 
-fn compare_states(worst: &mut Worst, case: &Value, solution: &Solution, summary: &Summary) {
+fn compare_states(worst: &mut Distances, case: &Value, solution: &Solution, summary: &Summary) {
     let end = &case["end_state"];
     let (displacement, velocity) = (numbers(end, "U"), numbers(end, "V"));
     let ours = &summary.final_state;
     assert_eq!(ours.time, number(end, "t"));
     // The striker is far away and fast: kept apart so that it does not lend the beads its scale.
-    worst.see_all("displacement", &ours.displacement[..1], &displacement[..1]);
-    worst.see_all("displacement", &ours.displacement[1..], &displacement[1..]);
-    worst.see_all("velocity", &ours.velocity[..1], &velocity[..1]);
-    worst.see_all("velocity", &ours.velocity[1..], &velocity[1..]);
+    for bodies in [0..1, 1..displacement.len()] {
+        let (kept, known) = (&ours.displacement[bodies.clone()], &displacement[bodies.clone()]);
+        worst.see_all("displacement", kept, known);
+        worst.see_all("velocity", &ours.velocity[bodies.clone()], &velocity[bodies]);
+    }
     let snapshot = solution.at(ours.time);
     for (i, intruder) in summary.intruders.iter().enumerate() {
-        let (x, x_rate) = (numbers(end, "x")[i], numbers(end, "xdot")[i]);
+        let place = snapshot.intruder_displacement(intruder.bead).expect("a host");
         let greatest = intruder.relative_displacement_max;
-        worst.see(
-            "displacement",
-            snapshot.intruder_displacement(intruder.bead).expect("a host"),
-            x,
-            greatest,
-        );
+        worst.see("displacement", place, numbers(end, "x")[i], greatest);
+        let rate = snapshot.intruder_velocity(intruder.bead).expect("a host");
         let fastest = number(&case["params"], "V_s");
-        worst.see(
-            "velocity",
-            snapshot.intruder_velocity(intruder.bead).expect("a host"),
-            x_rate,
-            fastest,
-        );
+        worst.see("velocity", rate, numbers(end, "xdot")[i], fastest);
     }
     let momentum = number(case, "momentum_start");
     worst.see("momentum", snapshot.momentum(), momentum, momentum);
 }
 
 fn compare_energies(
-    worst: &mut Worst,
+    worst: &mut Distances,
     case: &Value,
     solution: &Solution,
-    samples: &Samples,
+    samples: &SampledMotion,
     summary: &Summary,
 ) {
+    type Part = fn(&Energies) -> f64;
     let times = case["energies"].as_array().expect("energies");
-    let ours: Vec<_> = times
-        .iter()
-        .map(|row| solution.at(number(row, "t")).energies())
-        .collect();
+    let at = |row: &Value| solution.at(number(row, "t")).energies();
+    let ours: Vec<_> = times.iter().map(at).collect();
+    let printed: Part = |e| e.chain_as_printed;
     for (kind, key, value) in [
-        (
-            "energy",
-            "ET",
-            (|e| e.chain_as_printed) as fn(&hertz_chain::Energies) -> f64,
-        ),
+        ("energy", "ET", printed),
         ("energy", "ET_hostMm", |e| e.chain),
         ("energy", "KE_striker", |e| e.striker),
         ("energy", "E_int", |e| e.intruders),
@@ -289,24 +255,16 @@ fn compare_energies(
     };
     // The reference has M for hosts; the summary, M - m: alike where there are none.
     let printed = samples.chain_energy.iter().copied().fold(f64::MIN, f64::max);
+    let theirs = number(case, "ET_max");
     if summary.intruders.is_empty() {
-        compare(
-            &samples.chain_energy,
-            1.0,
-            summary.energy.chain_max,
-            number(case, "ET_max"),
-        );
+        compare(&samples.chain_energy, 1.0, summary.energy.chain_max, theirs);
     }
     for (i, intruder) in summary.intruders.iter().enumerate() {
-        let (max, min) = (
-            numbers(case, "intruder_acc_max")[i],
-            numbers(case, "intruder_acc_min")[i],
-        );
+        let [max, min] = ["max", "min"].map(|end| numbers(case, &format!("intruder_acc_{end}"))[i]);
         let sampled = &samples.accelerations[i];
         compare(sampled, 1.0, intruder.acceleration_max, max);
         compare(sampled, -1.0, intruder.acceleration_min, min);
     }
-    let theirs = number(case, "ET_max");
     worst.see("sampled peak", printed, theirs, theirs);
 }
 
@@ -333,61 +291,32 @@ const ALLOWED: [(&str, f64); 14] = [
 fn every_reference_case_is_met() {
     for (name, case) in cases() {
         let scenario = scenario(&name, &case);
-        let solution = simulate(&scenario).expect("the case runs");
+        let solution = run(&scenario);
         let summary = solution.summary();
-        let samples = Samples::of(&solution);
+        let samples = SampledMotion::of(&solution);
         let model = solution.model();
-        let mut worst = Worst::default();
-        worst.see(
-            "momentum",
-            model.mass(0),
-            number(&case["params"], "Ms"),
-            model.mass(0),
-        );
-        worst.see(
-            "momentum",
-            model.mass(1),
-            number(&case["params"], "M"),
-            model.mass(1),
-        );
+        let mut worst = Distances::default();
+        for (body, key) in [(0, "Ms"), (1, "M")] {
+            let mass = number(&case["params"], key);
+            worst.see("momentum", model.mass(body), mass, mass);
+        }
         for (contact, key) in [(1, "kappa_striker"), (2, "kappa_bead")] {
             if let Some(stiffness) = case["params"][key].as_f64() {
-                worst.see(
-                    "parameter",
-                    model.contact(contact).stiffness,
-                    stiffness,
-                    stiffness,
-                );
+                let ours = model.contact(contact).stiffness;
+                worst.see("parameter", ours, stiffness, stiffness);
             }
         }
         compare_peaks(&mut worst, &case, &samples, &summary);
         compare_states(&mut worst, &case, &solution, &summary);
         compare_energies(&mut worst, &case, &solution, &samples, &summary);
 
-        let distances: Vec<_> = worst
-            .0
-            .iter()
-            .map(|(kind, distance)| format!("{kind} {distance:.1e}"))
-            .collect();
-        println!(
-            "{name}: {}; balance {:.1e}",
-            distances.join(", "),
-            summary.energy.balance_error
-        );
+        println!("{name}: {:?}", worst.0);
         for (kind, distance) in worst.0 {
-            let (_, allowed) = ALLOWED
-                .iter()
-                .find(|(name, _)| *name == kind)
-                .expect("every kind has a line");
-            assert!(
-                distance <= *allowed,
-                "{name}: {kind} {distance:e} is over {allowed:e}"
-            );
+            let allowed = ALLOWED.iter().find(|(name, _)| *name == kind);
+            let (_, allowed) = allowed.expect("every kind has a line");
+            assert!(distance <= *allowed, "{name}: {kind} {distance:e}");
         }
-        assert!(
-            summary.energy.balance_error < 2e-12,
-            "{name}: {:e}",
-            summary.energy.balance_error
-        );
+        let error = summary.energy.balance_error;
+        assert!(error < 2e-12, "{name}: {error:e}");
     }
 }

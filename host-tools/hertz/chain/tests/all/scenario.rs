@@ -1,6 +1,7 @@
 //! Scenarios that cannot be used: each is refused with one line of file, line, key, fault and advice.
 
-use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with, summarise};
+use crate::common::of_radius;
+use hertz_chain::{Intruder, Options, Scenario, SimulateError, simulate, simulate_with, summarise};
 
 const SOUND: &str = "\
 title = \"One absorber at bead 8\"
@@ -93,6 +94,10 @@ mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is as heavy as i
 + => [[section]]\nbeads = [3, 4]\nradius = -0.01 => 24: section[1].radius: -0.01 is not a positive number
 "#;
 
+fn sound() -> Scenario {
+    Scenario::from_toml(SOUND, "s.toml").expect("sound")
+}
+
 /// The error for a scenario that must be refused.
 fn refusal(text: &str) -> String {
     let error = Scenario::from_toml(text, "s.toml").expect_err(text).to_string();
@@ -107,46 +112,36 @@ fn a_scenario_that_cannot_be_used_is_refused_in_one_line() {
             panic!("three parts: {row}");
         };
         // A key in quotes keeps its escapes.
-        let plain = |text: &str| {
-            if text.starts_with('"') {
-                text.to_owned()
-            } else {
-                text.replace("\\n", "\n")
-            }
-        };
+        let line_end = |text: &str| if text.starts_with('"') { "\\n" } else { "\n" };
+        let plain = |text: &str| text.replace("\\n", line_end(text));
         let text = if old == "+" {
             format!("{SOUND}{}\n", plain(new))
         } else {
             assert!(SOUND.contains(&plain(old)), "{row}");
             SOUND.replacen(&plain(old), &plain(new), 1)
         };
-        let error = refusal(&text);
-        let start = format!("s.toml:{start}");
+        let (error, start) = (refusal(&text), format!("s.toml:{start}"));
         assert!(error.starts_with(&start), "{error}\n{start}");
     }
 }
 
 #[test]
 fn a_sound_scenario_is_read_and_written_back_the_same() {
-    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let scenario = sound();
     assert_eq!(scenario, Scenario::paper());
+    let text = include_str!("../../../../../docs/scenarios/paper-strike.toml");
+    assert_eq!(
+        Scenario::from_toml(text, "paper-strike.toml").as_ref(),
+        Ok(&scenario)
+    );
     assert_eq!(Scenario::from_toml(&scenario.to_toml(), "t.toml"), Ok(scenario));
     // A number stands for a list of one bead.
     let one = SOUND.replace("[8]", "8");
     assert_eq!(Scenario::from_toml(&one, "s.toml"), Ok(Scenario::paper()));
     let starts = format!("{SOUND}[[section]]\nbeads = 3\nradius = 0.01\n[[start]]\nbeads = 9\ngap = 1e-6\n");
     let scenario = Scenario::from_toml(&starts, "s.toml").expect("sound");
-    assert_eq!(
-        (&scenario.sections[0].beads[..], &scenario.starts[0].beads[..]),
-        (&[3][..], &[9][..])
-    );
-}
-
-#[test]
-fn the_papers_strike_is_that_of_the_scenario_file() {
-    let text = include_str!("../../../../../docs/scenarios/paper-strike.toml");
-    let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
-    assert_eq!(scenario, Scenario::paper());
+    assert_eq!(scenario.sections[0].beads, [3]);
+    assert_eq!(scenario.starts[0].beads, [9]);
 }
 
 #[test]
@@ -183,102 +178,72 @@ fn a_key_is_located_among_many_in_a_table_of_a_long_name() {
 
 #[test]
 fn no_number_of_a_scenario_passes_that_is_none_zero_or_negative() {
-    let sound = Scenario::from_toml(
-        &format!(
-            "{SOUND}[wall]\nyoung = 203e9\npoisson = 0.27\nradius = 0.1\nrelaxation = 0.0\n\
-             [[section]]\nbeads = [3]\nradius = 0.01\ndensity = 1e3\nyoung = 1e9\npoisson = 0.3\nrelaxation = 0.0\n"
-        ),
-        "s.toml",
-    )
-    .expect("sound");
-    type Set = fn(&mut Scenario, f64);
-    let positive: [(&str, Set); 16] = [
-        ("duration", |s, v| s.duration = v),
-        ("chain.radius", |s, v| s.chain.radius = v),
-        ("chain.density", |s, v| s.chain.density = v),
-        ("chain.young", |s, v| s.chain.young = v),
-        ("striker.radius", |s, v| s.striker.radius = v),
-        ("striker.density", |s, v| s.striker.density = v),
-        ("striker.young", |s, v| s.striker.young = v),
-        ("striker.velocity", |s, v| s.striker.velocity = v),
-        ("striker.mass", |s, v| s.striker.mass = Some(v)),
-        ("wall.young", |s, v| s.wall.as_mut().expect("sound").young = v),
-        ("wall.radius", |s, v| {
-            s.wall.as_mut().expect("sound").radius = Some(v)
-        }),
-        ("section[1].radius", |s, v| s.sections[0].radius = Some(v)),
-        ("section[1].density", |s, v| s.sections[0].density = Some(v)),
-        ("section[1].young", |s, v| s.sections[0].young = Some(v)),
-        ("intruder[1].mass", |s, v| s.intruders[0].mass = v),
-        ("intruder[1].stiffness", |s, v| s.intruders[0].stiffness = v),
-    ];
-    let not_negative: [(&str, Set); 6] = [
-        ("chain.relaxation", |s, v| s.chain.relaxation = v),
-        ("chain.precompression", |s, v| s.chain.precompression = v),
-        ("striker.relaxation", |s, v| s.striker.relaxation = Some(v)),
-        ("wall.relaxation", |s, v| {
-            s.wall.as_mut().expect("sound").relaxation = Some(v)
-        }),
-        ("section[1].relaxation", |s, v| s.sections[0].relaxation = Some(v)),
-        ("intruder[1].damping", |s, v| s.intruders[0].damping = v),
-    ];
-    let poisson: [(&str, Set); 4] = [
-        ("chain.poisson", |s, v| s.chain.poisson = v),
-        ("striker.poisson", |s, v| s.striker.poisson = v),
-        ("wall.poisson", |s, v| s.wall.as_mut().expect("sound").poisson = v),
-        ("section[1].poisson", |s, v| s.sections[0].poisson = Some(v)),
-    ];
+    let more = "[wall]\nyoung = 203e9\npoisson = 0.27\nradius = 0.1\nrelaxation = 0.0\n[[section]]\nbeads = [3]\n\
+        radius = 0.01\ndensity = 1e3\nyoung = 1e9\npoisson = 0.3\nrelaxation = 0.0\n";
+    let text =
+        format!("{SOUND}{more}").replacen("contact_force = ", "precompression = 0.0\ncontact_force = ", 1);
+    let text = text.replacen("velocity", "mass = 0.003\nrelaxation = 0.0\nvelocity", 1);
+    let sound: toml::Table = text.parse().expect("TOML");
+    // Each table of a scenario, its keys, values that are refused, and values that are not.
     let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-3];
-    let refused = positive
-        .iter()
-        .flat_map(|entry| {
-            bad.into_iter()
-                .chain([0.0, -0.0])
-                .map(move |value| (entry, value))
-        })
-        .chain(
-            not_negative
-                .iter()
-                .flat_map(|entry| bad.map(move |value| (entry, value))),
-        )
-        .chain(poisson.iter().flat_map(|entry| {
-            [f64::NAN, f64::INFINITY, -1.0, -1.5, 0.500_000_1].map(move |value| (entry, value))
-        }));
-    let mut count = 0;
-    for ((key, set), value) in refused {
-        let mut scenario = sound.clone();
-        set(&mut scenario, value);
-        let error = scenario.check().expect_err(key);
-        assert_eq!(error.key, *key, "{value}: {error}");
-        assert!(
-            !error.advice.is_empty() && !error.to_string().contains('\n'),
-            "{error}"
-        );
-        count += 1;
-    }
-    assert_eq!(count, 16 * 6 + 6 * 4 + 4 * 5);
-    let allowed = not_negative.iter().map(|entry| (entry, 0.0)).chain(
-        poisson
-            .iter()
-            .flat_map(|entry| [0.5, 0.0, -0.999].map(move |value| (entry, value))),
-    );
-    for ((key, set), value) in allowed {
-        let mut scenario = sound.clone();
-        set(&mut scenario, value);
-        assert_eq!(scenario.check(), Ok(()), "{key} {value}");
+    let positive = [&bad[..], &[0.0, -0.0]].concat();
+    let ratio = [f64::NAN, -1.0, -1.5, 0.500_000_1];
+    for (keys, refused, allowed) in [
+        (
+            "duration chain.radius chain.density chain.young striker.radius striker.density striker.young \
+             striker.velocity striker.mass wall.young wall.radius section.radius section.density section.young \
+             intruder.mass intruder.stiffness",
+            &positive[..],
+            &[][..],
+        ),
+        (
+            "chain.relaxation chain.precompression striker.relaxation wall.relaxation section.relaxation \
+             intruder.damping",
+            &bad,
+            &[0.0],
+        ),
+        (
+            "chain.poisson striker.poisson wall.poisson section.poisson",
+            &ratio,
+            &[0.5, 0.0, -0.999],
+        ),
+    ] {
+        for path in keys.split_whitespace() {
+            let checked = |value: f64| {
+                let mut changed = sound.clone();
+                let (table, key) = path.split_once('.').unwrap_or(("", path));
+                let entry = match changed.get_mut(table) {
+                    Some(toml::Value::Array(list)) => list[0].as_table_mut(),
+                    Some(one) => one.as_table_mut(),
+                    None => Some(&mut changed),
+                };
+                let old = entry.expect("a table").insert(key.to_owned(), value.into());
+                assert!(old.is_some(), "{path}");
+                Scenario::from_toml(&changed.to_string(), "s.toml")
+            };
+            for &value in refused {
+                let error = checked(value).expect_err(path);
+                assert_eq!(error.key.replace("[1]", ""), path, "{value}: {error}");
+                assert!(
+                    !error.advice.is_empty() && !error.to_string().contains('\n'),
+                    "{error}"
+                );
+            }
+            for &value in allowed {
+                assert!(checked(value).is_ok(), "{path} {value}");
+            }
+        }
     }
 }
 
 #[test]
 fn an_intruder_exactly_as_heavy_as_its_host_is_refused() {
-    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let mut scenario = sound();
     let chain = &scenario.chain;
     let host = 4.0 / 3.0 * std::f64::consts::PI * chain.radius.powi(3) * chain.density;
     scenario.intruders[0].mass = host;
-    assert_eq!(
-        scenario.check().expect_err("no shell is left").key,
-        "intruder[1].mass"
-    );
+    let error = scenario.check().expect_err("no shell is left");
+    assert_eq!(error.key, "intruder[1].mass");
     scenario.intruders[0].mass = host * (1.0 - 1e-15);
     assert_eq!(scenario.check(), Ok(()));
 }
@@ -286,88 +251,65 @@ fn an_intruder_exactly_as_heavy_as_its_host_is_refused() {
 /// Lists as long as a chain can be are read through once, not once for each of their beads.
 #[test]
 fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
-    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let mut scenario = sound();
     scenario.chain.beads = 100_000;
     let oscillator = scenario.intruders[0].oscillator();
-    let intruder = |beads: &mut dyn Iterator<Item = usize>| hertz_chain::Intruder::new(beads, oscillator);
-    let one_by_one = |bead: usize| intruder(&mut std::iter::once(bead));
-    scenario.intruders = (1..=50_000).map(one_by_one).collect();
-    scenario.intruders.push(intruder(&mut (50_001..=100_000)));
-    scenario.sections = (1..=100_000)
-        .map(|bead| {
-            let mut section = hertz_chain::Section::of([bead]);
-            section.radius = Some(0.02);
-            section
-        })
-        .collect();
+    let one_by_one = (1..=50_000).map(|bead| Intruder::new([bead], oscillator));
+    let rest = std::iter::once(Intruder::new(50_001..=100_000, oscillator));
+    scenario.intruders = one_by_one.chain(rest).collect();
+    scenario.sections = (1..=100_000).map(|bead| of_radius([bead], 0.02)).collect();
     let clock = std::time::Instant::now();
     assert_eq!(scenario.check(), Ok(()));
     scenario.intruders[50_000].beads = (0..3_000_000).map(|i| 50_001 + i % 50_000).collect();
-    assert_eq!(
-        scenario.check().expect_err("named twice").key,
-        "intruder[50001].beads"
-    );
+    let error = scenario.check().expect_err("named twice");
+    assert_eq!(error.key, "intruder[50001].beads");
     // Some 5 ms; a list looked through for each of its beads would take minutes.
     assert!(clock.elapsed().as_secs_f64() < 2.0, "{:?}", clock.elapsed());
 }
 
 #[test]
 fn a_file_that_is_not_there_is_named() {
-    let error = Scenario::load("no/such/scenario.toml").expect_err("there is none");
+    let error = Scenario::load("no/such/scenario.toml")
+        .expect_err("there is none")
+        .to_string();
     assert!(
-        error
-            .to_string()
-            .starts_with("no/such/scenario.toml: cannot be read ("),
+        error.starts_with("no/such/scenario.toml: cannot be read ("),
         "{error}"
     );
 }
 
 #[test]
-fn a_scenario_built_in_code_is_checked_too() {
-    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+fn scenarios_built_in_code_and_options_are_checked_too() {
+    let mut scenario = sound();
     scenario.chain.young = f64::NAN;
     let error = simulate(&scenario).expect_err("NaN");
     assert!(matches!(error, SimulateError::Input(_)));
-    assert!(
-        error
-            .to_string()
-            .starts_with("chain.young: NaN is not a positive number; give"),
-        "{error}"
-    );
-}
-
-#[test]
-fn options_out_of_range_are_refused() {
-    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let start = "chain.young: NaN is not a positive number; give";
+    assert!(error.to_string().starts_with(start), "{error}");
     let options = Options::default().with_duration(-1.0);
-    let error = simulate_with(&scenario, &options).expect_err("negative");
+    let error = simulate_with(&sound(), &options).expect_err("negative");
     let expected = "duration: -1 s cannot be simulated; give a number above zero";
     assert_eq!(error.to_string(), expected);
     let mut options = Options::default();
     options.accuracy.tolerance = 1e-17;
-    let error = simulate_with(&scenario, &options).expect_err("below rounding");
+    let error = simulate_with(&sound(), &options).expect_err("below rounding");
     assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
 }
 
 #[test]
-fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
-    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+fn a_run_that_no_memory_holds_or_of_more_than_a_day_is_refused_before_it_starts() {
+    let mut scenario = sound();
     scenario.duration = 1e4;
     let error = simulate(&scenario).expect_err("hours");
     assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
     assert!(error.to_string().contains("the summary alone"), "{error}");
-}
-
-#[test]
-fn a_run_of_more_than_a_day_is_refused_before_it_starts() {
-    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     let changes: [fn(&mut Scenario); 3] = [
         |one| one.duration = 1e12,
         |one| one.duration = 1e30,
         |one| (one.chain.radius, one.striker.radius) = (1e-20, 1e-20),
     ];
     for change in changes {
-        let mut scenario = sound.clone();
+        let mut scenario = sound();
         scenario.intruders.clear();
         change(&mut scenario);
         let error = summarise(&scenario, &Options::default()).expect_err("years");
@@ -383,24 +325,22 @@ fn a_run_of_more_than_a_day_is_refused_before_it_starts() {
 
 #[test]
 fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
-    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
-    let bead = sound.intruders[0].beads[0];
-    let change: [fn(&mut hertz_chain::Intruder); 2] = [|one| one.damping = 1e9, |one| one.mass = 1e-9];
+    let change: [fn(&mut Intruder); 2] = [|one| one.damping = 1e9, |one| one.mass = 1e-9];
     for change in change {
-        let mut scenario = sound.clone();
+        let mut scenario = sound();
         change(&mut scenario.intruders[0]);
-        let kept = simulate(&scenario).expect_err("a damper of glass");
-        assert!(matches!(kept, SimulateError::TooStiff { .. }), "{kept}");
-        assert_eq!(summarise(&scenario, &Options::default()), Err(kept.clone()));
-        let text = kept.to_string();
-        assert!(text.starts_with(&format!("intruder in bead {bead}: ")), "{text}");
+        let error = simulate(&scenario).expect_err("a damper of glass");
+        assert!(matches!(error, SimulateError::TooStiff { .. }), "{error}");
+        let text = error.to_string();
+        assert_eq!(summarise(&scenario, &Options::default()), Err(error));
+        assert!(text.starts_with("intruder in bead 8: "), "{text}");
         assert!(
             text.contains(" steps, more than ") && text.contains("mass in kg"),
             "{text}"
         );
     }
     // A stiff one is slow, and no mistake.
-    let mut scenario = sound;
+    let mut scenario = sound();
     scenario.duration = 1e-6;
     scenario.intruders[0].stiffness = 1e9;
     assert!(simulate(&scenario).is_ok());

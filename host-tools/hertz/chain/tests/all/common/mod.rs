@@ -1,6 +1,6 @@
-//! Set-ups that several tests share.
+//! Set-ups and comparisons that several tests share.
 
-use hertz_chain::{Intruder, Oscillator, Scenario, Solution, Striker, simulate};
+use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario, Section, Solution, Striker, simulate};
 
 /// The paper's striker on elastic beads without an intruder. `duration` is in s.
 pub(crate) fn elastic(beads: usize, duration: f64) -> Scenario {
@@ -14,30 +14,73 @@ pub(crate) fn elastic(beads: usize, duration: f64) -> Scenario {
 
 /// A chain struck by a bead like its own: one solitary wave has nearly all of the energy.
 pub(crate) fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
-    let mut scenario = elastic(beads, duration);
-    let (chain, striker) = (&scenario.chain, &scenario.striker);
-    scenario.striker = Striker::new(chain.radius, chain.material(), striker.velocity);
+    changed(elastic(beads, duration), |one| {
+        one.striker = Striker::new(one.chain.radius, one.chain.material(), one.striker.velocity);
+    })
+}
+
+/// The scenario after a change.
+pub(crate) fn changed(mut scenario: Scenario, change: impl FnOnce(&mut Scenario)) -> Scenario {
+    change(&mut scenario);
     scenario
 }
 
 /// The paper's intruder on the spring that absorbs most, 1e5 N/m.
 pub(crate) fn softer(beads: impl IntoIterator<Item = usize>) -> Intruder {
-    let mut intruder = Intruder::new(beads, Oscillator::PAPER);
-    intruder.stiffness = 1e5;
-    intruder
+    let stiffness = 1e5;
+    let oscillator = Oscillator {
+        stiffness,
+        ..Oscillator::PAPER
+    };
+    Intruder::new(beads, oscillator)
+}
+
+/// Beads of this radius, m.
+pub(crate) fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {
+    let mut section = Section::of(beads);
+    section.radius = Some(radius);
+    section
+}
+
+/// A search for pulses of at least this part of the greatest.
+pub(crate) fn from_height(height: f64) -> PulseSearch {
+    PulseSearch {
+        height,
+        ..PulseSearch::default()
+    }
 }
 
 pub(crate) fn run(scenario: &Scenario) -> Solution {
     simulate(scenario).expect("the scenario runs")
 }
 
-/// A pseudo-random number of mean 0 and variance 1: twelve uniform ones added.
-pub(crate) fn normal(state: &mut u64) -> f64 {
-    let mut uniform = || {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+/// Asserts that a value differs from the expected one by less than this part of it.
+#[track_caller]
+pub(crate) fn near(value: f64, expected: f64, part: f64) {
+    let error = value / expected - 1.0;
+    assert!(error.abs() < part, "{value:?} is off {expected:?} by {error:e}");
+}
+
+/// Asserts that a value differs from the expected one by less than `most`.
+#[track_caller]
+pub(crate) fn close(value: f64, expected: f64, most: f64) {
+    let error = value - expected;
+    assert!(error.abs() < most, "{value:?} is off {expected:?} by {error:e}");
+}
+
+/// Random numbers, equal in every run (Marsaglia's xorshift).
+pub(crate) struct Draw(pub(crate) u64);
+
+impl Draw {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        low + (high - low) * ((self.0 >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+
+    /// A number of mean 0 and variance 1: twelve uniform ones added.
+    pub(crate) fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.between(0.0, 1.0)).sum::<f64>() - 6.0
+    }
 }
