@@ -17,8 +17,8 @@
 //! since the bead takes each only once.
 
 use std::collections::VecDeque;
+use std::process;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use std::{io, process};
 
 use bead_wire::{
     ANY, Arrival, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request,
@@ -40,26 +40,21 @@ const FRAMES: usize = 4096;
 /// An error of a conversation. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
-    /// The port does not open.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// The port fails or goes away.
-    #[error("{what}: {source}")]
-    Gone {
-        /// The action that failed.
-        what: String,
-        /// The error of the system.
-        source: io::Error,
-    },
-    /// No answer comes, or not all of it.
+    /// The port does not open or goes away, or no whole answer comes.
     #[error("{0}")]
-    Silent(String),
+    Failed(String),
     /// The bead refused.
     #[error("{0}")]
     Refused(String),
     /// Several beads are there, and none of them was named.
     #[error("{0}")]
     Several(String),
+}
+
+impl From<PortError> for LineError {
+    fn from(error: PortError) -> Self {
+        Self::Failed(error.to_string())
+    }
 }
 
 /// A line on which a bead gets requests.
@@ -108,7 +103,7 @@ impl Answer {
             } else {
                 "ask again"
             };
-            LineError::Silent(format!(
+            LineError::Failed(format!(
                 "the bead at address {} replied, but its {what} was lost on the way; {next}",
                 self.address
             ))
@@ -255,7 +250,7 @@ impl Conversation {
                 .expect("MAX_REQUEST bytes always suffice");
             self.port
                 .write(bytes)
-                .map_err(|source| gone(format!("cannot send to {}", self.line), source))?;
+                .map_err(|source| LineError::Failed(format!("cannot send to {}: {source}", self.line)))?;
             let found = self.hear(self.patience, |frame| {
                 let is_asked = asked == ANY || moves || frame.header.address == asked;
                 match &frame.message {
@@ -335,7 +330,7 @@ impl Conversation {
             _ => None,
         })?;
         boot.ok_or_else(|| {
-            LineError::Silent(format!(
+            LineError::Failed(format!(
                 "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",
                 self.addressed(),
                 self.line
@@ -379,7 +374,7 @@ impl Conversation {
             let length = self
                 .port
                 .read(&mut buffer)
-                .map_err(|source| gone(format!("{} went away", self.line), source))?;
+                .map_err(|source| LineError::Failed(format!("{} went away: {source}", self.line)))?;
             let (behind, evidence, asked) = (&mut self.behind, &mut self.evidence, self.asked);
             self.reader.feed(&buffer[..length], None, |item| {
                 behind.extend(item.frame().inspect(|frame| evidence.note(frame, asked)));
@@ -391,7 +386,7 @@ impl Conversation {
     fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
         let why = self.evidence.explain(self.asked, self.reader.counters());
-        LineError::Silent(format!(
+        LineError::Failed(format!(
             "no reply{} at {} within {seconds:.1} s; {why}",
             match self.addressed() {
                 named if named.is_empty() => named,
@@ -410,10 +405,6 @@ impl Conversation {
     }
 }
 
-fn gone(what: String, source: io::Error) -> LineError {
-    LineError::Gone { what, source }
-}
-
 #[cfg(test)]
 mod tests {
     use std::io::{Read, Write};
@@ -422,7 +413,8 @@ mod tests {
     use std::thread;
 
     use super::*;
-    use bead_wire::{Header, Heard, Link, MAX_FRAME, RequestDecoder, ResetCauses, encode};
+    use bead_testing::Speaker;
+    use bead_wire::{Heard, Link, RequestDecoder};
 
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
@@ -454,36 +446,25 @@ mod tests {
         })
     }
 
-    fn frame(address: u8, sequence: u32, message: &Message) -> Vec<u8> {
-        let header = Header {
-            address,
-            boot: 0,
+    /// A bead whose next frame has this number.
+    fn bead(address: u8, sequence: u32) -> Speaker {
+        Speaker {
             sequence,
-            sample_index: 0,
-        };
-        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+            ..Speaker::at(address)
+        }
     }
 
-    fn done(heard: &Heard) -> Message {
+    fn reply(heard: &Heard, outcome: Outcome) -> Message {
         let reply = Reply {
             request: heard.number,
-            outcome: Outcome::Done,
+            outcome,
             detail: "".into(),
         };
         reply.into()
     }
 
-    fn identity() -> Message {
-        let identity = Identity {
-            firmware: "0.1.0".into(),
-            git: "abc".into(),
-            uid: [1; 12],
-            boot: 0,
-            reset_cause: ResetCauses::NONE,
-            sample_rate_hz: 100_000,
-            channels: 4,
-        };
-        identity.into()
+    fn done(heard: &Heard, address: u8) -> Vec<u8> {
+        bead(address, 0).frame(0, &reply(heard, Outcome::Done))
     }
 
     #[test]
@@ -491,10 +472,10 @@ mod tests {
         let error = talk(
             3,
             Duration::from_millis(50),
-            |heard| frame(5, 0, &done(heard)),
+            |heard| done(heard, 5),
             |bead| bead.request(&Request::Arm).unwrap_err(),
         );
-        assert!(matches!(error, LineError::Silent(_)), "{error}");
+        assert!(error.to_string().contains("no reply"), "{error}");
     }
 
     #[test]
@@ -505,7 +486,7 @@ mod tests {
             LONG,
             |heard| {
                 asked.lock().unwrap().push(heard.request.clone().unwrap());
-                [3, 5].map(|address| frame(address, 0, &done(heard))).concat()
+                [3, 5].map(|address| done(heard, address)).concat()
             },
             |bead| {
                 assert_eq!(bead.request(&Request::ReadSettings).unwrap().address, 3);
@@ -522,11 +503,11 @@ mod tests {
             ANY,
             LONG,
             |heard| {
-                let link = Link::default().into();
-                let mut bytes: Vec<u8> = (0..5000).flat_map(|number| frame(3, number, &link)).collect();
-                bytes.extend(frame(3, 5000, &identity()));
-                bytes.extend(frame(3, 5001, &done(heard)));
-                bytes
+                let mut bead = bead(3, 0);
+                (0..5000).for_each(|_| bead.say(0, Link::default()));
+                bead.say(0, bead.identity());
+                bead.say(0, reply(heard, Outcome::Done));
+                bead.bytes
             },
             |bead| bead.request(&Request::Identity).unwrap(),
         );
@@ -545,19 +526,16 @@ mod tests {
             LONG,
             |heard| {
                 sequence += 10;
-                let forged = matches!(heard.request, Ok(Request::Signed { .. }));
-                let outcome = if forged { Outcome::Forged } else { Outcome::Done };
-                let reply = Reply {
-                    request: heard.number,
-                    outcome,
-                    detail: "".into(),
+                let is_signed = matches!(heard.request, Ok(Request::Signed { .. }));
+                let outcome = if is_signed { Outcome::Forged } else { Outcome::Done };
+                let answer = |address| {
+                    let mut bead = bead(address, sequence);
+                    bead.say(0, bead.identity());
+                    bead.say(0, bead_wire::Guard::default());
+                    bead.say(0, reply(heard, outcome));
+                    bead.bytes
                 };
-                let messages = [identity(), bead_wire::Guard::default().into(), reply.into()];
-                let said = |address| {
-                    let messages = (sequence..).zip(&messages);
-                    messages.flat_map(move |(number, message)| frame(address, number, message))
-                };
-                said(5).chain(said(3)).collect()
+                [answer(5), answer(3)].concat()
             },
             |bead| bead.has_key(&Key::new([7; 16]).unwrap()).unwrap_err(),
         );

@@ -355,8 +355,8 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_testing::one_sample_strike;
-    use bead_wire::{Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Status};
+    use bead_testing::{Speaker, one_sample_strike};
+    use bead_wire::{Kept, Kind, Reply, RequestDecoder, Status};
 
     const NEXT: Arrival = Arrival::Next { lost: 0 };
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
@@ -383,15 +383,11 @@ mod tests {
         }
 
         fn begins(&mut self, boot: u8, arrival: Arrival) {
-            let identity = Identity {
-                firmware: "".into(),
-                git: "".into(),
-                uid: [0; 12],
+            let identity = Speaker {
                 boot: boot.into(),
-                reset_cause: ResetCauses::NONE,
-                sample_rate_hz: 100_000,
-                channels: 4,
+                ..Speaker::at(0)
             };
+            let identity = identity.identity();
             self.says(boot, arrival, identity);
             self.counts(boot, 0);
         }

@@ -13,60 +13,35 @@ use rand::TryRng;
 /// Bytes that are read of a file: more than a key has.
 const LONGEST: u64 = 256;
 
-/// Why there is no key. One line: what, why, what next.
+/// A key cannot be read or kept. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
-pub enum KeyError {
-    /// The file cannot be read.
-    #[error("cannot read the key in {path}: {source}")]
-    Unread {
-        /// The file.
-        path: String,
-        /// Error of the system.
-        source: io::Error,
-    },
-    /// The file has something else in it.
-    #[error("{path} is no key: give a file of {} hexadecimal digits, as `bead settings key --new` writes it", 2 * KEY)]
-    NoKey {
-        /// The file.
-        path: String,
-    },
-    /// The file cannot be made.
-    #[error("cannot keep a new key in {path}: {source}; {advice}")]
-    Unwritten {
-        /// The file.
-        path: String,
-        /// Error of the system.
-        source: io::Error,
-        /// Advice.
-        advice: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct KeyError(String);
 
 /// Reads a key.
 ///
 /// # Errors
-/// The file cannot be read, or has no key in it.
+/// The file cannot be read, or holds something else.
 pub fn read(path: &Path) -> Result<Key, KeyError> {
-    let named = || path.display().to_string();
+    let shown = path.display();
     let mut bytes = Vec::new();
-    // A key and some blanks; what is longer is none, and is not read to its end.
+    // A key and some blanks; a longer file holds none, and is not read to its end.
     File::open(path)
         .and_then(|file| file.take(LONGEST).read_to_end(&mut bytes))
-        .map_err(|source| KeyError::Unread {
-            path: named(),
-            source,
-        })?;
+        .map_err(|source| KeyError(format!("cannot read the key in {shown}: {source}")))?;
     let text = str::from_utf8(&bytes).unwrap_or_default();
-    parse(text.trim()).ok_or_else(|| KeyError::NoKey { path: named() })
+    parse(text.trim()).ok_or_else(|| {
+        let digits = 2 * KEY;
+        KeyError(format!(
+            "{shown} is no key: give a file of {digits} hexadecimal digits, as `bead settings key --new` writes it"
+        ))
+    })
 }
 
 fn parse(digits: &str) -> Option<Key> {
-    let whole = digits.len() == 2 * KEY && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
-    let mut bytes = [0; KEY];
-    for (at, byte) in bytes.iter_mut().enumerate() {
-        *byte = u8::from_str_radix(digits.get(2 * at..2 * at + 2).filter(|_| whole)?, 16).ok()?;
-    }
-    Key::new(bytes)
+    let is_whole = digits.len() == 2 * KEY && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let number = u128::from_str_radix(digits, 16).ok().filter(|_| is_whole)?;
+    Key::new(number.to_be_bytes())
 }
 
 /// Makes a key of the system's randomness and keeps it in a new file that only its owner can read.
@@ -74,16 +49,16 @@ fn parse(digits: &str) -> Option<Key> {
 /// # Errors
 /// The file is there already, or cannot be written.
 pub fn create(path: &Path) -> Result<Key, KeyError> {
-    let unwritten = |source: io::Error| KeyError::Unwritten {
-        path: path.display().to_string(),
-        advice: match source.kind() {
+    let unwritten = |source: io::Error| {
+        let advice = match source.kind() {
             io::ErrorKind::AlreadyExists => "a key takes no other file's place: give another name",
             io::ErrorKind::NotFound => "make its folder first, or give a name in one that is there",
             io::ErrorKind::PermissionDenied => "give a name in a folder that you may write to",
             io::ErrorKind::StorageFull => "make room on the disk, or give a name on another",
             _ => "give another name",
-        },
-        source,
+        };
+        let shown = path.display();
+        KeyError(format!("cannot keep a new key in {shown}: {source}; {advice}"))
     };
     let mut bytes = [0; KEY];
     rand::rngs::SysRng
@@ -118,41 +93,34 @@ mod tests {
         assert_eq!(read(&path).unwrap(), key);
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_ne!(create(&folder.path().join("other.key")).unwrap(), key);
-        let said = create(&path).unwrap_err().to_string();
-        assert!(said.contains("takes no other file's place"), "{said}");
+        let refused = |path: &Path| create(path).unwrap_err().to_string();
+        assert!(refused(&path).contains("takes no other file's place"));
         assert_eq!(read(&path).unwrap(), key, "it is still there");
-        let said = create(&folder.path().join("no/bead.key"))
-            .unwrap_err()
-            .to_string();
-        assert!(said.contains("make its folder first"), "{said}");
-        assert!(!said.contains("other file"), "{said}");
+        assert!(refused(&folder.path().join("no/bead.key")).ends_with("in one that is there"));
     }
 
     #[test]
-    fn what_is_no_key_is_refused() {
+    fn a_file_without_a_key_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("some.key");
-        let wrong = [
-            "",
-            "00",
-            &"0".repeat(32),
-            &"g".repeat(32),
-            &"1".repeat(33),
-            &"é".repeat(16),
-            &" ".repeat(1000),
-        ];
-        for text in wrong {
-            fs::write(&path, text).unwrap();
-            let said = read(&path).unwrap_err().to_string();
-            assert!(
-                said.contains("some.key is no key: give a file of 32"),
-                "{text}: {said}"
-            );
+        for (text, count) in [
+            ("", 1),
+            ("00", 1),
+            ("0", 32),
+            ("g", 32),
+            ("1", 33),
+            ("é", 16),
+            (" ", 1000),
+        ] {
+            fs::write(&path, text.repeat(count)).unwrap();
+            let message = read(&path).unwrap_err().to_string();
+            let wanted = "some.key is no key: give a file of 32";
+            assert!(message.contains(wanted), "{text}: {message}");
         }
         fs::write(&path, format!("  {}\n", "aF".repeat(16))).unwrap();
         assert_eq!(read(&path).unwrap().bytes(), &[0xAF; KEY]);
         assert!(read(&folder.path().join("none.key")).is_err());
-        let said = read(Path::new("/dev/zero")).unwrap_err().to_string();
-        assert!(said.contains("/dev/zero is no key"), "{said}");
+        let message = read(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(message.contains("/dev/zero is no key"), "{message}");
     }
 }

@@ -5,7 +5,6 @@ pub mod gaps;
 pub mod key;
 pub mod listener;
 pub mod port;
-pub mod queue;
 pub mod recorder;
 
 mod silence;

@@ -2,30 +2,42 @@
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::port::{Address, Port};
-use crate::queue::Queue;
 
 /// Time between two attempts to open a port that went away.
 const RETRY: Duration = Duration::from_millis(200);
+/// Greatest number of bytes that are read at a time.
+const BLOCK: usize = 4096;
+/// Greatest number of pieces of bytes that wait for the disk: half a minute of a serial line, and at most
+/// 128 MB.
+pub(crate) const QUEUE: usize = 1 << 15;
+
+/// Bytes of a port on their way to the recorder.
+pub(crate) struct PortBytes {
+    /// Index of the port.
+    pub(crate) source: usize,
+    /// Receive time of the last of the bytes.
+    pub(crate) received: Instant,
+    /// Empty when the port is back after it was away.
+    pub(crate) bytes: Vec<u8>,
+}
 
 /// State that all listeners of a recording share.
-pub struct Shared<'a> {
+pub(crate) struct Shared<'a> {
     /// The listeners end when it is true.
-    pub stop: &'a AtomicBool,
+    pub(crate) stop: &'a AtomicBool,
     /// The listeners end at this time.
-    pub deadline: Option<Instant>,
+    pub(crate) deadline: Option<Instant>,
     /// Time for which every port may be away before the listeners give up. If it is 0, all end when one goes
     /// away.
-    pub wait: Duration,
+    pub(crate) wait: Duration,
     /// Time when a port was last there.
-    pub alive: Mutex<Instant>,
-    /// Takes the bytes.
-    pub queue: &'a Queue,
+    pub(crate) alive: Mutex<Instant>,
 }
 
 impl Shared<'_> {
@@ -56,23 +68,24 @@ pub enum End {
 }
 
 /// Reads one port.
-pub struct Listener<'a> {
+pub(crate) struct Listener<'a> {
     /// Index of the port, which goes with its bytes.
-    pub source: usize,
-    /// The port.
-    pub address: &'a Address,
+    pub(crate) source: usize,
+    pub(crate) address: &'a Address,
     /// Bits a second of a serial port.
-    pub baud: u32,
+    pub(crate) baud: u32,
+    /// Takes the bytes. While it is full, the listener waits: the sender at the other end of a socket then
+    /// waits too, and a serial line loses bytes, which shows in its frames.
+    pub(crate) bytes: SyncSender<PortBytes>,
     /// Requests to send.
-    pub requests: Receiver<Vec<u8>>,
-    /// State that it shares with the others.
-    pub shared: &'a Shared<'a>,
+    pub(crate) requests: Receiver<Vec<u8>>,
+    pub(crate) shared: &'a Shared<'a>,
 }
 
 impl Listener<'_> {
     /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note` takes
     /// a line when it goes, and one when bytes come again; an empty piece in the queue stands before those.
-    pub fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
+    pub(crate) fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
         let Self { address, shared, .. } = self;
         // Why the port went away, until bytes come again.
         let mut away = None;
@@ -146,25 +159,33 @@ impl Listener<'_> {
 
     /// Reads until the listener is stopped. With the first bytes the port is `away` no more.
     fn read(&self, port: &mut Port, away: &mut Option<io::Error>, note: &impl Fn(String)) -> io::Result<()> {
-        let Shared { queue, wait, .. } = self.shared;
         let opened = Instant::now();
-        let mut buffer = vec![0; 64 * 1024];
+        let mut buffer = vec![0; BLOCK];
         loop {
             let length = port.read(&mut buffer)?;
             // The time is taken here and not at the writer, where the disk would delay it.
-            let now = Instant::now();
+            let received = Instant::now();
+            let hand_on = |bytes: &[u8]| {
+                let (source, bytes) = (self.source, bytes.to_vec());
+                let piece = PortBytes {
+                    source,
+                    received,
+                    bytes,
+                };
+                self.bytes.send(piece).is_ok()
+            };
             if length > 0 && away.take().is_some() {
                 note(format!("{} is back", self.address));
-                if !queue.push((self.source, now, Vec::new())) {
+                if !hand_on(&[]) {
                     return Ok(());
                 }
             }
             // A server may take every connection and soon close it without a byte. That does not count.
-            if away.is_none() || opened.elapsed() >= *wait {
+            if away.is_none() || opened.elapsed() >= self.shared.wait {
                 self.shared.note_alive();
             }
-            let wanted = length == 0 || queue.push((self.source, now, buffer[..length].to_vec()));
-            if !wanted || self.shared.is_over() {
+            let is_wanted = length == 0 || hand_on(&buffer[..length]);
+            if !is_wanted || self.shared.is_over() {
                 return Ok(());
             }
             for request in self.requests.try_iter() {

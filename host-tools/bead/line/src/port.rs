@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use serialport::{ErrorKind, SerialPort, SerialPortType};
+use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
-/// How long a read waits for bytes. A request to stop is noticed within this time.
+/// Longest wait of a read for bytes. A request to stop is noticed within this time.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// How long a connection may take.
+/// Time-out of a connection.
 const CONNECT: Duration = Duration::from_secs(5);
 
-/// Why nothing more will come.
+/// Reason of a port that has gone away.
 const GONE: &str = "unplugged, or closed at the other end";
 
 /// Address of a port, as `--port` names it.
@@ -62,82 +62,13 @@ impl fmt::Display for Address {
     }
 }
 
-/// Why a port does not open: what, why, and what to do.
+/// A port does not open. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
-pub enum PortError {
-    /// There is no such path.
-    #[error("there is no {path}; {}", Ports)]
-    Missing {
-        /// The port.
-        path: String,
-    },
-    /// The user may not open it.
-    #[error(
-        "{path}: permission denied; serial ports belong to the group dialout (on some systems uucp): `sudo usermod \
-         -aG dialout $USER`, then log in again"
-    )]
-    Denied {
-        /// The port.
-        path: String,
-    },
-    /// Another program has it.
-    #[error(
-        "{path} is in use by another program, which `fuser -v {path}` names; end that one; {}",
-        Ports
-    )]
-    Busy {
-        /// The port.
-        path: String,
-    },
-    /// It is something else, or there is nothing behind it.
-    #[error("{path} is no serial port that works ({reason}); {}", Ports)]
-    Unusable {
-        /// The port.
-        path: String,
-        /// Error of the system.
-        reason: String,
-    },
-    /// The adapter runs at another rate.
-    #[error(
-        "{path} runs at {actual} baud where {asked} were asked for: its adapter cannot; take one that can, or \
-         give the --baud that the bead sends at"
-    )]
-    Baud {
-        /// The port.
-        path: String,
-        /// Bits a second that were asked for.
-        asked: u32,
-        /// Bits a second that the driver says.
-        actual: u32,
-    },
-    /// No server answers at the address.
-    #[error(
-        "cannot connect to {address}: {source}; start the server that has the bead's line, or correct the address"
-    )]
-    Unconnected {
-        /// The address.
-        address: Address,
-        /// Error of the system.
-        source: io::Error,
-    },
-}
-
-/// The serial ports of this computer, as advice.
-struct Ports;
-
-impl fmt::Display for Ports {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = port_names();
-        if names.is_empty() {
-            write!(f, "this computer has no serial port: plug the adapter in")
-        } else {
-            write!(f, "serial ports here: {}", names.join(", "))
-        }
-    }
-}
+#[error("{0}")]
+pub struct PortError(String);
 
 /// The serial ports of this computer.
-fn ports() -> Vec<serialport::SerialPortInfo> {
+fn ports() -> Vec<SerialPortInfo> {
     // Where the kernel shows no terminals, as in some containers, serialport would panic.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
@@ -150,21 +81,26 @@ fn ports() -> Vec<serialport::SerialPortInfo> {
 /// The serial ports of this computer that an adapter may be at: those at USB, if there are any.
 pub fn all_serial() -> Vec<Address> {
     let ports = ports();
-    let is_usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
+    let is_usb = |port: &SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
     let any_usb = ports.iter().any(is_usb);
     let ports = ports.into_iter().filter(|port| is_usb(port) || !any_usb);
     ports.map(|port| Address::Serial(port.port_name)).collect()
 }
 
-fn port_names() -> Vec<String> {
-    let name = |port: serialport::SerialPortInfo| match port.port_type {
+/// The serial ports of this computer, as advice.
+fn advice() -> String {
+    let name = |port: SerialPortInfo| match port.port_type {
         SerialPortType::UsbPort(usb) => match usb.product {
             Some(product) => format!("{} ({product})", port.port_name),
             None => format!("{} (USB)", port.port_name),
         },
         _ => port.port_name,
     };
-    ports().into_iter().map(name).collect()
+    let names: Vec<_> = ports().into_iter().map(name).collect();
+    if names.is_empty() {
+        return "this computer has no serial port: plug the adapter in".to_owned();
+    }
+    format!("serial ports here: {}", names.join(", "))
 }
 
 impl Address {
@@ -174,16 +110,21 @@ impl Address {
     /// # Errors
     /// [`PortError`].
     pub fn open(&self, baud: u32) -> Result<Port, PortError> {
-        let line: Box<dyn Line> = match self {
+        let unconnected = |source: io::Error| {
+            PortError(format!(
+                "cannot connect to {self}: {source}; start the server that has the bead's line, or correct the address"
+            ))
+        };
+        let line: Box<dyn Bytes> = match self {
             Self::Serial(path) => Box::new(open_serial(path, baud)?),
-            Self::Tcp(server) => Box::new(connect(server).map_err(|source| self.unconnected(source))?),
+            Self::Tcp(server) => Box::new(connect(server).map_err(unconnected)?),
             Self::Unix(path) => {
                 let stream = UnixStream::connect(path).and_then(|stream| {
                     stream.set_read_timeout(Some(PATIENCE))?;
                     stream.set_write_timeout(Some(CONNECT))?;
                     Ok(stream)
                 });
-                Box::new(stream.map_err(|source| self.unconnected(source))?)
+                Box::new(stream.map_err(unconnected)?)
             }
         };
         Ok(Port { line })
@@ -198,39 +139,31 @@ impl Address {
             _ => self == other,
         }
     }
-
-    fn unconnected(&self, source: io::Error) -> PortError {
-        PortError::Unconnected {
-            address: self.clone(),
-            source,
-        }
-    }
 }
 
 fn open_serial(path: &str, baud: u32) -> Result<serialport::TTYPort, PortError> {
-    let path = path.to_owned();
     // 8 data bits, no parity, 1 stop bit, no flow control are what serialport begins with.
-    let port = match serialport::new(&path, baud).timeout(PATIENCE).open_native() {
-        Ok(port) => port,
-        Err(error) => {
-            return Err(match error.kind() {
-                ErrorKind::Io(io::ErrorKind::NotFound) => PortError::Missing { path },
-                ErrorKind::Io(io::ErrorKind::PermissionDenied) => PortError::Denied { path },
-                // serialport gives this error for a locked port.
-                ErrorKind::NoDevice => PortError::Busy { path },
-                _ => PortError::Unusable {
-                    path,
-                    reason: error.to_string(),
-                },
-            });
-        }
-    };
+    let opened = serialport::new(path, baud).timeout(PATIENCE).open_native();
+    let port = opened.map_err(|error| {
+        PortError(match error.kind() {
+            ErrorKind::Io(io::ErrorKind::NotFound) => format!("there is no {path}; {}", advice()),
+            ErrorKind::Io(io::ErrorKind::PermissionDenied) => format!(
+                "{path}: permission denied; serial ports belong to the group dialout (on some systems uucp): \
+                 `sudo usermod -aG dialout $USER`, then log in again"
+            ),
+            // serialport gives this error for a locked port.
+            ErrorKind::NoDevice => format!(
+                "{path} is in use by another program, which `fuser -v {path}` names; end that one; {}",
+                advice()
+            ),
+            _ => format!("{path} is no serial port that works ({error}); {}", advice()),
+        })
+    })?;
     match port.baud_rate() {
-        Ok(actual) if !is_near(baud, actual) => Err(PortError::Baud {
-            path,
-            asked: baud,
-            actual,
-        }),
+        Ok(actual) if !is_near(baud, actual) => Err(PortError(format!(
+            "{path} runs at {actual} baud where {baud} were asked for: its adapter cannot; take one that can, or give \
+             the --baud that the bead sends at"
+        ))),
         _ => Ok(port),
     }
 }
@@ -257,13 +190,13 @@ fn connect(server: &str) -> io::Result<TcpStream> {
 }
 
 /// Bytes both ways.
-trait Line: Read + Write + Send {}
+trait Bytes: Read + Write + Send {}
 
-impl<T: Read + Write + Send> Line for T {}
+impl<T: Read + Write + Send> Bytes for T {}
 
 /// An open port.
 pub struct Port {
-    line: Box<dyn Line>,
+    line: Box<dyn Bytes>,
 }
 
 impl Port {
@@ -297,29 +230,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_is_read_back_as_it_is_written() {
-        let cases = [
+    fn an_address_is_read_back_as_it_is_written_and_one_that_lacks_a_part_is_refused() {
+        for (text, address) in [
             ("/dev/ttyUSB0", Address::Serial("/dev/ttyUSB0".into())),
             ("tcp:localhost:4000", Address::Tcp("localhost:4000".into())),
             ("tcp:[::1]:4000", Address::Tcp("[::1]:4000".into())),
             ("unix:/run/bead.sock", Address::Unix("/run/bead.sock".into())),
-        ];
-        for (text, address) in cases {
+        ] {
             assert_eq!(text.parse(), Ok(address.clone()));
             assert_eq!(address.to_string(), text);
         }
-    }
-
-    #[test]
-    fn an_address_that_lacks_a_part_is_refused() {
-        for text in [
+        let wrong = [
             "",
             "tcp:",
             "tcp:localhost",
             "tcp::4000",
             "tcp:localhost:65536",
             "unix:",
-        ] {
+        ];
+        for text in wrong {
             assert!(text.parse::<Address>().is_err(), "{text}");
         }
     }

@@ -1,8 +1,8 @@
 //! Records the beads at several ports in one file, and fetches the strikes that are lost on the way.
 //!
 //! # Design
-//! One thread for each port only reads it. A slow disk therefore costs memory, up to `QUEUE` bytes, before
-//! it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to `QUEUE` pieces of bytes,
+//! before it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
 //! each case all that they read is recorded.
 //!
 //! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
@@ -11,17 +11,16 @@ use std::collections::{BTreeMap, VecDeque};
 use std::panic;
 use std::path::PathBuf;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Sender};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bead_wire::{Arrival, Counters, Message};
 
 use crate::gaps::Gaps;
-use crate::listener::{End, Listener, Shared};
+use crate::listener::{End, Listener, PortBytes, QUEUE, Shared};
 use crate::port::{Address, Port};
-use crate::queue::{Closed, Queue};
 use bead_recording::assembly::Assembled;
 use bead_recording::clock::Live;
 use bead_recording::file::{About, BeadIndex, Origin, RecordingError, Writer};
@@ -30,8 +29,6 @@ use bead_tables::whole::Target;
 
 /// Time between two looks for something to ask a bead.
 const ASK_EVERY: Duration = Duration::from_millis(50);
-/// Greatest number of received bytes that wait for the disk: minutes of a serial line.
-const QUEUE: usize = 32 << 20;
 /// Greatest number of bytes that are kept of a port from which no frame has come yet.
 const UNKNOWN_MOST: usize = 64 << 10;
 
@@ -222,7 +219,6 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// A file cannot be written. The bytes that came before stay under its temporary name.
     pub fn run(mut self, ports: Vec<Port>, stop: &AtomicBool) -> Result<Recorded, RecorderError> {
-        let queue = Queue::new(QUEUE);
         let shared = Shared {
             stop,
             deadline: self
@@ -231,40 +227,29 @@ impl<'a> Recorder<'a> {
                 .and_then(|duration| self.opened.checked_add(duration)),
             wait: self.options.wait,
             alive: Mutex::new(Instant::now()),
-            queue: &queue,
         };
         let addresses: Vec<Address> = self.sources.iter().map(|source| source.address.clone()).collect();
-        let (requests, to_send): (Vec<_>, Vec<_>) = addresses.iter().map(|_| mpsc::channel()).unzip();
         let (note, baud) = (self.note, self.options.baud);
-        let listener = |((source, address), requests)| Listener {
-            source,
-            address,
-            baud,
-            requests,
-            shared: &shared,
-        };
-        let listeners: Vec<Listener<'_>> = addresses.iter().enumerate().zip(to_send).map(listener).collect();
-        let left = AtomicUsize::new(addresses.len());
+        let (bytes, received) = mpsc::sync_channel(QUEUE);
         let (ends, recorded) = thread::scope(|scope| {
-            let (left, queue) = (&left, &queue);
-            let listen = |(listener, port): (Listener<'_>, Port)| {
-                let _end = AtEnd(|| {
-                    if left.fetch_sub(1, Ordering::Relaxed) == 1 {
-                        queue.close();
-                    }
-                });
-                listener.listen(port, note)
-            };
-            let listeners = listeners.into_iter().zip(ports);
-            let threads: Vec<_> = listeners
-                .map(|listener| scope.spawn(move || listen(listener)))
-                .collect();
+            let (mut requests, mut threads) = (Vec::new(), Vec::new());
+            for ((source, address), port) in addresses.iter().enumerate().zip(ports) {
+                let (request, to_send) = mpsc::channel();
+                requests.push(request);
+                let listener = Listener {
+                    source,
+                    address,
+                    baud,
+                    bytes: bytes.clone(),
+                    requests: to_send,
+                    shared: &shared,
+                };
+                threads.push(scope.spawn(move || listener.listen(port, note)));
+            }
+            drop(bytes);
             let recorded = {
-                let _end = AtEnd(|| {
-                    queue.close();
-                    stop.store(true, Ordering::Relaxed);
-                });
-                self.record(queue, &requests)
+                let _stop = StopAtEnd(stop);
+                self.record(received, &requests)
             };
             let join = |thread: ScopedJoinHandle<'_, End>| {
                 thread.join().unwrap_or_else(|cause| panic::resume_unwind(cause))
@@ -306,25 +291,29 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Records what comes until the queue is closed, and asks for what is missing.
-    fn record(&mut self, queue: &Queue, requests: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
+    /// Records what comes until no listener is left, and asks for what is missing.
+    fn record(
+        &mut self,
+        received: Receiver<PortBytes>,
+        requests: &[Sender<Vec<u8>>],
+    ) -> Result<(), RecordingError> {
         loop {
             if let Some(path) = self.writer.split(self.options.split)? {
                 (self.note)(format!("{} is complete; the recording goes on", path.display()));
                 self.files.push(path);
             }
-            match queue.pop(ASK_EVERY) {
-                Ok(Some((source, _, bytes))) if bytes.is_empty() => {
+            match received.recv_timeout(ASK_EVERY) {
+                Ok(PortBytes { source, bytes, .. }) if bytes.is_empty() => {
                     let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
                     of_port.for_each(|(_, gaps)| gaps.reconnect());
                 }
-                Ok(Some((source, received, bytes))) => {
-                    let since = received.duration_since(self.opened);
+                Ok(piece) => {
+                    let since = piece.received.duration_since(self.opened);
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
-                    self.push(source, bytes, received_ns)?;
+                    self.push(piece.source, piece.bytes, received_ns)?;
                 }
-                Ok(None) => self.writer.flush_in_time()?,
-                Err(Closed) => return Ok(()),
+                Err(RecvTimeoutError::Timeout) => self.writer.flush_in_time()?,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
             if self.options.fetch {
                 let now = Instant::now();
@@ -431,12 +420,11 @@ fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
     }
 }
 
-/// Does something at the end of a block, also of one that panics: a thread that waits for it would wait for
-/// ever.
-struct AtEnd<F: Fn()>(F);
+/// Stops the listeners at the end of a block, also of one that panics: their threads are waited for.
+struct StopAtEnd<'a>(&'a AtomicBool);
 
-impl<F: Fn()> Drop for AtEnd<F> {
+impl Drop for StopAtEnd<'_> {
     fn drop(&mut self) {
-        self.0();
+        self.0.store(true, Ordering::Relaxed);
     }
 }

@@ -157,22 +157,17 @@ impl Evidence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::{Arrival, Decoder, Header, MAX_FRAME, Status, encode};
+    use bead_testing::Speaker;
+    use bead_wire::Status;
 
     /// Returns the text after these messages, each with its boot.
-    fn said(messages: &[(u8, Message)]) -> String {
-        let mut seen = Evidence::default();
-        let mut bytes = Vec::new();
-        for (sequence, (boot, message)) in (0..).zip(messages) {
-            let header = Header {
-                address: 0,
-                boot: *boot,
-                sequence,
-                sample_index: 0,
-            };
-            bytes.extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
+    fn said(messages: &[(u32, Message)]) -> String {
+        let (mut seen, mut bead) = (Evidence::default(), Speaker::default());
+        for (boot, message) in messages {
+            bead.boot = *boot;
+            bead.say(0, message.clone());
         }
-        let (frames, counters) = bead_recording::frames::decode(&bytes);
+        let (frames, counters) = bead_recording::frames::decode(&bead.bytes);
         frames.iter().for_each(|frame| seen.note(frame, ANY));
         seen.explain(ANY, &counters)
     }
@@ -197,8 +192,7 @@ mod tests {
 
     #[test]
     fn what_the_bead_says_of_its_line_is_what_the_host_says_of_it() {
-        let _ = (Decoder::new(), Arrival::First);
-        let cases: [(&[(u8, Message)], &str); 5] = [
+        let cases: [(&[(u32, Message)], &str); 5] = [
             (
                 &[(0, link(0, 0, 0)), (0, link(0, 0, 0))],
                 "2 frames came; by its own count it never received a byte",
