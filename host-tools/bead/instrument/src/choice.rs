@@ -83,8 +83,8 @@ impl FromStr for Wanted {
             Some(("number", number)) => Address::Number(number.to_owned()),
             _ => Address::Either(column.trim().to_owned()),
         };
-        if matches!(&column, Address::Either(text) | Address::Name(text) | Address::Number(text) if text.is_empty())
-        {
+        let (Address::Either(name) | Address::Name(name) | Address::Number(name)) = &column;
+        if name.is_empty() {
             return Err("give a column by its name or number, as in CH1:8.9N or 2:8.9N".to_owned());
         }
         let size = size.transpose()?;

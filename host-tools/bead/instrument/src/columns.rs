@@ -19,6 +19,15 @@ pub(super) struct Header {
 }
 
 impl Header {
+    /// A column that has its number for a name.
+    pub(super) fn without_name(place: usize) -> Self {
+        Self {
+            place,
+            name: (place + 1).to_string(),
+            unit: None,
+        }
+    }
+
     fn stem(&self) -> &str {
         unit::split(&self.name).0
     }
@@ -266,19 +275,18 @@ impl Table<'_> {
             (None, [one]) => one,
             (None, []) => {
                 // A name that suggests the quantity is answered with how to give its unit.
-                let mut suggested = self
+                let suggested = self
                     .headers
                     .iter()
-                    .filter(|header| header.suggests() == Some(quantity));
-                match suggested.next() {
-                    Some(header)
-                        if header
-                            .unit()
-                            .is_none_or(|unit| unit.quantity == Quantity::Voltage) =>
-                    {
-                        header
-                    }
-                    _ => return Ok(None),
+                    .find(|header| header.suggests() == Some(quantity));
+                let has_no_unit = |header: &&Header| {
+                    header
+                        .unit()
+                        .is_none_or(|unit| unit.quantity == Quantity::Voltage)
+                };
+                match suggested.filter(has_no_unit) {
+                    Some(header) => header,
+                    None => return Ok(None),
                 }
             }
             (None, several) => {
@@ -316,17 +324,12 @@ impl Table<'_> {
             ));
         };
         let place = header.place;
-        let assumed = || format!("column {} has no unit and is taken for seconds", header.shown());
-        Ok(match header.unit() {
-            Some(unit) => (
-                Picked {
-                    place,
-                    size: unit.size,
-                },
-                None,
-            ),
-            None => (Picked { place, size: 1.0 }, Some(assumed())),
-        })
+        let Some(unit) = header.unit() else {
+            let remark = format!("column {} has no unit and is taken for seconds", header.shown());
+            return Ok((Picked { place, size: 1.0 }, Some(remark)));
+        };
+        let size = unit.size;
+        Ok((Picked { place, size }, None))
     }
 
     fn check_distinct(&self, picks: &Picks) -> Result<(), WaveformError> {
@@ -379,9 +382,8 @@ mod tests {
 
     fn headers(names: &[&str]) -> Vec<Header> {
         let header = |(place, name): (usize, &&str)| Header {
-            place,
             name: (*name).to_owned(),
-            unit: None,
+            ..Header::without_name(place)
         };
         names.iter().enumerate().map(header).collect()
     }
@@ -399,25 +401,18 @@ mod tests {
 
     #[test]
     fn columns_are_found_by_their_units() {
-        let found = picked(&["t (ms)", "Force (kN)", "a [m/s²]"], &Choice::default()).unwrap();
         let pick = |place, size| Some(Picked { place, size });
-        assert_eq!(
-            (found.time, found.force, found.acceleration),
-            (pick(0, 1e-3), pick(1, 1e3), pick(2, 1.0))
-        );
-        let exported = [
-            "id",
-            "sample_index",
-            "time_s",
-            "time_from_trigger_s",
-            "force_n",
-            "acceleration_mps2",
-            "force_code",
-            "acceleration_code",
-        ];
+        let found = picked(&["t (ms)", "Force (kN)", "a [m/s²]"], &Choice::default()).unwrap();
+        assert_eq!((found.time, found.force), (pick(0, 1e-3), pick(1, 1e3)));
+        assert_eq!((found.acceleration, found.strike), (pick(2, 1.0), None));
+        let exported = "id sample_index time_s time_from_trigger_s force_n acceleration_mps2 force_code acceleration_code";
+        let exported: Vec<_> = exported.split(' ').collect();
         let found = picked(&exported, &Choice::default()).unwrap();
         assert_eq!((found.time, found.force), (pick(2, 1.0), pick(4, 1.0)));
         assert_eq!(found.strike, Some(0));
+        // A gram is no gravity, and the seventh channel has no unit.
+        let found = picked(&["t (s)", "mass_g", "Channel G", "a (G)"], &Choice::default()).unwrap();
+        assert_eq!(found.acceleration.map(|picked| picked.place), Some(3));
     }
 
     #[test]
@@ -443,14 +438,14 @@ mod tests {
             assert_eq!(found.force.map(|picked| picked.place), Some(place), "{wanted}");
         }
         // Channels of a WAV file have their numbers for names.
-        let channels = picked(
-            &["1", "2"],
-            &Choice {
-                rate_hz: Some(1e5),
-                ..force("2:N")
-            },
+        let of_wav = Choice {
+            rate_hz: Some(1e5),
+            ..force("2:N")
+        };
+        assert_eq!(
+            picked(&["1", "2"], &of_wav).unwrap().remarks,
+            ["force from column 2 in N"]
         );
-        assert_eq!(channels.unwrap().remarks, ["force from column 2 in N"]);
     }
 
     #[test]
@@ -467,80 +462,79 @@ mod tests {
     }
 
     #[test]
-    fn refusals_tell_some_names_and_the_beginning_of_each() {
+    fn refusals_show_some_names_and_the_beginning_of_each() {
+        let none = Choice::default();
         let long = "n".repeat(1 << 20);
         let mut names = vec!["CH1"; 300_000];
         names[0] = long.as_str();
-        let why = picked(&names, &Choice::default()).unwrap_err();
-        assert!(
-            why.contains(&format!("among {}…, CH1, ", "n".repeat(40))),
-            "{why:.400}"
-        );
-        assert!(why.contains(", CH1 and 299980 more; say which"), "{why:.400}");
-        assert!(why.len() < 500, "{}", why.len());
-        // What has a long name is typed by its number.
-        let force_of = format!("force {long}");
-        let why = picked(&["t (s)", &force_of], &Choice::default()).unwrap_err();
-        assert!(
-            why.contains("column 2 has no unit; say what 1 of it is: --force-column 2:8.9N"),
-            "{why:.400}"
-        );
+        let beginning = format!("among {}…, CH1, ", "n".repeat(40));
+        // A column with a long name is typed by its number.
+        let named = format!("force {long}");
         let of_unit = format!("force ({long})");
-        let why = picked(&["t (s)", &of_unit], &Choice::default()).unwrap_err();
-        assert!(why.contains("is in `nnn") && why.len() < 300, "{why:.400}");
-        let time = format!("time {long}");
-        let found = picked(&[&time, "F (N)"], &Choice::default()).unwrap();
+        for (names, parts) in [
+            (&names[..], [&beginning[..], ", CH1 and 299980 more; say which"]),
+            (
+                &["t (s)", &named],
+                ["column 2 has no unit", "what 1 of it is: --force-column 2:8.9N"],
+            ),
+            (&["t (s)", &of_unit], ["column 2 is in `nnn", "what 1 of it is"]),
+            (
+                &["F (N)"; 1000],
+                ["has 1000 columns of force", "and 980 more; say"],
+            ),
+        ] {
+            let why = picked(names, &none).unwrap_err();
+            assert!(parts.iter().all(|part| why.contains(part)), "{why:.400}");
+            assert!(why.len() < 500, "{}", why.len());
+        }
+        let found = picked(&[&format!("time {long}"), "F (N)"], &none).unwrap();
         assert!(found.remarks[0].len() < 100, "{:.200}", found.remarks[0]);
-        let several = vec!["F (N)"; 1000];
-        assert!(
-            picked(&several, &Choice::default())
-                .unwrap_err()
-                .contains("and 980 more; say")
-        );
     }
 
     #[test]
-    fn a_gram_is_no_gravity() {
-        let why = picked(&["t (s)", "mass_g"], &Choice::default()).unwrap_err();
-        assert!(why.contains("no column of force or acceleration"), "{why}");
-        let why = picked(&["t (s)", "Channel G"], &Choice::default()).unwrap_err();
-        assert!(why.contains("no column of force or acceleration"), "{why}");
-        let found = picked(&["t (s)", "mass_g", "a (G)"], &Choice::default()).unwrap();
-        assert_eq!(found.acceleration.map(|picked| picked.place), Some(2));
-    }
-
-    #[test]
-    fn what_is_missing_is_told_with_what_to_type() {
-        let says = |names: &[&str], choice: &Choice| picked(names, choice).unwrap_err();
+    fn a_missing_column_or_unit_is_named_with_what_to_type() {
         let none = Choice::default();
-        let why = says(&["TIME", "CH1", "CH2"], &none);
-        assert!(
-            why.contains("TIME, CH1, CH2; say which, and what 1 of it is: --force-column CH1:8.9N"),
-            "{why}"
-        );
-        let why = says(&["t (s)", "force"], &none);
-        assert!(
-            why.contains("column force has no unit; say what 1 of it is: --force-column force:8.9N"),
-            "{why}"
-        );
-        let why = says(&["t (s)", "Force (V)"], &none);
-        assert!(why.contains("is in V; say what 1"), "{why}");
-        let why = says(&["F (N)"], &none);
-        assert!(
-            why.contains("no column of time among F (N); say which with --time-column"),
-            "{why}"
-        );
-        let why = says(&["t (s)", "F1 (N)", "F2 (N)"], &none);
-        assert!(why.contains("2 columns of force: F1 (N), F2 (N)"), "{why}");
-        let why = says(&["t (s)", "F (N)"], &force("G:N"));
-        assert!(
-            why.contains("no such column of numbers; there are t (s), F (N)"),
-            "{why}"
-        );
-        let why = says(&["t (s)", "F (N)"], &force("F:ms"));
-        assert!(
-            why.contains("its unit is one of time; give one of force"),
-            "{why}"
-        );
+        for (names, choice, wanted) in [
+            (
+                &["TIME", "CH1", "CH2"][..],
+                &none,
+                "TIME, CH1, CH2; say which, and what 1 of it is: --force-column CH1:8.9N",
+            ),
+            (&["t (s)", "mass_g"], &none, "no column of force or acceleration"),
+            (
+                &["t (s)", "Channel G"],
+                &none,
+                "no column of force or acceleration",
+            ),
+            (
+                &["t (s)", "force"],
+                &none,
+                "column force has no unit; say what 1 of it is: --force-column force:8.9N",
+            ),
+            (&["t (s)", "Force (V)"], &none, "is in V; say what 1"),
+            (
+                &["F (N)"],
+                &none,
+                "no column of time among F (N); say which with --time-column",
+            ),
+            (
+                &["t (s)", "F1 (N)", "F2 (N)"],
+                &none,
+                "2 columns of force: F1 (N), F2 (N)",
+            ),
+            (
+                &["t (s)", "F (N)"],
+                &force("G:N"),
+                "no such column of numbers; there are t (s), F (N)",
+            ),
+            (
+                &["t (s)", "F (N)"],
+                &force("F:ms"),
+                "its unit is one of time; give one of force",
+            ),
+        ] {
+            let why = picked(names, choice).unwrap_err();
+            assert!(why.contains(wanted), "{why}");
+        }
     }
 }

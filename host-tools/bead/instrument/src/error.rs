@@ -37,6 +37,14 @@ impl WaveformError {
         }
     }
 
+    /// Makes the error of a `path` that the system refused to read.
+    pub(super) fn unread(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::File {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
     /// Appends a second possible reason.
     pub(super) fn also(mut self, reason: Option<&str>) -> Self {
         if let (Self::Unfit { what, .. }, Some(reason)) = (&mut self, reason) {

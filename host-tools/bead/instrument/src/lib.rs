@@ -33,31 +33,24 @@ impl Waveform {
     /// # Errors
     /// The file cannot be read, or is no waveform with units; the message is one line: what, why, what next.
     pub fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Self, WaveformError> {
-        let unread = |source| WaveformError::File {
-            path: path.to_owned(),
-            source,
-        };
-        let is_file = path.metadata().map_err(unread)?.is_file();
-        if !is_file {
+        let unread = WaveformError::unread(path);
+        if !path.metadata().map_err(&unread)?.is_file() {
             return Err(WaveformError::unfit(
                 path,
                 "is a directory, a device or a pipe; give a file",
             ));
         }
-        let mut head = [0; 12];
-        let mut file = File::open(path).map_err(unread)?;
-        let mut length = 0;
-        while let Ok(more @ 1..) = file.read(&mut head[length..]) {
-            length += more;
-        }
-        match (&head[..length], length) {
-            (_, 0) => Err(WaveformError::unfit(
+        let mut head = Vec::new();
+        let read = File::open(path).and_then(|file| file.take(12).read_to_end(&mut head));
+        read.map_err(unread)?;
+        match &head[..] {
+            [] => Err(WaveformError::unfit(
                 path,
                 "is empty; give a file with a waveform",
             )),
-            ([b'P', b'A', b'R', b'1', ..], _) => parquet::read(path, choice),
-            ([b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'A', b'V', b'E'], _) => wav::read(path, choice),
-            ([0x89, b'M', b'C', b'A', b'P', ..], _) => recorded::read(path, choice, bead),
+            [b'P', b'A', b'R', b'1', ..] => parquet::read(path, choice),
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'A', b'V', b'E'] => wav::read(path, choice),
+            [0x89, b'M', b'C', b'A', b'P', ..] => recorded::read(path, choice, bead),
             _ => text::read(path, choice),
         }
     }

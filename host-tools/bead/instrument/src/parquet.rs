@@ -12,10 +12,7 @@ use bead_tables::{Batch, Cell, Kind, ReadError, Reader};
 /// Reads a Parquet file, some rows at a time.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unread = |error: ReadError| match error {
-        ReadError::File(source) => WaveformError::File {
-            path: path.to_owned(),
-            source,
-        },
+        ReadError::File(source) => WaveformError::unread(path)(source),
         error => WaveformError::unfit(path, error.to_string()),
     };
     let reader = Reader::open(path).map_err(unread)?;
@@ -36,10 +33,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             && origin.is_none()
         {
             // Times since 1970 leave an f64 no room for steps below 1 µs: whole ones count from the first.
-            let first = if let Some(Cell::Whole(first)) = cells.first() {
-                *first
-            } else {
-                0
+            let first = match cells.first() {
+                Some(Cell::Whole(first)) => *first,
+                _ => 0,
             };
             origin = Some(first);
             rows.since = first as f64 * size;

@@ -13,26 +13,19 @@ use bead_recording::signal::Signal;
 /// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
-    if choice.time.is_some()
-        || choice.force.is_some()
-        || choice.acceleration.is_some()
-        || choice.rate_hz.is_some()
-    {
+    if choice.names_a_column() || choice.rate_hz.is_some() {
         return unfit("is a recording and has its units; leave columns and --sample-rate out".to_owned());
     }
     let mut received = Received::open(path)?;
     let beads = &received.recording.beads;
     if !beads.is_empty() {
         let places: Vec<_> = beads.iter().map(Bead::place).collect();
-        let at = places.iter().position(|place| Some(*place) == bead);
-        match at {
-            Some(at) => received = received.each().swap_remove(at),
-            None => {
-                return unfit(format!(
-                    "has the beads {places:?}; say with --bead which one is meant"
-                ));
-            }
-        }
+        let Some(at) = places.iter().position(|place| Some(*place) == bead) else {
+            return unfit(format!(
+                "has the beads {places:?}; say with --bead which one is meant"
+            ));
+        };
+        received = received.each().swap_remove(at);
     }
     let wanted = choice.strike.unwrap_or(0);
     let mut strikes = received.strikes()?;

@@ -1,15 +1,13 @@
-//! The chunks of a WAV file (RIFF).
+//! The samples of a WAV file (RIFF).
 //!
 //! # Design
-//! `hound` takes chunks of odd length to have no padding, the length of a stream for true, and the valid bits
-//! of a sample for its lowest ones; the format has padding, streams of unknown length, and valid bits that
-//! are the highest. So the chunks are read here, and `hound` gets the samples behind a plain header.
+//! Files of instruments are read that simpler readers get wrong: chunks of odd length with and without their
+//! padding, streams of unknown length, and samples whose valid bits are the highest of their bytes (Microsoft,
+//! `WAVEFORMATEXTENSIBLE`).
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Read, Seek};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek};
 use std::path::Path;
-
-use hound::Error;
 
 /// Numbers of the forms of samples.
 pub(super) const PCM: u16 = 1;
@@ -20,52 +18,101 @@ pub(super) const EXTENSIBLE: u16 = 0xFFFE;
 /// 2^32 - 1.
 const STREAM: u32 = 0x7FFF_0000;
 
-/// The samples of a file behind a plain header. Valid bits are the highest of their bytes, so full scale is
-/// that of all bytes.
-pub(super) fn plain(path: &Path) -> hound::Result<impl Read + use<>> {
-    let file = File::open(path)?;
-    let size = file.metadata()?.len();
-    let mut file = BufReader::new(file);
-    file.seek_relative(12)?;
-    let mut form = None;
-    loop {
-        let mut head = [0; 8];
-        file.read_exact(&mut head)?;
-        let [_, _, _, _, length @ ..] = head;
-        let length = u32::from_le_bytes(length);
-        match (&head[..4], form) {
-            (b"fmt ", _) => form = Some(Form::read(&mut file, length)?),
-            (b"data", Some(form)) => {
-                let rest = size.saturating_sub(file.stream_position()?);
-                let length = match u32::try_from(rest) {
-                    Ok(rest) if length >= STREAM && length > rest => rest - rest % u32::from(form.frame),
-                    _ => length,
-                };
-                return Ok(Cursor::new(form.header(length)).chain(file));
-            }
-            (b"data", None) => return Err(Error::FormatError("its samples come before their form")),
-            _ => file.seek_relative(length.into())?,
-        }
-        // Some programs leave the padding out. A chunk's name never begins with 0.
-        if length % 2 == 1 && file.fill_buf()?.first() == Some(&0) {
-            file.consume(1);
-        }
-    }
+/// A reader of the samples of a file.
+pub(super) struct Samples {
+    form: SampleForm,
+    file: BufReader<File>,
+    /// Number of samples of each channel that are left.
+    left: u32,
 }
 
 /// The form of samples.
 #[derive(Clone, Copy)]
-struct Form {
+pub(super) struct SampleForm {
     tag: u16,
-    channels: u16,
-    rate: u32,
+    pub(super) channels: u16,
+    /// Samples a second of each channel, Hz.
+    pub(super) rate_hz: u32,
     /// Size of one sample of each channel, bytes.
     frame: u16,
 }
 
-impl Form {
-    /// Reads the chunk `fmt `, and refuses forms that `hound` would read wrongly.
-    fn read(file: &mut BufReader<File>, length: u32) -> hound::Result<Self> {
+impl Samples {
+    /// Reads up to the first sample.
+    ///
+    /// # Errors
+    /// `UnexpectedEof` if the file ends before, `Unsupported` for samples of another form, `InvalidData` if
+    /// the samples come before their form.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let file = File::open(path)?;
+        let size = file.metadata()?.len();
+        let mut file = BufReader::new(file);
+        file.seek_relative(12)?;
+        let mut form = None;
+        loop {
+            let mut head = [0; 8];
+            file.read_exact(&mut head)?;
+            let [_, _, _, _, length @ ..] = head;
+            let length = u32::from_le_bytes(length);
+            match (&head[..4], form) {
+                (b"fmt ", _) => form = Some(SampleForm::read(&mut file, length)?),
+                (b"data", Some(form)) => {
+                    let rest = size.saturating_sub(file.stream_position()?);
+                    let length = match u32::try_from(rest) {
+                        Ok(rest) if length >= STREAM => length.min(rest),
+                        _ => length,
+                    };
+                    let left = length / u32::from(form.frame);
+                    return Ok(Self { form, file, left });
+                }
+                (b"data", None) => {
+                    let what = "its samples come before their form";
+                    return Err(io::Error::new(ErrorKind::InvalidData, what));
+                }
+                _ => file.seek_relative(length.into())?,
+            }
+            // Some programs leave the padding out. A chunk's name never begins with 0.
+            if length % 2 == 1 && file.fill_buf()?.first() == Some(&0) {
+                file.consume(1);
+            }
+        }
+    }
+
+    pub(super) fn form(&self) -> SampleForm {
+        self.form
+    }
+
+    /// Reads the next sample of each channel into `row`; full scale is 1. False behind the last.
+    ///
+    /// # Errors
+    /// The file cannot be read, or ends within its samples.
+    pub(super) fn read(&mut self, row: &mut [f64]) -> io::Result<bool> {
+        if self.left == 0 {
+            return Ok(false);
+        }
+        self.left -= 1;
+        let mut sample = [0; 4];
+        let bytes = usize::from(self.form.frame / self.form.channels);
+        for value in row {
+            // Valid bits are the highest of their bytes, so full scale is that of all four.
+            self.file.read_exact(&mut sample[4 - bytes..])?;
+            if bytes == 1 {
+                // Samples of 8 bits alone have no sign.
+                sample[3] ^= 0x80;
+            }
+            *value = if self.form.tag == FLOAT {
+                f32::from_le_bytes(sample).into()
+            } else {
+                f64::from(i32::from_le_bytes(sample)) / 2_f64.powi(31)
+            };
+        }
+        Ok(true)
+    }
+}
+
+impl SampleForm {
+    /// Reads the chunk `fmt `.
+    fn read(file: &mut BufReader<File>, length: u32) -> io::Result<Self> {
         let mut fields = [0; 40];
         let known = fields.len().min(length as usize);
         file.read_exact(&mut fields[..known])?;
@@ -80,26 +127,14 @@ impl Form {
         // A sample with more bytes than its bits need does not tell where the bits are.
         let is_read = matches!((tag, bytes), (PCM, 1..=4) | (FLOAT, 4)) && bits.div_ceil(8) == bytes;
         if !is_read || bytes * channels != frame {
-            return Err(Error::Unsupported);
+            return Err(ErrorKind::Unsupported.into());
         }
+        let rate_hz = u32::from_le_bytes([fields[4], fields[5], fields[6], fields[7]]);
         Ok(Self {
             tag,
             channels,
-            rate: u32::from_le_bytes([fields[4], fields[5], fields[6], fields[7]]),
+            rate_hz,
             frame,
         })
-    }
-
-    /// A plain header of `length` bytes of samples.
-    fn header(self, length: u32) -> Vec<u8> {
-        let (rate, bits) = (self.rate, self.frame / self.channels * 8);
-        let mut header = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0".to_vec();
-        header.extend([self.tag, self.channels].map(u16::to_le_bytes).as_flattened());
-        let bytes_a_second = rate.wrapping_mul(self.frame.into());
-        header.extend([rate, bytes_a_second].map(u32::to_le_bytes).as_flattened());
-        header.extend([self.frame, bits].map(u16::to_le_bytes).as_flattened());
-        header.extend(b"data");
-        header.extend(length.to_le_bytes());
-        header
     }
 }

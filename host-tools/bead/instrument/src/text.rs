@@ -31,13 +31,9 @@ const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
 /// Reads a text table.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
-    let unread = |source| WaveformError::File {
-        path: path.to_owned(),
-        source,
-    };
     let mut lines = Lines {
         path,
-        input: BufReader::new(File::open(path).map_err(unread)?),
+        input: BufReader::new(File::open(path).map_err(WaveformError::unread(path))?),
         number: 0,
     };
     let mut ahead = Vec::new();
@@ -52,24 +48,16 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             "has no rows of numbers in its first lines; give a text table (CSV), WAV, Parquet, or a recording",
         ));
     };
-    let at_rate;
-    let (rate_hz, choice) = match (choice.rate_hz, layout.rate_hz) {
-        (None, Some(rate)) if choice.time.is_none() => {
-            at_rate = Choice {
-                rate_hz: Some(rate),
-                ..choice.clone()
-            };
-            (Some(rate), &at_rate)
-        }
-        (given, _) => (given, choice),
+    let of_head = layout.rate_hz.filter(|_| choice.time.is_none());
+    let choice = &Choice {
+        rate_hz: choice.rate_hz.or(of_head),
+        ..choice.clone()
     };
     let named = [&choice.time, &choice.force, &choice.acceleration];
-    let is_second =
-        |address: &Address| matches!(address, Address::Either(text) | Address::Number(text) if text == "2");
     let has_second = named
         .into_iter()
         .flatten()
-        .any(|wanted| is_second(&wanted.column));
+        .any(|wanted| matches!(&wanted.column, Address::Either(text) | Address::Number(text) if text == "2"));
     if layout.is_perhaps_one && !has_second {
         let row = ahead.get(layout.begins).map_or("", |row| row.trim());
         return Err(WaveformError::unfit(
@@ -89,7 +77,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         });
         error.also(why.as_deref())
     })?;
-    let mut rows = Rows::picked(path, "line", rate_hz, &picks);
+    let mut rows = Rows::picked(path, "line", choice.rate_hz, &picks);
     let columns = [picks.time, picks.force, picks.acceleration];
     let mut strikes = Strikes::new(&picks, choice);
     let mut push = |number: u64, line: &str| -> Result<(), WaveformError> {
@@ -134,10 +122,7 @@ impl Lines<'_> {
     fn next(&mut self) -> Result<Option<String>, WaveformError> {
         let mut bytes = Vec::new();
         let read = self.input.by_ref().take(LONGEST).read_until(b'\n', &mut bytes);
-        read.map_err(|source| WaveformError::File {
-            path: self.path.to_owned(),
-            source,
-        })?;
+        read.map_err(WaveformError::unread(self.path))?;
         if bytes.is_empty() {
             return Ok(None);
         }
@@ -311,14 +296,10 @@ fn value_of(field: &str, separator: char) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::fs;
 
     use super::*;
-    use crate::choice::Wanted;
-
-    fn wanted(text: &str) -> Option<Wanted> {
-        text.parse().ok()
-    }
 
     fn waveform(bytes: impl AsRef<[u8]>, choice: &Choice) -> Result<Waveform, String> {
         let folder = tempfile::tempdir().unwrap();
@@ -328,63 +309,66 @@ mod tests {
             .map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
     }
 
-    fn ch1() -> Choice {
+    /// A choice of columns; an empty text chooses none.
+    fn choice(time: &str, force: &str) -> Choice {
         Choice {
-            force: wanted("CH1:2N"),
+            time: time.parse().ok(),
+            force: force.parse().ok(),
             ..Choice::default()
         }
     }
 
-    /// Twenty rows of a ramp after ten at rest, 1 ms apart from -10 ms on: volts on one channel.
-    fn rows(row: impl Fn(f64, f64) -> String) -> String {
-        let line = |n: i32| {
-            let volts = f64::from((n - 10).max(0)) * 0.1;
-            row(f64::from(n - 10) * 1e-3, volts)
-        };
-        (0..30).map(line).collect()
+    /// A choice for rows without times, one each millisecond.
+    fn untimed(force: &str) -> Choice {
+        Choice {
+            rate_hz: Some(1000.0),
+            ..choice("", force)
+        }
+    }
+
+    type Row<'a> = &'a dyn Fn(f64, f64) -> String;
+
+    /// A head, then twenty rows of a ramp after ten at rest, 1 ms apart from -10 ms on: volts on one channel.
+    fn table(head: &str, row: Row<'_>) -> String {
+        let line = |n: i32| row(f64::from(n - 10) * 1e-3, f64::from((n - 10).max(0)) * 0.1);
+        head.to_owned() + &(0..30).map(line).collect::<String>()
     }
 
     /// Two newtons a volt give 3.8 N at the end, 1.8 N in the middle of the ramp.
-    fn is_the_ramp(found: Result<Waveform, String>) {
-        let force = found.unwrap().force.unwrap();
+    fn is_the_ramp(bytes: impl AsRef<[u8]>, choice: &Choice) {
+        let mut force = waveform(bytes, choice).unwrap().force.unwrap();
         assert!((force.end() - 29e-3).abs() < 1e-12, "{}", force.end());
-        let mut force = force;
         assert!((force.at(19e-3) - 1.8).abs() < 1e-9, "{}", force.at(19e-3));
         assert!((force.last() - 3.8).abs() < 1e-9);
     }
 
+    fn comma(number: f64) -> String {
+        format!("{number:.6}").replace('.', ",")
+    }
+
     #[test]
     fn heads_of_oscilloscopes_are_passed_over() {
-        let tektronix = format!(
-            "Model,MSO2024\r\nFirmware Version,1.52\r\n\r\nPoint Format,Y,\r\nHorizontal Units,S,\r\nSample Interval,1e-3,\r\n\
-             \r\nTIME,CH1,CH2\r\n{}",
-            rows(|t, v| format!("{t:.6e},{v:.4},0.1\r\n"))
-        );
-        is_the_ramp(waveform(&tektronix, &ch1()));
-        let keysight = format!(
-            "x-axis,CH1\nsecond,Volt\n{}",
-            rows(|t, v| format!("{t:.6e},{v:.4}\n"))
-        );
-        is_the_ramp(waveform(&keysight, &ch1()));
-        let n = std::cell::Cell::new(0);
-        let rigol = format!(
-            "X,CH1,Start,Increment\nSequence,VOLT,-1.0e-2,1.0e-3\n{}",
-            rows(|_, v| format!("{},{v:.4},,\n", n.replace(n.get() + 1)))
-        );
-        is_the_ramp(waveform(&rigol, &ch1()));
-        let pico = format!(
-            "Time,CH1\n(ms),(V)\n\n{}",
-            rows(|t, v| format!("{:.4},{v:.4}\n", 1e3 * t))
-        );
-        is_the_ramp(waveform(&pico, &ch1()));
-        let lecroy = format!(
-            "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,30\nSegment,TrigTime,TimeSinceSegment1\n#1,20-Nov-2026 10:00,0\n\
-             Time,CH1\n{}",
-            rows(|t, v| format!("{t:.6e},{v:.4}\n"))
-        );
-        is_the_ramp(waveform(&lecroy, &ch1()));
+        let n = Cell::new(0);
+        let tektronix = "Model,MSO2024\r\nFirmware Version,1.52\r\n\r\nPoint Format,Y,\r\nHorizontal Units,S,\r\n\
+                         Sample Interval,1e-3,\r\n\r\nTIME,CH1,CH2\r\n";
+        let lecroy = "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,30\nSegment,TrigTime,TimeSinceSegment1\n\
+                      #1,20-Nov-2026 10:00,0\nTime,CH1\n";
+        let rigol = "X,CH1,Start,Increment\nSequence,VOLT,-1.0e-2,1.0e-3\n";
+        let two: Row<'_> = &|t, v| format!("{t:.6e},{v:.4}\n");
+        let tables: [(&str, Row<'_>); 5] = [
+            (tektronix, &|t, v| format!("{t:.6e},{v:.4},0.1\r\n")),
+            ("x-axis,CH1\nsecond,Volt\n", two),
+            (rigol, &|_, v| format!("{},{v:.4},,\n", n.replace(n.get() + 1))),
+            ("Time,CH1\n(ms),(V)\n\n", &|t, v| {
+                format!("{:.4},{v:.4}\n", 1e3 * t)
+            }),
+            (lecroy, two),
+        ];
+        for (head, row) in tables {
+            is_the_ramp(table(head, row), &choice("", "CH1:2N"));
+        }
         // Of the oldest: settings to the left, no names.
-        let tds = rows(|t, v| {
+        let tds = table("", &|t, v| {
             let left = if t < -7e-3 {
                 "Record Length,30,Points"
             } else {
@@ -392,173 +376,109 @@ mod tests {
             };
             format!("{left},{t:.6},{v:.4},\n")
         });
-        let by_number = Choice {
-            force: wanted("5:2N"),
-            time: wanted("4:s"),
-            ..Choice::default()
-        };
-        is_the_ramp(waveform(&tds, &by_number));
+        is_the_ramp(tds, &choice("4:s", "5:2N"));
     }
 
     #[test]
     fn decimal_commas_other_separators_and_other_letters_are_read() {
-        let comma = |number: f64| format!("{number:.6}").replace('.', ",");
-        let german = format!(
-            "Zeit [ms];Kraft [N]\n{}",
-            rows(|t, v| format!("{};{}\n", comma(1e3 * t), comma(2.0 * v)))
-        );
-        is_the_ramp(waveform(&german, &Choice::default()));
-        let tabs = format!(
-            "t/ms\tF/mN\n{}",
-            rows(|t, v| format!("{}\t{}\n", comma(1e3 * t), comma(2e3 * v)))
-        );
-        is_the_ramp(waveform(&tabs, &Choice::default()));
-        let numpy = format!(
-            "# time_s force_n\n{}",
-            rows(|t, v| format!("  {t:.6e}   {:.6e} \n", 2.0 * v))
-        );
-        is_the_ramp(waveform(&numpy, &Choice::default()));
-        let quoted = format!(
-            "\u{feff}\"time, of all (s)\",\"Force (N)\"\n{}",
-            rows(|t, v| format!("\"{t:.6}\",{}\n", 2.0 * v))
-        );
-        is_the_ramp(waveform(&quoted, &Choice::default()));
+        let tables: [(&str, Row<'_>); 4] = [
+            ("Zeit [ms];Kraft [N]\n", &|t, v| {
+                format!("{};{}\n", comma(1e3 * t), comma(2.0 * v))
+            }),
+            ("t/ms\tF/mN\n", &|t, v| {
+                format!("{}\t{}\n", comma(1e3 * t), comma(2e3 * v))
+            }),
+            ("# time_s force_n\n", &|t, v| {
+                format!("  {t:.6e}   {:.6e} \n", 2.0 * v)
+            }),
+            ("\u{feff}\"time, of all (s)\",\"Force (N)\"\n", &|t, v| {
+                format!("\"{t:.6}\",{}\n", 2.0 * v)
+            }),
+        ];
+        for (head, row) in tables {
+            is_the_ramp(table(head, row), &Choice::default());
+        }
         // µ in Latin-1.
         let mut latin = b"t (\xb5s),F (N)\n".to_vec();
-        latin.extend(rows(|t, v| format!("{:.3},{}\n", 1e6 * t, 2.0 * v)).bytes());
-        is_the_ramp(waveform(&latin, &Choice::default()));
-        let alone = Choice {
-            rate_hz: Some(1000.0),
-            force: wanted("1:2N"),
-            ..Choice::default()
-        };
-        is_the_ramp(waveform(rows(|_, v| format!("{v}\n")), &alone));
+        latin.extend(table("", &|t, v| format!("{:.3},{}\n", 1e6 * t, 2.0 * v)).bytes());
+        is_the_ramp(latin, &Choice::default());
+        is_the_ramp(table("", &|_, v| format!("{v}\n")), &untimed("1:2N"));
     }
 
     #[test]
     fn names_that_are_not_as_many_as_the_columns_are_no_names() {
-        let says = |text: &str, force: &str| {
-            let choice = Choice {
-                force: wanted(force),
-                ..Choice::default()
-            };
-            waveform(text, &choice).unwrap_err()
-        };
         // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a
         // quoted text.
-        let r = format!(
-            "\"time_s\" \"force_n\" \"acceleration_mps2\"\n{}",
-            rows(|t, v| format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v))
-        );
-        let numpy = format!(
-            "# t(s) F [N] a [g]\n{}",
-            rows(|t, v| format!("{t:.6} {:.4} 0.1\n", 2.0 * v))
-        );
-        let inch = format!(
-            "t (s),5\" force (N),acceleration (m/s2)\n{}",
-            rows(|t, v| format!("{t:.6},{:.4},0.1\n", 2.0 * v))
-        );
+        let r = table("\"time_s\" \"force_n\" \"acceleration_mps2\"\n", &|t, v| {
+            format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v)
+        });
+        let numpy = table("# t(s) F [N] a [g]\n", &|t, v| {
+            format!("{t:.6} {:.4} 0.1\n", 2.0 * v)
+        });
+        let inch = table("t (s),5\" force (N),acceleration (m/s2)\n", &|t, v| {
+            format!("{t:.6},{:.4},0.1\n", 2.0 * v)
+        });
         for (text, counts) in [
             (&r, "has 3 and its rows 4"),
             (&numpy, "has 5 and its rows 3"),
             (&inch, "has 2 and its rows 3"),
         ] {
             for force in ["", "force_n"] {
-                let why = says(text, force);
+                let why = waveform(text, &choice("", force)).unwrap_err();
                 let wanted =
                     format!("its head {counts} columns, so give them by number, as in --force-column 2:N");
                 assert!(why.ends_with(&wanted), "{why}");
             }
         }
-        let by_number = Choice {
-            time: wanted("2:s"),
-            force: wanted("3:N"),
-            ..Choice::default()
-        };
-        is_the_ramp(waveform(&r, &by_number));
-        // An empty field at the end may be missing above or below.
-        is_the_ramp(waveform(
-            format!(
-                "t (s),F (N),\n{}",
-                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
-            ),
-            &Choice::default(),
-        ));
-        is_the_ramp(waveform(
-            format!(
-                "t (s),F (N)\n{}",
-                rows(|t, v| format!("{t:.6},{:.4},,\n", 2.0 * v))
-            ),
-            &Choice::default(),
-        ));
-        // A title above a line of units, which are names as well.
-        is_the_ramp(waveform(
-            format!(
-                "Of today, or not, or so\ns,N\n{}",
-                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
-            ),
-            &Choice::default(),
-        ));
+        is_the_ramp(&r, &choice("2:s", "3:N"));
+        let two: Row<'_> = &|t, v| format!("{t:.6},{:.4}\n", 2.0 * v);
+        let tables: [(&str, Row<'_>); 3] = [
+            // An empty field at the end may be missing above or below.
+            ("t (s),F (N),\n", two),
+            ("t (s),F (N)\n", &|t, v| format!("{t:.6},{:.4},,\n", 2.0 * v)),
+            // A title above a line of units, which are names as well.
+            ("Of today, or not, or so\ns,N\n", two),
+        ];
+        for (head, row) in tables {
+            is_the_ramp(table(head, row), &Choice::default());
+        }
     }
 
     #[test]
     fn one_column_with_decimal_commas_is_not_taken_for_two() {
-        let comma = |number: f64| format!("{number:.1}\n").replace('.', ",");
-        let alone = Choice {
-            rate_hz: Some(1000.0),
-            force: wanted("1:2N"),
-            ..Choice::default()
-        };
         for head in ["", "force_n\n"] {
-            let text = format!("{head}{}", rows(|_, v| comma(v)));
-            let why = waveform(&text, &alone).unwrap_err();
-            assert!(
-                why.contains(
-                    "rows such as `0,0` are one number with a decimal comma, or two; write decimal points"
-                ),
-                "{why}"
-            );
+            let text = table(head, &|_, v| format!("{v:.1}\n").replace('.', ","));
+            let why = waveform(&text, &untimed("1:2N")).unwrap_err();
+            let wanted =
+                "rows such as `0,0` are one number with a decimal comma, or two; write decimal points";
+            assert!(why.contains(wanted), "{why}");
             // Whole numbers have no comma there.
             let short = text.replace("1,0\n", "1\n");
-            assert_eq!(waveform(&short, &alone).unwrap_err(), why);
+            assert_eq!(waveform(&short, &untimed("1:2N")).unwrap_err(), why);
         }
-        // Two columns: by their names, by the choice of the second, or since there is a point or a sign in
-        // it.
-        let whole = |v: f64| format!("{:.0}", 10.0 * v);
-        let of_two = Choice {
-            force: wanted("2:0.2N"),
-            time: wanted("1:ms"),
-            ..Choice::default()
-        };
-        let two = |row: &dyn Fn(f64, f64) -> String| rows(|t, v| row(1e3 * t + 10.0, v));
-        is_the_ramp(waveform(two(&|t, v| format!("{t:.0},{}\n", whole(v))), &of_two));
-        is_the_ramp(waveform(
-            format!("t (ms),v\n{}", two(&|t, v| format!("{t:.0},{}\n", whole(v)))),
-            &of_two,
-        ));
-        let first = Choice {
-            force: wanted("1:0.2N"),
-            ..alone
-        };
-        is_the_ramp(waveform(two(&|_, v| format!("{},{:.1}\n", whole(v), v)), &first));
-        is_the_ramp(waveform(two(&|_, v| format!("{},-1\n", whole(v))), &first));
+        // Two columns: by the choice of the second, by their names, or since there is a point or a sign in it.
+        let row: Row<'_> = &|t, v| format!("{:.0},{:.0}\n", 1e3 * t + 10.0, 10.0 * v);
+        for head in ["", "t (ms),v\n"] {
+            is_the_ramp(table(head, row), &choice("1:ms", "2:0.2N"));
+        }
+        is_the_ramp(
+            table("", &|_, v| format!("{:.0},{v:.1}\n", 10.0 * v)),
+            &untimed("1:0.2N"),
+        );
+        is_the_ramp(
+            table("", &|_, v| format!("{:.0},-1\n", 10.0 * v)),
+            &untimed("1:0.2N"),
+        );
     }
 
     #[test]
-    fn what_is_no_waveform_is_told_with_its_line() {
-        let table = |change: &dyn Fn(usize, &str) -> String| -> String {
-            let good = rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v));
-            let lines = good.lines().enumerate().map(|(at, line)| change(at, line));
-            format!("time_s,force_n\n{}", lines.collect::<String>())
-        };
-        let one = |at: usize, is: &'static str| {
-            table(&move |line, good| {
-                if line == at {
-                    is.to_owned()
-                } else {
-                    format!("{good}\n")
-                }
-            })
+    fn a_table_that_is_no_waveform_is_refused_with_its_line() {
+        let good = table("", &|t, v| format!("{t:.6},{:.4}\n", 2.0 * v));
+        // A row in place of another.
+        let one = |at: usize, row: &str| {
+            let mut lines: Vec<&str> = good.split_inclusive('\n').collect();
+            lines.splice(at..=at, [row]);
+            format!("time_s,force_n\n{}", lines.concat())
         };
         for (text, refusal) in [
             (
@@ -595,10 +515,7 @@ mod tests {
             strike: Some(1),
             ..Choice::default()
         };
-        assert!(
-            waveform(one(99, ""), &strike)
-                .unwrap_err()
-                .contains("--waveform-strike")
-        );
+        let error = waveform(one(12, "0.002,0.4\n"), &strike).unwrap_err();
+        assert!(error.contains("--waveform-strike"), "{error}");
     }
 }
