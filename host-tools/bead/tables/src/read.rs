@@ -6,18 +6,16 @@
 //! before memory is reserved, and the library's panics on damaged files become errors.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, Read};
 use std::path::Path;
-use std::sync::Arc;
 
 use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, RowGroupMetaData};
-use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
-use prost::bytes::Bytes;
 
 use crate::guarded::guarded;
 use crate::printable::{beginning, one_line};
@@ -26,8 +24,6 @@ use crate::table::{Cell, Column, Kind};
 /// Rows of a [`Batch`] at most, and its cells where a table has many columns.
 const BATCH_ROWS: usize = 1 << 14;
 const BATCH_CELLS: usize = 1 << 20;
-/// Bytes of text of a column in a [`Batch`]: a file stores a text once that many rows share.
-const BATCH_TEXT: usize = 256 << 20;
 /// Rows for each byte of a file at most. Even times beside a force at rest have some 100.
 const ROWS_PER_BYTE: u64 = 1000;
 /// Characters of the library's messages, which may quote names of any length.
@@ -76,47 +72,9 @@ fn call<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ReadErro
     }
 }
 
-/// A file whose end is an error. Behind it, the library skips a list of any length entry by entry.
-struct Bounded(File);
-
-/// The bytes of a [`Bounded`] file from a place on.
-struct BoundedReader(BufReader<File>);
-
-impl Length for Bounded {
-    fn len(&self) -> u64 {
-        self.0.len()
-    }
-}
-
-impl ChunkReader for Bounded {
-    type T = BoundedReader;
-
-    fn get_read(&self, start: u64) -> Result<BoundedReader, ParquetError> {
-        self.0.get_read(start).map(BoundedReader)
-    }
-
-    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
-        let left = self.len().saturating_sub(start);
-        if length as u64 > left {
-            let message = format!("it declares {length} bytes where {left} are left");
-            return Err(ParquetError::EOF(message));
-        }
-        self.0.get_bytes(start, length)
-    }
-}
-
-impl Read for BoundedReader {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        match self.0.read(bytes)? {
-            0 if !bytes.is_empty() => Err(io::ErrorKind::UnexpectedEof.into()),
-            count => Ok(count),
-        }
-    }
-}
-
 /// An open Parquet file.
 pub struct Reader {
-    file: SerializedFileReader<Bounded>,
+    file: SerializedFileReader<File>,
     columns: Vec<Column>,
     forms: Vec<Form>,
 }
@@ -160,13 +118,8 @@ impl Reader {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
         // A directory can be opened, but not read.
-        (&file)
-            .read_exact(&mut [0; 1])
-            .or_else(|error| match error.kind() {
-                io::ErrorKind::UnexpectedEof => Ok(()),
-                _ => Err(error),
-            })?;
-        let file = call(|| SerializedFileReader::new(Bounded(file)))?;
+        (&file).take(1).read_to_end(&mut Vec::new())?;
+        let file = call(|| SerializedFileReader::new(file))?;
         check_sizes(file.metadata(), length)?;
         check_compression(file.metadata())?;
         let schema = file.metadata().file_metadata().schema_descr();
@@ -186,12 +139,7 @@ impl Reader {
 
     /// Number of rows.
     pub fn rows(&self) -> u64 {
-        sum(self
-            .file
-            .metadata()
-            .row_groups()
-            .iter()
-            .map(RowGroupMetaData::num_rows))
+        rows(self.file.metadata())
     }
 
     /// The value of one of the file's own notes (key-value metadata).
@@ -219,7 +167,7 @@ impl Reader {
 
 fn check_sizes(metadata: &ParquetMetaData, length: u64) -> Result<(), ReadError> {
     let groups = metadata.row_groups();
-    let rows = sum(groups.iter().map(RowGroupMetaData::num_rows));
+    let rows = rows(metadata);
     let columns = groups.iter().flat_map(RowGroupMetaData::columns);
     let bytes = sum(columns.map(ColumnChunkMetaData::compressed_size));
     let declared = if rows > length.saturating_mul(ROWS_PER_BYTE) {
@@ -243,6 +191,10 @@ fn check_compression(metadata: &ParquetMetaData) -> Result<(), ReadError> {
         }
     }
     Ok(())
+}
+
+fn rows(metadata: &ParquetMetaData) -> u64 {
+    sum(metadata.row_groups().iter().map(RowGroupMetaData::num_rows))
 }
 
 fn sum(numbers: impl Iterator<Item = i64>) -> u64 {
@@ -357,19 +309,22 @@ impl Batches<'_> {
 fn cells(column: &mut ColumnReader, form: Form, rows: usize) -> Result<Vec<Cell>, ParquetError> {
     match column {
         ColumnReader::Int32ColumnReader(column) => values(column, form, rows, |value| {
-            let value = *value;
-            Ok(form.whole(if form.is_unsigned {
-                value.cast_unsigned().into()
-            } else {
-                value.into()
-            }))
+            let unsigned = i64::from(value.cast_unsigned());
+            Ok(form.whole(
+                if form.is_unsigned {
+                    unsigned
+                } else {
+                    i64::from(*value)
+                }
+                .into(),
+            ))
         }),
         ColumnReader::Int64ColumnReader(column) => values(column, form, rows, |value| {
-            let value = *value;
+            let unsigned = i128::from(value.cast_unsigned());
             Ok(form.whole(if form.is_unsigned {
-                value.cast_unsigned().into()
+                unsigned
             } else {
-                value.into()
+                i128::from(*value)
             }))
         }),
         ColumnReader::FloatColumnReader(column) => {
@@ -378,17 +333,11 @@ fn cells(column: &mut ColumnReader, form: Form, rows: usize) -> Result<Vec<Cell>
         ColumnReader::DoubleColumnReader(column) => {
             values(column, form, rows, |value| Ok(Cell::Number(*value)))
         }
-        ColumnReader::ByteArrayColumnReader(column) => {
-            let mut left = BATCH_TEXT;
-            values(column, form, rows, |value| {
-                let too_long =
-                    || ParquetError::General(format!("{rows} texts have more than {BATCH_TEXT} bytes"));
-                left = left.checked_sub(value.len()).ok_or_else(too_long)?;
-                let text = std::str::from_utf8(value.data())
-                    .map_err(|error| ParquetError::External(error.into()))?;
-                Ok(Cell::Text(Arc::from(text)))
-            })
-        }
+        ColumnReader::ByteArrayColumnReader(column) => values(column, form, rows, |value| {
+            let text =
+                std::str::from_utf8(value.data()).map_err(|error| ParquetError::External(error.into()))?;
+            Ok(Cell::Text(text.into()))
+        }),
         _ => Err(ParquetError::General(
             "a column of another kind was read".to_owned(),
         )),
@@ -425,8 +374,10 @@ fn values<T: DataType>(
 
 #[cfg(test)]
 mod tests {
-    use parquet::data_type::{ByteArray, ByteArrayType, Int64Type};
-    use parquet::file::metadata::ParquetMetaDataWriter;
+    use std::sync::Arc;
+
+    use parquet::data_type::Int64Type;
+    use parquet::file::metadata::{ParquetMetaDataBuilder, ParquetMetaDataWriter};
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
@@ -435,19 +386,37 @@ mod tests {
     use crate::Writer;
 
     /// A file with one column of these values, in one page.
-    fn file<T: DataType>(column: &str, values: &[T::T]) -> tempfile::NamedTempFile {
+    fn file(values: &[i64]) -> tempfile::NamedTempFile {
         let file = tempfile::NamedTempFile::new().unwrap();
-        let schema = Arc::new(parse_message_type(&format!("message one {{ {column} }}")).unwrap());
+        let schema = Arc::new(parse_message_type("message one { REQUIRED INT64 c; }").unwrap());
         let properties = WriterProperties::builder().set_data_page_row_count_limit(usize::MAX);
         let properties = Arc::new(properties.build());
         let mut writer = SerializedFileWriter::new(file.reopen().unwrap(), schema, properties).unwrap();
         let mut group = writer.next_row_group().unwrap();
         let mut out = group.next_column().unwrap().unwrap();
-        out.typed::<T>().write_batch(values, None, None).unwrap();
+        out.typed::<Int64Type>().write_batch(values, None, None).unwrap();
         out.close().unwrap();
         group.close().unwrap();
         writer.close().unwrap();
         file
+    }
+
+    fn refusal(file: &tempfile::NamedTempFile) -> String {
+        Reader::open(file.path()).err().unwrap().to_string()
+    }
+
+    /// The refusal of a file of a thousand values whose metadata says something else.
+    fn forged(change: impl FnOnce(ParquetMetaData) -> ParquetMetaDataBuilder) -> String {
+        let sound = file(&Vec::from_iter(0..1000));
+        let metadata = Reader::open(sound.path()).unwrap().file.metadata().clone();
+        let end = metadata.row_group(0).column(0).byte_range().1 + 4;
+        let mut bytes = std::fs::read(sound.path()).unwrap();
+        bytes.truncate(end as usize);
+        ParquetMetaDataWriter::new(&mut bytes, &change(metadata).build())
+            .finish()
+            .unwrap();
+        std::fs::write(sound.path(), bytes).unwrap();
+        refusal(&sound)
     }
 
     #[test]
@@ -462,76 +431,41 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let mut out = file.reopen().unwrap();
         let mut writer = Writer::parquet(&mut out, "three", &columns, &[("of", "tests")]).unwrap();
-        for n in 0..70_000 {
-            writer.push(row(n)).unwrap();
-        }
+        (0..70_000).for_each(|n| writer.push(row(n)).unwrap());
         writer.finish().unwrap();
         let reader = Reader::open(file.path()).unwrap();
         assert_eq!((reader.columns(), reader.rows()), (&columns[..], 70_000));
         assert_eq!((reader.note("of"), reader.note("else")), (Some("tests"), None));
         let rows = reader.all_batches().flat_map(|batch| batch.unwrap().into_rows());
         assert!(rows.eq((0..70_000).map(row)));
-        let some = reader
-            .batches(vec![1])
-            .map(|batch| batch.unwrap().len())
-            .sum::<usize>();
-        assert_eq!(some, 70_000);
-    }
-
-    #[test]
-    fn texts_that_take_more_than_a_batch_may_are_refused() {
-        let text = ByteArray::from(vec![b'a'; 512 << 10]);
-        let file = file::<ByteArrayType>("REQUIRED BYTE_ARRAY c (UTF8);", &vec![text; 520]);
-        let reader = Reader::open(file.path()).unwrap();
-        let error = reader.all_batches().next().unwrap().unwrap_err().to_string();
-        assert!(
-            error.ends_with("520 texts have more than 268435456 bytes"),
-            "{error}"
-        );
+        let some = reader.batches(vec![1]).map(|batch| batch.unwrap().len());
+        assert_eq!(some.sum::<usize>(), 70_000);
     }
 
     /// A file of 3 kB whose rows and columns took minutes to read.
     #[test]
     fn declared_sizes_that_the_file_cannot_hold_are_refused() {
-        let still = file::<Int64Type>("REQUIRED INT64 c;", &vec![7; 2_000_000]);
-        let error = Reader::open(still.path()).err().unwrap().to_string();
+        let error = refusal(&file(&vec![7; 2_000_000]));
         assert!(error.contains("bytes cannot hold the 2000000 rows"), "{error}");
-        let sound = file::<Int64Type>("REQUIRED INT64 c;", &Vec::from_iter(0..1000));
-        let metadata = Reader::open(sound.path()).unwrap().file.metadata().clone();
-        let groups = vec![metadata.row_group(0).clone(); 2];
-        let metadata = metadata.into_builder().set_row_groups(groups).build();
-        let mut bytes = std::fs::read(sound.path()).unwrap();
-        bytes.truncate((metadata.row_group(0).column(0).byte_range().1 + 4) as usize);
-        ParquetMetaDataWriter::new(&mut bytes, &metadata)
-            .finish()
-            .unwrap();
-        std::fs::write(sound.path(), bytes).unwrap();
-        let error = Reader::open(sound.path()).err().unwrap().to_string();
+        let error = forged(|metadata| {
+            let groups = vec![metadata.row_group(0).clone(); 2];
+            metadata.into_builder().set_row_groups(groups)
+        });
         assert!(error.contains("bytes of columns that it declares"), "{error}");
     }
 
     #[test]
     fn another_compression_is_named_with_what_to_do() {
-        let sound = file::<Int64Type>("REQUIRED INT64 c;", &[1, 2, 3]);
-        let metadata = Reader::open(sound.path()).unwrap().file.metadata().clone();
-        let group = metadata.row_group(0).clone();
-        let column = group.column(0).clone().into_builder();
-        let column = column
-            .set_compression(Compression::ZSTD(Default::default()))
-            .build()
-            .unwrap();
-        let group = group
-            .into_builder()
-            .set_column_metadata(vec![column])
-            .build()
-            .unwrap();
-        let metadata = metadata.into_builder().set_row_groups(vec![group]).build();
-        let mut bytes = std::fs::read(sound.path()).unwrap();
-        ParquetMetaDataWriter::new(&mut bytes, &metadata)
-            .finish()
-            .unwrap();
-        std::fs::write(sound.path(), bytes).unwrap();
-        let error = Reader::open(sound.path()).err().unwrap().to_string();
+        let error = forged(|metadata| {
+            let group = metadata.row_group(0).clone();
+            let column = group.column(0).clone().into_builder();
+            let column = column.set_compression(Compression::ZSTD(Default::default()));
+            let columns = vec![column.build().unwrap()];
+            let group = group.into_builder().set_column_metadata(columns);
+            metadata
+                .into_builder()
+                .set_row_groups(vec![group.build().unwrap()])
+        });
         assert!(error.starts_with("is compressed with zstd"), "{error}");
         assert!(error.contains("compression=\"snappy\""), "{error}");
     }
