@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use bead_bench::emulation::{Emulation, Ran};
-use bead_bench::faults::{Kind, Planned};
+use bead_bench::faults::{Planned, PlannedKind};
 use bead_bench::image::find_image;
 use bead_bench::run::RunReport;
 use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
@@ -153,11 +153,12 @@ fn places(rows: &[[u16; 4]], strike: &RecordedStrike) -> Vec<usize> {
 fn touches(fault: &Planned, start: f64) -> bool {
     let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
     match fault.kind {
-        Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
-            fault.at < start + WINDOW && start < ends + LET_GO
-        }
+        PlannedKind::ForceStuck
+        | PlannedKind::AccelerationStuck
+        | PlannedKind::ForceRailed
+        | PlannedKind::AccelerationRailed => fault.at < start + WINDOW && start < ends + LET_GO,
         // The sensors' supply is the reference of the converter: such strikes are flagged.
-        Kind::Supply => {
+        PlannedKind::Supply => {
             fault.volts.is_none_or(|volts| volts < LOW) && fault.at < start + WINDOW && start < ends + OVER
         }
         _ => false,

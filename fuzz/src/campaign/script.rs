@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bead_bench::faults::{self, Kind, Planned};
+use bead_bench::faults::{self, Planned, PlannedKind};
 use bead_compare::sensed::Timing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -23,20 +23,20 @@ pub struct Script {
 /// Quiet before the first strike, s: that of `bead emulate`.
 const LEAD_IN: f64 = 0.02;
 /// All kinds of faults.
-const KINDS: [Kind; 13] = [
-    Kind::AdcOverrun,
-    Kind::AdcDmaError,
-    Kind::ForceStuck,
-    Kind::AccelerationStuck,
-    Kind::ForceRailed,
-    Kind::AccelerationRailed,
-    Kind::Supply,
-    Kind::UartStall,
-    Kind::Panic,
-    Kind::HardFault,
-    Kind::Hang,
-    Kind::StackOverflow,
-    Kind::PowerCut,
+const KINDS: [PlannedKind; 13] = [
+    PlannedKind::AdcOverrun,
+    PlannedKind::AdcDmaError,
+    PlannedKind::ForceStuck,
+    PlannedKind::AccelerationStuck,
+    PlannedKind::ForceRailed,
+    PlannedKind::AccelerationRailed,
+    PlannedKind::Supply,
+    PlannedKind::UartStall,
+    PlannedKind::Panic,
+    PlannedKind::HardFault,
+    PlannedKind::Hang,
+    PlannedKind::StackOverflow,
+    PlannedKind::PowerCut,
 ];
 /// Most faults of a script.
 const MOST: u32 = 6;
@@ -52,7 +52,7 @@ impl Script {
         let mut faults: Vec<Planned> = Vec::new();
         for _ in 0..random.random_range(1..=MOST) {
             let kind = KINDS[random.random_range(0..KINDS.len())];
-            if short && kind == Kind::Hang {
+            if short && kind == PlannedKind::Hang {
                 continue;
             }
             let anywhere = random.random_range(0.0..SPAN);
@@ -70,17 +70,18 @@ impl Script {
                 least * (most / least).powf(random.random_range(0.0..1.0))
             };
             let duration = match kind {
-                Kind::Supply => Some(logarithmic(&mut random, 0.001, 0.1)),
-                Kind::UartStall if !short && random.random_range(0..3) == 0 => {
+                PlannedKind::Supply => Some(logarithmic(&mut random, 0.001, 0.1)),
+                PlannedKind::UartStall if !short && random.random_range(0..3) == 0 => {
                     Some(random.random_range(1.5..2.5))
                 }
-                Kind::UartStall => Some(logarithmic(&mut random, 0.001, 0.5)),
-                Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
-                    Some(logarithmic(&mut random, 0.002, 0.3))
-                }
+                PlannedKind::UartStall => Some(logarithmic(&mut random, 0.001, 0.5)),
+                PlannedKind::ForceStuck
+                | PlannedKind::AccelerationStuck
+                | PlannedKind::ForceRailed
+                | PlannedKind::AccelerationRailed => Some(logarithmic(&mut random, 0.002, 0.3)),
                 _ => None,
             };
-            let volts = (kind == Kind::Supply).then(|| tenths(random.random_range(1.8..3.3)));
+            let volts = (kind == PlannedKind::Supply).then(|| tenths(random.random_range(1.8..3.3)));
             faults.push(Planned {
                 kind,
                 at: tenths(at.max(0.0)),
@@ -185,7 +186,7 @@ impl Script {
 fn strikes(faults: &[Planned], interval: f64) -> u32 {
     let ends = faults.iter().map(|fault| {
         let after = match fault.kind {
-            Kind::Hang => 2.1,
+            PlannedKind::Hang => 2.1,
             _ => 0.0,
         };
         fault.at + fault.duration.unwrap_or(0.0) + after

@@ -3,7 +3,7 @@
 pub mod bridge;
 pub mod emulation;
 pub mod error;
-pub mod fault_reports;
+mod fault_reports;
 pub mod faults;
 pub mod image;
 mod playback;

@@ -9,8 +9,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::emulation::{Emulation, Ran};
-use crate::fault_reports::{CheckedFaults, FaultReports, Outcome, ResetLog, check_reports};
-use crate::faults::{Kind, Planned};
+use crate::fault_reports::{CheckedFaults, FaultLog, FaultOutcome, check_reports};
+use crate::faults::{Planned, PlannedKind};
 use bead_compare::emulated::InstructionsPerSample;
 use bead_compare::front_end::SAMPLE_RATE_HZ;
 use bead_compare::given::Given;
@@ -18,11 +18,11 @@ use bead_compare::replay::replay;
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
 use bead_compare::verdict::last_statuses;
-use bead_recording::frames::{Frame, Reader};
+use bead_recording::frames::Frame;
 use bead_recording::strikes::{RecordedStrike, assemble};
 
 /// The result of a run, as in the JSON of `bead emulate`. SI units.
-#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Serialize, schemars::JsonSchema)]
 pub struct RunReport {
     /// Frames received, lost, corrupt, and dropped by the bead.
     pub frames: FrameCounts,
@@ -103,7 +103,7 @@ pub struct ReportedFault {
 }
 
 /// Counts of frames.
-#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Serialize, schemars::JsonSchema)]
 pub struct FrameCounts {
     /// Frames received.
     pub received: u64,
@@ -116,7 +116,7 @@ pub struct FrameCounts {
 }
 
 /// A strike as the bead measured it, beside the truth. SI units.
-#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Serialize, schemars::JsonSchema)]
 pub struct MeasuredStrike {
     /// Sample index of the trigger.
     pub sample_index: u64,
@@ -142,7 +142,7 @@ pub struct MeasuredStrike {
 }
 
 impl MeasuredStrike {
-    fn of(strike: &RecordedStrike, truth: Option<Truth>) -> Self {
+    fn of(strike: &RecordedStrike) -> Self {
         let replay = replay(strike);
         Self {
             sample_index: strike.said.trigger_index,
@@ -150,7 +150,7 @@ impl MeasuredStrike {
             absorbed_measured: strike.said.absorbed_measured.joules(),
             absorbed_predicted: strike.said.absorbed_predicted.joules(),
             flags: strike.said.flags.names().collect(),
-            truth,
+            truth: None,
             given: None,
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
@@ -161,49 +161,13 @@ impl MeasuredStrike {
 impl RunReport {
     /// The result of a run of `emulation`. Every strike is replayed.
     pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
-        let checked = check_faults(emulation, &ran);
-        let Ran {
-            frames,
-            counters,
-            report: measured,
-            ..
-        } = ran;
+        let CheckedFaults { outcomes, wrong } = check_faults(emulation, &ran);
+        let (frames, counters, measured) = (ran.frames, ran.counters, ran.report);
         let statuses = last_statuses(&frames);
         let counted =
             |count: fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
         let truth = &emulation.truth;
-        let mut begun = None;
-        let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
-        let reported = reported(&frames);
-        let CheckedFaults { outcomes, wrong } = checked;
-        let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
-        let health = frames.iter().rev().find(is_health).map(Frame::body);
-        let gaps = gaps(&frames);
-        let strikes_passed_over = passed_over(&frames);
-        for strike in assemble(frames, Some(emulation.settings)) {
-            let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
-            if let Some(waveform) = &emulation.waveform {
-                let given = begun.filter(|_| measured.resets == 0).map(|begun| {
-                    let start = truth.starts[begun];
-                    let samples = f64::from(strike.said.samples);
-                    let time = |sample: f64| (sample - start) / f64::from(emulation.settings.sample_rate_hz);
-                    let first = strike.said.first_index as f64;
-                    Given::of(waveform, &emulation.settings, time(first)..time(first + samples))
-                });
-                strikes.push(MeasuredStrike {
-                    given,
-                    ..MeasuredStrike::of(&strike, None)
-                });
-                continue;
-            }
-            // After a reset the indices begin anew and do not tell which strike it was.
-            if measured.resets == 0 && begun.is_some() && begun == before {
-                echoes.push(MeasuredStrike::of(&strike, None));
-            } else {
-                strikes.push(MeasuredStrike::of(&strike, Some(truth.truth)));
-            }
-        }
-        Self {
+        let mut report = Self {
             frames: FrameCounts {
                 received: counters.frames,
                 lost: counters.lost,
@@ -216,22 +180,59 @@ impl RunReport {
             // The bead must have noticed what the converter saw.
             overruns: measured.overruns.max(counted(|status| status.overruns)),
             resets: measured.resets,
-            strikes,
-            echoes,
-            strikes_passed_over,
-            gaps,
+            strikes: Vec::new(),
+            echoes: Vec::new(),
+            strikes_passed_over: passed_over(&frames),
+            gaps: Vec::new(),
             hidden: hidden(&emulation.faults, &truth.starts),
             provoked: provoked(&emulation.faults, &outcomes),
+            faults: Vec::new(),
             wrong,
-            faults: reported,
-            health,
+            health: None,
             instructions_per_sample: measured.instructions_per_sample,
             instructions_available: measured.instructions_available,
             saturated: measured.saturated,
             unknown_registers: measured.unknown_registers,
             recording,
             played: emulation.waveform.is_some(),
+        };
+        for frame in &frames {
+            match &frame.message {
+                Message::Gap(gap) => report.gaps.push([gap.first_index, gap.end_index]),
+                Message::Health(_) => report.health = Some(frame.body()),
+                Message::Fault(fault) => report.faults.push(ReportedFault {
+                    sample_index: frame.header.sample_index,
+                    cause: fault.cause,
+                    boot: fault.boot,
+                    detail: fault.detail.as_str().to_owned(),
+                }),
+                _ => {}
+            }
         }
+        let mut begun = None;
+        // After a reset the indices begin anew and do not tell which strike it was.
+        let is_known = measured.resets == 0;
+        for strike in assemble(frames, Some(emulation.settings)) {
+            let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
+            let is_echo = is_known && begun.is_some() && begun == before;
+            let mut measured = MeasuredStrike::of(&strike);
+            if let Some(waveform) = &emulation.waveform {
+                measured.given = begun.filter(|_| is_known).map(|begun| {
+                    let first = strike.said.first_index as f64 - truth.starts[begun];
+                    let window = [first, first + f64::from(strike.said.samples)];
+                    let [from, to] =
+                        window.map(|sample| sample / f64::from(emulation.settings.sample_rate_hz));
+                    Given::of(waveform, &emulation.settings, from..to)
+                });
+                report.strikes.push(measured);
+            } else if is_echo {
+                report.echoes.push(measured);
+            } else {
+                measured.truth = Some(truth.truth);
+                report.strikes.push(measured);
+            }
+        }
+        report
     }
 
     /// The strikes and their echoes.
@@ -244,10 +245,10 @@ impl RunReport {
     /// # Errors
     /// The gravest check that failed, in one line.
     pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
-        if let Some(what) = self
+        let mut differences = self
             .measured()
-            .find_map(|strike| strike.first_difference.as_ref())
-        {
+            .filter_map(|strike| strike.first_difference.as_ref());
+        if let Some(what) = differences.next() {
             bail!("replay differs: {what}");
         }
         if !self.provoked.is_empty() {
@@ -299,11 +300,11 @@ impl RunReport {
             .filter(|fault| fault.cause == FaultCause::StrikeCut);
         let resets = self.resets;
         // A converter whose DMA stream stops also overruns.
-        let overrun = |fault: &Planned| matches!(fault.kind, Kind::AdcOverrun | Kind::AdcDmaError);
+        let overrun = [PlannedKind::AdcOverrun, PlannedKind::AdcDmaError];
         let overruns = self
             .provoked
             .iter()
-            .filter(|provoked| overrun(&provoked.fault))
+            .filter(|provoked| overrun.contains(&provoked.fault.kind))
             .count();
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
@@ -338,14 +339,6 @@ fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
         .count()
 }
 
-fn gaps(frames: &[Frame]) -> Vec<[u64; 2]> {
-    let gaps = frames.iter().filter_map(|frame| match &frame.message {
-        Message::Gap(gap) => Some([gap.first_index, gap.end_index]),
-        _ => None,
-    });
-    gaps.collect()
-}
-
 /// Strikes passed over, in all boots: the count begins anew with each, and only grows meanwhile.
 fn passed_over(frames: &[Frame]) -> u64 {
     let (mut before, mut last) = (0, (0, 0));
@@ -362,52 +355,33 @@ fn passed_over(frames: &[Frame]) -> u64 {
     before + last.1
 }
 
-fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
-    let faults = frames.iter().filter_map(|frame| match &frame.message {
-        Message::Fault(fault) => Some(ReportedFault {
-            sample_index: frame.header.sample_index,
-            cause: fault.cause,
-            boot: fault.boot,
-            detail: fault.detail.as_str().to_owned(),
-        }),
-        _ => None,
-    });
-    faults.collect()
-}
-
 /// Checks the reports of the faults of a run.
 fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
     if emulation.faults.is_empty() {
         return CheckedFaults::default();
     }
-    let (mut reader, mut frames) = (Reader::default(), Vec::new());
-    for (at_ns, piece) in ran.pieces(0) {
-        reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
-    }
-    let end_ns = (ran.report.virtual_seconds * 1e9) as u64;
-    let log = ResetLog::new(&ran.resets, ran.first_scan_ns, end_ns);
-    let rows = emulation.machine().stimulus;
-    let starts = emulation.truth.starts.iter();
     // A waveform that is played may hold no strike.
-    let starts: Vec<f64> = match emulation.waveform {
-        Some(_) => Vec::new(),
-        None => starts
-            .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
-            .collect(),
-    };
-    let reports = FaultReports::new(&frames);
-    check_reports(&emulation.faults, &rows, &starts, &log, &reports)
+    let starts = emulation
+        .truth
+        .starts
+        .iter()
+        .filter(|_| emulation.waveform.is_none());
+    let starts: Vec<f64> = starts
+        .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
+        .collect();
+    let rows = emulation.machine().stimulus;
+    check_reports(&emulation.faults, &rows, &starts, &FaultLog::of(ran))
 }
 
 /// The faults of the fault file with their outcomes, in time.
-fn provoked(planned: &[Planned], outcomes: &[Outcome]) -> Vec<ProvokedFault> {
+fn provoked(planned: &[Planned], outcomes: &[FaultOutcome]) -> Vec<ProvokedFault> {
     let mut in_time: Vec<_> = planned.iter().zip(outcomes).collect();
     in_time.sort_by(|(a, _), (b, _)| a.at.total_cmp(&b.at));
-    let provoked = |(fault, outcome): (&Planned, &Outcome)| ProvokedFault {
+    let provoked = |(fault, outcome): (&Planned, &FaultOutcome)| ProvokedFault {
         fault: *fault,
         cause: fault.cause(),
-        reported: *outcome == Outcome::Reported,
-        excused: *outcome == Outcome::Excused,
+        reported: *outcome == FaultOutcome::Reported,
+        excused: *outcome == FaultOutcome::Excused,
     };
     in_time.into_iter().map(provoked).collect()
 }
@@ -458,60 +432,30 @@ mod tests {
     #[test]
     fn what_a_check_says_no_to_is_the_gravest() {
         let strike = |first_difference: Option<&str>| MeasuredStrike {
-            sample_index: 0,
-            peak_force: 0.0,
-            absorbed_measured: 0.0,
-            absorbed_predicted: 0.0,
-            flags: Vec::new(),
-            truth: None,
-            given: None,
-            replay_identical: first_difference.is_none(),
             first_difference: first_difference.map(str::to_owned),
+            ..MeasuredStrike::default()
         };
-        let report = |lost, overruns, resets, strikes| RunReport {
-            frames: FrameCounts {
-                received: 9,
+        let says = |lost, overruns, resets, strikes| {
+            let frames = FrameCounts {
                 lost,
-                corrupt: 0,
-                dropped_by_cause: BTreeMap::new(),
-            },
-            overruns,
-            resets,
-            strikes,
-            echoes: Vec::new(),
-            strikes_passed_over: 0,
-            gaps: Vec::new(),
-            hidden: 0,
-            provoked: Vec::new(),
-            faults: Vec::new(),
-            wrong: Vec::new(),
-            health: None,
-            instructions_per_sample: InstructionsPerSample {
-                observer: None,
-                reduced_chain: None,
-                window: None,
-                framing: None,
-                trigger: None,
-                total: None,
-                worst_block: None,
-                idle: None,
-                run: 0.0,
-            },
-            instructions_available: 1250.0,
-            saturated: [0, 0],
-            unknown_registers: Vec::new(),
-            recording: None,
-            played: false,
+                ..FrameCounts::default()
+            };
+            let report = RunReport {
+                frames,
+                overruns,
+                resets,
+                strikes,
+                ..RunReport::default()
+            };
+            report
+                .verdict(1)
+                .map_or_else(|why| why.to_string(), |()| "passed".to_owned())
         };
-        let says = |report: RunReport| match report.verdict(1) {
-            Ok(()) => "passed".to_owned(),
-            Err(why) => why.to_string(),
-        };
-        assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
-        assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));
-        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frame lost"));
-        assert!(says(report(0, 2, 3, vec![strike(None)])).starts_with("2 overruns"));
-        assert!(says(report(0, 0, 3, vec![strike(None)])).starts_with("the image reset 3 times"));
-        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strike seen"));
+        assert_eq!(says(0, 0, 0, vec![strike(None)]), "passed");
+        assert!(says(1, 2, 3, vec![strike(Some("strike 0: x"))]).starts_with("replay differs"));
+        assert!(says(1, 2, 3, vec![strike(None)]).starts_with("1 frame lost"));
+        assert!(says(0, 2, 3, vec![strike(None)]).starts_with("2 overruns"));
+        assert!(says(0, 0, 3, vec![strike(None)]).starts_with("the image reset 3 times"));
+        assert!(says(0, 0, 0, Vec::new()).starts_with("0 of 1 strike seen"));
     }
 }

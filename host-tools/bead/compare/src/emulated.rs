@@ -96,7 +96,7 @@ pub struct EmulatorReport {
 }
 
 /// Instructions executed for each sample.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct InstructionsPerSample {
     /// Estimate A, for each sample that it took; none if it took no sample.
     pub observer: Option<f64>,
