@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
-use bead_bench::several::{self, Clocks};
+use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::FrontEnd;
 use bead_compare::row::{Chain, Member, Place, Row, RowComparison, among, compare};
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
@@ -91,7 +91,7 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
 /// replays identical. Gives the runs, and what comes of them.
 fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
     let hosts: Vec<usize> = (7..=16).collect();
-    let placed = several::placed(&hosts, &Clocks::Spread(100.0), START_SPREAD, 1, true)
+    let placed = several::placed(&hosts, &Crystals::Spread(100.0), START_SPREAD, 1, true)
         .unwrap_or_else(|failure| panic!("{failure}"));
     let ran = run(scenario, solution, &placed);
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
@@ -156,7 +156,7 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     assert!(off.is_some_and(|off| off < 0.001), "{fit:?}");
     // One after another, and not all of them.
     let hosts: Vec<usize> = (7..=16).collect();
-    let placed = several::placed(&hosts, &Clocks::Spread(100.0), START_SPREAD, 1, true)
+    let placed = several::placed(&hosts, &Crystals::Spread(100.0), START_SPREAD, 1, true)
         .unwrap_or_else(|failure| panic!("{failure}"));
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let one = one.unwrap_or_else(|error| panic!("{error}"));

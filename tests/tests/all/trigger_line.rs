@@ -2,7 +2,7 @@
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::error::BenchError;
-use bead_bench::several::{self, Clocks};
+use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::FrontEnd;
 use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
@@ -62,7 +62,13 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
         }
         Ok(run)
     };
-    let placed = several::placed(&[7, 8, 16], &Clocks::Each(vec![80.0, 0.0, -90.0]), 0.05, 1, true);
+    let placed = several::placed(
+        &[7, 8, 16],
+        &Crystals::Each(vec![80.0, 0.0, -90.0]),
+        0.05,
+        1,
+        true,
+    );
     let placed = placed.unwrap_or_else(|failure| panic!("{failure}"));
     let ran = several::run(&placed, prepare, |_| {}).unwrap_or_else(|failure| panic!("{failure}"));
 

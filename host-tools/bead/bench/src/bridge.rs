@@ -62,19 +62,19 @@ pub struct Bridge {
     row_ns: u64,
     /// Seconds of the bead's crystal in a true one: rows follow the crystal.
     rate: f64,
-    pace: Option<Pace>,
+    pace: Option<TimePace>,
     /// Work of the emulator in the last step of time.
     pub work: StretchWork,
 }
 
 /// Relation of the image's time to this computer's.
-struct Pace {
+struct TimePace {
     started: Instant,
     /// Seconds of the image in one of this computer.
     factor: f64,
 }
 
-impl Pace {
+impl TimePace {
     /// Delay at an instant of an image whose time is `now`.
     fn behind(&self, now: Duration, instant: Instant) -> Duration {
         let passed = instant.saturating_duration_since(self.started);
@@ -117,7 +117,7 @@ impl Bridge {
             row_ns: machine.sample_period_ns,
             rate: 1.0 + emulation.truth.clock_ppm * 1e-6,
             live: machine.start()?,
-            pace: pace.map(|factor| Pace {
+            pace: pace.map(|factor| TimePace {
                 started: Instant::now(),
                 factor,
             }),
@@ -192,15 +192,11 @@ impl Bridge {
 }
 
 /// An address at which programs connect.
-pub struct Door {
-    listener: Listener,
-    #[expect(dead_code, reason = "a socket's path is removed when this is dropped")]
-    removed: Option<Removed>,
-}
-
-enum Listener {
+pub enum Door {
+    /// A TCP port.
     Tcp(TcpListener),
-    Unix(UnixListener),
+    /// A socket, whose path is removed with it.
+    Unix(UnixListener, PathBuf),
 }
 
 impl Door {
@@ -215,25 +211,56 @@ impl Door {
                 advice(address, &error)
             ))
         };
-        let (listener, removed) = match address {
-            Address::Serial(path) => {
-                return Err(BenchError::Unfit(format!(
-                    "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
-                )));
-            }
+        match address {
+            Address::Serial(path) => Err(BenchError::Unfit(format!(
+                "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
+            ))),
             Address::Tcp(server) => {
                 let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
                 listener.set_nonblocking(true).map_err(cannot)?;
-                (Listener::Tcp(listener), None)
+                Ok(Self::Tcp(listener))
             }
             Address::Unix(path) => {
                 let listener = UnixListener::bind(path).map_err(cannot)?;
-                let removed = Removed(path.clone());
                 listener.set_nonblocking(true).map_err(cannot)?;
-                (Listener::Unix(listener), Some(removed))
+                Ok(Self::Unix(listener, path.clone()))
+            }
+        }
+    }
+
+    /// Takes the programs that wait to be connected.
+    fn let_in(&self, programs: &mut Vec<Program>) {
+        let accept = || -> io::Result<Box<dyn ProgramStream>> {
+            match self {
+                Self::Tcp(listener) => {
+                    let (stream, _) = listener.accept()?;
+                    stream.set_nonblocking(true)?;
+                    Ok(Box::new(stream))
+                }
+                Self::Unix(listener, _) => {
+                    let (stream, _) = listener.accept()?;
+                    stream.set_nonblocking(true)?;
+                    Ok(Box::new(stream))
+                }
             }
         };
-        Ok(Self { listener, removed })
+        // A program that hung up at once needs no service.
+        while let Ok(stream) = accept() {
+            programs.push(Program {
+                stream,
+                unread: VecDeque::new(),
+                read: Instant::now(),
+            });
+        }
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        if let Self::Unix(_, path) = self {
+            // The file may be gone already.
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 
@@ -298,44 +325,16 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
 
 /// A program that is connected.
 struct Program {
-    stream: Box<dyn Stream>,
+    stream: Box<dyn ProgramStream>,
     /// Bytes that it has not read yet.
     unread: VecDeque<u8>,
     /// Instant at which it last read something.
     read: Instant,
 }
 
-trait Stream: Read + Write + Send {}
+trait ProgramStream: Read + Write + Send {}
 
-impl<S: Read + Write + Send> Stream for S {}
-
-impl Door {
-    /// Takes the programs that wait to be connected.
-    fn let_in(&self, programs: &mut Vec<Program>) {
-        let accept = || -> io::Result<Box<dyn Stream>> {
-            match &self.listener {
-                Listener::Tcp(listener) => {
-                    let (stream, _) = listener.accept()?;
-                    stream.set_nonblocking(true)?;
-                    Ok(Box::new(stream))
-                }
-                Listener::Unix(listener) => {
-                    let (stream, _) = listener.accept()?;
-                    stream.set_nonblocking(true)?;
-                    Ok(Box::new(stream))
-                }
-            }
-        };
-        // A program that hung up at once needs no service.
-        while let Ok(stream) = accept() {
-            programs.push(Program {
-                stream,
-                unread: VecDeque::new(),
-                read: Instant::now(),
-            });
-        }
-    }
-}
+impl<S: Read + Write + Send> ProgramStream for S {}
 
 /// Receives bytes from the programs: waits up to `longest` for some, or until no program is left.
 fn receive(programs: &mut Vec<Program>, longest: Duration) -> Vec<u8> {
@@ -403,16 +402,6 @@ fn is_passing(error: &io::Error) -> bool {
     )
 }
 
-/// The path of a socket. It is removed with its listener.
-struct Removed(PathBuf);
-
-impl Drop for Removed {
-    fn drop(&mut self) {
-        // The file may be gone already.
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -429,30 +418,25 @@ mod tests {
     #[test]
     fn a_pace_that_this_computer_cannot_keep_up_with_loses_time_and_not_patience() {
         let began = Instant::now();
-        let at = |ms: u64| began + Duration::from_millis(ms);
+        let ms = Duration::from_millis;
+        let at = |after: u64| began + ms(after);
         let seconds = Duration::from_secs;
-        let mut pace = Pace {
+        let mut pace = TimePace {
             started: began,
             factor: 100.0,
         };
         // One that it keeps up with loses nothing, not by a hiccup either.
-        assert_eq!(pace.due(seconds(0), at(1)), Duration::from_millis(100));
-        assert_eq!(pace.due(Duration::from_millis(100), at(10)), STEP);
-        assert_eq!(pace.pause(Duration::from_millis(350), at(10)), Duration::ZERO);
-        assert_eq!(
-            pace.due(Duration::from_millis(850), at(10)),
-            Duration::from_millis(150)
-        );
-        assert_eq!(pace.pause(Duration::from_millis(1000), at(10)), BEAT);
+        assert_eq!(pace.due(seconds(0), at(1)), ms(100));
+        assert_eq!(pace.due(ms(100), at(10)), STEP);
+        assert_eq!(pace.pause(ms(350), at(10)), Duration::ZERO);
+        assert_eq!(pace.due(ms(850), at(10)), ms(150));
+        assert_eq!(pace.pause(ms(1000), at(10)), BEAT);
         assert_eq!(pace.started, began);
         // A minute in which the image came no further.
         assert_eq!(pace.due(seconds(1), at(60_000)), STEP);
         assert_eq!(pace.behind(seconds(1), at(60_000)), BEHIND);
         assert_eq!(pace.due(seconds(1) + BEHIND, at(60_000)), Duration::ZERO);
-        assert_eq!(
-            pace.due(seconds(1) + BEHIND, at(60_002)),
-            Duration::from_millis(200)
-        );
+        assert_eq!(pace.due(seconds(1) + BEHIND, at(60_002)), ms(200));
     }
 
     #[test]
@@ -475,10 +459,9 @@ mod tests {
         wait_for_readers(&mut programs, |_| {}, &stop);
         assert!(began.elapsed() >= PATIENCE);
         assert_eq!(programs.len(), 1);
-        let (total, reader) = reads.join().unwrap();
+        let (total, mut reader) = reads.join().unwrap();
         assert_eq!(total, BYTES);
         // A program that hangs up is noticed, and what it said before is heard.
-        let mut reader = reader;
         reader.write_all(b"last words").unwrap();
         drop(reader);
         assert_eq!(receive(&mut programs, PAUSE), b"last words");

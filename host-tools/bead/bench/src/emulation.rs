@@ -15,10 +15,10 @@ use stm32f405_qemu::{Outcome, PinInput, Reset, Run, RunEnd, Since};
 use crate::error::BenchError;
 use crate::faults::{self, Planned};
 use crate::image;
-use crate::playback::{Again, Playback};
+use crate::playback::{Playback, WithOtherNoise};
 use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
-use bead_compare::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
-use bead_compare::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
+use bead_compare::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
 use bead_instrument::Waveform;
 use bead_recording::file::{RecordingError, Writer};
 use bead_recording::frames::{self, Frame};
@@ -77,9 +77,7 @@ impl Ran {
             None => Ok(self),
         }
     }
-}
 
-impl Ran {
     /// Records the bytes that were sent. A run of bytes has the time of its last byte: true time since the
     /// first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///
@@ -128,28 +126,6 @@ impl Placed {
     }
 }
 
-/// A stimulus on the time of a bead's own clock, whose seconds are shorter if it is fast.
-#[derive(Clone)]
-struct OnClock<S> {
-    sensed: S,
-    /// Seconds of the clock in a true second.
-    rate: f64,
-}
-
-impl<S: Stimulus> Stimulus for OnClock<S> {
-    fn force(&mut self, time: f64) -> f64 {
-        self.sensed.force(time / self.rate)
-    }
-
-    fn acceleration(&mut self, time: f64) -> f64 {
-        self.sensed.acceleration(time / self.rate)
-    }
-
-    fn silent_until(&self, time: f64) -> f64 {
-        self.sensed.silent_until(time / self.rate) * self.rate
-    }
-}
-
 /// A run that is ready to start.
 pub struct Emulation {
     /// The bead's settings.
@@ -169,7 +145,7 @@ pub struct Emulation {
     /// True to record [`Ran::pulls_ns`]. Each edge of any pin then takes memory.
     pub pulls: bool,
     codes: Digitised,
-    again: Again,
+    again: WithOtherNoise,
     image: PathBuf,
 }
 
@@ -187,14 +163,8 @@ impl Emulation {
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
-        Self::place(
-            scenario,
-            solution,
-            Placed::alone(bead, seed),
-            front_end,
-            timing,
-            image,
-        )
+        let placed = Placed::alone(bead, seed);
+        Self::place(scenario, solution, placed, front_end, timing, image)
     }
 
     /// Derives the settings of a bead and digitises its sensors. `timing` is on the time that all beads
@@ -212,8 +182,9 @@ impl Emulation {
     ) -> Result<Self, BenchError> {
         let truth = Truth::of(scenario, solution, placed.bead)?;
         let settings = settings_of(solution, placed, front_end)?;
-        let feel = |timing| Sensed::new(solution, placed.bead, timing);
-        Self::feeling(settings, truth, placed, front_end, timing, image, feel)
+        let timing = timing.since(placed.began);
+        let sensed = Sensed::new(solution, placed.bead, timing);
+        Self::feeling(sensed, settings, truth, placed, front_end, timing, image)
     }
 
     /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do.
@@ -231,33 +202,29 @@ impl Emulation {
         truth: Truth,
     ) -> Result<Self, BenchError> {
         let settings = settings_of(solution, placed, front_end)?;
-        let feel = |timing| Sensed::playing(&waveform, timing);
-        let emulation = Self::feeling(settings, truth, placed, front_end, timing, image, feel)?;
+        let timing = timing.since(placed.began);
+        let sensed = Sensed::playing(&waveform, timing);
+        let emulation = Self::feeling(sensed, settings, truth, placed, front_end, timing, image)?;
         Ok(Self {
             waveform: Some(waveform),
             ..emulation
         })
     }
 
-    fn feeling<F: Felt + Send + 'static>(
+    /// Digitises what the bead senses. `timing` is on the bead's own time.
+    fn feeling(
+        sensed: Sensed,
         settings: Settings,
         truth: Truth,
         placed: Placed,
         front_end: &FrontEnd,
         timing: Timing,
         image: &Path,
-        feel: impl Fn(Timing) -> Sensed<F>,
     ) -> Result<Self, BenchError> {
-        let Placed { bead, seed, .. } = placed;
         let mut block = [0; BLOCK_MAX];
         let length = settings
             .encode(&mut block)
             .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
-        let timing = Timing {
-            lead_in: timing.lead_in - placed.began,
-            ..timing
-        };
-        let sensed = feel(timing);
         let lasts = sensed.long();
         if timing.strikes > 1 && timing.interval < lasts {
             // Rounded up, so that the time in the message suffices.
@@ -277,22 +244,20 @@ impl Emulation {
         }
         let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
         let rate = 1.0 + clock_ppm * 1e-6;
-        let sensed = OnClock { sensed, rate };
+        let sensed = sensed.on_clock(rate);
         let scans = timing.scans(lasts + TAIL);
-        let codes = front_end.digitise(&sensed, scans, seed);
+        let codes = front_end.digitise(&sensed, scans, placed.seed);
         let behind = *front_end;
-        let again: Again = Arc::new(move |seed| behind.digitise(&sensed, scans, Some(seed)).scans);
+        let again: WithOtherNoise = Arc::new(move |seed| behind.digitise(&sensed, scans, Some(seed)).scans);
         let truth = RunTruth {
-            bead,
+            bead: placed.bead,
             truth,
             starts: timing.starts(rate),
             front_end: *front_end,
-            seed,
+            seed: placed.seed,
             clock_ppm,
-            sync_edges: Vec::new(),
             began: placed.began,
-            line_low: Vec::new(),
-            stimulus: None,
+            ..RunTruth::default()
         };
         Ok(Self {
             settings,
@@ -317,8 +282,7 @@ impl Emulation {
 
     /// Adds edges as [`sync`](Self::sync), up to a time of the bead's own, s.
     pub fn sync_until(&mut self, edges: impl IntoIterator<Item = f64>, until: f64) {
-        let began = self.truth.began;
-        let own = edges.into_iter().map(|edge| edge - began);
+        let own = edges.into_iter().map(|edge| edge - self.truth.began);
         let on = own.take_while(|edge| *edge < until).filter(|edge| *edge > 0.0);
         self.truth.sync_edges = on.collect();
     }
@@ -334,10 +298,8 @@ impl Emulation {
 
     /// The codes of the run for one that goes on without end.
     pub(super) fn playback(&self) -> Playback {
-        Playback::new(
-            self.codes.scans.clone(),
-            self.truth.seed.map(|seed| (seed, Arc::clone(&self.again))),
-        )
+        let noise = self.truth.seed.map(|seed| (seed, Arc::clone(&self.again)));
+        Playback::new(self.codes.scans.clone(), noise)
     }
 
     /// Virtual time from the first scan to the end, s.
@@ -418,7 +380,7 @@ impl Emulation {
         &self,
         outcome: &Outcome,
         frames: &[Frame],
-        real_seconds: f64,
+        seconds: f64,
     ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
             let why = failure(outcome).unwrap_or_else(|| {
@@ -465,11 +427,11 @@ impl Emulation {
             unknown_registers: outcome
                 .unknown_registers
                 .iter()
-                .map(|register| register.name.clone())
+                .map(|one| one.name.clone())
                 .collect(),
             unmodelled: outcome.unmodelled.clone(),
             virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
-            real_seconds,
+            real_seconds: seconds,
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
     }
@@ -550,10 +512,8 @@ mod tests {
 
     #[test]
     fn windows_shorter_than_their_baseline_are_counted() {
-        assert_eq!(
-            samples_in([672, 9, 0].into_iter()),
-            (681, 672 - u64::from(BASELINE))
-        );
+        let samples = samples_in([672, 9, 0].into_iter());
+        assert_eq!(samples, (681, 672 - u64::from(BASELINE)));
     }
 
     #[test]
@@ -565,7 +525,7 @@ mod tests {
         let mut outcome = Outcome::default();
         assert_eq!(failure(&outcome), None);
         outcome.virtual_ns = 1_000_000;
-        for (end, says) in [
+        let ends = [
             (
                 RunEnd::LockedUp(Some(place.clone())),
                 "locked up at 0x0800018a (dead)",
@@ -576,46 +536,11 @@ mod tests {
                 RunEnd::Breakpoint(place),
                 "a breakpoint of its own, at 0x0800018a (dead), at 0.001000 s",
             ),
-        ] {
+        ];
+        for (end, says) in ends {
             outcome.end = end;
             let said = failure(&outcome).unwrap();
             assert!(said.contains(says), "{said}");
         }
-    }
-
-    #[test]
-    fn the_strike_that_began_last_is_found_by_a_sample_index() {
-        let truth = |starts: Vec<f64>| RunTruth {
-            bead: 8,
-            truth: Truth {
-                peak_force: 6.0,
-                absorbed: 1e-6,
-            },
-            starts,
-            front_end: FrontEnd::default(),
-            seed: None,
-            clock_ppm: 0.0,
-            sync_edges: Vec::new(),
-            began: 0.0,
-            line_low: Vec::new(),
-            stimulus: None,
-        };
-        assert_eq!(truth(Vec::new()).begun(u64::MAX), None);
-        let three = truth(vec![100.25, 300.0, 500.75]);
-        for (index, begun) in [
-            (0, None),
-            (100, None),
-            (101, Some(0)),
-            (299, Some(0)),
-            (300, Some(1)),
-            (500, Some(1)),
-            (501, Some(2)),
-            (u64::MAX, Some(2)),
-        ] {
-            assert_eq!(three.begun(index), begun, "{index}");
-        }
-        // A file may have them in any order; the answer is one of them.
-        let turned = truth(vec![500.0, f64::INFINITY, 100.0, -1.0]);
-        assert!(turned.begun(200).is_none_or(|begun| begun < 4));
     }
 }

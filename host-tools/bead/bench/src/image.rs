@@ -32,22 +32,18 @@ pub fn carry(image: &'static [u8]) {
 /// There is none; the message says how to build it.
 pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     if let Some(path) = given {
-        return match (path.is_file(), path.exists()) {
-            (true, _) if is_arm_elf(path) => Ok(path.to_owned()),
-            (true, _) => Err(BenchError::Unfit(format!(
-                "--firmware {}: this is not an ARM ELF file; give the image that `cargo xtask build` makes",
-                path.display()
-            ))),
-            (false, there) => Err(BenchError::Unfit(format!(
-                "--firmware {}: {}; build the image with `cargo xtask build`",
-                path.display(),
-                if there {
-                    "this is a directory, a device or a pipe"
-                } else {
-                    "there is no such file"
-                }
-            ))),
+        let why = if path.is_file() {
+            if is_arm_elf(path) {
+                return Ok(path.to_owned());
+            }
+            "this is not an ARM ELF file; give the image that `cargo xtask build` makes"
+        } else if path.exists() {
+            "this is a directory, a device or a pipe; build the image with `cargo xtask build`"
+        } else {
+            "there is no such file; build the image with `cargo xtask build`"
         };
+        let path = path.display();
+        return Err(BenchError::Unfit(format!("--firmware {path}: {why}")));
     }
     // This program lies in the target directory itself, unless it was installed.
     let program = env::current_exe().unwrap_or_default();

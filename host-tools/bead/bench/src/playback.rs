@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 /// Digitises the same signal with the noise of another seed.
-pub(super) type Again = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>;
+pub(super) type WithOtherNoise = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>;
 
 /// Codes at the converter, without end.
 pub(super) struct Playback {
@@ -11,12 +11,12 @@ pub(super) struct Playback {
     /// Number of codes that were taken.
     taken: u64,
     /// Seed of the noise and what digitises with another one; `None` without noise.
-    noise: Option<(u64, Again)>,
+    noise: Option<(u64, WithOtherNoise)>,
 }
 
 impl Playback {
     /// Begins with these codes, which are not empty.
-    pub(super) fn new(rows: Vec<[u16; 4]>, noise: Option<(u64, Again)>) -> Self {
+    pub(super) fn new(rows: Vec<[u16; 4]>, noise: Option<(u64, WithOtherNoise)>) -> Self {
         Self {
             rows,
             taken: 0,
@@ -56,8 +56,7 @@ mod tests {
     #[test]
     fn each_round_has_other_noise_and_without_noise_all_are_alike() {
         let rows = |seed: u64| (0..3).map(|row| [seed as u16, row, 0, 0]).collect::<Vec<_>>();
-        let again: Again = Arc::new(rows);
-        let mut noisy = Playback::new(rows(7), Some((7, again)));
+        let mut noisy = Playback::new(rows(7), Some((7, Arc::new(rows))));
         let mut quiet = Playback::new(rows(7), None);
         let expected: Vec<_> = [rows(7), rows(8), rows(9)].concat();
         let mut taken = Vec::new();

@@ -24,7 +24,7 @@ use bead_recording::file::{BeadIndex, RecordingError, Writer};
 
 /// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Clocks {
+pub enum Crystals {
     /// One after another, ppm; a single one is every bead's.
     Each(Vec<f64>),
     /// By chance, up to this either way, ppm.
@@ -39,12 +39,12 @@ pub enum Clocks {
 /// There are more beads than addresses, or not as many clocks as beads.
 pub fn placed(
     beads: &[usize],
-    clocks: &Clocks,
+    crystals: &Crystals,
     start_spread: f64,
     seed: u64,
     noise: bool,
 ) -> Result<Vec<Placed>, BenchError> {
-    if let Clocks::Each(ppm) = clocks
+    if let Crystals::Each(ppm) = crystals
         && ppm.len() != 1
         && ppm.len() != beads.len()
     {
@@ -69,9 +69,9 @@ pub fn placed(
         seed: noise.then(|| seed.wrapping_add(bead as u64)),
         clock_ppm: {
             let part = chance.random_range(-1.0..=1.0);
-            match clocks {
-                Clocks::Each(ppm) => *ppm.get(number).unwrap_or(&ppm[0]),
-                Clocks::Spread(most) => part * most,
+            match crystals {
+                Crystals::Each(ppm) => *ppm.get(number).unwrap_or(&ppm[0]),
+                Crystals::Spread(most) => part * most,
             }
         },
         began: chance.random_range(0.0..=1.0) * start_spread,
@@ -157,23 +157,19 @@ const LINE_DELAY: u64 = 600;
 /// strike of its own, and none whose window would reach back into that.
 fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     let history = emulation.settings.window.history;
-    let own: Vec<_> = ran
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
-                Some(deaf_to_line(strike, history))
-            }
-            _ => None,
-        })
-        .collect();
+    let own = ran.frames.iter().filter_map(|frame| match &frame.message {
+        Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
+            Some(deaf_to_line(strike, history))
+        }
+        _ => None,
+    });
+    let own: Vec<_> = own.collect();
+    let is_heard = |fall: &f64| {
+        let index = emulation.truth.index_at(*fall);
+        !own.iter().any(|window| window.contains(&index))
+    };
     let falls = emulation.truth.line_low.iter().map(|[fall, _]| *fall);
-    falls
-        .filter(|fall| {
-            let index = emulation.truth.index_at(*fall);
-            !own.iter().any(|window| window.contains(&index))
-        })
-        .collect()
+    falls.filter(is_heard).collect()
 }
 
 /// Indices at which a bead surely follows no fall of the line, because of a strike of its own. Windows begin
@@ -215,26 +211,18 @@ mod tests {
 
     #[test]
     fn an_image_may_say_any_index_of_a_window() {
-        let Message::Strike(drawn) = Message::draw(Kind::Strike, &mut || 0) else {
+        let Message::Strike(mut strike) = Message::draw(Kind::Strike, &mut || 0) else {
             panic!("a strike");
         };
-        let strike = Strike {
-            first_index: 1000,
-            trigger_index: 1159,
-            samples: 672,
-            ..drawn
-        };
+        (strike.first_index, strike.trigger_index, strike.samples) = (1000, 1159, 672);
         assert_eq!(deaf_to_line(&strike, 160), 1162.0..2429.0);
-        let strike = Strike {
-            first_index: u64::MAX,
-            ..strike
-        };
+        strike.first_index = u64::MAX;
         assert_eq!(deaf_to_line(&strike, 160).end, u64::MAX as f64);
     }
 
     #[test]
     fn chance_follows_from_the_seed_and_stays_within_its_bounds() {
-        let place = |seed| placed(&[7, 8, 9], &Clocks::Spread(100.0), 0.01, seed, true).unwrap();
+        let place = |seed| placed(&[7, 8, 9], &Crystals::Spread(100.0), 0.01, seed, true).unwrap();
         assert_eq!(place(1), place(1));
         assert_ne!(place(1), place(2));
         for one in place(3) {
@@ -242,43 +230,35 @@ mod tests {
                 one.clock_ppm.abs() <= 100.0 && (0.0..=0.01).contains(&one.began),
                 "{one:?}"
             );
-            assert_eq!(
-                (usize::from(one.address), one.seed),
-                (one.bead, Some(3 + one.bead as u64))
-            );
+            let (address, seed) = (usize::from(one.address), 3 + one.bead as u64);
+            assert_eq!((address, one.seed), (one.bead, Some(seed)));
         }
+    }
+
+    /// Address and crystal of each of these beads, or the reason why they are refused.
+    fn each(beads: &[usize], ppm: &[f64]) -> Result<Vec<(u8, f64)>, String> {
+        let placed = placed(beads, &Crystals::Each(ppm.to_vec()), 0.0, 1, false);
+        let placed = placed.map_err(|error| error.to_string())?;
+        Ok(placed.iter().map(|one| (one.address, one.clock_ppm)).collect())
     }
 
     #[test]
     fn beads_too_far_behind_for_an_address_are_counted() {
-        let clocks = Clocks::Each(vec![0.0]);
-        let place = |beads: &[usize]| placed(beads, &clocks, 0.0, 1, false);
-        let addresses = |beads| {
-            place(beads)
-                .unwrap()
-                .iter()
-                .map(|one| one.address)
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(addresses(&[200, 254]), [200, 254]);
-        assert_eq!(addresses(&[200, 255]), [1, 2]);
+        assert_eq!(each(&[200, 254], &[0.0]).unwrap(), [(200, 0.0), (254, 0.0)]);
+        assert_eq!(each(&[200, 255], &[0.0]).unwrap(), [(1, 0.0), (2, 0.0)]);
         let many: Vec<usize> = (1..=255).collect();
-        assert!(place(&many).unwrap_err().to_string().contains("254 addresses"));
+        assert!(each(&many, &[0.0]).unwrap_err().contains("254 addresses"));
     }
 
     #[test]
-    fn there_is_a_clock_for_each_bead_or_one_for_all() {
-        let place = |ppm: &[f64]| placed(&[7, 8, 9], &Clocks::Each(ppm.to_vec()), 0.0, 1, false);
-        let ppm = |of| {
-            place(of)
-                .unwrap()
-                .iter()
-                .map(|one| one.clock_ppm)
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(ppm(&[20.0]), [20.0; 3]);
-        assert_eq!(ppm(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
-        let refused = place(&[1.0, 2.0]).unwrap_err().to_string();
+    fn there_is_a_crystal_for_each_bead_or_one_for_all() {
+        let beads = [7, 8, 9];
+        assert_eq!(each(&beads, &[20.0]).unwrap(), [(7, 20.0), (8, 20.0), (9, 20.0)]);
+        assert_eq!(
+            each(&beads, &[1.0, 2.0, 3.0]).unwrap(),
+            [(7, 1.0), (8, 2.0), (9, 3.0)]
+        );
+        let refused = each(&beads, &[1.0, 2.0]).unwrap_err();
         assert!(refused.contains("2 crystals for 3 beads"), "{refused}");
     }
 }

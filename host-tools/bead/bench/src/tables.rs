@@ -15,7 +15,7 @@
 use hertz_chain::{InputError, Scenario, TomlFile};
 use serde::Deserialize;
 
-use crate::several::Clocks;
+use crate::several::Crystals;
 use bead_compare::front_end::FrontEnd;
 use bead_recording::clock::CRYSTAL_PPM;
 
@@ -46,7 +46,8 @@ impl BenchTables {
         let text = Self::text_in(text, file)?;
         let file = TomlFile::parse(&text, file)?;
         let tables: Self = file.read()?;
-        tables.check().map_err(|error| file.locate(error))?;
+        let checked = tables.front_end.front_end().and_then(|_| tables.clock.check());
+        checked.map_err(|error| file.locate(error))?;
         Ok(tables)
     }
 
@@ -56,11 +57,6 @@ impl BenchTables {
     /// The file is not TOML.
     pub fn text_in(text: &str, file: &str) -> Result<String, InputError> {
         Ok(TomlFile::parse(text, file)?.split(&Scenario::OTHER_TABLES).1)
-    }
-
-    fn check(&self) -> Result<(), InputError> {
-        self.front_end.front_end()?;
-        self.clock.check()
     }
 }
 
@@ -115,7 +111,7 @@ impl FrontEndTable {
     pub fn front_end(&self) -> Result<FrontEnd, InputError> {
         let mut front_end = self.sensors.front_end();
         let FrontEnd { force, acceleration } = &mut front_end;
-        for (channel, key, span, advice) in [
+        let spans = [
             (
                 &mut force.sensitive,
                 "force_span",
@@ -140,15 +136,21 @@ impl FrontEndTable {
                 self.wide_acceleration_span,
                 "m/s², such as 8000.0",
             ),
-        ] {
+        ];
+        for (channel, key, span, unit) in spans {
             if let Some(span) = span {
-                ensure(span.is_finite() && span > 0.0, "front_end", key, span, || {
-                    format!("give more than 0, in {advice}")
-                })?;
+                let holds = span.is_finite() && span > 0.0;
+                ensure(
+                    holds,
+                    "front_end",
+                    key,
+                    span,
+                    format!("give more than 0, in {unit}"),
+                )?;
                 *channel = channel.with_span(span);
             }
         }
-        for (sensor, key, rms, advice) in [
+        let noises = [
             (force, "force_noise", self.force_noise, "N rms, such as 0.005"),
             (
                 acceleration,
@@ -156,20 +158,25 @@ impl FrontEndTable {
                 self.acceleration_noise,
                 "m/s² rms, such as 0.05",
             ),
-        ] {
+        ];
+        for (sensor, key, rms, unit) in noises {
             if let Some(rms) = rms {
-                ensure(rms.is_finite() && rms >= 0.0, "front_end", key, rms, || {
-                    format!("give 0 or more, in {advice}")
-                })?;
+                let holds = rms.is_finite() && rms >= 0.0;
+                ensure(holds, "front_end", key, rms, format!("give 0 or more, in {unit}"))?;
                 sensor.sensitive.noise_rms = rms;
                 // The sensor's own noise is in both channels.
                 sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
             }
         }
         if let Some(hz) = self.pole {
-            ensure(hz.is_finite() && hz >= 0.0, "front_end", "pole", hz, || {
-                "give Hz, such as 40e3, or 0 for none".to_owned()
-            })?;
+            let holds = hz.is_finite() && hz >= 0.0;
+            ensure(
+                holds,
+                "front_end",
+                "pole",
+                hz,
+                "give Hz, such as 40e3, or 0 for none",
+            )?;
             for channel in front_end.channels_mut() {
                 channel.pole_hz = (hz > 0.0).then_some(hz);
             }
@@ -196,56 +203,42 @@ pub struct ClockTable {
 
 impl ClockTable {
     /// The crystals.
-    pub fn clocks(&self) -> Clocks {
+    pub fn crystals(&self) -> Crystals {
         match (self.spread, &self.ppm[..]) {
-            (Some(spread), _) => Clocks::Spread(spread),
-            (None, []) => Clocks::Each(vec![0.0]),
-            (None, ppm) => Clocks::Each(ppm.to_vec()),
+            (Some(spread), _) => Crystals::Spread(spread),
+            (None, []) => Crystals::Each(vec![0.0]),
+            (None, ppm) => Crystals::Each(ppm.to_vec()),
         }
     }
 
     fn check(&self) -> Result<(), InputError> {
-        for (key, ppm) in self
-            .ppm
-            .iter()
-            .map(|ppm| ("ppm", ppm))
-            .chain(self.spread.iter().map(|ppm| ("spread", ppm)))
-        {
-            ensure(ppm.abs() < CRYSTAL_PPM, "clock", key, *ppm, || {
-                format!("a crystal is off by less than {CRYSTAL_PPM} ppm")
-            })?;
+        let each = self.ppm.iter().map(|ppm| ("ppm", ppm));
+        for (key, ppm) in each.chain(self.spread.iter().map(|ppm| ("spread", ppm))) {
+            let advice = format!("a crystal is off by less than {CRYSTAL_PPM} ppm");
+            ensure(ppm.abs() < CRYSTAL_PPM, "clock", key, *ppm, advice)?;
         }
         if self.spread.is_some() && !self.ppm.is_empty() {
-            return Err(InputError::at(
-                "clock.spread",
-                "stands beside ppm",
-                "leave one of them out",
-            ));
+            let advice = "leave one of them out";
+            return Err(InputError::at("clock.spread", "stands beside ppm", advice));
         }
-        ensure(
-            (0.0..=START_SPREAD_MOST).contains(&self.start_spread),
-            "clock",
-            "start_spread",
-            self.start_spread,
-            || format!("give s, at most {START_SPREAD_MOST}"),
-        )?;
+        let holds = (0.0..=START_SPREAD_MOST).contains(&self.start_spread);
+        let advice = format!("give s, at most {START_SPREAD_MOST}");
+        ensure(holds, "clock", "start_spread", self.start_spread, advice)?;
         if let Some(period) = self.sync_period {
+            let holds = period.is_finite() && period >= SYNC_LEAST;
             ensure(
-                period.is_finite() && period >= SYNC_LEAST,
+                holds,
                 "clock",
                 "sync_period",
                 period,
-                || format!("give s, at least {SYNC_LEAST}"),
+                format!("give s, at least {SYNC_LEAST}"),
             )?;
         }
-        match self.shift.filter(|shift| *shift > SHIFT_MOST) {
-            Some(shift) => Err(InputError::at(
-                "clock.shift",
-                format!("{shift} is out of range"),
-                format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns"),
-            )),
-            None => Ok(()),
+        if let Some(shift) = self.shift {
+            let advice = format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns");
+            ensure(shift <= SHIFT_MOST, "clock", "shift", shift.into(), advice)?;
         }
+        Ok(())
     }
 }
 
@@ -255,16 +248,13 @@ fn ensure(
     table: &str,
     key: &str,
     value: f64,
-    advice: impl FnOnce() -> String,
+    advice: impl Into<String>,
 ) -> Result<(), InputError> {
-    if holds {
-        return Ok(());
-    }
-    Err(InputError::at(
-        format!("{table}.{key}"),
-        format!("{value} is out of range"),
-        advice(),
-    ))
+    let refused = || {
+        let (key, what) = (format!("{table}.{key}"), format!("{value} is out of range"));
+        InputError::at(key, what, advice)
+    };
+    holds.then_some(()).ok_or_else(refused)
 }
 
 #[cfg(test)]
@@ -284,7 +274,7 @@ mod tests {
             "[front_end]\nsensors = \"strong\"\npole = 0\n# why\n[clock]\nppm = [4.0]\nstart_spread = 0.01\n",
         );
         let tables = read.unwrap();
-        assert_eq!(tables.clock.clocks(), Clocks::Each(vec![4.0]));
+        assert_eq!(tables.clock.crystals(), Crystals::Each(vec![4.0]));
         assert_eq!(tables.clock.start_spread, 0.01);
         let front_end = tables.front_end.front_end().unwrap();
         assert!(front_end.force.wide.pole_hz.is_none());
@@ -294,7 +284,7 @@ mod tests {
     #[test]
     fn a_value_that_no_bench_has_is_refused_with_line_and_key() {
         let lines = Scenario::paper().to_toml().lines().count();
-        for (tables, key, why) in [
+        let refused = [
             (
                 "[front_end]\nforce_span = 0.0",
                 "front_end.force_span",
@@ -322,15 +312,17 @@ mod tests {
                 "clock.sync_period",
                 "give s, at least 0.02",
             ),
-            ("[clock]\nshift = 11", "clock.shift", "give 0 to 10"),
+            (
+                "[clock]\nshift = 11",
+                "clock.shift",
+                "11 is out of range; give 0 to 10",
+            ),
             ("[clock]\nstart_spread = 61.0", "clock.start_spread", "at most 60"),
-        ] {
+        ];
+        for (tables, key, why) in refused {
             let refused = read(tables).unwrap_err();
-            let expected = format!("s.toml:{}: {key}: ", lines + 3);
-            assert!(
-                refused.starts_with(&expected) && refused.contains(why),
-                "{refused}"
-            );
+            let place = format!("s.toml:{}: {key}: ", lines + 3);
+            assert!(refused.starts_with(&place) && refused.contains(why), "{refused}");
         }
         let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();
         assert!(both.contains("clock.spread: stands beside ppm"), "{both}");

@@ -6,7 +6,7 @@ use crate::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::sensed::Truth;
 
 /// The truth of a run, as attached to its recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTruth {
     /// The bead that senses.
     pub bead: usize,
@@ -133,5 +133,27 @@ impl InstructionsPerSample {
             ("all, while none is", self.idle),
             ("all, over the run", Some(self.run)),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_strike_that_began_last_is_found_by_a_sample_index() {
+        let begun = |starts: &[f64], index| {
+            let truth = RunTruth {
+                starts: starts.to_vec(),
+                ..RunTruth::default()
+            };
+            truth.begun(index)
+        };
+        assert_eq!(begun(&[], u64::MAX), None);
+        for (index, expected) in [(100, None), (101, Some(0)), (300, Some(1)), (u64::MAX, Some(2))] {
+            assert_eq!(begun(&[100.25, 300.0, 500.75], index), expected, "{index}");
+        }
+        // A file may have them in any order; the answer is one of them.
+        assert!(begun(&[500.0, f64::INFINITY, 100.0, -1.0], 200).is_none_or(|begun| begun < 4));
     }
 }

@@ -21,6 +21,7 @@ use bead_model::design::{self, SensorScale};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Scans a second: TIM3's trigger rate.
@@ -30,12 +31,12 @@ pub const SAMPLE_RATE_HZ: u32 = 100_000;
 pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
 
 /// The converter's reference, which is VDDA, in volts.
-pub const REFERENCE_VOLTS: f64 = 3.3;
+const REFERENCE_VOLTS: f64 = 3.3;
 /// Codes of the 12-bit converter.
 pub const CODES: u16 = 4096;
 
 /// Range at the low gain over range at the high gain, in the reference design.
-pub const WIDER: f64 = 16.0;
+const WIDER: f64 = 16.0;
 
 /// Points of the fine grid in one sample period: 2 MHz at 100 kHz.
 const FINE_STEPS: u32 = 20;
@@ -58,7 +59,7 @@ pub struct Channel {
 impl Channel {
     /// An ideal channel whose codes span `span` units, with the quiet sensor at `zero_code`: no pole, no
     /// noise.
-    pub fn spanning(sensitivity: f64, span: f64, zero_code: f64) -> Self {
+    fn spanning(sensitivity: f64, span: f64, zero_code: f64) -> Self {
         Self {
             sensitivity,
             gain: REFERENCE_VOLTS / (sensitivity * span),
@@ -77,18 +78,13 @@ impl Channel {
         }
     }
 
-    /// Volts at the converter per unit.
-    pub fn volts_per_unit(&self) -> f64 {
-        self.sensitivity * self.gain
-    }
-
     /// Codes per unit.
-    pub fn codes_per_unit(&self) -> f64 {
-        self.volts_per_unit() * f64::from(CODES) / REFERENCE_VOLTS
+    fn codes_per_unit(&self) -> f64 {
+        self.sensitivity * self.gain * f64::from(CODES) / REFERENCE_VOLTS
     }
 
     /// The code of a quiet sensor, before rounding.
-    pub fn zero_code(&self) -> f64 {
+    fn zero_code(&self) -> f64 {
         self.offset * f64::from(CODES) / REFERENCE_VOLTS
     }
 
@@ -122,7 +118,7 @@ pub struct Sensor {
 
 impl Sensor {
     /// Scale of the sensor, as the settings of a bead state it.
-    pub fn scale(&self) -> SensorScale {
+    fn scale(&self) -> SensorScale {
         let pole = |channel: &Channel| channel.pole_hz.unwrap_or(0.0);
         SensorScale {
             per_code: 1.0 / self.sensitive.codes_per_unit(),
@@ -131,11 +127,6 @@ impl Sensor {
             wide_pole: pole(&self.wide),
             noise: self.sensitive.noise_rms,
         }
-    }
-
-    /// Both channels, in the order of their conversion.
-    pub fn channels_mut(&mut self) -> [&mut Channel; 2] {
-        [&mut self.sensitive, &mut self.wide]
     }
 }
 
@@ -187,34 +178,6 @@ pub trait Stimulus: Clone + Sync {
     }
 }
 
-/// One of the four channels, at the instants when the converter holds it.
-struct Held<S> {
-    stimulus: S,
-    /// Force or acceleration.
-    of: fn(&mut S, f64) -> f64,
-    /// When it is held after the force at the high gain, s.
-    after: f64,
-}
-
-impl<S: Stimulus> Held<S> {
-    /// The channel with this number, in the order of the conversions.
-    fn new(stimulus: &S, number: usize) -> Self {
-        Self {
-            stimulus: stimulus.clone(),
-            of: if number < 2 { S::force } else { S::acceleration },
-            after: number as f64 * CONVERSION,
-        }
-    }
-
-    fn at(&mut self, time: f64) -> f64 {
-        (self.of)(&mut self.stimulus, time + self.after)
-    }
-
-    fn silent_until(&self, time: f64) -> f64 {
-        self.stimulus.silent_until(time + self.after) - self.after
-    }
-}
-
 /// Codes as the converter delivers them, and how often it met a rail.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Digitised {
@@ -245,9 +208,13 @@ impl FrontEnd {
 
     /// The channels, in the order of their conversion.
     pub fn channels_mut(&mut self) -> [&mut Channel; 4] {
-        let [force, force_wide] = self.force.channels_mut();
-        let [acceleration, acceleration_wide] = self.acceleration.channels_mut();
-        [force, force_wide, acceleration, acceleration_wide]
+        let Self { force, acceleration } = self;
+        [
+            &mut force.sensitive,
+            &mut force.wide,
+            &mut acceleration.sensitive,
+            &mut acceleration.wide,
+        ]
     }
 
     /// Converts `scans` scans, the first of which holds the force at time 0. Before time 0 both sensors have
@@ -255,25 +222,21 @@ impl FrontEnd {
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
     pub fn digitise(&self, stimulus: &impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
-        let (force, acceleration) = (&self.force, &self.acceleration);
+        let Self { force, acceleration } = self;
         let channels = [
             &force.sensitive,
             &force.wide,
             &acceleration.sensitive,
             &acceleration.wide,
         ];
-        let convert = |number: usize| {
-            let held = Held::new(stimulus, number);
-            convert(channels[number], held, scans, seed, NOISE_STREAMS[number])
-        };
-        let pair = |first| rayon::join(|| convert(first), || convert(first + 1));
-        let (((force, _), wide_force), ((acceleration, _), wide_acceleration)) =
-            rayon::join(|| pair(0), || pair(2));
+        let converted = channels.par_iter().enumerate();
+        let converted: Vec<_> = converted
+            .map(|(number, channel)| convert(channel, number, stimulus, scans, seed))
+            .collect();
+        let scan = |scan: usize| std::array::from_fn(|channel| converted[channel].0[scan]);
         Digitised {
-            scans: (0..scans)
-                .map(|i| [force[i], wide_force.0[i], acceleration[i], wide_acceleration.0[i]])
-                .collect(),
-            saturated: [wide_force.1, wide_acceleration.1],
+            scans: (0..scans).map(scan).collect(),
+            saturated: [converted[1].1, converted[3].1],
         }
     }
 }
@@ -281,35 +244,43 @@ impl FrontEnd {
 /// Streams of the seed's generator, one for each channel: the noise of one does not depend on the others.
 const NOISE_STREAMS: [u64; 4] = [0, 2, 1, 3];
 
-/// One channel's codes at times 0, T, 2T, …, and how many lay beyond a rail.
+/// The codes at times 0, T, 2T, … of the channel with this number in the order of the conversions, and how
+/// many lay beyond a rail.
 fn convert(
     channel: &Channel,
-    mut signal: Held<impl Stimulus>,
+    number: usize,
+    stimulus: &impl Stimulus,
     scans: usize,
     seed: Option<u64>,
-    stream: u64,
 ) -> (Vec<u16>, usize) {
     let mut generator = seed.map(|seed| {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(stream);
+        generator.set_stream(NOISE_STREAMS[number]);
         generator
     });
     let noise = Normal::new(0.0, channel.noise_rms.abs()).expect("a finite standard deviation");
     let fine = f64::from(SAMPLE_RATE_HZ) * f64::from(FINE_STEPS);
     let time = |step: u64| step as f64 / fine;
-    let mut filter = LowPass::new(channel.pole_hz, 1.0 / fine, signal.at(0.0));
+    // Seconds by which the channel is held after the force at the high gain.
+    let after = number as f64 * CONVERSION;
+    let mut signals = stimulus.clone();
+    let mut signal = |time: f64| match number {
+        0 | 1 => signals.force(time + after),
+        _ => signals.acceleration(time + after),
+    };
+    let mut filter = LowPass::new(channel.pole_hz, 1.0 / fine, signal(0.0));
     let mut codes = Vec::with_capacity(scans);
     let (mut saturated, mut silent) = (0, 0.0);
     for scan in 0..scans as u64 {
         if scan > 0 {
             let steps = (scan - 1) * u64::from(FINE_STEPS)..scan * u64::from(FINE_STEPS);
             if silent <= time(steps.start) {
-                silent = signal.silent_until(time(steps.start));
+                silent = stimulus.silent_until(time(steps.start) + after) - after;
             }
             if time(steps.end) < silent {
                 filter.rest(FINE_STEPS)
             } else {
-                steps.for_each(|step| _ = filter.advance(signal.at(time(step + 1))))
+                steps.for_each(|step| _ = filter.advance(signal(time(step + 1))))
             }
         }
         let noise = generator
@@ -381,111 +352,56 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+    /// Amplitude and frequency, Hz, of a sine at both sensors. The force swings about 8 N.
     #[derive(Clone)]
-    struct Sine {
-        hz: f64,
-        amplitude: f64,
-    }
+    struct Sine(f64, f64);
 
     impl Stimulus for Sine {
         fn force(&mut self, time: f64) -> f64 {
-            8.0 + self.amplitude * (TAU * self.hz * time).sin()
+            8.0 + self.acceleration(time)
         }
         fn acceleration(&mut self, time: f64) -> f64 {
-            self.amplitude * (TAU * self.hz * time).sin()
+            self.0 * (TAU * self.1 * time).sin()
         }
     }
 
-    fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
-        let n = values.clone().count() as f64;
-        let mean = values.clone().sum::<f64>() / n;
-        (values.map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+    fn rms(values: &[f64]) -> f64 {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+    }
+
+    /// Values of force and acceleration by the codes at the high gain.
+    fn values(front_end: &FrontEnd, sine: Sine, scans: usize, seed: Option<u64>) -> [Vec<f64>; 2] {
+        let codes = front_end.digitise(&sine, scans, seed).scans;
+        let force = codes.iter().map(|c| front_end.force.sensitive.value(c[0]));
+        let acceleration = codes.iter().map(|c| front_end.acceleration.sensitive.value(c[2]));
+        [force.collect(), acceleration.collect()]
     }
 
     #[test]
-    fn the_low_pass_is_3_db_down_at_its_pole() {
+    fn the_low_pass_is_3_db_down_at_its_pole_and_passes_what_is_slow() {
         let mut front_end = FrontEnd::default();
         front_end.acceleration.sensitive.pole_hz = Some(10e3);
-        let codes = front_end
-            .digitise(
-                &Sine {
-                    hz: 10e3,
-                    amplitude: 200.0,
-                },
-                4000,
-                None,
-            )
-            .scans;
-        let out = rms(codes[1000..]
-            .iter()
-            .map(|c| front_end.acceleration.sensitive.value(c[2])));
-        let ratio = out / (200.0 * FRAC_1_SQRT_2);
-        assert!((ratio - FRAC_1_SQRT_2).abs() < 1e-3, "{ratio}");
+        for (hz, passes, within) in [(10e3, FRAC_1_SQRT_2, 1e-3), (100.0, 1.0, 1e-4)] {
+            let [_, out] = values(&front_end, Sine(200.0, hz), 4000, None);
+            let ratio = rms(&out[1000..]) / (200.0 * FRAC_1_SQRT_2);
+            assert!((ratio - passes).abs() < within, "{hz} Hz: {ratio}");
+        }
     }
 
     #[test]
-    fn a_slow_signal_passes_the_low_pass_unchanged() {
-        let front_end = FrontEnd::default();
-        let codes = front_end
-            .digitise(
-                &Sine {
-                    hz: 100.0,
-                    amplitude: 200.0,
-                },
-                4000,
-                None,
-            )
-            .scans;
-        let out = rms(codes[1000..]
-            .iter()
-            .map(|c| front_end.acceleration.sensitive.value(c[2])));
-        assert!((out / (200.0 * FRAC_1_SQRT_2) - 1.0).abs() < 1e-4, "{out}");
-    }
-
-    #[test]
-    fn the_noise_has_the_rms_asked_for_on_both_channels() {
-        let mut front_end = FrontEnd::default();
-        front_end.force.sensitive.noise_rms = 0.05;
-        front_end.acceleration.sensitive.noise_rms = 1.5;
-        let codes = front_end
-            .digitise(
-                &Sine {
-                    hz: 1.0,
-                    amplitude: 0.0,
-                },
-                40_000,
-                Some(7),
-            )
-            .scans;
-        // 40 000 samples fix a standard deviation to 0.35 % (one sigma of the estimate).
-        let force = rms(codes.iter().map(|c| front_end.force.sensitive.value(c[0])));
-        let acceleration = rms(codes.iter().map(|c| front_end.acceleration.sensitive.value(c[2])));
-        assert!((force / 0.05 - 1.0).abs() < 0.015, "{force}");
-        assert!((acceleration / 1.5 - 1.0).abs() < 0.015, "{acceleration}");
-    }
-
-    #[test]
-    fn the_noise_of_the_two_channels_is_independent() {
+    fn the_noise_has_the_rms_asked_for_and_is_independent_on_both_channels() {
         let mut front_end = FrontEnd::default();
         front_end.force.sensitive.noise_rms = 0.5;
         front_end.acceleration.sensitive.noise_rms = 15.0;
-        let codes = front_end
-            .digitise(
-                &Sine {
-                    hz: 1.0,
-                    amplitude: 0.0,
-                },
-                40_000,
-                Some(7),
-            )
-            .scans;
-        let product: f64 = codes
-            .iter()
-            .map(|c| {
-                (front_end.force.sensitive.value(c[0]) - 8.0) * front_end.acceleration.sensitive.value(c[2])
-            })
-            .sum();
-        let correlation = product / 40_000.0 / (0.5 * 15.0);
+        let [force, acceleration] = values(&front_end, Sine(0.0, 1.0), 40_000, Some(7));
+        // 40 000 samples fix a standard deviation to 0.35 % (one sigma of the estimate).
+        let (of_force, of_acceleration) = (rms(&force) / 0.5, rms(&acceleration) / 15.0);
+        assert!((of_force - 1.0).abs() < 0.015, "{of_force}");
+        assert!((of_acceleration - 1.0).abs() < 0.015, "{of_acceleration}");
+        let product = force.iter().zip(&acceleration).map(|(f, a)| (f - 8.0) * a);
+        let correlation = product.sum::<f64>() / 40_000.0 / (0.5 * 15.0);
         assert!(correlation.abs() < 0.02, "{correlation}");
     }
 
@@ -496,27 +412,12 @@ mod tests {
         front_end.acceleration.wide.pole_hz = None;
         // A period of 100 samples, off the grid by the scan skew: the sine exceeds 250 of 400 m/s² for
         // two arcs of acos(252.8/400)/π of the period.
-        let digitised = front_end.digitise(
-            &Sine {
-                hz: 1e3,
-                amplitude: 400.0,
-            },
-            10_000,
-            None,
-        );
+        let Digitised { scans, saturated } = front_end.digitise(&Sine(400.0, 1e3), 10_000, None);
         let expected = 10_000.0 * 2.0 * (250.0_f64 / 400.0).acos() / std::f64::consts::PI;
-        assert!(
-            (digitised.saturated[1] as f64 - expected).abs() <= 200.0,
-            "{:?} {expected}",
-            digitised.saturated
-        );
-        let at_rails = digitised
-            .scans
-            .iter()
-            .filter(|c| c[3] == 0 || c[3] == CODES - 1)
-            .count();
-        assert!(at_rails >= digitised.saturated[1]);
-        assert!(digitised.saturated[1] > 0);
+        let counted = saturated[1];
+        assert!((counted as f64 - expected).abs() <= 200.0, "{counted} {expected}");
+        let at_rails = scans.iter().filter(|c| c[3] == 0 || c[3] == CODES - 1);
+        assert!(at_rails.count() >= counted);
     }
 
     #[test]
@@ -526,16 +427,7 @@ mod tests {
             sensor.sensitive.pole_hz = None;
             sensor.wide = sensor.sensitive;
         }
-        let codes = front_end
-            .digitise(
-                &Sine {
-                    hz: 4850.0,
-                    amplitude: 7.0,
-                },
-                2000,
-                None,
-            )
-            .scans;
+        let codes = front_end.digitise(&Sine(7.0, 4850.0), 2000, None).scans;
         // Phase of each channel, from 97 periods in 2000 samples: no two samples share a phase.
         let phase = |channel: usize| {
             let (mut s, mut c) = (0.0, 0.0);
@@ -555,30 +447,24 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_codes_and_another_seed_does_not() {
-        let front_end = FrontEnd::default();
-        let sine = Sine {
-            hz: 1e3,
-            amplitude: 5.0,
-        };
-        let once = front_end.digitise(&sine, 1000, Some(1));
-        assert_eq!(once, front_end.digitise(&sine, 1000, Some(1)));
-        assert_ne!(once, front_end.digitise(&sine, 1000, Some(2)));
-        assert_ne!(once, front_end.digitise(&sine, 1000, None));
+        let codes = |seed| FrontEnd::default().digitise(&Sine(5.0, 1e3), 1000, seed);
+        assert_eq!(codes(Some(1)), codes(Some(1)));
+        assert_ne!(codes(Some(1)), codes(Some(2)));
+        assert_ne!(codes(Some(1)), codes(None));
     }
 
     #[test]
     fn the_default_is_the_reference_design_that_settings_are_derived_from() {
         let (ours, reference) = (FrontEnd::default().calibration(), design::FrontEnd::reference());
-        for (ours, reference) in [
+        let pairs = [
             (ours.force, reference.force),
             (ours.acceleration, reference.acceleration),
-        ] {
+        ];
+        for (ours, reference) in pairs {
             assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
             assert!((ours.wide_per_code / reference.wide_per_code - 1.0).abs() < 1e-12);
-            assert_eq!(
-                (ours.pole, ours.wide_pole, ours.noise),
-                (reference.pole, reference.wide_pole, reference.noise)
-            );
+            let rest = |scale: SensorScale| (scale.pole, scale.wide_pole, scale.noise);
+            assert_eq!(rest(ours), rest(reference));
         }
     }
 

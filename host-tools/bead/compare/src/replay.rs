@@ -101,24 +101,22 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
         let agreed = std::mem::replace(&mut before, chunk.end);
         let (measured, predicted) = energies[chunk.end - 1];
         let index = strike.said.first_index + chunk.end as u64 - 1;
-        [
+        let both = [
             ("absorbed_measured", chunk.absorbed_measured, measured),
             ("absorbed_predicted", chunk.absorbed_predicted, predicted),
-        ]
-        .into_iter()
-        .find(|(_, device, replay)| device != replay)
-        .map(|(what, device, replay)| {
-            let pair = [device, replay].map(|energy| Number {
-                bits: i128::from(energy.bits()),
-                si: Some((energy.joules(), "J")),
-            });
-            let why = if start.is_none_or(|start| agreed <= start) {
-                FROM_THE_START
-            } else {
-                FROM_SOMEWHERE
-            };
-            format!("{what} at sample index {index}: {}; {why}", apart(pair))
-        })
+        ];
+        let (what, device, replay) = both.into_iter().find(|(_, device, replay)| device != replay)?;
+        let pair = [device, replay].map(|energy| FieldNumber {
+            bits: i128::from(energy.bits()),
+            si: Some((energy.joules(), "J")),
+        });
+        let from_the_start = start.is_none_or(|start| agreed <= start);
+        let why = if from_the_start {
+            FROM_THE_START
+        } else {
+            FROM_SOMEWHERE
+        };
+        Some(format!("{what} at sample index {index}: {}; {why}", apart(pair)))
     })
 }
 
@@ -135,7 +133,7 @@ const ABSENT: i128 = i128::MIN;
 
 /// A number of a frame, by device or by replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Number {
+struct FieldNumber {
     /// As it travels.
     bits: i128,
     /// In SI units, where it is a quantity.
@@ -143,22 +141,20 @@ struct Number {
 }
 
 /// The difference of device and replay: both values, and the highest bit that differs.
-fn apart([device, replay]: [Number; 2]) -> String {
-    let shown = |who: &str, number: Number| match number.si {
+fn apart([device, replay]: [FieldNumber; 2]) -> String {
+    let shown = |who: &str, number: FieldNumber| match number.si {
         _ if number.bits == ABSENT => format!("{who} has none"),
         Some((value, unit)) => format!("{who} {value:.9e} {unit} ({:#x})", number.bits),
         None => format!("{who} {} ({:#x})", number.bits, number.bits),
     };
-    let bits = device.bits ^ replay.bits;
-    let highest = 127 - bits.leading_zeros();
+    let shown = format!("{}, {}", shown("device", device), shown("replay", replay));
     if [device.bits, replay.bits].contains(&ABSENT) {
-        return format!("{}, {}", shown("device", device), shown("replay", replay));
+        return shown;
     }
+    let highest = 127 - (device.bits ^ replay.bits).leading_zeros();
     let steps = device.bits.abs_diff(replay.bits);
     format!(
-        "{}, {}; the highest bit that differs is bit {highest}, and they are {steps} of the last bit apart",
-        shown("device", device),
-        shown("replay", replay)
+        "{shown}; the highest bit that differs is bit {highest}, and they are {steps} of the last bit apart"
     )
 }
 
@@ -174,7 +170,7 @@ fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields, rate: Option<u3
 }
 
 /// Every field of a body, by name, at `rate` scans a second. A missing group differs from every present one.
-fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, Number)> {
+fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, FieldNumber)> {
     let mut all = Vec::new();
     body.each(&mut |field, value| {
         let bits = match value {
@@ -195,32 +191,29 @@ fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, Number)> {
                 .map(|value| (value, unit.symbol)),
             _ => None,
         };
-        all.push((field.name.into(), Number { bits, si }));
+        all.push((field.name.into(), FieldNumber { bits, si }));
     });
     all
 }
 
-/// Removes what depends on the bead's state before the window.
-fn of_the_window(strike: &Strike) -> Strike {
-    Strike {
-        flags: strike.flags.without(StrikeFlags::OF_THE_BEAD),
-        ..*strike
-    }
-}
-
 fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
     let rate = strike.rate();
-    differs("strike", &of_the_window(&strike.said), said, rate)
-        .or_else(|| differs("shape", &strike.shape?, shape, rate))
+    // Some flags depend on the bead's state before the window.
+    let device = Strike {
+        flags: strike.said.flags.without(StrikeFlags::OF_THE_BEAD),
+        ..strike.said
+    };
+    differs("strike", &device, said, rate).or_else(|| differs("shape", &strike.shape?, shape, rate))
 }
 
+/// Chunks and results that a meter gave.
 #[derive(Default)]
-struct Heard {
+struct MeterOutput {
     chunks: Vec<Chunk>,
     report: Option<(Strike, Shape)>,
 }
 
-impl Sink for Heard {
+impl Sink for MeterOutput {
     fn chunk(&mut self, chunk: &bead_model::Chunk) {
         let end = self.chunks.last().map_or(0, |chunk| chunk.end) + chunk.scans.len();
         self.chunks.push(Chunk {
@@ -267,12 +260,12 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         // was not armed yet: it was when the window was asked for, which may be later than its trigger.
         settings.window.threshold = u16::MAX;
     }
-    let mut heard = Heard::default();
+    let mut output = MeterOutput::default();
     let first = strike.said.first_index - before;
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut heard);
+        meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut output);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(
@@ -281,33 +274,26 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
             ));
         }
     }
-    let Some((said, shape)) = heard.report else {
+    let Some((mut said, mut shape)) = output.report else {
         return Some(format!(
             "strike {number}: the detector does not fire on these samples, the device's fired at {}",
             strike.said.trigger_index
         ));
     };
-    let said = Strike {
-        strike: number,
-        ..said
+    (said.strike, shape.strike) = (number, number);
+    let cut_otherwise = || {
+        let differ = output.chunks != strike.chunks;
+        differ.then(|| "the chunks are cut otherwise".to_owned())
     };
-    let shape = Shape {
-        strike: number,
-        ..shape
-    };
-    differs_in_results(strike, &said, &shape)
-        .map(|what| format!("strike {number}, as a stream: {what}"))
-        .or_else(|| {
-            (heard.chunks != strike.chunks)
-                .then(|| format!("strike {number}, as a stream: the chunks are cut otherwise"))
-        })
+    let what = differs_in_results(strike, &said, &shape).or_else(cut_otherwise)?;
+    Some(format!("strike {number}, as a stream: {what}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::{recorded_after, recorded_strike};
-    use bead_wire::{Acceleration, Codes, Decay, Force, Frequency, Impulse, Samples, Waveform};
+    use bead_wire::{Body, Codes, Force, Samples, Waveform};
 
     #[test]
     fn a_strike_that_this_code_made_replays_to_the_same_bits() {
@@ -335,15 +321,15 @@ mod tests {
     /// sample index.
     fn reported(strike: RecordedStrike, past: &[ScanCodes], asked: Option<u64>) -> RecordedStrike {
         let settings = strike.settings.unwrap();
-        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let (mut meter, mut output) = (Meter::new(), MeterOutput::default());
         if let Some(at) = asked {
             meter.keep_around(strike.said.trigger_index, at, Origin::Line);
         }
         let first = strike.said.first_index - past.len() as u64;
         for (index, codes) in (first..).zip(past.iter().chain(&strike.scans)) {
-            meter.process(&settings, index, [codes.scan()], &mut heard);
+            meter.process(&settings, index, [codes.scan()], &mut output);
         }
-        let (said, shape) = heard.report.unwrap();
+        let (said, shape) = output.report.unwrap();
         assert_eq!(said.trigger_index, strike.said.trigger_index);
         let flags = match asked {
             Some(_) => StrikeFlags::TRIGGERED_BY_LINE,
@@ -355,7 +341,7 @@ mod tests {
                 ..said
             },
             shape: Some(shape),
-            chunks: heard.chunks,
+            chunks: output.chunks,
             ..strike
         }
     }
@@ -410,100 +396,71 @@ mod tests {
         }
     }
 
+    /// The first difference of the test's strike and its replay, after a change.
+    fn changed(change: impl Fn(&mut RecordedStrike)) -> String {
+        let mut strike = recorded_strike();
+        change(&mut strike);
+        replay(&strike).first_difference.unwrap()
+    }
+
     #[test]
     fn one_bit_of_any_chunk_is_found_with_its_sample_index() {
         let good = recorded_strike();
-        for chunk in 0..good.chunks.len() {
-            let mut strike = good.clone();
-            let flipped = strike.chunks[chunk].absorbed_predicted.bits() ^ 1;
-            strike.chunks[chunk].absorbed_predicted = Energy::from_bits(flipped);
+        for (number, chunk) in good.chunks.iter().enumerate() {
+            let flipped = Energy::from_bits(chunk.absorbed_predicted.bits() ^ 1);
+            let what = changed(|strike| strike.chunks[number].absorbed_predicted = flipped);
+            let index = good.said.first_index + chunk.end as u64 - 1;
+            let place = format!("absorbed_predicted at sample index {index}:");
+            assert!(what.contains(&place), "{what}");
+        }
+    }
+
+    /// A body with the lowest bit of one of its fields turned, and the name of that field.
+    fn turned<B: Body + Fields>(body: &B, field: usize) -> Option<(B, String)> {
+        let numbers = numbers(body, None);
+        let (name, _) = numbers.get(field)?;
+        let mut bits = numbers.iter().enumerate();
+        let turned = B::draw(&mut || {
+            // A group that was absent is present when turned, and is filled with zeros.
+            bits.next()
+                .map_or(0, |(at, (_, number))| number.bits as u64 ^ u64::from(at == field))
+        });
+        Some((turned, name.clone()))
+    }
+
+    #[test]
+    fn one_unit_of_any_field_of_strike_and_shape_is_found_by_name() {
+        let good = recorded_strike();
+        let said = (0..).map_while(|field| turned(&good.said, field));
+        let shape = (0..).map_while(|field| turned(&good.shape.unwrap(), field));
+        let strikes = said.map(|(said, name)| (RecordedStrike { said, ..good.clone() }, name));
+        let shapes = shape.map(|(shape, name)| {
+            let shape = Some(shape);
+            (
+                RecordedStrike {
+                    shape,
+                    ..good.clone()
+                },
+                name,
+            )
+        });
+        // The number of the strike names it, and the window is replayed with its own index and length.
+        let own = ["strike", "first_index", "samples"];
+        let found = strikes
+            .chain(shapes)
+            .filter(|(_, name)| !own.contains(&&name[..]));
+        let found: Vec<_> = found.collect();
+        assert!(found.len() > 15);
+        for (strike, name) in found {
             let what = replay(&strike).first_difference.unwrap();
-            let index = strike.said.first_index + strike.chunks[chunk].end as u64 - 1;
-            assert!(
-                what.contains(&format!("absorbed_predicted at sample index {index}:")),
-                "{what}"
-            );
+            assert!(what.contains(&name), "{name}: {what}");
         }
     }
 
     #[test]
-    fn one_unit_of_any_field_of_the_report_is_found_by_name() {
-        let good = recorded_strike();
-        let check = |name: &str, change: fn(&mut Strike)| {
-            let mut strike = good.clone();
-            change(&mut strike.said);
-            let what = replay(&strike).first_difference.unwrap();
-            assert!(what.contains(name), "{name}: {what}");
-        };
-        check("trigger_index", |said| said.trigger_index += 1);
-        check("peak_force", |said| {
-            said.peak_force = Force::from_bits(said.peak_force.bits() + 1)
-        });
-        check("peak_index", |said| said.peak_index += 1);
-        check("acceleration_max", |said| {
-            said.acceleration_max = Acceleration::from_bits(said.acceleration_max.bits() + 1)
-        });
-        check("acceleration_min", |said| {
-            said.acceleration_min = Acceleration::from_bits(said.acceleration_min.bits() + 1)
-        });
-        check("absorbed_measured", |said| {
-            said.absorbed_measured = Energy::from_bits(said.absorbed_measured.bits() + 1)
-        });
-        check("absorbed_predicted", |said| {
-            said.absorbed_predicted = Energy::from_bits(said.absorbed_predicted.bits() + 1)
-        });
-        check("incident_energy", |said| {
-            said.incident_energy = Energy::from_bits(said.incident_energy.bits() + 1)
-        });
-        check("flags", |said| {
-            said.flags = StrikeFlags::from_bits(said.flags.bits() ^ 1)
-        });
-    }
-
-    #[test]
-    fn one_unit_of_any_field_of_the_shape_is_found_by_name() {
-        let good = recorded_strike();
-        let check = |name: &str, change: fn(&mut Shape)| {
-            let mut strike = good.clone();
-            change(strike.shape.as_mut().unwrap());
-            let what = replay(&strike).first_difference.unwrap();
-            assert!(what.contains(name), "{name}: {what}");
-        };
-        check("arrival", |shape| {
-            shape.arrival = Samples::from_bits(shape.arrival.bits() + 1)
-        });
-        check("width", |shape| {
-            shape.width = Samples::from_bits(shape.width.bits() + 1)
-        });
-        check("impulse", |shape| {
-            shape.impulse = Impulse::from_bits(shape.impulse.bits() + 1)
-        });
-        check("ring_frequency", |shape| {
-            shape.ring_frequency = Frequency::from_bits(shape.ring_frequency.bits() + 1)
-        });
-        check("ring_decay", |shape| {
-            shape.ring_decay = Decay::from_bits(shape.ring_decay.bits() + 1)
-        });
-    }
-
-    #[test]
-    fn one_code_changed_is_found() {
-        let mut strike = recorded_strike();
-        strike.scans[300].sensitive[1] ^= 1;
-        assert!(!replay(&strike).identical());
-    }
-
-    #[test]
     fn a_difference_is_told_in_si_units_and_bits_with_what_it_usually_means() {
-        let good = recorded_strike();
-        let said = |change: &dyn Fn(&mut RecordedStrike)| {
-            let mut strike = good.clone();
-            change(&mut strike);
-            replay(&strike).first_difference.unwrap()
-        };
-        let what =
-            said(&|strike| strike.said.peak_force = Force::from_bits(strike.said.peak_force.bits() ^ 0x10));
-        let device = good.said.peak_force.bits() ^ 0x10;
+        let device = recorded_strike().said.peak_force.bits() ^ 0x10;
+        let what = changed(|strike| strike.said.peak_force = Force::from_bits(device));
         let parts = [
             "strike 0: peak_force of the strike frame: device 6.",
             &format!("N ({device:#x}), replay 6."),
@@ -514,7 +471,7 @@ mod tests {
             assert!(what.contains(part), "{part}: {what}");
         }
         // Another damper shows from the start, a code that was damaged from there on.
-        let what = said(&|strike| {
+        let what = changed(|strike| {
             let settings = strike.settings.as_mut().unwrap();
             settings.observer.energy += fixed::types::I2F30::from_bits(1 << 12);
         });
@@ -522,10 +479,12 @@ mod tests {
             what.contains("other settings than the recording carries"),
             "{what}"
         );
-        let what = said(&|strike| strike.scans[400].sensitive[1] ^= 0x40);
+        let what = changed(|strike| strike.scans[400].sensitive[1] ^= 0x40);
         assert!(what.contains("a code of the window was damaged"), "{what}");
+        // One bit of a code does, too.
+        changed(|strike| strike.scans[300].sensitive[1] ^= 1);
         // The shape has a quantity that needs the sample rate.
-        let what = said(&|strike| {
+        let what = changed(|strike| {
             let shape = strike.shape.as_mut().unwrap();
             shape.width = Samples::from_bits(shape.width.bits() + 1);
         });
@@ -546,20 +505,16 @@ mod tests {
             // At the end of the numbers a window, its history or its last sample lies behind them.
             for before_end in [0, 1, 31, 160, 671, 672, 1000, i64::MAX as u64] {
                 let index = u64::MAX - before_end;
-                let mut strike = recorded_strike();
-                change(&mut strike.said, index);
-                let what = replay(&strike).first_difference.unwrap();
-                assert!(
-                    what.contains(&format!("its sample index {index} is none that a bead reaches")),
-                    "{what}"
-                );
+                let refused = format!("its sample index {index} is none that a bead reaches");
+                let what = changed(|strike| change(&mut strike.said, index));
+                assert!(what.contains(&refused), "{what}");
                 // Nor is the place of what is missing told.
-                strike.scans.truncate(632);
-                assert!(!replay(&strike).identical());
+                changed(|strike| {
+                    change(&mut strike.said, index);
+                    strike.scans.truncate(632);
+                });
             }
-            let mut strike = recorded_strike();
-            change(&mut strike.said, INDEX_MOST);
-            let what = replay(&strike).first_difference.unwrap();
+            let what = changed(|strike| change(&mut strike.said, INDEX_MOST));
             assert!(!what.contains("none that a bead reaches"), "{what}");
         }
     }
@@ -589,15 +544,8 @@ mod tests {
 
     #[test]
     fn missing_samples_and_settings_are_named() {
-        let mut strike = recorded_strike();
-        strike.scans.truncate(632);
-        strike.chunks.pop();
-        let what = replay(&strike).first_difference.unwrap();
+        let what = changed(|strike| strike.scans.truncate(632));
         assert!(what.contains("40 of its 672 samples"), "{what}");
-        let strike = RecordedStrike {
-            settings: None,
-            ..recorded_strike()
-        };
-        assert!(replay(&strike).first_difference.unwrap().contains("no settings"));
+        assert!(changed(|strike| strike.settings = None).contains("no settings"));
     }
 }

@@ -71,23 +71,20 @@ pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
     let followers = std::array::from_fn::<_, FOLLOWERS, _>(|follower| at(bead + 1 + follower));
     let first = followers.iter().flatten().next().copied();
     let behind = followers.map(|held| held.is_some() && held == first);
-    let counted = |place: usize| {
-        place == bead
-            || place
-                .checked_sub(bead + 1)
-                .and_then(|follower| behind.get(follower))
-                == Some(&true)
+    let is_counted = |place: usize| {
+        let follower = place.checked_sub(bead + 1);
+        place == bead || follower.and_then(|follower| behind.get(follower)) == Some(&true)
     };
-    let others = intruders
+    let mut others = intruders
         .iter()
         .map(|one| one.bead)
-        .filter(|place| !counted(*place));
+        .filter(|place| !is_counted(*place));
+    let elsewhere = others.any(|place| place.abs_diff(bead) <= NEAR);
     let intruder = first.map_or_else(Intruder::default, |held| Intruder {
         mass: held.mass,
         stiffness: held.stiffness,
         damping: held.damping,
     });
-    let elsewhere = others.into_iter().any(|place| place.abs_diff(bead) <= NEAR);
     Neighbours::new(behind, elsewhere, intruder)
 }
 
@@ -133,11 +130,7 @@ const LONG_STEPS: f64 = 5.6;
 /// # Errors
 /// No bead has an intruder, or more than one has.
 pub fn only_host(scenario: &Scenario) -> Result<usize, CompareError> {
-    let hosts: Vec<usize> = scenario
-        .intruders
-        .iter()
-        .flat_map(|intruder| intruder.beads.clone())
-        .collect();
+    let hosts = scenario.hosts();
     match hosts[..] {
         [host] => Ok(host),
         [] => Err(CompareError::Unfit(
@@ -174,7 +167,7 @@ pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, CompareE
 }
 
 /// One strike at one bead by the full chain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Truth {
     /// Highest force at the bead's incoming contact over the scenario's duration, beyond a static load, N.
     pub peak_force: f64,
@@ -217,6 +210,15 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// These strikes on the time of a bead whose first scan is at `began`, s.
+    #[must_use]
+    pub fn since(self, began: f64) -> Self {
+        Self {
+            lead_in: self.lead_in - began,
+            ..self
+        }
+    }
+
     /// Time at which the striker of strike `number`, from 0, touches the chain, s.
     ///
     /// Strikes do not wait for the sample clock. Each comes at another phase of it; the golden ratio spreads
@@ -240,65 +242,78 @@ impl Timing {
     }
 }
 
-/// Signal of one strike at a sensor.
-pub trait Felt: Clone + Sync {
-    /// The quantity at a time since the strike began, s, in its SI unit.
-    fn at(&mut self, since: f64) -> f64;
+/// Signal of one strike at a sensor, in its SI unit over the time since the strike began, s.
+#[derive(Clone)]
+enum SensorSignal {
+    Simulated(Curve),
+    Played(Trace),
 }
 
-impl Felt for Curve {
+impl SensorSignal {
     fn at(&mut self, since: f64) -> f64 {
-        Curve::at(self, since)
-    }
-}
-
-impl Felt for Trace {
-    fn at(&mut self, since: f64) -> f64 {
-        Trace::at(self, since)
+        match self {
+            Self::Simulated(curve) => curve.at(since),
+            Self::Played(trace) => trace.at(since),
+        }
     }
 }
 
 /// Signals at the sensors of one bead: the same strike again and again, with quiet between.
 #[derive(Clone)]
-pub struct Sensed<F = Curve> {
+pub struct Sensed {
     timing: Timing,
+    /// Seconds of the bead's clock in a true second.
+    clock_rate: f64,
     /// Duration of a strike, s.
     long: f64,
     /// Start and end of the strike that was asked for last, s.
     last: Range<f64>,
-    force: Option<F>,
-    acceleration: Option<F>,
-}
-
-impl Sensed<Trace> {
-    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform
-    /// does not have stays at rest.
-    pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
-        Self {
-            timing,
-            long: waveform.seconds() + FADE,
-            last: 0.0..0.0,
-            force: waveform.force.clone(),
-            acceleration: waveform.acceleration.clone(),
-        }
-    }
+    force: Option<SensorSignal>,
+    acceleration: Option<SensorSignal>,
 }
 
 impl Sensed {
     /// The sensors of bead `bead`, which has an intruder, in `solution`. They pass no constant force, so they
     /// feel what comes on top of a static load.
     pub fn new(solution: &Solution, bead: usize, timing: Timing) -> Self {
+        let force = Some(SensorSignal::Simulated(solution.force_beyond_curve(bead)));
+        let acceleration = solution.acceleration_curve(bead).map(SensorSignal::Simulated);
+        Self::of(force, acceleration, solution.end(), timing)
+    }
+
+    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform
+    /// does not have stays at rest.
+    pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
+        let [force, acceleration] =
+            [&waveform.force, &waveform.acceleration].map(|trace| trace.clone().map(SensorSignal::Played));
+        Self::of(force, acceleration, waveform.seconds() + FADE, timing)
+    }
+
+    fn of(
+        force: Option<SensorSignal>,
+        acceleration: Option<SensorSignal>,
+        long: f64,
+        timing: Timing,
+    ) -> Self {
         Self {
             timing,
-            long: solution.end(),
+            clock_rate: 1.0,
+            long,
             last: 0.0..0.0,
-            force: Some(solution.force_beyond_curve(bead)),
-            acceleration: solution.acceleration_curve(bead),
+            force,
+            acceleration,
         }
     }
-}
 
-impl<F> Sensed<F> {
+    /// These sensors on the time of a clock with `rate` seconds in a true second.
+    #[must_use]
+    pub fn on_clock(self, rate: f64) -> Self {
+        Self {
+            clock_rate: rate,
+            ..self
+        }
+    }
+
     /// Duration of a strike, s.
     pub fn long(&self) -> f64 {
         self.long
@@ -334,29 +349,31 @@ impl<F> Sensed<F> {
     }
 }
 
-impl<F: Felt> Stimulus for Sensed<F> {
+impl Stimulus for Sensed {
     fn force(&mut self, time: f64) -> f64 {
-        let since = self.since_start(time);
-        let felt = since.zip(self.force.as_mut());
+        let felt = self.since_start(time / self.clock_rate).zip(self.force.as_mut());
         felt.map_or(0.0, |(since, force)| force.at(since))
     }
 
     fn acceleration(&mut self, time: f64) -> f64 {
-        let since = self.since_start(time);
-        let felt = since.zip(self.acceleration.as_mut());
+        let felt = self
+            .since_start(time / self.clock_rate)
+            .zip(self.acceleration.as_mut());
         felt.map_or(0.0, |(since, acceleration)| acceleration.at(since))
     }
 
     fn silent_until(&self, time: f64) -> f64 {
-        if self.strike_at(time).is_some() {
+        let true_time = time / self.clock_rate;
+        if self.strike_at(true_time).is_some() {
             return time;
         }
-        let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
+        let guess = ((true_time - self.timing.lead_in) / self.timing.interval).floor();
         let guess = guess.max(0.0) as u32;
         // A strike starts up to one sample after its place in the row.
         let near = guess..self.timing.strikes.min(guess.saturating_add(3));
         let mut starts = near.map(|number| self.timing.start(number));
-        starts.find(|start| *start >= time).unwrap_or(f64::INFINITY)
+        let next = starts.find(|start| *start >= true_time).unwrap_or(f64::INFINITY);
+        next * self.clock_rate
     }
 }
 
@@ -373,21 +390,22 @@ mod tests {
         scenario
     }
 
+    const TIMING: Timing = Timing {
+        lead_in: 0.02,
+        strikes: 3,
+        interval: 0.05,
+    };
+
     #[test]
     fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
+        let refused = |scenario: &Scenario| bead_of(&simulate(scenario).unwrap(), 5).unwrap_err().to_string();
         let mut scenario = short_scenario();
         scenario.intruders[0].beads = vec![4, 9];
-        let solution = simulate(&scenario).unwrap();
-        let error = bead_of(&solution, 5).unwrap_err();
-        assert!(error.to_string().contains("one of: 4, 9"), "{error}");
+        let error = refused(&scenario);
+        assert!(error.contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
-        let solution = simulate(&scenario).unwrap();
-        assert!(
-            bead_of(&solution, 5)
-                .unwrap_err()
-                .to_string()
-                .contains("[[intruder]]")
-        );
+        let error = refused(&scenario);
+        assert!(error.contains("[[intruder]]"), "{error}");
     }
 
     #[test]
@@ -411,15 +429,10 @@ mod tests {
         let mut scenario = short_scenario();
         scenario.chain.precompression = 2.0;
         let solution = simulate(&scenario).unwrap();
-        let timing = Timing {
-            lead_in: 0.02,
-            strikes: 1,
-            interval: 0.05,
-        };
-        let mut sensed = Sensed::new(&solution, 2, timing);
-        assert_eq!(sensed.force(timing.start(0)), 0.0);
+        let mut sensed = Sensed::new(&solution, 2, TIMING);
+        assert_eq!(sensed.force(TIMING.start(0)), 0.0);
         let there = solution.at(0.3e-3).force(2) - 2.0;
-        let felt = sensed.force(timing.start(0) + 0.3e-3);
+        let felt = sensed.force(TIMING.start(0) + 0.3e-3);
         assert!(there > 1.0 && (felt - there).abs() < 1e-6, "{felt} {there}");
     }
 
@@ -427,17 +440,12 @@ mod tests {
     fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
         let scenario = Scenario::paper();
         let solution = simulate_with_ring_down(&scenario).unwrap();
-        let timing = Timing {
-            lead_in: 0.02,
-            strikes: 3,
-            interval: 0.05,
-        };
-        let mut sensed = Sensed::new(&solution, 8, timing);
-        let phase = |n: u32| (timing.start(n) * f64::from(SAMPLE_RATE_HZ)).fract();
+        let mut sensed = Sensed::new(&solution, 8, TIMING);
+        let phase = |n: u32| (TIMING.start(n) * f64::from(SAMPLE_RATE_HZ)).fract();
         assert!((phase(1) - phase(2)).abs() > 0.1);
         for number in 0..3 {
             for since in [0.5e-3, 1.6e-3, 3e-3, 11.9e-3] {
-                let time = timing.start(number) + since;
+                let time = TIMING.start(number) + since;
                 assert!((sensed.force(time) - solution.at(since).force(8)).abs() < 1e-6);
                 let expected = solution.at(since).intruder_acceleration(8).unwrap();
                 assert!((sensed.acceleration(time) - expected).abs() < 1e-4);

@@ -227,7 +227,7 @@ mod tests {
     use bead_model::design::{Capture, FrontEnd, derive};
 
     use super::*;
-    use crate::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
+    use crate::sensed::{bead_of, load_scenario, simulate_with_ring_down};
     use crate::testing::recorded_strike;
 
     /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
@@ -245,19 +245,8 @@ mod tests {
     #[test]
     fn what_comes_before_the_striker_hits_again_is_an_echo_and_a_reset_begins_anew() {
         let truth = RunTruth {
-            bead: 8,
-            truth: Truth {
-                peak_force: 1.0,
-                absorbed: 1.0,
-            },
             starts: vec![2000.3, 3000.8, 12_000.0],
-            front_end: crate::front_end::FrontEnd::default(),
-            seed: None,
-            clock_ppm: 0.0,
-            sync_edges: Vec::new(),
-            began: 0.0,
-            line_low: Vec::new(),
-            stimulus: None,
+            ..RunTruth::default()
         };
         let strikes = [(0, 2144), (0, 2900), (0, 3144), (0, 11_000), (0, 12_144)];
         let expected = [false, true, false, true, false];

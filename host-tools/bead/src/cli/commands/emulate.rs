@@ -443,7 +443,7 @@ impl<'a> Bench<'a> {
         let several = !matches!(arguments.bead, Beads::One(_));
         let mut placed = several::placed(
             beads,
-            &tables.clock.clocks(),
+            &tables.clock.crystals(),
             tables.clock.start_spread,
             arguments.seed,
             noise.is_some(),
