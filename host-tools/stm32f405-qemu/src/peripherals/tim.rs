@@ -800,5 +800,10 @@ mod tests {
         tim.put(0, [(SMCR, 7), (CR1, CEN | 1 << 4)]);
         assert_eq!(tim.notes.iter().count(), 2);
         assert_eq!(tim.write(0x48, 0, 0), Err(NoRegister));
+        let mut pwm = Tim::new(TimerKind::ADVANCED, 84_000_000);
+        pwm.put(0, [(CCMR1, 0b110 << 4), (CCER, 0b101)]);
+        let notes: Vec<_> = pwm.notes.iter().collect();
+        assert_eq!(notes[0], "CCER: complementary outputs move no pin");
+        assert_eq!(notes[1..], ["CCMR: PWM moves no pin"]);
     }
 }

@@ -3,50 +3,33 @@
 use std::collections::BTreeSet;
 
 use stm32f405_qemu::Run;
+use stm32f405_qemu::machine::Machine;
 use stm32f405_qemu::machine::registers::{self, Register};
-use stm32f405_qemu::machine::{Board, Machine};
 
-/// Nothing is outside.
-struct Nowhere;
+use super::machine::bench::{RCC, TestBoard};
 
-impl Board for Nowhere {
-    fn read_memory(&mut self, _address: u32, bytes: &mut [u8]) {
-        bytes.fill(0);
-    }
-    fn write_memory(&mut self, _address: u32, _bytes: &[u8]) {}
-    fn overwrite_flash(&mut self, _address: u32, _bytes: &[u8]) {}
-    fn flash_changed(&mut self, _address: u32, _bytes: &[u8]) {}
-    fn stall(&mut self, _stalled: bool) {}
-    fn lose_memory(&mut self) {}
-    fn set_interrupt(&mut self, _number: usize, _level: bool) {}
-    fn sent(&mut self, _usart: usize, _data: u16, _at: u64) {}
-    fn acquired(&mut self, _scans: u64) {}
-    fn reset_wanted(&mut self) {}
-}
-
-const RCC: u32 = 0x4002_3800;
 /// RCC's enable registers.
 const ENABLES: [u32; 5] = [0x30, 0x34, 0x38, 0x40, 0x44];
 
 /// A machine after reset with all clocks on; `reset` brings it back there.
-struct ClockedChip(Machine);
+struct ClockedChip(Machine, TestBoard);
 
 impl ClockedChip {
     fn new() -> Self {
-        let mut chip = Self(Machine::new(Run::new("")));
+        let mut chip = Self(Machine::new(Run::new("")), TestBoard::new());
         chip.reset();
         chip
     }
 
     fn reset(&mut self) {
-        self.0.reset(0, &mut Nowhere);
+        self.0.reset(0, &mut self.1);
         for enable in ENABLES {
             self.write(RCC + enable, u32::MAX);
         }
     }
 
     fn read(&mut self, address: u32) -> u32 {
-        self.0.read(address, 4, 0, &mut Nowhere)
+        self.0.read(address, 4, 0, &mut self.1)
     }
 
     /// Returns `true` if a model has a register there.
@@ -54,169 +37,81 @@ impl ClockedChip {
         let mut machine = self.0.clone();
         let unknown = |machine: &Machine| machine.outcome(0).unknown_registers.len();
         let before = unknown(&machine);
-        machine.read(address, 4, 0, &mut Nowhere);
+        machine.read(address, 4, 0, &mut TestBoard::default());
         unknown(&machine) == before
     }
 
     fn write(&mut self, address: u32, value: u32) {
-        self.0.write(address, 4, value, 0, &mut Nowhere);
+        self.0.write(address, 4, value, 0, &mut self.1);
     }
 }
 
-/// Bits of registers where a model differs from the description, and why: by a section of RM0090 (rev. 21),
-/// or since writing alone does not show what the bits do. `*` stands for anything but a `_`.
-struct Exception {
-    registers: &'static str,
-    bits: u32,
-    why: &'static str,
-}
+/// Bits of registers where a model differs from the description. Each has its reason: a section of RM0090
+/// (rev. 21), or that writing alone does not show what the bits do. `*` stands for anything but a `_`.
+type Deviation = (&'static str, u32);
 
 /// In the value after reset.
-const RESETS: &[Exception] = &[
-    Exception {
-        registers: "GPIO*_IDR",
-        bits: 1 << 15 | 1 << 13 | 1 << 4,
-        why: "PA13, PA15 and PB4 are pulled up for a probe (sections 8.3.1 and 8.4.5: 0x0000 XXXX)",
-    },
-    Exception {
-        registers: "TIM*_ARR",
-        bits: u32::MAX,
-        why: "0xffff or 0xffffffff, not 0 (sections 17.4.12, 18.4.12, 19.5.9, 20.4.8)",
-    },
-    Exception {
-        registers: "PWR_CR",
-        bits: 1 << 14,
-        why: "VOS is 1, scale 1 (section 5.4.1)",
-    },
-    Exception {
-        registers: "PWR_CSR",
-        bits: 1 << 14,
-        why: "VOSRDY: the regulator is ready at once here (section 5.4.2 has 0)",
-    },
-    Exception {
-        registers: "RCC_CR",
-        bits: 0xff00,
-        why: "HSICAL is the factory's (section 7.3.1: 0x0000 XX83)",
-    },
-    Exception {
-        registers: "RCC_*ENR",
-        bits: u32::MAX,
-        why: "this test has turned the clocks on",
-    },
-    Exception {
-        registers: "RCC_CSR",
-        bits: 1 << 28,
-        why: "SFTRSTF: this test resets by software (section 7.3.21)",
-    },
-    Exception {
-        registers: "FLASH_OPTCR",
-        bits: u32::MAX,
-        why: "the factory's option bytes, 0x0fffaaed (section 3.9.6)",
-    },
-    Exception {
-        registers: "DBGMCU_IDCODE",
-        bits: u32::MAX,
-        why: "revision Z of DEV_ID 0x413 (section 38.6.1)",
-    },
+const RESETS: &[Deviation] = &[
+    // PA13, PA15 and PB4 are pulled up for a probe (sections 8.3.1 and 8.4.5: 0x0000 XXXX).
+    ("GPIO*_IDR", 1 << 15 | 1 << 13 | 1 << 4),
+    // 0xffff or 0xffffffff, not 0 (sections 17.4.12, 18.4.12, 19.5.9, 20.4.8).
+    ("TIM*_ARR", u32::MAX),
+    // VOS is 1, scale 1 (section 5.4.1).
+    ("PWR_CR", 1 << 14),
+    // VOSRDY: the regulator is ready at once here (section 5.4.2 has 0).
+    ("PWR_CSR", 1 << 14),
+    // HSICAL is the factory's (section 7.3.1: 0x0000 XX83).
+    ("RCC_CR", 0xff00),
+    // This test has turned the clocks on.
+    ("RCC_*ENR", u32::MAX),
+    // SFTRSTF: this test resets by software (section 7.3.21).
+    ("RCC_CSR", 1 << 28),
+    // The factory's option bytes, 0x0fffaaed (section 3.9.6).
+    ("FLASH_OPTCR", u32::MAX),
+    // Revision Z of DEV_ID 0x413 (section 38.6.1).
+    ("DBGMCU_IDCODE", u32::MAX),
 ];
 
 /// In the bits that keep what is written.
-const BITS: &[Exception] = &[
-    Exception {
-        registers: "TIM*_SR",
-        bits: u32::MAX,
-        why: "flags: hardware sets them, a 0 clears (section 18.4.5)",
-    },
-    Exception {
-        registers: "IWDG_PR",
-        bits: 7,
-        why: "locked until KR is 0x5555 (section 21.4.2)",
-    },
-    Exception {
-        registers: "IWDG_RLR",
-        bits: 0xfff,
-        why: "locked until KR is 0x5555 (section 21.4.3)",
-    },
-    Exception {
-        registers: "PWR_CR",
-        bits: 0b1100,
-        why: "CWUF and CSBF read as 0 (section 5.4.1)",
-    },
-    Exception {
-        registers: "U*ART*_SR",
-        bits: 0x360,
-        why: "flags: hardware sets them, a 0 clears (section 30.6.1)",
-    },
-    Exception {
-        registers: "U*ART*_DR",
-        bits: 0x1ff,
-        why: "two registers at one address (section 30.6.2)",
-    },
-    Exception {
-        registers: "ADC*_SR",
-        bits: 0x3f,
-        why: "flags: hardware sets them, a 0 clears (section 13.13.1)",
-    },
-    Exception {
-        registers: "ADC*_CR2",
-        bits: 1 << 30,
-        why: "SWSTART is cleared as soon as the conversion starts (section 13.13.3)",
-    },
-    Exception {
-        registers: "GPIO*_LCKR",
-        bits: 1 << 16,
-        why: "LCKK reads 1 once the key was turned in three writes (section 8.4.8)",
-    },
-    Exception {
-        registers: "EXTI_PR",
-        bits: 0x007f_ffff,
-        why: "a 1 clears (section 12.3.6)",
-    },
-    Exception {
-        registers: "RCC_CR",
-        bits: 1,
-        why: "HSION: the clock in use cannot be stopped (section 7.3.1)",
-    },
-    Exception {
-        registers: "RCC_CFGR",
-        bits: 0b1100,
-        why: "SWS is read-only (section 7.3.3)",
-    },
-    Exception {
-        registers: "RCC_BDCR",
-        bits: 0x0001_8305,
-        why: "locked until PWR_CR.DBP is set (section 7.3.20)",
-    },
-    Exception {
-        registers: "RCC_CSR",
-        bits: 0xff00_0000,
-        why: "reset flags are read-only, RMVF reads as 0 (section 7.3.21)",
-    },
-    Exception {
-        registers: "FLASH_SR",
-        bits: 0xf3,
-        why: "flags: a 1 clears (section 3.9.4)",
-    },
-    Exception {
-        registers: "FLASH_CR",
-        bits: u32::MAX,
-        why: "locked after reset (section 3.9.5)",
-    },
-    Exception {
-        registers: "FLASH_OPTCR",
-        bits: u32::MAX,
-        why: "locked after reset (section 3.9.6)",
-    },
-    Exception {
-        registers: "DBGMCU_CR",
-        bits: 0x001f_0000,
-        why: "bits 31:8 are reserved (section 38.16.3)",
-    },
-    Exception {
-        registers: "DBGMCU_APB1_FZ",
-        bits: 1 << 10,
-        why: "DBG_RTC_STOP is missing in the description (section 38.16.4)",
-    },
+const BITS: &[Deviation] = &[
+    // Flags: hardware sets them, a 0 clears (section 18.4.5).
+    ("TIM*_SR", u32::MAX),
+    // Locked until KR is 0x5555 (section 21.4.2).
+    ("IWDG_PR", 7),
+    // Locked until KR is 0x5555 (section 21.4.3).
+    ("IWDG_RLR", 0xfff),
+    // CWUF and CSBF read as 0 (section 5.4.1).
+    ("PWR_CR", 0b1100),
+    // Flags: hardware sets them, a 0 clears (section 30.6.1).
+    ("U*ART*_SR", 0x360),
+    // Two registers at one address (section 30.6.2).
+    ("U*ART*_DR", 0x1ff),
+    // Flags: hardware sets them, a 0 clears (section 13.13.1).
+    ("ADC*_SR", 0x3f),
+    // SWSTART is cleared as soon as the conversion starts (section 13.13.3).
+    ("ADC*_CR2", 1 << 30),
+    // LCKK reads 1 once the key was turned in three writes (section 8.4.8).
+    ("GPIO*_LCKR", 1 << 16),
+    // A 1 clears (section 12.3.6).
+    ("EXTI_PR", 0x007f_ffff),
+    // HSION: the clock in use cannot be stopped (section 7.3.1).
+    ("RCC_CR", 1),
+    // SWS is read-only (section 7.3.3).
+    ("RCC_CFGR", 0b1100),
+    // Locked until PWR_CR.DBP is set (section 7.3.20).
+    ("RCC_BDCR", 0x0001_8305),
+    // Reset flags are read-only, RMVF reads as 0 (section 7.3.21).
+    ("RCC_CSR", 0xff00_0000),
+    // Flags: a 1 clears (section 3.9.4).
+    ("FLASH_SR", 0xf3),
+    // Locked after reset (section 3.9.5).
+    ("FLASH_CR", u32::MAX),
+    // Locked after reset (section 3.9.6).
+    ("FLASH_OPTCR", u32::MAX),
+    // Bits 31:8 are reserved (section 38.16.3).
+    ("DBGMCU_CR", 0x001f_0000),
+    // DBG_RTC_STOP is missing in the description (section 38.16.4).
+    ("DBGMCU_APB1_FZ", 1 << 10),
 ];
 
 /// Registers that a modelled peripheral lacks. An access is reported.
@@ -233,25 +128,21 @@ fn fits(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// Returns the differences of a register that no exception explains, and marks the exceptions used.
-fn unexplained(differences: u32, name: &str, exceptions: &[Exception], needed: &mut [bool]) -> u32 {
+/// Returns the differences of a register that no deviation explains, and marks the deviations used.
+fn unexplained(differences: u32, name: &str, deviations: &[Deviation], needed: &mut [bool]) -> u32 {
     let mut left = differences;
-    for (exception, needed) in exceptions.iter().zip(needed) {
-        if fits(exception.registers, name) {
-            *needed |= differences & exception.bits != 0;
-            left &= !exception.bits;
+    for ((registers, bits), needed) in deviations.iter().zip(needed) {
+        if fits(registers, name) {
+            *needed |= differences & bits != 0;
+            left &= !bits;
         }
     }
     left
 }
 
-fn all_needed(exceptions: &[Exception], needed: &[bool]) {
-    for (exception, needed) in exceptions.iter().zip(needed) {
-        assert!(
-            needed,
-            "no register needs this exception: {} {}",
-            exception.registers, exception.why
-        );
+fn all_needed(deviations: &[Deviation], needed: &[bool]) {
+    for (deviation, needed) in deviations.iter().zip(needed) {
+        assert!(needed, "no register needs this deviation: {deviation:?}");
     }
 }
 

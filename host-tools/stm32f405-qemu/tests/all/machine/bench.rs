@@ -1,35 +1,48 @@
 //! A machine with a board that records what comes out, stepped as QEMU steps it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use stm32f405_qemu::machine::{Board, Machine, SYSTICK};
-use stm32f405_qemu::{Outcome, PinInput, Run, UartInput};
+use stm32f405_qemu::machine::{Board, Machine};
+use stm32f405_qemu::{Outcome, Run};
 
-pub(crate) const GPIOB: u32 = 0x4002_0400;
 pub(crate) const GPIOA: u32 = 0x4002_0000;
+pub(crate) const GPIOB: u32 = 0x4002_0400;
+pub(crate) const GPIOC: u32 = 0x4002_0800;
+pub(crate) const EXTI: u32 = 0x4001_3c00;
 pub(crate) const RCC: u32 = 0x4002_3800;
 pub(crate) const FLASH: u32 = 0x4002_3c00;
 pub(crate) const TIM2: u32 = 0x4000_0000;
 pub(crate) const TIM3: u32 = 0x4000_0400;
-pub(crate) const TIM5: u32 = 0x4000_0c00;
 pub(crate) const IWDG: u32 = 0x4000_3000;
 pub(crate) const USART1: u32 = 0x4001_1000;
 pub(crate) const ADC1: u32 = 0x4001_2000;
+pub(crate) const ADC2: u32 = 0x4001_2100;
+pub(crate) const ADC3: u32 = 0x4001_2200;
+pub(crate) const ADC_CCR: u32 = 0x4001_2304;
+pub(crate) const DMA1: u32 = 0x4002_6000;
 pub(crate) const DMA2: u32 = 0x4002_6400;
-pub(crate) const STREAM0: u32 = DMA2 + 0x10;
-pub(crate) const STREAM7: u32 = DMA2 + 0x10 + 7 * 0x18;
+pub(crate) const STREAM0: u32 = stream(DMA2, 0);
 pub(crate) const SRAM: u32 = 0x2000_0000;
-pub(crate) const CCM: u32 = 0x1000_0000;
 pub(crate) const DMA2_STREAM0: usize = 56;
-pub(crate) const DMA2_STREAM7: usize = 70;
+pub(crate) const ADON_DMA_BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24 | 1 << 10 | 1 << 9 | 1 << 8 | 1;
+
+/// First register of a stream.
+pub(crate) const fn stream(dma: u32, number: u32) -> u32 {
+    dma + 0x10 + 0x18 * number
+}
+
+pub(crate) fn ramp(rows: u16) -> Vec<[u16; 4]> {
+    (0..rows).map(|i| [i, 1000 + i, 0, 0]).collect()
+}
 
 /// Memory, and a record of everything that came out.
+#[derive(Default)]
 pub(crate) struct TestBoard {
     pub(crate) sram: Vec<u8>,
-    pub(crate) lines: [bool; SYSTICK + 1],
+    /// The interrupt lines that are up.
+    pub(crate) lines: BTreeSet<usize>,
     pub(crate) rises: BTreeMap<usize, Vec<u64>>,
     pub(crate) now: u64,
-    pub(crate) uart: Vec<u8>,
     /// Frames that any USART sent.
     pub(crate) frames: Vec<(usize, u16)>,
     pub(crate) blocks: Vec<u64>,
@@ -37,7 +50,16 @@ pub(crate) struct TestBoard {
     pub(crate) resets_wanted: usize,
     pub(crate) flash_changes: Vec<(u32, Vec<u8>)>,
     pub(crate) stalled: bool,
-    pub(crate) memory_lost: usize,
+}
+
+impl TestBoard {
+    pub(crate) fn new() -> Self {
+        let sram = vec![0; 0x2_0000];
+        Self {
+            sram,
+            ..Self::default()
+        }
+    }
 }
 
 impl Board for TestBoard {
@@ -63,22 +85,19 @@ impl Board for TestBoard {
         self.stalled = stalled;
     }
 
-    fn lose_memory(&mut self) {
-        self.memory_lost += 1;
-    }
+    fn lose_memory(&mut self) {}
 
     fn set_interrupt(&mut self, number: usize, level: bool) {
-        self.lines[number] = level;
         if level {
+            self.lines.insert(number);
             self.rises.entry(number).or_default().push(self.now);
+        } else {
+            self.lines.remove(&number);
         }
     }
 
     fn sent(&mut self, usart: usize, data: u16, _at: u64) {
         self.frames.push((usart, data));
-        if usart == 0 {
-            self.uart.push(data as u8);
-        }
     }
 
     fn acquired(&mut self, scans: u64) {
@@ -99,53 +118,34 @@ pub(crate) struct MachineBench {
 
 impl MachineBench {
     pub(crate) fn new(rows: Vec<[u16; 4]>) -> Self {
-        Self::with_inputs(rows, &[], &[])
+        Self::with(|run| run.stimulus = rows)
     }
 
-    pub(crate) fn with_uart_input(rows: Vec<[u16; 4]>, input: &[UartInput]) -> Self {
-        Self::with_inputs(rows, input, &[])
-    }
-
-    pub(crate) fn with_inputs(rows: Vec<[u16; 4]>, uart: &[UartInput], pins: &[PinInput]) -> Self {
+    pub(crate) fn with(change: impl FnOnce(&mut Run)) -> Self {
         let mut run = Run::new("none");
-        run.stimulus = rows;
-        run.uart_input = uart.to_vec();
-        run.pin_inputs = pins.to_vec();
-        Self::of(run)
-    }
-
-    pub(crate) fn of(run: Run) -> Self {
+        change(&mut run);
+        let (machine, board) = (Machine::new(run), TestBoard::new());
         let mut bench = Self {
-            machine: Machine::new(run),
-            board: TestBoard {
-                sram: vec![0; 0x2_0000],
-                lines: [false; SYSTICK + 1],
-                rises: BTreeMap::new(),
-                now: 0,
-                uart: Vec::new(),
-                frames: Vec::new(),
-                blocks: Vec::new(),
-                flash_writes: Vec::new(),
-                resets_wanted: 0,
-                flash_changes: Vec::new(),
-                stalled: false,
-                memory_lost: 0,
-            },
+            machine,
+            board,
             wakes: 0,
         };
-        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; clocks of all that
-        // is used.
-        bench.write(0x4002_3c00, 0x705);
-        bench.write(RCC, 1 << 16 | 0x83);
-        bench.write(RCC + 0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24);
-        bench.write(RCC, 1 << 24 | 1 << 16 | 0x83);
-        bench.write(RCC + 0x08, 2 | 0b101 << 10 | 0b100 << 13);
-        bench.write(RCC + 0x30, 1 << 22 | 0b111);
-        bench.write(RCC + 0x40, 0b1111);
-        bench.write(RCC + 0x44, 1 << 4 | 1 << 8);
+        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; all clocks on.
+        bench.write(FLASH, 0x705);
+        bench.set(
+            RCC,
+            [(0x00, 1 << 16 | 0x83), (0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24)],
+        );
+        bench.set(
+            RCC,
+            [
+                (0x00, 1 << 24 | 1 << 16 | 0x83),
+                (0x08, 2 | 0b101 << 10 | 0b100 << 13),
+            ],
+        );
+        bench.set(RCC, [0x30, 0x40, 0x44].map(|enable| (enable, u32::MAX)));
         // PB6 and PB7 are USART1's (AF7).
-        bench.write(GPIOB, 0x0280 | 0b1010 << 12);
-        bench.write(GPIOB + 0x20, 0x77 << 24);
+        bench.set(GPIOB, [(0x00, 0x0280 | 0b1010 << 12), (0x20, 0x77 << 24)]);
         bench
     }
 
@@ -154,8 +154,19 @@ impl MachineBench {
     }
 
     pub(crate) fn write(&mut self, address: u32, value: u32) {
+        self.write_narrow(address, 4, value);
+    }
+
+    pub(crate) fn write_narrow(&mut self, address: u32, bytes: u32, value: u32) {
         self.machine
-            .write(address, 4, value, self.board.now, &mut self.board);
+            .write(address, bytes, value, self.board.now, &mut self.board);
+    }
+
+    /// Writes registers of a peripheral, one after the other.
+    pub(crate) fn set<const N: usize>(&mut self, peripheral: u32, writes: [(u32, u32); N]) {
+        for (offset, value) in writes {
+            self.write(peripheral + offset, value);
+        }
     }
 
     /// Goes on to `until`, waking for interrupts only; `on_wake` is the firmware's handler.
@@ -171,15 +182,25 @@ impl MachineBench {
         self.machine.advance(until, &mut self.board);
     }
 
+    /// Goes on to `until` without a handler.
+    pub(crate) fn pass(&mut self, until: u64) {
+        self.run(until, |_| {});
+    }
+
     pub(crate) fn outcome(&self) -> Outcome {
         self.machine.outcome(self.board.now)
     }
 
+    pub(crate) fn has_line(&self, number: usize) -> bool {
+        self.board.lines.contains(&number)
+    }
+
     /// CR open, to program by words.
     pub(crate) fn open_flash(&mut self) {
-        self.write(FLASH + 0x04, 0x4567_0123);
-        self.write(FLASH + 0x04, 0xcdef_89ab);
-        self.write(FLASH + 0x10, 0b10 << 8 | 1);
+        self.set(
+            FLASH,
+            [(0x04, 0x4567_0123), (0x04, 0xcdef_89ab), (0x10, 0b10 << 8 | 1)],
+        );
     }
 
     pub(crate) fn store(&mut self, address: u32, value: u32) {
@@ -189,27 +210,51 @@ impl MachineBench {
 
     /// TIM3 at 100 kHz with its update as TRGO.
     pub(crate) fn start_tim3(&mut self) {
-        self.write(TIM3 + 0x2c, 839);
-        self.write(TIM3 + 0x04, 0b010 << 4);
-        self.write(TIM3, 1);
+        self.set(TIM3, [(0x2c, 839), (0x04, 0b010 << 4), (0x00, 1)]);
+    }
+
+    /// Enables a stream for `items`, with these bits of CR.
+    pub(crate) fn start_stream(&mut self, stream: u32, items: u32, peripheral: u32, memory: u32, cr: u32) {
+        self.set(stream, [(0x08, peripheral), (0x0c, memory)]);
+        self.set(stream, [(0x04, items), (0x00, cr), (0x00, cr | 1)]);
+    }
+
+    /// 1 Mbit/s, 8N1, with these bits of CR1 beside UE, TE and RE. USART1 and USART6 have 84 MHz, the others
+    /// 42.
+    pub(crate) fn start_usart(&mut self, usart: u32, cr1: u32) {
+        let pclk = if usart < 0x4001_0000 { 42 } else { 84 };
+        self.set(usart, [(0x08, pclk), (0x0c, 1 << 13 | 0b11 << 2 | cr1)]);
     }
 
     /// ADC1 over channels 0 and 1 by TIM3, 56 + 12 cycles each at 21 MHz, into a ring of `items` at `memory`.
     pub(crate) fn start_acquisition(&mut self, memory: u32, items: u32) {
-        self.write(STREAM0 + 0x04, items);
-        self.write(STREAM0 + 0x08, ADC1 + 0x4c);
-        self.write(STREAM0 + 0x0c, memory);
         // Halfwords, memory increments, circular, half, complete and error interrupts.
         let cr = 1 << 13 | 1 << 11 | 1 << 10 | 1 << 8 | 0b111 << 2;
-        self.write(STREAM0, cr);
-        self.write(STREAM0, cr | 1);
-        self.write(ADC1 + 0x304, 1 << 16);
+        self.start_stream(STREAM0, items, ADC1 + 0x4c, memory, cr);
         self.write(ADC1 + 0x04, 1 << 26 | 1 << 8 | 1 << 5);
-        self.write(ADC1 + 0x10, 0b011_011);
-        self.write(ADC1 + 0x2c, 1 << 20);
-        self.write(ADC1 + 0x34, 1 << 5);
-        self.write(ADC1 + 0x08, ADON_DMA_BY_TIM3);
+        self.start_scans(ADC1);
+    }
+
+    /// Scans of channels 0 and 1 by TIM3.
+    pub(crate) fn start_scans(&mut self, adc: u32) {
+        self.write(ADC_CCR, 1 << 16);
+        self.set(
+            adc,
+            [
+                (0x10, 0b011_011),
+                (0x2c, 1 << 20),
+                (0x34, 1 << 5),
+                (0x08, ADON_DMA_BY_TIM3),
+            ],
+        );
         self.start_tim3();
+    }
+
+    /// The code of one conversion by software.
+    pub(crate) fn convert(&mut self, adc: u32, channel: u32) -> u32 {
+        self.set(adc, [(0x34, channel), (0x08, 1), (0x08, 1 << 30 | 1)]);
+        self.pass(self.board.now + 100_000);
+        self.read(adc + 0x4c)
     }
 
     pub(crate) fn clear_stream0(bench: &mut Self) {
@@ -218,17 +263,12 @@ impl MachineBench {
     }
 
     pub(crate) fn halfwords(&self, address: u32, count: usize) -> Vec<u16> {
-        let at = (address - SRAM) as usize;
-        let bytes = &self.board.sram[at..at + 2 * count];
+        let bytes = &self.board.sram[(address - SRAM) as usize..][..2 * count];
         bytes
-            .chunks_exact(2)
-            .map(|c| u16::from_le_bytes([c[0], c[1]]))
+            .as_chunks()
+            .0
+            .iter()
+            .map(|bytes| u16::from_le_bytes(*bytes))
             .collect()
     }
-}
-
-pub(crate) const ADON_DMA_BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24 | 1 << 10 | 1 << 9 | 1 << 8 | 1;
-
-pub(crate) fn ramp(rows: u16) -> Vec<[u16; 4]> {
-    (0..rows).map(|i| [i, 1000 + i, 0, 0]).collect()
 }
