@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::files::{below, write};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::tools::{self, Tool};
 
 const MDBOOK: Tool = Tool {
@@ -23,7 +23,7 @@ pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
     let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
     gather(&steps.root.join("docs"), &pages)
         .map_err(|error| Stop::failed(format!("cannot copy the pages to {}: {error}", pages.display())))?;
-    let build = Line::program(mdbook).words("build").arg(&pages);
+    let build = CommandLine::program(mdbook).words("build").arg(&pages);
     steps.run("the book", &build.words("--dest-dir").arg(&book))?;
     let index = steps.built("book/index.html");
     steps.announce(&format!("done. The book: {}", index.display()));

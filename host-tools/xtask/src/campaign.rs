@@ -3,7 +3,7 @@
 use crate::image;
 use crate::packages::DEMO;
 use crate::setup::{Need, setup};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// Runs as many scripts as the words say: `N [--seed S]`.
 ///
@@ -23,9 +23,9 @@ pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     }
     setup(steps, Need::Run)?;
     image::build(steps)?;
-    let overlay = Line::new("cargo build --release").words(DEMO);
+    let overlay = CommandLine::new("cargo build --release").words(DEMO);
     steps.run("the host tools", &overlay)?;
-    let line = Line::new("cargo run --release --quiet -p bead-fuzz --example campaign --");
+    let line = CommandLine::new("cargo run --release --quiet -p bead-fuzz --example campaign --");
     let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
     steps.run("scripts of faults", &line)
 }

@@ -3,7 +3,7 @@
 use crate::image;
 use crate::packages::DEMO;
 use crate::setup::{Need, setup};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// Builds what a demonstration needs.
 ///
@@ -24,14 +24,14 @@ pub(crate) fn build_all(steps: &Steps) -> Result<(), Stop> {
 /// Builds packages of the host, and beside them the flash image.
 fn build_packages(steps: &Steps, packages: &str) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
-    let host = Line::new("cargo build --release").words(packages);
+    let host = CommandLine::new("cargo build --release").words(packages);
     image::build_if_there_is_one(steps)?;
     steps.both(|steps| steps.run("build the host tools", &host), image::build)
 }
 
 /// A command of the `bead` that was built.
-fn bead(steps: &Steps, words: &str) -> Line {
-    Line::program(steps.built("release/bead")).words(words)
+fn bead(steps: &Steps, words: &str) -> CommandLine {
+    CommandLine::program(steps.built("release/bead")).words(words)
 }
 
 /// Demonstrates one strike on one bead.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::files::{below, write};
 use crate::setup::find;
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::supply;
 
 /// Files beside the program and the pages.
@@ -44,13 +44,13 @@ const MOST: u64 = 40 << 20;
 /// # Errors
 /// It cannot be built or packed, is too large, or does not work from an empty folder.
 pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
-    let host = steps.read("this computer", &Line::new("rustc --print host-tuple"))?;
+    let host = steps.read("this computer", &CommandLine::new("rustc --print host-tuple"))?;
     let name = format!("bead-{}-{}", env!("CARGO_PKG_VERSION"), host.trim());
     let root = steps.target.join("dist");
     let (installed, packed) = (root.join("install"), root.join(&name));
     let _ = fs::remove_dir_all(&root);
     for (program, path) in PROGRAMS {
-        let install = Line::new("cargo install --locked --force --path");
+        let install = CommandLine::new("cargo install --locked --force --path");
         let install = install
             .arg(path)
             .words("--bin")
@@ -93,23 +93,25 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     let put = |to: &str, text: &str| put_text(&packed.join(to), text);
     put("README.md", README)?;
     for (shell, file) in [("bash", "bead"), ("zsh", "_bead"), ("fish", "bead.fish")] {
-        let script = Line::program(&program).words("completions").arg(shell);
+        let script = CommandLine::program(&program).words("completions").arg(shell);
         let script = steps.read(&format!("completions for {shell}"), &script)?;
         put(&format!("completions/{file}"), &script)?;
     }
     steps.run(
         "manual pages",
-        &Line::program(&program).words("man").arg(packed.join("man/man1")),
+        &CommandLine::program(&program)
+            .words("man")
+            .arg(packed.join("man/man1")),
     )?;
     supply::release(steps, &packed.join("notices"))?;
     let archive = root.join(format!("{name}.tar.gz"));
-    let pack = Line::new("tar --sort=name --owner=0 --group=0 --numeric-owner -czf")
+    let pack = CommandLine::new("tar --sort=name --owner=0 --group=0 --numeric-owner -czf")
         .arg(&archive)
         .arg("-C");
     steps.run("the archive", &pack.arg(&root).arg(&name))?;
     // As `sha256sum --check` reads it, beside the archive.
     let file = format!("{name}.tar.gz");
-    let sum = Line::new("sha256sum").arg(&file).within(&root);
+    let sum = CommandLine::new("sha256sum").arg(&file).within(&root);
     let sum = steps.read("its SHA-256", &sum)?;
     put_text(&root.join(format!("{file}.sha256")), &sum)?;
 
@@ -142,7 +144,7 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
             "export run/bead-8.mcap --out tables",
             "figures 2a --check",
         ] {
-            let line = Line::new("env -i -C")
+            let line = CommandLine::new("env -i -C")
                 .arg(&home)
                 .arg(format!("PATH={}", folder.join("path").display()))
                 .arg("./bead")
@@ -164,6 +166,6 @@ fn unpack(steps: &Steps, archive: &Path, folder: &Path) -> Result<(), Stop> {
     fs::create_dir_all(folder.join("path")).map_err(failed)?;
     let qemu = find("qemu-system-arm").ok_or_else(|| Stop::missing("no qemu-system-arm in PATH"))?;
     std::os::unix::fs::symlink(qemu, folder.join("path/qemu-system-arm")).map_err(failed)?;
-    let unpack = Line::new("tar -xzf").arg(archive).arg("-C").arg(folder);
+    let unpack = CommandLine::new("tar -xzf").arg(archive).arg("-C").arg(folder);
     steps.run("unpacked", &unpack)
 }

@@ -7,7 +7,7 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use crate::packages::IMAGE;
 use crate::paths;
 use crate::setup::TARGET;
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// Where cargo puts it.
 pub(crate) fn path(steps: &Steps) -> PathBuf {
@@ -20,7 +20,7 @@ pub(crate) fn path(steps: &Steps) -> PathBuf {
 /// It does not build.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
-    steps.run("the flash image", &Line::new("cargo build").words(IMAGE))?;
+    steps.run("the flash image", &CommandLine::new("cargo build").words(IMAGE))?;
     tell_size(steps)
 }
 

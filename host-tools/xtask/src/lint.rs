@@ -2,7 +2,7 @@
 
 use crate::links;
 use crate::packages::{HOST, IMAGE, IMAGES, PUBLISHED};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::style;
 use crate::supply;
 
@@ -12,7 +12,7 @@ use crate::supply;
 /// Of the first one that fails.
 pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     text(steps)?;
-    let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
+    let imports = CommandLine::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
     steps.run("imports inside each crate", &imports)?;
     steps.both(
         |steps| host(steps, HOST),
@@ -37,13 +37,13 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.announce(&format!("{followed} links lead somewhere"));
     steps.announce("comments");
     style::check(&steps.root)?;
-    steps.run("format", &Line::new("cargo fmt --all --check"))
+    steps.run("format", &CommandLine::new("cargo fmt --all --check"))
 }
 
 /// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency
 /// that has no version, or with a readme that is not there.
 fn packages(steps: &Steps) -> Result<(), Stop> {
-    let package = Line::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
+    let package = CommandLine::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
     steps.run("the crates as they are published", &package)
 }
 
@@ -66,10 +66,10 @@ pub(crate) fn images(steps: &Steps) -> Result<(), Stop> {
     steps.run("lints, images of the emulator's tests", &clippy(&images))
 }
 
-fn clippy(what: &str) -> Line {
-    Line::new(&format!("cargo clippy {what} -- -D warnings"))
+fn clippy(what: &str) -> CommandLine {
+    CommandLine::new(&format!("cargo clippy {what} -- -D warnings"))
 }
 
-fn doc(what: &str) -> Line {
-    Line::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings")
+fn doc(what: &str) -> CommandLine {
+    CommandLine::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings")
 }

@@ -35,161 +35,161 @@ use std::process::ExitCode;
 use clap::{Arg, Command};
 
 use crate::setup::{Need, setup};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// A command of xtask.
-struct Task {
+struct XtaskCommand {
     name: &'static str,
     about: &'static str,
     more: &'static str,
-    run: Run,
+    run: TaskFunction,
 }
 
 /// The function of a command, with or without words after the command.
-enum Run {
+enum TaskFunction {
     Alone(fn(&Steps) -> Result<(), Stop>),
     WithWords(fn(&Steps, &[&String]) -> Result<(), Stop>),
 }
 
-const TASKS: &[Task] = &[
-    Task {
+const TASKS: &[XtaskCommand] = &[
+    XtaskCommand {
         name: "setup",
         about: "Install what is missing: Rust's thumbv7em-none-eabihf target and QEMU's qemu-system-arm",
         more: "It says what it installs before it does, and removes nothing. QEMU comes by apt, as root or with a sudo \
                that asks for no password. Elsewhere it prints the command for this system and ends with status 3. A \
                second run changes nothing.",
-        run: Run::Alone(|steps| setup(steps, Need::Check)),
+        run: TaskFunction::Alone(|steps| setup(steps, Need::Check)),
     },
-    Task {
+    XtaskCommand {
         name: "build",
         about: "Build the flash image and, in release, the host tools",
         more: "",
-        run: Run::Alone(demo::build_all),
+        run: TaskFunction::Alone(demo::build_all),
     },
-    Task {
+    XtaskCommand {
         name: "demo",
         about: "Simulate a strike, run the flash image on it in QEMU, replay its samples, compare with the simulation",
         more: "The recording and report.html land in target/demo.",
-        run: Run::Alone(demo::strike),
+        run: TaskFunction::Alone(demo::strike),
     },
-    Task {
+    XtaskCommand {
         name: "chain",
         about: "Simulate a strike on a row of ten absorbers, run the flash image inside each in QEMU, compare them all",
         more: "It is Fig. 5 of the paper by measurement: what ten beads sense of one strike, on one time, and the energy \
                that their intruders leave. The recording, the pictures and report.html land in target/chain.",
-        run: Run::Alone(demo::row),
+        run: TaskFunction::Alone(demo::row),
     },
-    Task {
+    XtaskCommand {
         name: "test",
         about: "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
         more: "It takes some ten minutes on two cores if nothing is compiled yet. It stops at the first step that fails, \
                with the command that repeats this step.",
-        run: Run::Alone(test::test),
+        run: TaskFunction::Alone(test::test),
     },
-    Task {
+    XtaskCommand {
         name: "lint",
         about: "Run the checks of `test` that run no program: format, lints, imports, documentation and its links",
         more: "",
-        run: Run::Alone(|steps| {
+        run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Check)?;
             lint::lint(steps)
         }),
     },
-    Task {
+    XtaskCommand {
         name: "lines",
         about: "Print the lines of Rust of each crate, source and tests",
         more: "",
-        run: Run::Alone(lines::print),
+        run: TaskFunction::Alone(lines::print),
     },
-    Task {
+    XtaskCommand {
         name: "numbers",
         about: "Measure what a sample costs and what the image takes, and write it into docs/budget.md",
         more: "",
-        run: Run::Alone(|steps| {
+        run: TaskFunction::Alone(|steps| {
             demo::build(steps)?;
-            let measure = Line::new("cargo test --release -p bead-tests --test all budget::")
+            let measure = CommandLine::new("cargo test --release -p bead-tests --test all budget::")
                 .env("BEAD_NUMBERS_WRITE", "1");
             steps.run("the budget", &measure)
         }),
     },
-    Task {
+    XtaskCommand {
         name: "book",
         about: "Render docs/ as a book with mdBook, into target/book",
         more: "It installs mdBook into target/tools if it is missing, which takes some minutes.",
-        run: Run::Alone(book::render),
+        run: TaskFunction::Alone(book::render),
     },
-    Task {
+    XtaskCommand {
         name: "bench",
         about: "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
         more: "Words that follow go to the benchmark: `--format json`; `--quick`; `--peers` for a solver of Python too; \
                `--native` to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. \
                What it compares with is compiled for it alone. docs/benchmarks.md says how to read it.",
-        run: Run::WithWords(bench::bench),
+        run: TaskFunction::WithWords(bench::bench),
     },
-    Task {
+    XtaskCommand {
         name: "dist",
         about: "Make the archive of a release in target/dist, and try it from an empty folder without Rust",
         more: "In it are `bead` as `cargo install --path host-tools/bead` makes it, with the emulator's overlay and the flash \
                image inside, completions, manual pages, the book, notices, bills of materials, and the image for a debug \
                probe. Beside it lies its SHA-256.",
-        run: Run::Alone(|steps| {
+        run: TaskFunction::Alone(|steps| {
             demo::build(steps)?;
             dist::make(steps, &image::path(steps))
         }),
     },
-    Task {
+    XtaskCommand {
         name: "notices",
         about: "Write THIRD-PARTY.md, and the licences' texts and bills of materials into target/notices",
         more: "The page names each package that cargo links into image and tools, with its licence. about.toml and \
                deny.toml say which licences are allowed. It installs cargo-about and cargo-cyclonedx into target/tools \
                if they are missing, which takes some minutes.",
-        run: Run::Alone(supply::notices),
+        run: TaskFunction::Alone(supply::notices),
     },
-    Task {
+    XtaskCommand {
         name: "reproducible",
         about: "Build the flash image in another folder with another home too, and compare all bytes",
         more: "It takes as long as a first build of the image. What is built is the commit, so sources of the image must \
                not differ from it.",
-        run: Run::Alone(|steps| {
+        run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Run)?;
             reproducible::check(steps)
         }),
     },
-    Task {
+    XtaskCommand {
         name: "python",
         about: "Set up target/python with pandas, polars, xarray, pyuff and mcap, which a test opens exported files with",
         more: "",
-        run: Run::Alone(python::setup),
+        run: TaskFunction::Alone(python::setup),
     },
-    Task {
+    XtaskCommand {
         name: "mutants",
         about: "Make mistakes in a copy, one by one, and see that checks and tests notice each: [PART] [SHARD]",
         more: "Alone it makes mistakes in the physics, which the figures' checks must notice. `model`, `wire`, `store` \
                and `solver` are parts whose code cargo-mutants changes in many places; all of one takes an hour, `store \
                0/16` a sixteenth of that. It installs cargo-mutants into target/tools if it is missing.",
-        run: Run::WithWords(mutants::check),
+        run: TaskFunction::WithWords(mutants::check),
     },
-    Task {
+    XtaskCommand {
         name: "fuzz",
         about: "Look for inputs that break a reader, by libFuzzer: [TARGET] [TIME], such as `frames 1h`; all for a minute each",
         more: "It needs Rust's nightly and cargo-fuzz, and says how to install them. The first build takes some minutes. \
                What it learns stays in target/fuzz/corpus; an input that breaks something is left in target/fuzz/found. \
                docs/reliability.md names the targets.",
-        run: Run::WithWords(fuzz::fuzz),
+        run: TaskFunction::WithWords(fuzz::fuzz),
     },
-    Task {
+    XtaskCommand {
         name: "campaign",
         about: "Run the image under scripts of faults that chance draws: N [--seed S], such as `300`; two a second",
         more: "A script that fails is made smaller as long as it fails, and left in target/campaign: it can join those \
                in fuzz/scripts, which `test` runs. docs/reliability.md says what has to hold.",
-        run: Run::WithWords(campaign::campaign),
+        run: TaskFunction::WithWords(campaign::campaign),
     },
-    Task {
+    XtaskCommand {
         name: "miri",
         about: "Run the tests of what runs on the bead under Miri, on a little-endian and on a big-endian machine",
         more: "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes \
                about half an hour of a core, though loops are shorter than in `test`.",
-        run: Run::Alone(miri::miri),
+        run: TaskFunction::Alone(miri::miri),
     },
 ];
 
@@ -201,8 +201,8 @@ fn main() -> ExitCode {
     let subcommands = TASKS.iter().map(|task| {
         let command = Command::new(task.name).about(task.about).after_help(task.more);
         match task.run {
-            Run::Alone(_) => command,
-            Run::WithWords(_) => command.arg(words.clone()),
+            TaskFunction::Alone(_) => command,
+            TaskFunction::WithWords(_) => command.arg(words.clone()),
         }
     });
     let matches = Command::new("cargo xtask")
@@ -222,8 +222,8 @@ fn main() -> ExitCode {
             .iter()
             .find(|task| chosen.is_some_and(|(name, _)| name == task.name));
         match (task.map(|task| &task.run), chosen) {
-            (Some(Run::Alone(run)), _) => run(&steps),
-            (Some(Run::WithWords(run)), Some((_, matches))) => {
+            (Some(TaskFunction::Alone(run)), _) => run(&steps),
+            (Some(TaskFunction::WithWords(run)), Some((_, matches))) => {
                 let words = matches.get_many::<String>("words").into_iter().flatten();
                 run(&steps, &words.collect::<Vec<_>>())
             }

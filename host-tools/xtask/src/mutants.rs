@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::files::{copy_tree, read, write};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::tools::{self, Tool};
 
 const MODEL: &str = "host-tools/hertz/chain/src/model.rs";
@@ -171,7 +171,7 @@ fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<()
     made.map_err(|error| Stop::failed(format!("cannot make {}: {error}", output.display())))?;
     // A change that makes a test hang is noticed too. The limit is far from what the tests need on a busy
     // machine. A file of cases that failed once would be tried on every other change.
-    let changes = Line::program(program)
+    let changes = CommandLine::program(program)
         .words("mutants --profile mutants --no-shuffle --sharding round-robin --shard")
         .arg(shard)
         .words("--timeout-multiplier 8 --minimum-test-timeout 20 -p")

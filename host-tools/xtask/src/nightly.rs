@@ -1,10 +1,10 @@
 //! Rust's nightly, which some checks need and nothing else.
 
-use crate::step::{Line, Stop};
+use crate::step::{CommandLine, Stop};
 
 /// A command of the nightly's cargo. It builds into a folder of its own, and never installs a toolchain.
-pub(crate) fn cargo(words: &str) -> Line {
-    Line::new("cargo +nightly")
+pub(crate) fn cargo(words: &str) -> CommandLine {
+    CommandLine::new("cargo +nightly")
         .words(words)
         .env("RUSTUP_AUTO_INSTALL", "0")
 }

@@ -1,6 +1,6 @@
 //! A Python with the readers of others, for the test that opens what `bead export` writes.
 
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// Its requirements.
 const REQUIREMENTS: &str = "host-tools/bead/tests/requirements.txt";
@@ -18,9 +18,9 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
     }
     steps.run(
         "a Python of its own",
-        &Line::new("python3 -m venv --clear").arg(&folder),
+        &CommandLine::new("python3 -m venv --clear").arg(&folder),
     )?;
-    let install = Line::program(&python)
+    let install = CommandLine::program(&python)
         .words("-m pip install --quiet --no-compile --requirement")
         .arg(REQUIREMENTS);
     steps.run("pandas, polars, xarray, pyuff and mcap, some 150 MB", &install)?;

@@ -11,7 +11,7 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 use crate::packages::IMAGE;
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::{image, paths};
 
 /// Sources that `firmware/build.rs` examines for "-dirty".
@@ -22,7 +22,7 @@ const SOURCES: &str = "Cargo.lock Cargo.toml firmware memory.x rust-toolchain.to
 /// # Errors
 /// Sources of the image are not committed, it cannot be built, or the bytes differ.
 pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
-    let changed = Line::new("git --no-optional-locks status --porcelain --").words(SOURCES);
+    let changed = CommandLine::new("git --no-optional-locks status --porcelain --").words(SOURCES);
     if !steps.read("what is not committed", &changed)?.is_empty() {
         return Err(Stop::failed(
             "sources of the image differ from the commit, and the image names it: commit them first",
@@ -34,12 +34,12 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     let other = steps.of(elsewhere.join("a clone"));
     link_entries(&paths::cargo_home().unwrap_or_default(), &home)
         .map_err(|error| Stop::failed(format!("cannot make {}: {error}", home.display())))?;
-    let clone = Line::new("git clone --quiet --shared")
+    let clone = CommandLine::new("git clone --quiet --shared")
         .arg(&steps.root)
         .arg(&other.root);
     steps.run("a clone in another folder", &clone)?;
     paths::leave_out(&other, Some(&home))?;
-    let build = Line::new("cargo build").words(IMAGE).within(&other.root);
+    let build = CommandLine::new("cargo build").words(IMAGE).within(&other.root);
     let build = build
         .env("CARGO_HOME", &home.to_string_lossy())
         .env("CARGO_TARGET_DIR", &other.target.to_string_lossy());

@@ -7,7 +7,7 @@
 
 use std::path::PathBuf;
 
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// The target of the STM32F405's Cortex-M4F.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
@@ -80,7 +80,7 @@ fn rustup(steps: &Steps, line: &str) -> Result<(), Stop> {
         )));
     }
     steps
-        .run("set-up: rustup", &Line::new(line))
+        .run("set-up: rustup", &CommandLine::new(line))
         .map_err(|stop| Stop::missing(stop.message))
 }
 
@@ -114,7 +114,7 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         }
     };
     // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the plan decides.
-    let update = Line::new(&format!("{become_root}apt-get update -q"));
+    let update = CommandLine::new(&format!("{become_root}apt-get update -q"));
     if let Err(stop) = steps.run("set-up: package index", &update) {
         eprintln!("{}", stop.message);
     }
@@ -133,7 +133,7 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         "{become_root}env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-remove {release}{PACKAGE}"
     );
     steps
-        .run("set-up: QEMU", &Line::new(&install))
+        .run("set-up: QEMU", &CommandLine::new(&install))
         .map_err(|stop| Stop::missing(stop.message))?;
     let missing = || Stop::missing("apt installed QEMU, and yet no qemu-system-arm is in PATH");
     find("qemu-system-arm").map(drop).ok_or_else(missing)
@@ -144,17 +144,17 @@ const PACKAGE: &str = "--no-install-recommends qemu-system-arm";
 
 /// Package names of a simulated installation, by what apt would do with them.
 #[derive(Debug, Default, PartialEq, Eq)]
-struct Plan {
+struct AptPlan {
     installed: Vec<String>,
     upgraded: Vec<String>,
     removed: Vec<String>,
 }
 
-impl Plan {
+impl AptPlan {
     /// Reads the output of `apt-get -s install`: `Inst name (version …)` for a new package, `Inst name [old]
     /// (version …)` for an upgraded one, `Remv name [old]` for a removed one.
     fn parse(simulation: &str) -> Self {
-        let mut plan = Plan::default();
+        let mut plan = AptPlan::default();
         for line in simulation.lines() {
             let mut words = line.split_whitespace();
             let (Some(action), Some(name)) = (words.next(), words.next()) else {
@@ -178,12 +178,12 @@ impl Plan {
 ///
 /// # Errors
 /// Status 3: apt knows no such package, or would remove another one in every release.
-fn plan(steps: &Steps) -> Result<(Plan, String), Stop> {
-    let simulate = |option: &str| Line::new(&format!("apt-get install -s {option}{PACKAGE}"));
+fn plan(steps: &Steps) -> Result<(AptPlan, String), Stop> {
+    let simulate = |option: &str| CommandLine::new(&format!("apt-get install -s {option}{PACKAGE}"));
     let first = steps
         .read("set-up: the packages that apt would install", &simulate(""))
         .map_err(|stop| Stop::missing(stop.message))?;
-    let first = Plan::parse(&first);
+    let first = AptPlan::parse(&first);
     if first.removed.is_empty() {
         return Ok((first, String::new()));
     }
@@ -200,7 +200,7 @@ fn plan(steps: &Steps) -> Result<(Plan, String), Stop> {
     });
     for release in releases {
         let option = format!("-t {release} ");
-        let simulation = output(&simulate(&option).to_string()).map(|said| Plan::parse(&said));
+        let simulation = output(&simulate(&option).to_string()).map(|said| AptPlan::parse(&said));
         if let Some(plan) = simulation.filter(|plan| plan.removed.is_empty()) {
             return Ok((plan, option));
         }
@@ -246,7 +246,7 @@ pub(crate) fn find(program: &str) -> Option<PathBuf> {
 
 /// Output of a command, trimmed; `None` if it fails.
 pub(crate) fn output(line: &str) -> Option<String> {
-    let out = Line::new(line).command().output().ok()?;
+    let out = CommandLine::new(line).command().output().ok()?;
     let said = String::from_utf8_lossy(&out.stdout);
     out.status.success().then(|| said.trim().to_owned())
 }
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn a_plan_tells_new_packages_from_upgraded_and_removed_ones() {
         // As apt 2.6 simulates it.
-        let plan = Plan::parse(
+        let plan = AptPlan::parse(
             "The following packages will be REMOVED:\n  qemu-utils\nRemv qemu-utils [1:10.0.2+ds-2~bpo12+1]\n\
              Inst qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n\
              Inst libc6 [2.36-9] (2.36-9+deb12u10 Debian:12.15/oldstable [amd64])\n\
@@ -299,7 +299,7 @@ mod tests {
         let [installed, upgraded, removed] = ["qemu-system-data", "libc6", "qemu-utils"].map(names);
         assert_eq!(
             plan,
-            Plan {
+            AptPlan {
                 installed,
                 upgraded,
                 removed

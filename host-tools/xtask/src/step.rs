@@ -47,21 +47,21 @@ impl Stop {
 
 /// One command as a person would type it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Line {
+pub(crate) struct CommandLine {
     words: Vec<String>,
     env: Vec<(String, String)>,
     folder: Option<PathBuf>,
 }
 
-impl Line {
-    /// A command whose words hold no spaces; [`Line::arg`] adds one that may.
+impl CommandLine {
+    /// A command whose words hold no spaces; [`CommandLine::arg`] adds one that may.
     pub(crate) fn new(words: &str) -> Self {
-        Line::default().words(words)
+        CommandLine::default().words(words)
     }
 
     /// A command that starts with a path.
     pub(crate) fn program(path: impl AsRef<OsStr>) -> Self {
-        Line::default().arg(path)
+        CommandLine::default().arg(path)
     }
 
     /// Adds words that hold no spaces.
@@ -96,7 +96,7 @@ impl Line {
     }
 }
 
-impl fmt::Display for Line {
+impl fmt::Display for CommandLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let env = self.env.iter();
         let env = env.map(|(name, value)| format!("{name}={}", quoted(value)));
@@ -177,7 +177,7 @@ impl Steps {
     /// # Errors
     /// The command cannot be started or ends with another status than 0. The status of a command other than
     /// cargo is passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
-    pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
+    pub(crate) fn run(&self, title: &str, line: &CommandLine) -> Result<(), Stop> {
         let mut command = self.command(line)?;
         self.say(title, line);
         let output = if self.beside {
@@ -196,7 +196,7 @@ impl Steps {
     ///
     /// # Errors
     /// As [`Steps::run`].
-    pub(crate) fn read(&self, title: &str, line: &Line) -> Result<String, Stop> {
+    pub(crate) fn read(&self, title: &str, line: &CommandLine) -> Result<String, Stop> {
         let mut command = self.command(line)?;
         self.say(title, line);
         if !self.beside {
@@ -214,7 +214,7 @@ impl Steps {
     pub(crate) fn run_and_tell(
         &self,
         title: &str,
-        line: &Line,
+        line: &CommandLine,
         tell: impl FnOnce(&str, Duration) -> String,
     ) -> Result<(), Stop> {
         let mut command = self.command(line)?;
@@ -274,13 +274,13 @@ impl Steps {
     }
 
     /// Says what comes next, and the command that does it.
-    fn say(&self, title: &str, line: &Line) {
+    fn say(&self, title: &str, line: &CommandLine) {
         self.announce(title);
         eprintln!("          $ {line}");
     }
 
     /// A command in its folder, unless a step beside this one has failed.
-    fn command(&self, line: &Line) -> Result<Command, Stop> {
+    fn command(&self, line: &CommandLine) -> Result<Command, Stop> {
         if self.failed.load(Ordering::Relaxed) {
             return Err(Stop::stopped());
         }
@@ -294,7 +294,7 @@ impl Steps {
     }
 
     /// Returns the output of a command that ended well.
-    fn ended(&self, title: &str, line: &Line, output: io::Result<Output>) -> Result<Output, Stop> {
+    fn ended(&self, title: &str, line: &CommandLine, output: io::Result<Output>) -> Result<Output, Stop> {
         let (root, program) = (self.root.display(), &line.words[0]);
         let repeat = format!("To repeat this step alone, in {root}:\n    {line}");
         let cannot = |error| format!("\"{title}\" could not start `{program}`: {error}.\n{repeat}");
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn a_printed_command_can_be_pasted_into_a_shell() {
-        let line = Line::new("echo -n")
+        let line = CommandLine::new("echo -n")
             .env("FLAGS", "-D warnings")
             .arg("it's a path")
             .arg("");
@@ -359,16 +359,16 @@ mod tests {
     fn the_status_of_a_failed_command_is_passed_on_but_cargos_is_one() {
         let steps = Steps::start().unwrap();
         let stop = steps
-            .run("says no", &Line::new("sh -c").arg("exit 2"))
+            .run("says no", &CommandLine::new("sh -c").arg("exit 2"))
             .unwrap_err();
         assert_eq!(stop.status, 2);
         assert!(stop.message.contains("sh -c 'exit 2'"), "{}", stop.message);
         let stop = steps
-            .run("no such subcommand", &Line::new("cargo --no-such-option"))
+            .run("no such subcommand", &CommandLine::new("cargo --no-such-option"))
             .unwrap_err();
         assert_eq!(stop.status, 1);
         let stop = steps
-            .run("no such program", &Line::new("no-such-program-here"))
+            .run("no such program", &CommandLine::new("no-such-program-here"))
             .unwrap_err();
         assert_eq!(stop.status, MISSING);
     }
@@ -376,15 +376,18 @@ mod tests {
     #[test]
     fn what_a_command_prints_can_be_read() {
         let steps = Steps::start().unwrap();
-        assert_eq!(steps.read("says", &Line::new("echo a b")).unwrap(), "a b\n");
-        assert!(steps.read("fails", &Line::new("sh -c false")).is_err());
+        assert_eq!(
+            steps.read("says", &CommandLine::new("echo a b")).unwrap(),
+            "a b\n"
+        );
+        assert!(steps.read("fails", &CommandLine::new("sh -c false")).is_err());
     }
 
     #[test]
     fn of_two_series_at_a_time_the_step_that_fails_is_named_and_ends_the_other() {
-        let [good, bad] = ["sh -c true", "sh -c false"].map(Line::new);
-        let series = |lines: [&Line; 2]| {
-            let lines = lines.map(Line::clone);
+        let [good, bad] = ["sh -c true", "sh -c false"].map(CommandLine::new);
+        let series = |lines: [&CommandLine; 2]| {
+            let lines = lines.map(CommandLine::clone);
             move |steps: &Steps| lines.iter().try_for_each(|line| steps.run("a step", line))
         };
         let steps = || Steps::start().unwrap();

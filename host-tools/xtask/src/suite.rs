@@ -11,13 +11,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// A command to run, and its title.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
     pub(crate) title: String,
-    pub(crate) line: Line,
+    pub(crate) line: CommandLine,
 }
 
 /// Titles of the longest jobs, longest first. The others take some seconds.
@@ -59,7 +59,7 @@ fn program(artifact: &str) -> Option<Job> {
     };
     Some(Job {
         title: format!("cargo test --release -p {package} {which}"),
-        line: Line::program(executable).within(manifest.parent()?),
+        line: CommandLine::program(executable).within(manifest.parent()?),
     })
 }
 
@@ -161,7 +161,7 @@ mod tests {
     fn every_job_runs_and_its_tests_are_counted_but_after_a_failure_none_begins() {
         let job = |script: &str| Job {
             title: script.to_owned(),
-            line: Line::new("sh -c").arg(script),
+            line: CommandLine::new("sh -c").arg(script),
         };
         let good = job("echo; echo 'test result: ok. 3 passed; 0 failed'");
         let passed = run(&Steps::start().unwrap(), vec![good.clone(); 20]);

@@ -13,7 +13,7 @@ use std::path::Path;
 use crate::files::{copy_tree, read, write};
 use crate::paths::cargo_home;
 use crate::setup::output;
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::tools::{self, Tool};
 
 const CARGO_ABOUT: Tool = Tool {
@@ -70,9 +70,10 @@ it is taken under the first that [deny.toml](deny.toml) allows. The image has no
 fn page(steps: &Steps) -> Result<String, Stop> {
     let mut page = HEAD.to_owned();
     for product in &PRODUCTS {
-        let tree = Line::new("cargo tree --locked --prefix none --edges normal,no-proc-macro --format")
-            .arg("{p}|{l}")
-            .words(product.packages);
+        let tree =
+            CommandLine::new("cargo tree --locked --prefix none --edges normal,no-proc-macro --format")
+                .arg("{p}|{l}")
+                .words(product.packages);
         let tree = product
             .targets
             .iter()
@@ -124,14 +125,14 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
         );
         return Ok(());
     }
-    let deny = Line::new("cargo deny --locked check --hide-inclusion-graph bans licenses sources");
+    let deny = CommandLine::new("cargo deny --locked check --hide-inclusion-graph bans licenses sources");
     steps.run("licences, origins and second versions of packages", &deny)?;
     if !has_advisories(&cargo_home().unwrap_or_default()) {
         steps.announce("advisories are not checked: `cargo deny fetch db` gets their database");
         return Ok(());
     }
     // As they were when somebody fetched them: a check shall not fail because of the day.
-    let deny = Line::new("cargo deny --locked --offline check --hide-inclusion-graph advisories");
+    let deny = CommandLine::new("cargo deny --locked --offline check --hide-inclusion-graph advisories");
     steps.run("advisories about packages", &deny)
 }
 
@@ -167,7 +168,7 @@ pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
     copy_tree(&steps.root, &copy).map_err(failed)?;
     for product in &PRODUCTS {
         let manifest = Path::new(product.folder).join("Cargo.toml");
-        let mut texts = Line::program(&about)
+        let mut texts = CommandLine::program(&about)
             .words("about generate --locked --fail --config host-tools/xtask/about.toml --manifest-path")
             .arg(&manifest)
             .arg("--output-file")
@@ -177,7 +178,7 @@ pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
         }
         let texts = texts.arg("host-tools/xtask/about.hbs");
         steps.run(&format!("the licences' texts of {}", product.name), &texts)?;
-        let bill = Line::program(&cyclonedx)
+        let bill = CommandLine::program(&cyclonedx)
             .words("cyclonedx --format json --spec-version 1.5 --manifest-path")
             .arg(&manifest)
             .words("--target")

@@ -7,7 +7,7 @@
 
 use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 use crate::suite::Job;
 use crate::{checks, image, lint, mutants, python, suite};
 
@@ -51,7 +51,7 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
 
 /// Compiles the host's programs and tests, and lists the programs of the tests.
 fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
-    let compile = Line::new("cargo test --no-run --all-targets --release").words(HOST);
+    let compile = CommandLine::new("cargo test --no-run --all-targets --release").words(HOST);
     let compile = compile.words("--message-format json-render-diagnostics");
     let built = steps.read("build the host tools and their tests", &compile)?;
     // The program that draws the figures runs their checks as well.
@@ -66,7 +66,7 @@ fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
 fn part(steps: &Steps) -> Result<(), Stop> {
     image::build(steps)?;
     lint::image(steps)?;
-    let images = Line::new("cargo build").words(IMAGES);
+    let images = CommandLine::new("cargo build").words(IMAGES);
     for programs in ["--bins", ON_EMBASSY] {
         steps.run("images of the emulator's tests", &images.clone().words(programs))?;
     }
@@ -77,7 +77,7 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     );
     steps.run(
         "the shared crates without their default features",
-        &Line::new(&bare),
+        &CommandLine::new(&bare),
     )?;
     python::setup_if_it_can_be(steps);
     Ok(())
@@ -98,7 +98,7 @@ fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     });
     let corners = Job {
         title: "strikers and speeds at the corners of their ranges".to_owned(),
-        line: Line::program(steps.built("release/bead"))
+        line: CommandLine::program(steps.built("release/bead"))
             .words("proof accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
             .words("--radii 0.0045,0.0115 --velocity 0.45,5"),
     };
@@ -110,7 +110,7 @@ fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
 }
 
 fn documented_examples() -> Job {
-    let line = Line::new("cargo test --release --doc").words(HOST);
+    let line = CommandLine::new("cargo test --release --doc").words(HOST);
     Job {
         title: line.to_string(),
         line,
@@ -123,7 +123,7 @@ const TABLE: &str = "figures/checks.md";
 fn figures(steps: &Steps) -> Job {
     Job {
         title: "the paper's figures, and every check of them".to_owned(),
-        line: Line::program(steps.built("release/bead"))
+        line: CommandLine::program(steps.built("release/bead"))
             .words("figures --check --overwrite --out")
             .arg(steps.built("figures"))
             .words("--table")
@@ -134,7 +134,7 @@ fn figures(steps: &Steps) -> Job {
 
 /// Fails if the demo would compile anew what the tests have compiled.
 fn demo_is_compiled(steps: &Steps) -> Result<(), Stop> {
-    let again = Line::new("cargo build --release --message-format json").words(DEMO);
+    let again = CommandLine::new("cargo build --release --message-format json").words(DEMO);
     let told = steps.read("the demo finds all compiled", &again)?;
     match told.lines().find(|line| line.contains("\"fresh\":false")) {
         Some(stale) => Err(Stop::failed(format!(

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::step::{Line, Steps, Stop};
+use crate::step::{CommandLine, Steps, Stop};
 
 /// A program of crates.io: its package, the version, and its options for `cargo install`.
 pub(crate) struct Tool {
@@ -28,7 +28,7 @@ pub(crate) fn installed(steps: &Steps, tool: &Tool) -> Result<PathBuf, Stop> {
             "{package} is missing: cargo compiles it into {}, which takes some minutes",
             root.display()
         ));
-        let install = Line::new(&format!(
+        let install = CommandLine::new(&format!(
             "cargo install {package} --version {version} --locked {options} --root"
         ));
         steps.run(package, &install.arg(&root))?;

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// A machine whose PATH holds only what a test puts there.
-struct Machine {
+struct FakeMachine {
     bin: tempfile::TempDir,
 }
 
@@ -19,10 +19,10 @@ const RUSTC: &str =
     r#"case "$1" in --version) echo "rustc 1.95.0 (0123 2026-04-01)" ;; *) echo "$HERE/thumb" ;; esac"#;
 const LOG: &str = r#"echo "${0##*/} $*" >> "$HERE/log""#;
 
-impl Machine {
+impl FakeMachine {
     /// One that has all but QEMU.
     fn new() -> Self {
-        let machine = Machine {
+        let machine = FakeMachine {
             bin: tempfile::tempdir().unwrap(),
         };
         fs::create_dir(machine.path("thumb")).unwrap();
@@ -96,7 +96,7 @@ const INSTALL: &str = "apt-get install -q -y --no-remove --no-install-recommends
 
 #[test]
 fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
-    let machine = Machine::new();
+    let machine = FakeMachine::new();
     machine.apt_with("");
     machine.user("0");
     let said = machine.setup(0, &[UPDATE, SIMULATE, INSTALL]);
@@ -110,7 +110,7 @@ fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
 
 #[test]
 fn a_user_with_sudo_that_asks_nothing_gets_qemu() {
-    let machine = Machine::new();
+    let machine = FakeMachine::new();
     machine.apt_with("");
     machine.program("sudo", "shift; exec \"$@\"");
     machine.program("true", "");
@@ -128,7 +128,7 @@ fn a_user_who_may_not_install_reads_the_command_of_this_system() {
         ("dnf", "sudo dnf install"),
         ("pacman", "sudo pacman -S"),
     ] {
-        let machine = Machine::new();
+        let machine = FakeMachine::new();
         machine.program(manager, LOG);
         machine.program("sudo", "exit 1");
         let said = machine.setup(3, &[]);
@@ -143,7 +143,7 @@ fn no_package_is_removed_for_qemu() {
     const BACKPORTS: &str = "-t bookworm-backports --no-install-recommends qemu-system-arm";
     let simulate = SIMULATE.replace("--no-install", "-t bookworm --no-install");
     for (removes_none, status) in [("bookworm-backports", 0), ("no such release", 3)] {
-        let machine = Machine::new();
+        let machine = FakeMachine::new();
         machine.apt_with(&format!(
             r#"case "$*" in *"-t {removes_none} "*) ;; *) echo "Remv qemu-utils [1:10.0.2]" ;; esac"#
         ));
@@ -174,7 +174,7 @@ fn an_install_that_fails_names_the_command_to_repeat() {
         ("-s", &[UPDATE, SIMULATE][..]),
         ("-q", &[UPDATE, SIMULATE, INSTALL]),
     ] {
-        let machine = Machine::new();
+        let machine = FakeMachine::new();
         machine.user("0");
         machine.program(
             "apt-get",
@@ -188,7 +188,7 @@ fn an_install_that_fails_names_the_command_to_repeat() {
 #[test]
 fn a_missing_rust_target_is_added_by_rustup_or_named() {
     const ADD: &str = "rustup target add thumbv7em-none-eabihf";
-    let machine = Machine::new();
+    let machine = FakeMachine::new();
     machine.qemu("10.0.2");
     fs::remove_dir(machine.path("thumb")).unwrap();
     assert!(machine.setup(3, &[]).contains(ADD));
@@ -198,7 +198,7 @@ fn a_missing_rust_target_is_added_by_rustup_or_named() {
 
 #[test]
 fn a_qemu_older_than_the_plugin_interface_is_refused() {
-    let machine = Machine::new();
+    let machine = FakeMachine::new();
     machine.qemu("6.2.0");
     let said = machine.setup(3, &[]);
     assert!(said.contains("QEMU 6.2 is too old: 7.2 or later"), "{said}");

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use hertz_chain::{Chain, Material, Scenario, Search, Striker, optimise};
 
-use crate::report::{Report, Target};
+use crate::report::{Goal, Measurements};
 
 /// Designs a second and core by single runs at draft accuracy, without the ensemble.
 const BEFORE: f64 = 190.0;
@@ -15,7 +15,7 @@ fn scenario() -> Scenario {
     Scenario::new(0.011, chain, Striker::PAPER)
 }
 
-pub(crate) fn measure(report: &mut Report, quick: bool) {
+pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     let scenario = scenario();
     let mut search = Search::new(&scenario, (7..=16).collect(), 0.037).expect("the search is sound");
     search.evaluations = if quick { 5_000 } else { 40_000 };
@@ -32,5 +32,5 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
     let name = "optimise, ten intruders in 60 beads: designs a second and core";
     report
         .targets
-        .push(Target::at_least(name, Some(rate), 20.0 * BEFORE, "designs/s"));
+        .push(Goal::at_least(name, Some(rate), 20.0 * BEFORE, "designs/s"));
 }

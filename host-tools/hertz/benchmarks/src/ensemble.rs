@@ -10,7 +10,7 @@ use hertz_chain::{
 };
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::report::{Report, Target};
+use crate::report::{Goal, Measurements};
 
 /// Evaluations of the equations of motion a step.
 const STAGES: f64 = 9.0;
@@ -74,7 +74,7 @@ pub(crate) fn alone(chains: &[Scenario]) -> Vec<Result<EnsembleOutcome, Simulate
     ALONE.install(|| ensemble(chains, &EnsembleOptions::default()))
 }
 
-pub(crate) fn measure(report: &mut Report, quick: bool) {
+pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     let chains = scenarios(if quick { 256 } else { 2048 });
 
     let (mut error, mut steps) = (0.0_f64, 0);
@@ -96,17 +96,17 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
     let name = "ensemble of chains like A, chains a second and core";
     report
         .targets
-        .push(Target::at_least(name, Some(rate), 20_000.0, "chains/s"));
+        .push(Goal::at_least(name, Some(rate), 20_000.0, "chains/s"));
     let name = format!(
         "the same: greatest error of the absorbed energy of {} chains",
         chains.len()
     );
     report
         .targets
-        .push(Target::at_most(name, Some(error), 1e-6, "of that energy"));
+        .push(Goal::at_most(name, Some(error), 1e-6, "of that energy"));
     // All that a chain can do but take the square roots of all contacts at every stage is in the rest.
     let name = "the same: share of what the square roots of all contacts alone would allow";
     report
         .targets
-        .push(Target::at_least(name, Some(rate / bound), 0.3, ""));
+        .push(Goal::at_least(name, Some(rate / bound), 0.3, ""));
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use hertz_chain::{Accuracy, Run, Scenario};
 
-use crate::report::{Report, Target};
+use crate::report::{Goal, Measurements};
 
 const ACCURACY: Accuracy = Accuracy::new(1e-10, 1.0);
 
@@ -46,7 +46,7 @@ fn memory() -> Option<f64> {
 }
 
 /// From 256 beads to 16,384.
-pub(crate) fn measure(report: &mut Report, quick: bool) {
+pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     let (most, rounds) = if quick { (4096, 3) } else { (16_384, 7) };
     for (name, relaxation, target) in [("elastic", 0.0, 1.1), ("viscoelastic", 4.2e-6, 1.3)] {
         let (short, long) = (
@@ -57,16 +57,16 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
         let name = format!("{name} chain: exponent of time, 256 to {most} beads");
         report
             .targets
-            .push(Target::at_most(name, Some(exponent), target, ""));
+            .push(Goal::at_most(name, Some(exponent), target, ""));
     }
     let milliseconds = 1e3 * seconds(16_384, 0.0, rounds);
     let name = "16,384 elastic beads crossed at tolerance 1e-10";
     report
         .targets
-        .push(Target::at_most(name, Some(milliseconds), 100.0, "ms"));
+        .push(Goal::at_most(name, Some(milliseconds), 100.0, "ms"));
     let mut huge = scenario(100_000, 4.2e-6);
     huge.duration = 1e-3;
     std::hint::black_box(velocities(&huge));
     let name = "100,000 beads: greatest memory of the whole process";
-    report.targets.push(Target::at_most(name, memory(), 1.0, "GB"));
+    report.targets.push(Goal::at_most(name, memory(), 1.0, "GB"));
 }

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 use serde::Serialize;
 
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Machine {
+pub(crate) struct Computer {
     /// As its system names it.
     processor: String,
     /// How many this process may use.
@@ -17,9 +17,9 @@ pub(crate) struct Machine {
     flags: &'static str,
 }
 
-struct Lanes;
+struct VectorLanes;
 
-impl WithSimd for Lanes {
+impl WithSimd for VectorLanes {
     type Output = usize;
 
     #[inline(always)]
@@ -28,7 +28,7 @@ impl WithSimd for Lanes {
     }
 }
 
-impl Machine {
+impl Computer {
     pub(crate) fn new() -> Self {
         let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let value = |key: &str| {
@@ -44,7 +44,7 @@ impl Machine {
         Self {
             processor: named + &numbers,
             cores: std::thread::available_parallelism().map_or(1, usize::from),
-            vector_lanes: Arch::new().dispatch(Lanes),
+            vector_lanes: Arch::new().dispatch(VectorLanes),
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             compiler: env!("COMPILER"),
             flags: env!("FLAGS"),
@@ -52,7 +52,7 @@ impl Machine {
     }
 }
 
-impl std::fmt::Display for Machine {
+impl std::fmt::Display for Computer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (cores, lanes) = (self.cores, self.vector_lanes);
         let (processor, system, compiler) = (&self.processor, &self.system, self.compiler);

@@ -21,14 +21,14 @@ use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 
-use crate::report::Report;
+use crate::report::Measurements;
 
 /// Times the chain simulator and general solvers for a given error, one after another in one process.
 #[derive(Debug, Parser)]
 struct Words {
     /// How to print the results.
     #[arg(long, value_enum, default_value = "table")]
-    format: Format,
+    format: PrintFormat,
     /// Time each solver a few times only: for a look, not for numbers to quote.
     #[arg(long)]
     quick: bool,
@@ -48,7 +48,7 @@ struct Words {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Format {
+enum PrintFormat {
     Table,
     Json,
 }
@@ -74,7 +74,7 @@ fn measure(words: &Words) -> Result<(), String> {
         std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
     let rounds = if words.quick { 5 } else { 60 };
-    let mut report = Report::new();
+    let mut report = Measurements::new();
     let cases = cases::Case::all();
     for case in &cases {
         for sampled in [false, true] {
@@ -108,8 +108,8 @@ fn measure(words: &Words) -> Result<(), String> {
         picture::draw(&report, folder)?;
     }
     match words.format {
-        Format::Table => print!("{report}"),
-        Format::Json => println!("{}", report.json()),
+        PrintFormat::Table => print!("{report}"),
+        PrintFormat::Json => println!("{}", report.json()),
     }
     Ok(())
 }

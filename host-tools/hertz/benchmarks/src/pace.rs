@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use crate::cases::Case;
-use crate::report::{Report, Target};
+use crate::report::{Goal, Measurements};
 use crate::{ensemble, ours};
 
 /// Names of the timed cases.
@@ -53,7 +53,7 @@ fn round(program: &Path) -> Result<Vec<f64>, String> {
 }
 
 /// Compares this program with `native`, the same one compiled for this processor.
-pub(crate) fn compare(report: &mut Report, native: &Path, rounds: usize) -> Result<(), String> {
+pub(crate) fn compare(report: &mut Measurements, native: &Path, rounds: usize) -> Result<(), String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut least = [[f64::INFINITY; NAMES.len()]; 2];
     for _ in 0..rounds {
@@ -66,7 +66,7 @@ pub(crate) fn compare(report: &mut Report, native: &Path, rounds: usize) -> Resu
     for (at, name) in NAMES.iter().enumerate() {
         let more = 100.0 * (least[0][at] / least[1][at] - 1.0);
         let name = format!("{name}: time of the portable program beyond that of a native one");
-        report.targets.push(Target::at_most(name, Some(more), 5.0, "%"));
+        report.targets.push(Goal::at_most(name, Some(more), 5.0, "%"));
     }
     Ok(())
 }

@@ -15,7 +15,7 @@ const UNIT: f64 = 1e-5;
 /// Bodies 0..=N, contacts and one intruder, with D = 2 (N + 2) components: displacements and that of the
 /// intruder relative to its host, then their rates.
 #[derive(Debug, Clone)]
-pub(crate) struct Chain<const D: usize> {
+pub(crate) struct PeerChain<const D: usize> {
     stiffness: Vec<f64>,
     viscosity: f64,
     inverse: Vec<f64>,
@@ -25,7 +25,7 @@ pub(crate) struct Chain<const D: usize> {
     duration: f64,
 }
 
-impl<const D: usize> Chain<D> {
+impl<const D: usize> PeerChain<D> {
     pub(crate) fn new(scenario: &Scenario, model: &Model) -> Self {
         assert_eq!(D, 2 * (model.bodies() + 1));
         let intruder = &model.intruders()[0];
@@ -89,13 +89,13 @@ impl<const D: usize> Chain<D> {
     }
 }
 
-impl<const D: usize> System<f64, SVector<f64, D>> for &Chain<D> {
+impl<const D: usize> System<f64, SVector<f64, D>> for &PeerChain<D> {
     fn system(&self, _: f64, y: &SVector<f64, D>, dy: &mut SVector<f64, D>) {
         self.rate(&y.data.0[0], &mut dy.data.0[0]);
     }
 }
 
-impl<const D: usize> ODE<f64, [f64; D]> for Chain<D> {
+impl<const D: usize> ODE<f64, [f64; D]> for PeerChain<D> {
     fn diff(&self, _: f64, y: &[f64; D], dy: &mut [f64; D]) {
         self.rate(y, dy);
     }
@@ -123,7 +123,7 @@ impl Peer {
     /// Velocities at the end, or at each sample, one after another; none if the solver gives up.
     pub(crate) fn run<const D: usize>(
         self,
-        chain: &Chain<D>,
+        chain: &PeerChain<D>,
         (relative, absolute): (f64, f64),
         sampled: bool,
     ) -> Option<Vec<f64>> {
@@ -140,7 +140,7 @@ impl Peer {
                     OutputType::Sparse
                 });
                 solver.integrate().ok()?;
-                Chain::<D>::velocities(solver.y_out().iter().map(|y| y.as_slice()), sampled)
+                PeerChain::<D>::velocities(solver.y_out().iter().map(|y| y.as_slice()), sampled)
             }
             Self::Dop853 | Self::Verner => {
                 macro_rules! solve {
@@ -152,7 +152,7 @@ impl Peer {
                         } else {
                             problem.method(method).solve()
                         };
-                        Chain::<D>::velocities(solved.ok()?.y.iter().map(|y| &y[..]), sampled)
+                        PeerChain::<D>::velocities(solved.ok()?.y.iter().map(|y| &y[..]), sampled)
                     }};
                 }
                 if self == Self::Dop853 {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
-use crate::report::{Comparison, Point, Report, front};
+use crate::report::{Comparison, ErrorAndTime, Measurements, front};
 
 /// Colour and dashes of each solver, in the order of the legend.
 fn style(place: usize) -> (Ink, Mark) {
@@ -16,14 +16,14 @@ fn style(place: usize) -> (Ink, Mark) {
 
 const ERRORS: (f64, f64) = (1e-12, 1e-4);
 
-fn panel(report: &Report, comparison: &Comparison) -> Panel {
+fn panel(report: &Measurements, comparison: &Comparison) -> Panel {
     let own = comparison.rows.iter().map(|row| (&row.solver, &row.points));
     let others = report
         .peers
         .iter()
         .filter(|row| row.case == comparison.name && !comparison.sampled);
     let others = others.map(|row| (&row.solver, &row.points));
-    let shown = |(place, (solver, points)): (usize, (&String, &Vec<Point>))| {
+    let shown = |(place, (solver, points)): (usize, (&String, &Vec<ErrorAndTime>))| {
         let (ink, mark) = style(place);
         let points: Vec<_> = front(points.clone())
             .into_iter()
@@ -52,7 +52,7 @@ fn panel(report: &Report, comparison: &Comparison) -> Panel {
 }
 
 /// Writes the pictures into a folder.
-pub(crate) fn draw(report: &Report, folder: &Path) -> Result<(), String> {
+pub(crate) fn draw(report: &Measurements, folder: &Path) -> Result<(), String> {
     for name in ["A", "B"] {
         let of_case = report
             .comparisons

@@ -5,14 +5,14 @@ use std::fmt;
 use hertz_chain::Accuracy;
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
+use crate::machine::Computer;
 
 /// Error, as a part of the greatest velocity, and seconds.
-pub(crate) type Point = (f64, f64);
+pub(crate) type ErrorAndTime = (f64, f64);
 
 /// The settings that no other one surpasses in both error and time, by error. Noise of a clock leaves steps,
 /// not returns.
-pub(crate) fn front(mut points: Vec<Point>) -> Vec<Point> {
+pub(crate) fn front(mut points: Vec<ErrorAndTime>) -> Vec<ErrorAndTime> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut least = f64::INFINITY;
     points.retain(|(_, seconds)| {
@@ -25,7 +25,7 @@ pub(crate) fn front(mut points: Vec<Point>) -> Vec<Point> {
 
 /// One solver's time for the error asked for.
 #[derive(Debug, Serialize)]
-pub(crate) struct Row {
+pub(crate) struct SolverRow {
     pub(crate) solver: String,
     /// ms, the least of many; none if no setting keeps the error.
     pub(crate) milliseconds: Option<f64>,
@@ -35,7 +35,7 @@ pub(crate) struct Row {
     #[serde(skip)]
     pub(crate) accuracy: Option<Accuracy>,
     /// The settings that no other one surpasses in both error and time.
-    pub(crate) points: Vec<Point>,
+    pub(crate) points: Vec<ErrorAndTime>,
 }
 
 /// A solver of Python: its time for the error asked for, or its chains a second; neither if it does not reach
@@ -58,7 +58,7 @@ pub(crate) struct Foreign {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     settings: Option<String>,
     #[serde(default)]
-    pub(crate) points: Vec<Point>,
+    pub(crate) points: Vec<ErrorAndTime>,
 }
 
 impl Foreign {
@@ -87,14 +87,14 @@ pub(crate) struct Comparison {
     /// same measure.
     pub(crate) reference: f64,
     /// The simulator first.
-    pub(crate) rows: Vec<Row>,
+    pub(crate) rows: Vec<SolverRow>,
     /// How many times faster than the best of the others it should be.
     pub(crate) target: f64,
 }
 
 /// A number that was aimed at.
 #[derive(Debug, Serialize)]
-pub(crate) struct Target {
+pub(crate) struct Goal {
     pub(crate) name: String,
     pub(crate) value: Option<f64>,
     /// The least value that meets it, or the greatest, as `better` says.
@@ -104,7 +104,7 @@ pub(crate) struct Target {
     pub(crate) verdict: &'static str,
 }
 
-impl Target {
+impl Goal {
     pub(crate) fn at_least(
         name: impl Into<String>,
         value: Option<f64>,
@@ -156,19 +156,19 @@ fn number(value: f64) -> String {
 }
 
 #[derive(Debug, Serialize)]
-pub(crate) struct Report {
-    machine: Machine,
+pub(crate) struct Measurements {
+    machine: Computer,
     pub(crate) comparisons: Vec<Comparison>,
     /// The solver of Python.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) peers: Vec<Foreign>,
-    pub(crate) targets: Vec<Target>,
+    pub(crate) targets: Vec<Goal>,
 }
 
-impl Report {
+impl Measurements {
     pub(crate) fn new() -> Self {
         Self {
-            machine: Machine::new(),
+            machine: Computer::new(),
             comparisons: Vec::new(),
             peers: Vec::new(),
             targets: Vec::new(),
@@ -182,10 +182,10 @@ impl Report {
         let ratio = ours.filter(|_| best.is_finite()).map(|ours| best / ours);
         let name = format!("{}: times faster than the best peer", comparison.case);
         self.targets
-            .push(Target::at_least(name, ratio, comparison.target, "times"));
+            .push(Goal::at_least(name, ratio, comparison.target, "times"));
         let name = format!("{}: error of the reference", comparison.case);
         let most = 0.1 * comparison.allowed;
-        self.targets.push(Target::at_most(
+        self.targets.push(Goal::at_most(
             name,
             Some(comparison.reference),
             most,
@@ -199,7 +199,7 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Measurements {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.machine)?;
         for comparison in &self.comparisons {

@@ -6,8 +6,8 @@ use hertz_chain::{Accuracy, Model};
 
 use crate::cases::Case;
 use crate::ours::{self, SAMPLES};
-use crate::peers::{Chain, Peer};
-use crate::report::{Comparison, Row, front};
+use crate::peers::{Peer, PeerChain};
+use crate::report::{Comparison, SolverRow, front};
 
 /// Gives velocities of all bodies at the end, or at each sample.
 type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
@@ -46,7 +46,7 @@ pub(crate) fn compare(case: &Case, sampled: bool, rounds: usize) -> Comparison {
 }
 
 /// A setting that was tried: its name, the error, the run, and its least time.
-struct Fit<'a> {
+struct TimedSetting<'a> {
     settings: String,
     accuracy: Option<Accuracy>,
     error: f64,
@@ -55,12 +55,12 @@ struct Fit<'a> {
 }
 
 /// All settings of a solver that give a result.
-struct Tried<'a> {
+struct TriedSettings<'a> {
     solver: String,
-    fits: Vec<Fit<'a>>,
+    fits: Vec<TimedSetting<'a>>,
 }
 
-impl<'a> Tried<'a> {
+impl<'a> TriedSettings<'a> {
     fn new(solver: &str) -> Self {
         Self {
             solver: solver.to_owned(),
@@ -80,7 +80,7 @@ impl<'a> Tried<'a> {
         };
         if error < LARGEST {
             let seconds = (0..3).map(|_| time(&run)).fold(f64::INFINITY, f64::min);
-            self.fits.push(Fit {
+            self.fits.push(TimedSetting {
                 settings,
                 accuracy,
                 error,
@@ -103,7 +103,7 @@ const LARGEST: f64 = 1e-3;
 
 fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> Comparison {
     let model = Model::of(&case.scenario).expect("the case is sound");
-    let chain = &Chain::<D>::new(&case.scenario, &model);
+    let chain = &PeerChain::<D>::new(&case.scenario, &model);
     let error_of = |found: &[f64]| {
         if sampled {
             case.sampled_error(found)
@@ -111,7 +111,7 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
             case.end_error(found)
         }
     };
-    let mut own = Tried::new(OURS);
+    let mut own = TriedSettings::new(OURS);
     for step in 0..32 {
         let tolerance = 10f64.powf(-5.0 - 0.25 * f64::from(step));
         for longest_step in [1.0, 0.5] {
@@ -122,7 +122,7 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
     }
     let mut solvers = vec![own];
     for peer in Peer::ALL {
-        let mut tried = Tried::new(peer.name());
+        let mut tried = TriedSettings::new(peer.name());
         for step in 0..25 {
             let relative = 10f64.powf(-4.0 - 0.4 * f64::from(step));
             for part in [1.0, 0.1, 0.01, 1e-3, 1e-4] {
@@ -146,17 +146,17 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
         .iter()
         .map(|tried| front(tried.fits.iter().map(|fit| (fit.error, fit.seconds)).collect()))
         .collect();
-    solvers.iter_mut().for_each(Tried::finalists);
+    solvers.iter_mut().for_each(TriedSettings::finalists);
     // One after another, so that whatever else the computer does hits all alike.
     for _ in 0..rounds {
         for fit in solvers.iter_mut().flat_map(|tried| &mut tried.fits) {
             fit.seconds = fit.seconds.min(time(&fit.run));
         }
     }
-    let row = |(tried, points): (Tried<'_>, Vec<(f64, f64)>)| {
+    let row = |(tried, points): (TriedSettings<'_>, Vec<(f64, f64)>)| {
         let fits = tried.fits.into_iter();
         let best = fits.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
-        Row {
+        SolverRow {
             solver: tried.solver,
             milliseconds: best.as_ref().map(|fit| 1e3 * fit.seconds),
             error: best.as_ref().map(|fit| fit.error),

@@ -23,7 +23,7 @@ const APART: f64 = 12.0;
 
 /// A panel with what its drawing needs to know.
 #[derive(Debug)]
-pub(super) struct Frame<'a> {
+pub(super) struct ChartFrame<'a> {
     panel: &'a Panel,
     x: &'a Axis,
     x_places: (f64, f64),
@@ -42,7 +42,7 @@ pub(super) struct Columns {
     pub(super) right: f64,
 }
 
-impl<'a> Frame<'a> {
+impl<'a> ChartFrame<'a> {
     pub(super) fn new(panel: &'a Panel, x: &'a Axis, labelled: bool, picture: f64) -> Self {
         let (x_places, y_places) = (x.places(), panel.y_places(x.range));
         let rows = (f64::from(panel.height) / 30.0).clamp(3.0, 9.0) as usize;

@@ -25,7 +25,7 @@ pub use series::{Mark, Series};
 use std::fmt::Display;
 
 use canvas::Canvas;
-use frame::{Columns, Frame, MARGIN};
+use frame::{ChartFrame, Columns, MARGIN};
 use ink::drawing_style;
 
 /// Why a chart is not drawn, such as for an axis without extent.
@@ -109,7 +109,7 @@ impl Chart {
         ))
     }
 
-    fn frames(&self) -> Vec<Frame<'_>> {
+    fn frames(&self) -> Vec<ChartFrame<'_>> {
         let last = self.panels.len().saturating_sub(1);
         let picture = f64::from(self.width);
         let panels = self.panels.iter().enumerate();
@@ -118,7 +118,7 @@ impl Chart {
                 // An axis of a panel's own has its numbers, and the shared one has them below the last panel.
                 let labelled = place == last || panel.x.is_some();
                 let x = panel.x.as_ref().unwrap_or(&self.x);
-                Frame::new(panel, x, labelled, picture)
+                ChartFrame::new(panel, x, labelled, picture)
             })
             .collect();
         // All axes begin where those with the widest numbers do, and names stand above them.
@@ -131,14 +131,14 @@ impl Chart {
     }
 
     fn size(&self) -> (f64, f64) {
-        let frames: f64 = self.frames().iter().map(Frame::height).sum();
+        let frames: f64 = self.frames().iter().map(ChartFrame::height).sum();
         (f64::from(self.width), (2.0 * MARGIN + frames).ceil())
     }
 
     fn draw(&self) -> Result<String, Error> {
         let size = self.size();
         let frames = self.frames();
-        if !frames.iter().all(Frame::has_extent) {
+        if !frames.iter().all(ChartFrame::has_extent) {
             return Err(Error::new(&self.description, "", "an axis has no extent"));
         }
         let needed = frames.iter().map(|frame| frame.columns(size.0));
@@ -297,7 +297,7 @@ mod tests {
         wide.y_label = "energy (J)".to_owned();
         chart.panels.push(wide);
         let frames = chart.frames();
-        let columns = |frame: &Frame<'_>| frame.columns(860.0).left;
+        let columns = |frame: &ChartFrame<'_>| frame.columns(860.0).left;
         assert!(columns(&frames[0]) != columns(&frames[1]));
         let svg = chart.inline_svg().unwrap();
         let left = columns(&frames[0]).max(columns(&frames[1]));

@@ -12,7 +12,7 @@ use bead::cli::output::{self, Format};
 use bead::cli::place::{self, Kind, Overwrite};
 use clap::Parser;
 use hertz_figures::lab::Lab;
-use hertz_figures::plan::{Outcome, Plan};
+use hertz_figures::plan::{FigureOutcome, FigurePlan};
 use hertz_figures::{catalogue, chapter};
 use serde_json::json;
 
@@ -91,13 +91,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             plate = plan.plate();
         }
         let figure = plan.draw(&lab).map_err(Failure::input)?;
-        let mut files = Vec::new();
-        for file in files::files(plan, &figure)? {
-            let target = place(&file.name, file.kind)?;
-            target.write_bytes(&file.bytes)?;
-            files.push(target.path().display().to_string());
-        }
-        outcomes.push(plan.outcome(&figure, files));
+        outcomes.push(plan.outcome(&figure, files::write(plan, &figure, place)?));
         progress.inc(1);
     }
     progress.finish_and_clear();
@@ -109,16 +103,16 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     verdict(&outcomes, arguments.check)
 }
 
-fn list(plans: &[Plan], format: Format) -> Result<(), Failure> {
-    let entry = |plan: &Plan| json!({"name": plan.name, "title": plan.title, "setting": plan.setting});
-    let line = |plan: &Plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting);
+fn list(plans: &[FigurePlan], format: Format) -> Result<(), Failure> {
+    let entry = |plan: &FigurePlan| json!({"name": plan.name, "title": plan.title, "setting": plan.setting});
+    let line = |plan: &FigurePlan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting);
     let entries: Vec<_> = plans.iter().map(entry).collect();
     output::print(format, &entries, || {
         plans.iter().map(line).collect::<Vec<_>>().join("\n")
     })
 }
 
-fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
+fn verdict(outcomes: &[FigureOutcome], check: bool) -> Result<(), Failure> {
     let failed: Vec<&str> = outcomes
         .iter()
         .filter(|outcome| !outcome.pass)
@@ -135,7 +129,7 @@ fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
     )))
 }
 
-fn table(outcomes: &[Outcome]) -> String {
+fn table(outcomes: &[FigureOutcome]) -> String {
     let rows = outcomes.iter().flat_map(|outcome| {
         outcome.checks.iter().map(|check| {
             [

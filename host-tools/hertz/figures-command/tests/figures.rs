@@ -9,7 +9,7 @@ use std::fs;
 use std::process::{Command, Output};
 
 use bead::cli::schemas::of;
-use hertz_figures::plan::Outcome;
+use hertz_figures::plan::FigureOutcome;
 use serde_json::Value;
 
 fn figures(arguments: &[&str]) -> Output {
@@ -95,7 +95,7 @@ fn a_figure_leaves_its_picture_its_data_and_its_checks() {
     assert_eq!(figures.as_array().unwrap().len(), 1);
     assert_eq!((&figure["name"], &figure["pass"]), (&"2c".into(), &true.into()));
     let schemas = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/schemas");
-    schema::hold(schemas, "figures", &of::<Vec<Outcome>>("figures"));
+    schema::hold(schemas, "figures", &of::<Vec<FigureOutcome>>("figures"));
     schema::assert_valid(schemas, "figures", &figures);
     let files: Vec<&str> = figure["files"]
         .as_array()

@@ -1,13 +1,13 @@
 //! All figures, by name.
 
 use crate::error::Error;
-use crate::plan::Plan;
+use crate::plan::FigurePlan;
 use crate::plates::{
     beyond, collision, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4, fig5, fig6, fig7, shaken,
 };
 
 /// Every figure, in the paper's order.
-pub fn catalogue() -> Vec<Plan> {
+pub fn catalogue() -> Vec<FigurePlan> {
     [
         fig2::PLANS,
         fig3::PLANS,
@@ -30,7 +30,7 @@ pub fn catalogue() -> Vec<Plan> {
 ///
 /// # Errors
 /// A name that no figure has.
-pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Error> {
+pub fn chosen(names: &[String]) -> Result<Vec<FigurePlan>, Error> {
     let all = catalogue();
     for name in names {
         if !all.iter().any(|plan| plan.goes_by(name)) {
@@ -41,7 +41,7 @@ pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Error> {
             });
         }
     }
-    let wanted = |plan: &Plan| names.is_empty() || names.iter().any(|name| plan.goes_by(name));
+    let wanted = |plan: &FigurePlan| names.is_empty() || names.iter().any(|name| plan.goes_by(name));
     Ok(all.into_iter().filter(wanted).collect())
 }
 

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use crate::check::{Check, Relation};
-use crate::plan::Outcome;
+use crate::plan::FigureOutcome;
 use hertz_charts::{escape, raised, style};
 
 const PAGE_STYLE: &str = "\
@@ -58,7 +58,7 @@ fn verdict(check: &Check) -> &'static str {
 }
 
 /// All checks in one Markdown table. Of each conservation law it has the worst value over all figures.
-pub fn markdown(outcomes: &[Outcome]) -> String {
+pub fn markdown(outcomes: &[FigureOutcome]) -> String {
     let mut text = String::from(
         "| figure | what | value | expected | |\n\
          |---|---|---|---|---|\n",
@@ -101,7 +101,7 @@ fn push_row(text: &mut String, figure: &str, what: &str, check: &Check) {
 }
 
 /// A page that shows every figure with its checks. The pictures are the files beside it.
-pub fn html(outcomes: &[Outcome]) -> String {
+pub fn html(outcomes: &[FigureOutcome]) -> String {
     let failed = outcomes.iter().filter(|outcome| !outcome.pass).count();
     let mut body = String::new();
     // Writing to a String cannot fail.
@@ -160,8 +160,8 @@ pub fn html(outcomes: &[Outcome]) -> String {
 mod tests {
     use super::*;
 
-    fn outcome(checks: Vec<Check>) -> Outcome {
-        Outcome {
+    fn outcome(checks: Vec<Check>) -> FigureOutcome {
+        FigureOutcome {
             name: "2a",
             title: "force <at> contact",
             setting: "16 beads",

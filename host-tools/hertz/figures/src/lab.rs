@@ -10,7 +10,7 @@ use crate::error::Error;
 
 /// A run and its summary.
 #[derive(Debug)]
-pub(crate) struct Run {
+pub(crate) struct FigureRun {
     /// The motion.
     pub(crate) solution: Solution,
     /// Peaks and energies.
@@ -19,7 +19,7 @@ pub(crate) struct Run {
 
 /// How well the conservation laws held in the runs of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Worst {
+pub(crate) struct WorstErrors {
     /// Number of runs.
     pub(crate) runs: usize,
     /// Greatest error of the energy balance, as a part of the striker's energy.
@@ -29,7 +29,7 @@ pub(crate) struct Worst {
 }
 
 #[derive(Clone)]
-struct Kept {
+struct KeptResult {
     value: Arc<dyn Any + Send + Sync>,
     balance: f64,
     momentum: f64,
@@ -38,7 +38,7 @@ struct Kept {
 /// Runs scenarios and keeps their results.
 #[derive(Default)]
 pub struct Lab {
-    kept: Mutex<HashMap<String, Kept>>,
+    kept: Mutex<HashMap<String, KeptResult>>,
     /// Errors of energy balance and momentum of the runs that the current figure has used.
     used: Mutex<HashMap<String, (f64, f64)>>,
 }
@@ -61,10 +61,10 @@ impl Lab {
     }
 
     /// How well the conservation laws held in the runs of the current figure; none if it used no run.
-    pub(crate) fn worst(&self) -> Option<Worst> {
+    pub(crate) fn worst(&self) -> Option<WorstErrors> {
         let used = lock(&self.used);
         let worst = |of: fn(&(f64, f64)) -> f64| used.values().map(of).fold(0.0, f64::max);
-        (!used.is_empty()).then(|| Worst {
+        (!used.is_empty()).then(|| WorstErrors {
             runs: used.len(),
             balance: worst(|errors| errors.0),
             momentum: worst(|errors| errors.1),
@@ -72,7 +72,7 @@ impl Lab {
     }
 
     /// The whole motion of a scenario.
-    pub(crate) fn run(&self, scenario: &Scenario) -> Result<Arc<Run>, Error> {
+    pub(crate) fn run(&self, scenario: &Scenario) -> Result<Arc<FigureRun>, Error> {
         self.keep("run", scenario, |run| run)
     }
 
@@ -82,7 +82,7 @@ impl Lab {
         &self,
         tag: &str,
         scenario: &Scenario,
-        reduce: impl FnOnce(Run) -> T,
+        reduce: impl FnOnce(FigureRun) -> T,
     ) -> Result<Arc<T>, Error> {
         let scenario_text =
             serde_json::to_string(scenario).expect("a scenario has no map with keys that are no text");
@@ -93,11 +93,11 @@ impl Lab {
             Some(kept) => kept,
             None => {
                 let solution = simulate(scenario)?;
-                let run = Run {
+                let run = FigureRun {
                     summary: solution.summary(),
                     solution,
                 };
-                let kept = Kept {
+                let kept = KeptResult {
                     balance: run.summary.energy.balance_error,
                     momentum: momentum_error(&run.solution),
                     value: Arc::new(reduce(run)),

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use hertz_chain::{Pulse, PulseSearch, Solution, Spectrum, Taper};
 
-use crate::lab::Run;
+use crate::lab::FigureRun;
 
 /// Greatest force of a contact, N; 0 if it carried no force.
-pub(crate) fn peak(run: &Run, contact: usize) -> f64 {
+pub(crate) fn peak(run: &FigureRun, contact: usize) -> f64 {
     let peaks = &run.summary.peak_force;
     peaks
         .iter()
@@ -25,7 +25,7 @@ pub(crate) fn train(solution: &Solution, contact: usize) -> Vec<Pulse> {
 }
 
 /// How long the striker first touches, s: until contact 1 opens. The force may have several humps until then.
-pub(crate) fn contact_time(run: &Run) -> f64 {
+pub(crate) fn contact_time(run: &FigureRun) -> f64 {
     let search = PulseSearch {
         height: 1e-6,
         fall: 0.01,

@@ -9,7 +9,7 @@ use hertz_charts::Chart;
 
 /// A figure that can be drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan {
+pub struct FigurePlan {
     /// As the paper numbers it: `5b`, `A4`, `eq9`.
     pub name: &'static str,
     /// Its title, one line.
@@ -45,7 +45,7 @@ impl Figure {
 /// figure.
 macro_rules! plans {
     ($($name:literal: $title:literal; $setting:expr => $draw:expr,)*) => {
-        pub(crate) const PLANS: &[$crate::plan::Plan] = &[$($crate::plan::Plan {
+        pub(crate) const PLANS: &[$crate::plan::FigurePlan] = &[$($crate::plan::FigurePlan {
             name: $name,
             title: $title,
             setting: $setting,
@@ -57,7 +57,7 @@ pub(crate) use plans;
 
 /// The result of one figure, as in the JSON of `bead figures`.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
-pub struct Outcome {
+pub struct FigureOutcome {
     /// The figure.
     pub name: &'static str,
     /// Its title.
@@ -80,7 +80,7 @@ const BALANCE: f64 = 1e-10;
 /// Greatest error of the momentum of a run, as a part of the striker's momentum.
 const MOMENTUM: f64 = 1e-12;
 
-impl Plan {
+impl FigurePlan {
     /// Returns `true` if `name` is the name of the figure or of its plate.
     pub(crate) fn goes_by(&self, name: &str) -> bool {
         self.name.eq_ignore_ascii_case(name) || self.plate().eq_ignore_ascii_case(name)
@@ -118,8 +118,8 @@ impl Plan {
     }
 
     /// The outcome of a figure that was drawn and written.
-    pub fn outcome(&self, figure: &Figure, files: Vec<String>) -> Outcome {
-        Outcome {
+    pub fn outcome(&self, figure: &Figure, files: Vec<String>) -> FigureOutcome {
+        FigureOutcome {
             name: self.name,
             title: self.title,
             setting: self.setting,

@@ -5,12 +5,12 @@ use std::collections::HashSet;
 use toml::Value;
 
 use crate::draw::{Method, coordinate};
-use crate::key::Key;
+use crate::key::ScenarioKey;
 use bead_tables::{Cell, Kind};
 
 /// One direction of a sweep.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Axis {
+pub struct SweepAxis {
     /// Name of the column with its places, where several keys change along it.
     pub name: Option<String>,
     /// The keys that change along it.
@@ -23,7 +23,7 @@ pub struct Axis {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Along {
     /// The key.
-    pub key: Key,
+    pub key: ScenarioKey,
     /// Its values.
     pub values: Values,
 }
@@ -184,7 +184,7 @@ fn shown(value: &Value) -> String {
     }
 }
 
-impl Axis {
+impl SweepAxis {
     /// Name of the column that is the axis of a cube.
     pub fn index(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.along[0].key.column())
@@ -197,7 +197,7 @@ mod tests {
 
     fn along(key: &str, values: Values) -> Along {
         Along {
-            key: Key::parse(key).unwrap(),
+            key: ScenarioKey::parse(key).unwrap(),
             values,
         }
     }

@@ -6,9 +6,9 @@ use hertz_chain::{InputError, MOST_BEADS};
 use serde::Deserialize;
 use toml::Value;
 
-use crate::axis::{Along, Axis, Values};
+use crate::axis::{Along, SweepAxis, Values};
 use crate::draw::Method;
-use crate::key::Key;
+use crate::key::ScenarioKey;
 
 /// Places of an axis at most.
 const MOST_PLACES: u64 = 1_000_000_000_000;
@@ -34,7 +34,7 @@ pub(super) struct AxisTable {
 }
 
 /// The points of an axis as a file describes them.
-enum Description<'a> {
+enum AxisPoints<'a> {
     /// Values of one key.
     Key(Spacing<'a>),
     /// Values of keys that change together.
@@ -62,10 +62,10 @@ impl AxisTable {
     ///
     /// # Errors
     /// A key or a value is not one of a sweep; [`InputError`] without file and line.
-    pub(super) fn axis(&self, at: &str) -> Result<Axis, InputError> {
+    pub(super) fn axis(&self, at: &str) -> Result<SweepAxis, InputError> {
         let description = self.description(at)?;
         let (default_name, along, count) = match description {
-            Description::Key(spacing) => {
+            AxisPoints::Key(spacing) => {
                 if self.name.is_some() {
                     return refused(at, "an axis of one key is named by it", "leave the name out");
                 }
@@ -78,17 +78,17 @@ impl AxisTable {
                     );
                 }
                 let along = vec![along];
-                return Ok(Axis {
+                return Ok(SweepAxis {
                     name: None,
                     along,
                     count,
                 });
             }
-            Description::Zip(tables) => {
+            AxisPoints::Zip(tables) => {
                 let (along, count) = zipped(at, tables)?;
                 ("zip", along, count)
             }
-            Description::Drawn(method, count) => ("sample", self.drawn(at, method, count)?, count),
+            AxisPoints::Drawn(method, count) => ("sample", self.drawn(at, method, count)?, count),
         };
         let name = self.name.as_deref().unwrap_or(default_name);
         if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
@@ -96,14 +96,14 @@ impl AxisTable {
             return refused(&format!("{at}.name"), "it is no name of a column", advice);
         }
         let name = Some(name.to_owned());
-        Ok(Axis { name, along, count })
+        Ok(SweepAxis { name, along, count })
     }
 
-    fn description(&self, at: &str) -> Result<Description<'_>, InputError> {
+    fn description(&self, at: &str) -> Result<AxisPoints<'_>, InputError> {
         let spacing = self.spacing();
         let is_key = spacing.len() == 1 || self.key.is_some();
         let of_key = || match <[_; 1]>::try_from(spacing) {
-            Ok([spacing]) => Ok(Description::Key(spacing)),
+            Ok([spacing]) => Ok(AxisPoints::Key(spacing)),
             Err(_) => refused(
                 at,
                 format!("{} needs its values, once", self.key.as_deref().unwrap_or("it")),
@@ -117,9 +117,9 @@ impl AxisTable {
         }
         match (is_key, &self.zip, self.random, self.quasirandom) {
             (true, None, None, None) => of_key(),
-            (false, Some(tables), None, None) => Ok(Description::Zip(tables)),
-            (false, None, Some(count), None) => Ok(Description::Drawn(Method::Random, count)),
-            (false, None, None, Some(count)) => Ok(Description::Drawn(Method::Quasirandom, count)),
+            (false, Some(tables), None, None) => Ok(AxisPoints::Zip(tables)),
+            (false, None, Some(count), None) => Ok(AxisPoints::Drawn(Method::Random, count)),
+            (false, None, None, Some(count)) => Ok(AxisPoints::Drawn(Method::Quasirandom, count)),
             _ => refused(
                 at,
                 "it must have either a key with its values, or zip, or random, or quasirandom",
@@ -150,7 +150,7 @@ impl AxisTable {
             .chain(inner.filter_map(|table| table.key.as_deref()))
     }
 
-    fn key(&self, at: &str) -> Result<Key, InputError> {
+    fn key(&self, at: &str) -> Result<ScenarioKey, InputError> {
         let Some(key) = &self.key else {
             return refused(
                 at,
@@ -158,7 +158,7 @@ impl AxisTable {
                 "give a key such as striker.velocity",
             );
         };
-        Key::parse(key).map_err(|error| InputError {
+        ScenarioKey::parse(key).map_err(|error| InputError {
             key: format!("{at}.key"),
             ..error
         })
@@ -323,7 +323,11 @@ fn check_count(at: &str, count: f64) -> Result<u64, InputError> {
 }
 
 /// Checks numbers of beads: whole, but for the rounding of equal steps and factors.
-fn check_beads(at: &str, key: &Key, numbers: impl IntoIterator<Item = f64>) -> Result<(), InputError> {
+fn check_beads(
+    at: &str,
+    key: &ScenarioKey,
+    numbers: impl IntoIterator<Item = f64>,
+) -> Result<(), InputError> {
     let is_bead = |number: f64| {
         (1.0..=MOST_BEADS as f64).contains(&number.round())
             && (number - number.round()).abs() < 1e-9 * number.abs()
@@ -337,7 +341,7 @@ fn check_beads(at: &str, key: &Key, numbers: impl IntoIterator<Item = f64>) -> R
     }
 }
 
-fn check_spaced_beads(at: &str, key: &Key, values: &Values, count: u64) -> Result<(), InputError> {
+fn check_spaced_beads(at: &str, key: &ScenarioKey, values: &Values, count: u64) -> Result<(), InputError> {
     let number = |place: u64| values.number(place).unwrap_or(f64::NAN);
     let (first, last) = (number(0), number(count - 1));
     check_beads(at, key, [first, last])?;
@@ -349,7 +353,7 @@ fn check_spaced_beads(at: &str, key: &Key, values: &Values, count: u64) -> Resul
 }
 
 /// Checks the kinds of listed values: numbers or texts, and of beads lists of numbers too.
-fn check_list(at: &str, key: &Key, list: &[Value]) -> Result<(), InputError> {
+fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputError> {
     let number = |value: &Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
     let wrong = |what: &str, advice: &str| refused(at, format!("{key}: {what}"), advice);
     if !key.of_beads() {

@@ -5,13 +5,13 @@ use crate::plan::Plan;
 
 /// A column along an axis of the sweep.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Column {
+pub(super) struct AxisColumn {
     pub(super) axis: usize,
     /// The key along the axis; `None` for the column of places.
     pub(super) along: Option<usize>,
 }
 
-impl Column {
+impl AxisColumn {
     /// The column of this name.
     pub(super) fn find(plan: &Plan, name: &str) -> Option<Self> {
         plan.axes().iter().enumerate().find_map(|(axis, of)| {

@@ -7,9 +7,9 @@ use hertz_chain::{InputError, Scenario, TomlFile, read_table, read_text};
 use serde::Deserialize;
 use toml::Table;
 
-use crate::axis::{Along, Axis};
+use crate::axis::{Along, SweepAxis};
 use crate::axis_table::AxisTable;
-use crate::outputs::Outputs;
+use crate::outputs::SweepOutputs;
 
 /// A sweep, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,9 +17,9 @@ pub struct Definition {
     /// A title, for people.
     pub title: String,
     /// The results to keep of each run.
-    pub outputs: Outputs,
+    pub outputs: SweepOutputs,
     /// The axes; the last turns fastest.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<SweepAxis>,
     /// The scenario that every point starts from.
     scenario: Table,
     /// The whole file, with the scenario in it.
@@ -34,7 +34,7 @@ struct SweepFile {
     title: String,
     scenario: Base,
     #[serde(default)]
-    outputs: Outputs,
+    outputs: SweepOutputs,
     axis: Vec<AxisTable>,
 }
 
@@ -287,7 +287,7 @@ mod tests {
             axes.iter().map(|axis| axis.count).collect::<Vec<_>>(),
             [5, 7, 3, 10]
         );
-        let index: Vec<_> = axes.iter().map(Axis::index).collect();
+        let index: Vec<_> = axes.iter().map(SweepAxis::index).collect();
         let names = [
             "intruder_1_stiffness_n_per_m",
             "striker_velocity_mps",

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 /// A dotted key. Entries of a list, such as `[[intruder]]`, are counted from 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Key {
+pub struct ScenarioKey {
     segments: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ const UNITS: [(&str, &str); 11] = [
 /// Parts of a key at most. Those of a scenario have four.
 const MOST_PARTS: usize = 8;
 
-impl Key {
+impl ScenarioKey {
     /// Reads a dotted key.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl Key {
     }
 }
 
-impl std::fmt::Display for Key {
+impl std::fmt::Display for ScenarioKey {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.segments.join("."))
     }
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn a_key_reaches_into_tables_and_lists() {
         let mut scenario: Table = toml::from_str(&hertz_chain::Scenario::paper().to_toml()).unwrap();
-        let mut set = |key: &str, value: Value| Key::parse(key).unwrap().set(&mut scenario, value);
+        let mut set = |key: &str, value: Value| ScenarioKey::parse(key).unwrap().set(&mut scenario, value);
         set("duration", 0.003.into()).unwrap();
         set("intruder.1.mass", 0.002.into()).unwrap();
         set("intruder.1.beads", 7.into()).unwrap();
@@ -172,15 +172,15 @@ mod tests {
 
     #[test]
     fn a_column_is_named_by_key_and_unit() {
-        let column = |key: &str| Key::parse(key).unwrap().column();
+        let column = |key: &str| ScenarioKey::parse(key).unwrap().column();
         assert_eq!(column("intruder.1.mass"), "intruder_1_mass_kg");
         assert_eq!(column("chain.poisson"), "chain_poisson");
         for wrong in ["", "a..b", "intruder[0].mass", "a b", "chain."] {
-            assert!(Key::parse(wrong).is_err(), "{wrong}");
+            assert!(ScenarioKey::parse(wrong).is_err(), "{wrong}");
         }
         let deep = vec!["a"; 100_000].join(".");
         assert!(
-            Key::parse(&deep)
+            ScenarioKey::parse(&deep)
                 .unwrap_err()
                 .what
                 .starts_with("a key of 100000 parts")

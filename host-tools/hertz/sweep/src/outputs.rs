@@ -10,7 +10,7 @@ use bead_tables::{Cell, Column, Kind};
 /// The results to keep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Outputs {
+pub struct SweepOutputs {
     /// Energy dissipated by all intruders at the end: in J, and as parts of the striker's and the injected
     /// energy.
     pub absorbed: bool,
@@ -30,7 +30,7 @@ pub struct Outputs {
     pub transmission: Vec<usize>,
 }
 
-impl Default for Outputs {
+impl Default for SweepOutputs {
     fn default() -> Self {
         Self {
             absorbed: true,
@@ -43,7 +43,7 @@ impl Default for Outputs {
     }
 }
 
-impl Outputs {
+impl SweepOutputs {
     /// The columns, all of numbers.
     pub fn columns(&self) -> Vec<Column> {
         let mut names: Vec<String> = Vec::new();

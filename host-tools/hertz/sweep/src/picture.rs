@@ -5,11 +5,11 @@ use std::path::Path;
 use anyhow::Context;
 use hertz_charts::{COLUMN, Chart, Ink, Map, Mark, Panel, Series};
 
-use crate::column::Column;
+use crate::column::AxisColumn;
 use crate::definition::Definition;
 use crate::plan::Plan;
-use crate::side::{Cells, Quantity, Side, ends};
-use crate::view::{Form, Layout, MOST_POINTS, Place, View};
+use crate::side::{Cells, ShownQuantity, Side, ends};
+use crate::view::{ChartForm, ChartLayout, ChosenPlace, MOST_POINTS, View};
 use bead_tables::{Cell, Reader};
 
 /// Greatest value that is drawn: differences of two stay finite.
@@ -27,19 +27,19 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
     anyhow::ensure!(has == points, "has {has} rows, and its sweep {points} points");
     let layout = view.layout(&plan).map_err(anyhow::Error::msg)?;
     let value = match &layout.form {
-        Form::Curves { y, .. } => y,
-        Form::Map { value, .. } => value,
+        ChartForm::Curves { y, .. } => y,
+        ChartForm::Map { value, .. } => value,
     };
     let rows = values(&reader, &plan, &layout.at, value)?;
-    let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
+    let quantity = ShownQuantity::new(value, rows.iter().map(|row| row.1));
     match &layout.form {
-        Form::Curves { by, .. } => Ok(curves(&plan, &layout, by.as_ref(), &quantity, rows)),
-        Form::Map { y, .. } => map(&plan, &layout, y, &quantity, &rows),
+        ChartForm::Curves { by, .. } => Ok(curves(&plan, &layout, by.as_ref(), &quantity, rows)),
+        ChartForm::Map { y, .. } => map(&plan, &layout, y, &quantity, &rows),
     }
 }
 
 /// Reads the points at these places, and their values of a result.
-fn values(reader: &Reader, plan: &Plan, at: &[Place], result: &str) -> anyhow::Result<Vec<(u64, f64)>> {
+fn values(reader: &Reader, plan: &Plan, at: &[ChosenPlace], result: &str) -> anyhow::Result<Vec<(u64, f64)>> {
     let column = |name: &str| {
         let column = reader.columns().iter().position(|column| column.name == name);
         column.with_context(|| format!("has no column {name}"))
@@ -75,7 +75,7 @@ fn values(reader: &Reader, plan: &Plan, at: &[Place], result: &str) -> anyhow::R
 }
 
 /// The text for readers who cannot see the chart, with the places that --at took.
-fn description(plan: &Plan, at: &[Place], what: &str) -> String {
+fn description(plan: &Plan, at: &[ChosenPlace], what: &str) -> String {
     let title = match plan.definition().title.as_str() {
         "" => String::new(),
         title => format!("{title}: "),
@@ -85,7 +85,7 @@ fn description(plan: &Plan, at: &[Place], what: &str) -> String {
 }
 
 /// The lines above the axes: the sweep's title, the column of the curves, and the places that --at took.
-fn note(plan: &Plan, by: Option<&Side>, at: &[Place]) -> String {
+fn note(plan: &Plan, by: Option<&Side>, at: &[ChosenPlace]) -> String {
     let title = Some(plan.definition().title.clone()).filter(|title| !title.is_empty());
     let by = by.map(|by| format!("by {}", by.quantity.label()));
     let at = at.iter().map(|place| format!("at {}", place.label));
@@ -97,7 +97,13 @@ fn note(plan: &Plan, by: Option<&Side>, at: &[Place]) -> String {
         .join("\n")
 }
 
-fn curves(plan: &Plan, layout: &Layout, by: Option<&Column>, y: &Quantity, rows: Vec<(u64, f64)>) -> Chart {
+fn curves(
+    plan: &Plan,
+    layout: &ChartLayout,
+    by: Option<&AxisColumn>,
+    y: &ShownQuantity,
+    rows: Vec<(u64, f64)>,
+) -> Chart {
     let x = &layout.x;
     let across = Side::new(plan, x);
     let count = by.map_or(1, |by| plan.axes()[by.axis].count);
@@ -136,9 +142,9 @@ fn curves(plan: &Plan, layout: &Layout, by: Option<&Column>, y: &Quantity, rows:
 
 fn map(
     plan: &Plan,
-    layout: &Layout,
-    y: &Column,
-    value: &Quantity,
+    layout: &ChartLayout,
+    y: &AxisColumn,
+    value: &ShownQuantity,
     rows: &[(u64, f64)],
 ) -> anyhow::Result<Chart> {
     let x = &layout.x;
@@ -148,7 +154,7 @@ fn map(
     let columns = across.edges.len() - 1;
     let mut values = vec![f64::NAN; columns * (up.edges.len() - 1)];
     for (point, found) in rows {
-        let cell = |cells: &Cells, of: &Column| cells.of_places[plan.place(*point, of.axis) as usize];
+        let cell = |cells: &Cells, of: &AxisColumn| cells.of_places[plan.place(*point, of.axis) as usize];
         let (column, row) = (cell(&across, x), cell(&up, y));
         values[row * columns + column] = found / value.unit;
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use hertz_chain::{EnsembleOutcome, InputError, Scenario, plain_words};
 use siphasher::sip128::{Hasher128, SipHasher24};
 
-use crate::axis::Axis;
+use crate::axis::SweepAxis;
 use crate::definition::Definition;
 use bead_tables::{Cell, Column, Kind};
 
@@ -85,7 +85,7 @@ impl Plan {
     }
 
     /// The axes; the last turns fastest.
-    pub fn axes(&self) -> &[Axis] {
+    pub fn axes(&self) -> &[SweepAxis] {
         &self.definition.axes
     }
 

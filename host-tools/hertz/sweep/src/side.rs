@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use hertz_charts::{Axis as ChartAxis, Scale};
 
 use crate::axis::{Along, Values};
-use crate::column::Column;
+use crate::column::AxisColumn;
 use crate::plan::Plan;
 use bead_tables::printable::{beginning, one_line};
 use bead_tables::unit::Unit;
@@ -16,7 +16,7 @@ const TEXT_LETTERS: usize = 40;
 const AXIS_LETTERS: usize = 12;
 
 /// A column as a chart shows it.
-pub(super) struct Quantity {
+pub(super) struct ShownQuantity {
     pub(super) name: String,
     /// Symbol of the unit, with the prefix that makes numbers short; empty for none.
     pub(super) symbol: String,
@@ -24,7 +24,7 @@ pub(super) struct Quantity {
     pub(super) unit: f64,
 }
 
-impl Quantity {
+impl ShownQuantity {
     pub(super) fn new(column: &str, values: impl Iterator<Item = f64>) -> Self {
         let finite = values.filter(|value| value.is_finite());
         let greatest = finite.map(f64::abs).fold(0.0, f64::max);
@@ -56,10 +56,10 @@ pub(super) fn coordinate(along: Option<&Along>, place: u64) -> f64 {
 
 /// The value at a place, for people. Where several keys change along the axis, other places may have that
 /// value, so the place follows.
-pub(super) fn label(plan: &Plan, column: &Column, place: u64) -> String {
+pub(super) fn label(plan: &Plan, column: &AxisColumn, place: u64) -> String {
     let along = column.along(plan);
     let number = coordinate(along, place);
-    let quantity = Quantity::new(&column.name(plan), [number].into_iter());
+    let quantity = ShownQuantity::new(&column.name(plan), [number].into_iter());
     let value = match along.filter(|along| along.kind() == Kind::Text) {
         Some(along) => text(along, place),
         None => short(&[number / quantity.unit]).concat(),
@@ -91,7 +91,7 @@ fn short(values: &[f64]) -> Vec<String> {
 
 /// A column along one side of a chart.
 pub(super) struct Side {
-    pub(super) quantity: Quantity,
+    pub(super) quantity: ShownQuantity,
     /// Values by place, in the quantity's unit.
     pub(super) values: Vec<f64>,
     pub(super) scale: Scale,
@@ -102,14 +102,14 @@ pub(super) struct Side {
 }
 
 impl Side {
-    pub(super) fn new(plan: &Plan, column: &Column) -> Self {
+    pub(super) fn new(plan: &Plan, column: &AxisColumn) -> Self {
         let (along, places) = (column.along(plan), 0..plan.axes()[column.axis].count);
         let values: Vec<f64> = places.clone().map(|place| coordinate(along, place)).collect();
         let texts = match along.filter(|along| along.kind() == Kind::Text) {
             Some(along) => places.map(|place| text(along, place)).collect(),
             None => Vec::new(),
         };
-        let quantity = Quantity::new(&column.name(plan), values.iter().copied());
+        let quantity = ShownQuantity::new(&column.name(plan), values.iter().copied());
         let spacing = along.map(|along| &along.values);
         let is_log = matches!(
             spacing,
@@ -183,7 +183,7 @@ impl Cells {
     ///
     /// # Errors
     /// Two values are too near for cells of their own.
-    pub(super) fn new(plan: &Plan, column: &Column) -> Result<Self, String> {
+    pub(super) fn new(plan: &Plan, column: &AxisColumn) -> Result<Self, String> {
         let side = Side::new(plan, column);
         let (values, scale) = (&side.values, side.scale);
         // Drawn or listed values need not be in order.

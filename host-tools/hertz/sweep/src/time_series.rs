@@ -34,14 +34,14 @@ pub enum TimeSeriesError {
 
 /// The form of a file with a time series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
+pub enum TimeSeriesForm {
     /// Parquet, with the scenario's title, the scenario (JSON) and the rate as notes.
     Parquet,
     /// Comma-separated values.
     Csv,
 }
 
-impl Form {
+impl TimeSeriesForm {
     /// The form that the ending of a name stands for: `.parquet` or `.csv`. Standard output gets Parquet.
     pub fn of(path: &Path) -> Option<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
@@ -61,13 +61,13 @@ impl Form {
 }
 
 /// A quantity: the name of its column, and its value at a time.
-type Series = (String, Box<dyn Fn(&Snapshot<'_>) -> f64>);
+type SeriesColumn = (String, Box<dyn Fn(&Snapshot<'_>) -> f64>);
 
-fn series(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> Series {
+fn series(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> SeriesColumn {
     (name.into(), Box::new(value))
 }
 
-fn all_series(model: &Model) -> Vec<Series> {
+fn all_series(model: &Model) -> Vec<SeriesColumn> {
     let mut all = vec![series("time_s", |s| s.time())];
     for contact in 1..=model.contacts() {
         let name = format!("contact_{contact}_force_n");
@@ -98,15 +98,15 @@ fn all_series(model: &Model) -> Vec<Series> {
 }
 
 /// The table of a run.
-struct Table<'a> {
+struct TimeSeriesTable<'a> {
     writer: Writer<'a>,
-    series: Vec<Series>,
+    series: Vec<SeriesColumn>,
 }
 
-impl<'a> Table<'a> {
+impl<'a> TimeSeriesTable<'a> {
     fn new(
         file: &'a mut File,
-        form: Form,
+        form: TimeSeriesForm,
         scenario: &Scenario,
         model: &Model,
         rate_hz: f64,
@@ -115,7 +115,7 @@ impl<'a> Table<'a> {
         let columns = series.iter().map(|(name, _)| Column::new(name, Kind::Number));
         let columns: Vec<_> = columns.collect();
         let writer = match form {
-            Form::Parquet => {
+            TimeSeriesForm::Parquet => {
                 let (rate, scenario_json) = (rate_hz.to_string(), serde_json::to_string(scenario)?);
                 let notes = [
                     ("title", scenario.title.as_str()),
@@ -124,7 +124,7 @@ impl<'a> Table<'a> {
                 ];
                 Writer::parquet(file, "time_series", &columns, &notes)?
             }
-            Form::Csv => Writer::csv(file, &columns)?,
+            TimeSeriesForm::Csv => Writer::csv(file, &columns)?,
         };
         Ok(Self { writer, series })
     }
@@ -145,7 +145,7 @@ pub fn write(
     scenario: &Scenario,
     options: &Options<'_>,
     rate_hz: f64,
-    form: Form,
+    form: TimeSeriesForm,
     target: &Target,
 ) -> Result<Summary, TimeSeriesError> {
     let (clock, end) = (Instant::now(), scenario.duration);
@@ -160,7 +160,7 @@ pub fn write(
     let mut ran = Ok(ControlFlow::Continue(()));
     target
         .write(|file| {
-            let mut table = Table::new(file, form, scenario, run.model(), rate_hz)?;
+            let mut table = TimeSeriesTable::new(file, form, scenario, run.model(), rate_hz)?;
             ran = run.watch_while(end, |step| {
                 summariser.observe(step);
                 if step.number().is_multiple_of(64) {
@@ -214,8 +214,11 @@ mod tests {
         let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        for (name, form) in [("strike.parquet", Form::Parquet), ("strike.csv", Form::Csv)] {
-            assert_eq!(Form::of(Path::new(name)), Some(form));
+        for (name, form) in [
+            ("strike.parquet", TimeSeriesForm::Parquet),
+            ("strike.csv", TimeSeriesForm::Csv),
+        ] {
+            assert_eq!(TimeSeriesForm::of(Path::new(name)), Some(form));
             let target = Target::new(at(name));
             let summary = write(&scenario, &Options::default(), 1e5, form, &target).unwrap();
             assert_eq!(summary.final_state, solution.summary().final_state);
@@ -262,7 +265,14 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("long.parquet");
         let draft = Options::with(hertz_chain::Accuracy::DRAFT);
-        write(&scenario, &draft, 10.0, Form::Parquet, &Target::new(&path)).unwrap();
+        write(
+            &scenario,
+            &draft,
+            10.0,
+            TimeSeriesForm::Parquet,
+            &Target::new(&path),
+        )
+        .unwrap();
         assert_eq!(Reader::open(&path).unwrap().rows(), 5);
     }
 
@@ -271,7 +281,14 @@ mod tests {
         let scenario = short_scenario();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
             let target = Target::new("never.parquet");
-            let error = write(&scenario, &Options::default(), rate, Form::Parquet, &target).unwrap_err();
+            let error = write(
+                &scenario,
+                &Options::default(),
+                rate,
+                TimeSeriesForm::Parquet,
+                &target,
+            )
+            .unwrap_err();
             assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
         }
     }

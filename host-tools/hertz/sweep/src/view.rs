@@ -2,8 +2,8 @@
 
 use hertz_charts::FAMILY;
 
-use crate::axis::Axis;
-use crate::column::Column;
+use crate::axis::SweepAxis;
+use crate::column::AxisColumn;
 use crate::plan::Plan;
 use crate::side::{self, Cells};
 use bead_tables::printable::first_of;
@@ -25,20 +25,20 @@ pub struct View {
 }
 
 /// The layout of a chart.
-pub(super) struct Layout {
-    pub(super) x: Column,
-    pub(super) form: Form,
-    pub(super) at: Vec<Place>,
+pub(super) struct ChartLayout {
+    pub(super) x: AxisColumn,
+    pub(super) form: ChartForm,
+    pub(super) at: Vec<ChosenPlace>,
 }
 
 /// Curves of a result, or a map of a result.
-pub(super) enum Form {
-    Curves { y: String, by: Option<Column> },
-    Map { y: Column, value: String },
+pub(super) enum ChartForm {
+    Curves { y: String, by: Option<AxisColumn> },
+    Map { y: AxisColumn, value: String },
 }
 
 /// A place on an axis, chosen by --at.
-pub(super) struct Place {
+pub(super) struct ChosenPlace {
     pub(super) axis: usize,
     pub(super) place: u64,
     /// Its value, for people.
@@ -71,7 +71,7 @@ impl View {
     ///
     /// # Errors
     /// As [`check`](Self::check).
-    pub(super) fn layout(&self, plan: &Plan) -> Result<Layout, String> {
+    pub(super) fn layout(&self, plan: &Plan) -> Result<ChartLayout, String> {
         let mut axes = OpenAxes::new(self, plan)?;
         let is_map = self.is_map(plan, &axes);
         let x = axes.take(self.x.as_deref(), "--x", is_map)?;
@@ -81,7 +81,7 @@ impl View {
             self.curves_form(plan, &mut axes, &x)?
         };
         axes.check_none_left()?;
-        let layout = Layout { x, form, at: axes.at };
+        let layout = ChartLayout { x, form, at: axes.at };
         layout.check_size(plan)?;
         Ok(layout)
     }
@@ -89,12 +89,12 @@ impl View {
     fn is_map(&self, plan: &Plan, axes: &OpenAxes<'_>) -> bool {
         match (&self.map, &self.y) {
             (Some(_), _) => true,
-            (None, Some(y)) => Column::find(plan, y).is_some(),
+            (None, Some(y)) => AxisColumn::find(plan, y).is_some(),
             (None, None) => self.by.is_none() && self.x.is_none() && axes.open.len() == 2,
         }
     }
 
-    fn map_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &Column) -> Result<Form, String> {
+    fn map_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &AxisColumn) -> Result<ChartForm, String> {
         axes.needs_two = true;
         let y = axes.take(self.y.as_deref(), "--y", false)?;
         if y.axis == x.axis {
@@ -102,17 +102,17 @@ impl View {
         }
         let value = self.map.as_deref().filter(|name| !name.is_empty());
         let value = result(plan, value)?;
-        Ok(Form::Map { y, value })
+        Ok(ChartForm::Map { y, value })
     }
 
-    fn curves_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &Column) -> Result<Form, String> {
+    fn curves_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &AxisColumn) -> Result<ChartForm, String> {
         let by = self.by.as_deref().map(|by| axes.take(Some(by), "--by", false));
         let by = by.transpose()?;
         if by.as_ref().is_some_and(|by| by.axis == x.axis) {
             return Err("--x and --by are of one axis; give two".to_owned());
         }
         let y = result(plan, self.y.as_deref())?;
-        Ok(Form::Curves { y, by })
+        Ok(ChartForm::Curves { y, by })
     }
 }
 
@@ -140,7 +140,7 @@ struct OpenAxes<'a> {
     open: Vec<usize>,
     /// Number of axes with several places.
     several: usize,
-    at: Vec<Place>,
+    at: Vec<ChosenPlace>,
     needs_two: bool,
 }
 
@@ -152,9 +152,9 @@ impl<'a> OpenAxes<'a> {
                 "axis {name} has {count} places, and {MOST_PLACES} are the most that a picture is made of"
             ));
         }
-        let mut at: Vec<Place> = Vec::new();
+        let mut at: Vec<ChosenPlace> = Vec::new();
         for text in &view.at {
-            let place = Place::parse(plan, text)?;
+            let place = ChosenPlace::parse(plan, text)?;
             if at.iter().any(|other| other.axis == place.axis) {
                 return Err(format!(
                     "--at {text}: another --at has chosen a place of that axis; leave out one of them"
@@ -167,8 +167,11 @@ impl<'a> OpenAxes<'a> {
             .collect();
         let several = open.len();
         open.retain(|axis| at.iter().all(|place| place.axis != *axis));
-        let needs_two =
-            view.map.is_some() || view.y.as_ref().is_some_and(|y| Column::find(plan, y).is_some());
+        let needs_two = view.map.is_some()
+            || view
+                .y
+                .as_ref()
+                .is_some_and(|y| AxisColumn::find(plan, y).is_some());
         Ok(Self {
             plan,
             open,
@@ -179,18 +182,18 @@ impl<'a> OpenAxes<'a> {
     }
 
     /// Takes the column of an option; without a name, the first or last axis that is left.
-    fn take(&mut self, name: Option<&str>, option: &str, last: bool) -> Result<Column, String> {
+    fn take(&mut self, name: Option<&str>, option: &str, last: bool) -> Result<AxisColumn, String> {
         let axes = self.plan.axes();
         let column = match name {
-            Some(name) => Column::find(self.plan, name).ok_or_else(|| {
-                let known = first_of(axes.iter().map(Axis::index), NAMES);
+            Some(name) => AxisColumn::find(self.plan, name).ok_or_else(|| {
+                let known = first_of(axes.iter().map(SweepAxis::index), NAMES);
                 format!("{name} is no column of an axis of this sweep; there are {known}")
             })?,
             None => {
                 let axis = if last { self.open.last() } else { self.open.first() };
                 let axis = *axis.ok_or_else(|| self.nothing_left(option))?;
                 let along = axes[axis].name.is_none().then_some(0);
-                Column { axis, along }
+                AxisColumn { axis, along }
             }
         };
         if self.at.iter().any(|place| place.axis == column.axis) {
@@ -225,13 +228,13 @@ impl<'a> OpenAxes<'a> {
     }
 }
 
-impl Layout {
+impl ChartLayout {
     /// Checks that the chart can be seen.
     fn check_size(&self, plan: &Plan) -> Result<(), String> {
-        let count = |column: &Column| plan.axes()[column.axis].count;
+        let count = |column: &AxisColumn| plan.axes()[column.axis].count;
         let across = count(&self.x);
         match &self.form {
-            Form::Curves { by, .. } => {
+            ChartForm::Curves { by, .. } => {
                 let curves = by.as_ref().map_or(1, count);
                 if curves > MOST_CURVES {
                     return Err(format!(
@@ -246,7 +249,7 @@ impl Layout {
                     ));
                 }
             }
-            Form::Map { y, .. } => {
+            ChartForm::Map { y, .. } => {
                 let up = count(y);
                 if across < 2 || up < 2 {
                     return Err(NO_MAP.to_owned());
@@ -263,12 +266,12 @@ impl Layout {
     }
 }
 
-impl Place {
+impl ChosenPlace {
     /// The place nearest to the value in `COLUMN=VALUE`.
     fn parse(plan: &Plan, text: &str) -> Result<Self, String> {
         let wrong = || format!("--at {text}: write COLUMN=VALUE with a column of an axis");
         let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-        let column = Column::find(plan, name.trim()).ok_or_else(wrong)?;
+        let column = AxisColumn::find(plan, name.trim()).ok_or_else(wrong)?;
         let (along, value) = (column.along(plan), value.trim());
         let mut places = 0..plan.axes()[column.axis].count;
         let place = match along.filter(|along| along.kind() == Kind::Text) {

@@ -13,7 +13,7 @@ use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
 use bead_tables::whole::Target;
-use hertz_sweep::time_series::{self, Form};
+use hertz_sweep::time_series::{self, TimeSeriesForm};
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -79,9 +79,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The form and the place of the time series.
-fn output_file(path: &Path, arguments: &Arguments) -> Result<(Form, Target), Failure> {
-    let form = Form::of(path);
-    let kind = if form == Some(Form::Csv) {
+fn output_file(path: &Path, arguments: &Arguments) -> Result<(TimeSeriesForm, Target), Failure> {
+    let form = TimeSeriesForm::of(path);
+    let kind = if form == Some(TimeSeriesForm::Csv) {
         Kind::Table
     } else {
         Kind::Parquet

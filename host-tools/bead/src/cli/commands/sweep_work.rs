@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
 use bead_tables::whole::Target;
-use hertz_sweep::axis::Axis;
+use hertz_sweep::axis::SweepAxis;
 use hertz_sweep::compute;
 use hertz_sweep::folder::{Folder, Merged};
 use hertz_sweep::plan::Plan;
@@ -133,7 +133,7 @@ pub(crate) fn summary(
             grouped(plan.points()),
         ));
     }
-    let index: Vec<String> = plan.axes().iter().map(Axis::index).collect();
+    let index: Vec<String> = plan.axes().iter().map(SweepAxis::index).collect();
     let report = Report {
         plan: plan.hash(),
         points: plan.points(),

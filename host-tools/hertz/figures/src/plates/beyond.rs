@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::check::checks;
 use crate::curve::{dashed, discs, dotted, force_over_time, geometric, guide, line};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{peak, ratio};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
@@ -138,9 +138,9 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
             let (stiffness, damping) = (STIFFNESS * speed.powf(0.4), DAMPING * speed.powf(0.2));
             lab.run(&with(scenario, intruder([8], MASS, stiffness, damping)))
         })
-        .collect::<Result<Vec<Arc<Run>>, Error>>()?;
+        .collect::<Result<Vec<Arc<FigureRun>>, Error>>()?;
     let struck = || runs.iter().zip(speeds);
-    let scaled = |(run, speed): (&Arc<Run>, f64)| -> Vec<(f64, f64)> {
+    let scaled = |(run, speed): (&Arc<FigureRun>, f64)| -> Vec<(f64, f64)> {
         force_over_time(&run.solution, &(0.0..run.solution.end()), CONTACT)
             .into_iter()
             .map(|(time, force)| (time * speed.powf(0.2), force / speed.powf(1.2)))
@@ -154,7 +154,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
         .map(|(one, other)| (one.1 - other.1).abs())
         .fold(0.0, f64::max)
         / whole;
-    let per_speed = |of: fn(&Run) -> f64, power: f64| {
+    let per_speed = |of: fn(&FigureRun) -> f64, power: f64| {
         ratio(struck().map(|(run, speed)| of(run) / speed.powf(power))) - 1.0
     };
     let mut series = vec![guide("whole curve, 1 m/s", curves[2].clone())];

@@ -8,7 +8,7 @@ use hertz_chain::ContactForce;
 use crate::check::{Check, checks};
 use crate::curve::{dashed, dotted, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, last, peak};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
@@ -27,16 +27,16 @@ plans! {
         "as 2a and 2b; E_T as printed, with M for the host" => energy,
 }
 
-fn without(lab: &Lab) -> Result<Arc<Run>, Error> {
+fn without(lab: &Lab) -> Result<Arc<FigureRun>, Error> {
     lab.run(&strike(16, VISCOUS, DURATION))
 }
 
-fn with_intruder(lab: &Lab) -> Result<Arc<Run>, Error> {
+fn with_intruder(lab: &Lab) -> Result<Arc<FigureRun>, Error> {
     let intruder = intruder([HOST], MASS, STIFFNESS, DAMPING);
     lab.run(&with(strike(16, VISCOUS, DURATION), intruder))
 }
 
-fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Chart {
+fn forces(run: &FigureRun, contacts: std::ops::RangeInclusive<usize>) -> Chart {
     let span = 1.0e-3..3.5e-3;
     let curves = contacts
         .enumerate()
@@ -51,8 +51,8 @@ fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Chart {
 
 /// The highest forces of these contacts against their numbers, for both runs: what the intruder takes beyond
 /// what viscosity takes.
-fn decrease(plain: &Run, run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Panel {
-    let of = |run: &Run| {
+fn decrease(plain: &FigureRun, run: &FigureRun, contacts: std::ops::RangeInclusive<usize>) -> Panel {
+    let of = |run: &FigureRun| {
         contacts
             .clone()
             .map(|contact| (contact as f64, peak(run, contact)))
@@ -139,7 +139,7 @@ fn acceleration(lab: &Lab) -> Result<Figure, Error> {
 
 fn energy(lab: &Lab) -> Result<Figure, Error> {
     let (plain, run) = (without(lab)?, with_intruder(lab)?);
-    let micro = |run: &Run, of: fn(hertz_chain::Energies) -> f64| {
+    let micro = |run: &FigureRun, of: fn(hertz_chain::Energies) -> f64| {
         over_time(&run.solution, 0.0..DURATION, |at| 1e6 * of(at.energies()))
     };
     let before = micro(&plain, |e| e.chain_as_printed);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::check::checks;
 use crate::curve::{guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, half_power, magnitudes, spectrum};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
@@ -28,17 +28,17 @@ plans! {
         "38 beads, τ = 0, force at contact 8 without intruder; responses by eq. A1" => responses,
 }
 
-fn plain(lab: &Lab) -> Result<Arc<Run>, Error> {
+fn plain(lab: &Lab) -> Result<Arc<FigureRun>, Error> {
     lab.run(&strike(38, ELASTIC, DURATION))
 }
 
-fn run(lab: &Lab, stiffness: f64) -> Result<Arc<Run>, Error> {
+fn run(lab: &Lab, stiffness: f64) -> Result<Arc<FigureRun>, Error> {
     let intruder = intruder([HOST], MASS, stiffness, DAMPING);
     lab.run(&with(strike(38, ELASTIC, DURATION), intruder))
 }
 
 /// How far the intruder runs ahead of its host, m.
-fn overshoot(run: &Run) -> f64 {
+fn overshoot(run: &FigureRun) -> f64 {
     greatest(&over_time(&run.solution, 0.0..DURATION, |at| {
         at.intruder_displacement(HOST).unwrap_or(f64::NAN)
     }))
@@ -90,7 +90,7 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
 fn energy(lab: &Lab) -> Result<Figure, Error> {
     let plain = plain(lab)?;
     let span = 1.2e-3..4.5e-3;
-    let micro = |run: &Run| {
+    let micro = |run: &FigureRun| {
         over_time(&run.solution, span.clone(), |at| {
             1e6 * at.energies().chain_as_printed
         })

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::check::{Check, checks};
 use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
@@ -34,16 +34,16 @@ plans! {
 }
 
 /// The run with this intruder in the host.
-pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
+pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<FigureRun>, Error> {
     lab.run(&with(strike(46, ELASTIC, DURATION), intruder))
 }
 
 /// Forces at contacts 10 and 25, and the small waves that follow the main ones, for runs with names. All
 /// panels have one axis of time. In a magnified panel the main wave leaves through the upper edge.
-pub(crate) fn force_panels(runs: &[(String, Arc<Run>)]) -> Chart {
+pub(crate) fn force_panels(runs: &[(String, Arc<FigureRun>)]) -> Chart {
     let span = 1.5e-3..13e-3;
     let curves = |contact: usize| -> Vec<Series> {
-        let named = |(place, (name, run)): (usize, &(String, Arc<Run>))| {
+        let named = |(place, (name, run)): (usize, &(String, Arc<FigureRun>))| {
             let name = if contact == NEAR { name.as_str() } else { "" };
             told_apart(name, place, force_over_time(&run.solution, &span, contact))
         };

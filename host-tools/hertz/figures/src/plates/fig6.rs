@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::check::{Check, checks};
 use crate::curve::{dashed, force_over_time, guide, line, time_axis, told_apart};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{
     contact_time, half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train,
 };
@@ -46,30 +46,30 @@ plans! {
 }
 
 /// A change of the striker, and its values.
-struct Family {
+struct StrikerFamily {
     values: [f64; 4],
     name: fn(f64) -> String,
     set: fn(&mut Scenario, f64),
 }
 
-const MODULUS: Family = Family {
+const MODULUS: StrikerFamily = StrikerFamily {
     values: [203e6, 2.03e9, 20.3e9, 203e9],
     name: |young| format!("{} GPa", young / 1e9),
     set: |scenario, young| scenario.striker.young = young,
 };
-const SPEED: Family = Family {
+const SPEED: StrikerFamily = StrikerFamily {
     values: [0.1, 0.45, 1.0, 3.2],
     name: |speed| format!("{speed} m/s"),
     set: |scenario, speed| scenario.striker.velocity = speed,
 };
-const SIZE: Family = Family {
+const SIZE: StrikerFamily = StrikerFamily {
     values: [0.0045, 0.009, 0.014, 0.019],
     name: |radius| format!("{} mm", radius * 1e3),
     set: |scenario, radius| scenario.striker.radius = radius,
 };
 
-impl Family {
-    fn runs(&self, lab: &Lab) -> Result<Vec<Arc<Run>>, Error> {
+impl StrikerFamily {
+    fn runs(&self, lab: &Lab) -> Result<Vec<Arc<FigureRun>>, Error> {
         self.values
             .par_iter()
             .map(|&value| {
@@ -81,18 +81,18 @@ impl Family {
     }
 }
 
-type Checks = fn(&[Arc<Run>]) -> Vec<Check>;
+type Checks = fn(&[Arc<FigureRun>]) -> Vec<Check>;
 
 fn forces(
     lab: &Lab,
-    family: &Family,
+    family: &StrikerFamily,
     contact: usize,
     span: std::ops::Range<f64>,
     checks: Checks,
 ) -> Result<Figure, Error> {
     let runs = family.runs(lab)?;
     let named = runs.iter().zip(family.values).enumerate();
-    let curve = |(place, (run, value)): (usize, (&Arc<Run>, f64))| {
+    let curve = |(place, (run, value)): (usize, (&Arc<FigureRun>, f64))| {
         let force = force_over_time(&run.solution, &span, contact);
         told_apart((family.name)(value), place, force)
     };
@@ -104,7 +104,7 @@ fn forces(
     ))
 }
 
-fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Error> {
+fn far_spectrum(lab: &Lab, family: &StrikerFamily, checks: Checks) -> Result<Figure, Error> {
     let runs = family.runs(lab)?;
     let pulses: Vec<Vec<Pulse>> = runs.iter().map(|run| train(&run.solution, FAR)).collect();
     let trains = pulses.iter().any(|pulses| pulses.len() > 1);
@@ -128,7 +128,7 @@ fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Er
     Ok(Figure::new(Chart::new(axis, vec![panel]), checks(&runs)))
 }
 
-fn modulus_time(runs: &[Arc<Run>]) -> Vec<Check> {
+fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let factor = contact_time(&runs[0]) / contact_time(&runs[3]);
     let [soft, stiff] = [0, 3].map(|n| Collision::of_striker(runs[n].solution.model()).duration());
     let eq9 = soft / stiff;
@@ -140,7 +140,7 @@ fn modulus_time(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn speed_time(runs: &[Arc<Run>]) -> Vec<Check> {
+fn speed_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     checks![
         "contact time at 0.1 over that at 3.2 m/s: 32^(1/5)":
             contact_time(&runs[0]) / contact_time(&runs[3]) => close(2.0, 1e-6);
@@ -149,7 +149,7 @@ fn speed_time(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn size_time(runs: &[Arc<Run>]) -> Vec<Check> {
+fn size_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
     checks![
         // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker
@@ -160,11 +160,11 @@ fn size_time(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn far_peaks(runs: &[Arc<Run>]) -> Vec<f64> {
+fn far_peaks(runs: &[Arc<FigureRun>]) -> Vec<f64> {
     runs.iter().map(|run| peak(run, FAR)).collect()
 }
 
-fn modulus_force(runs: &[Arc<Run>]) -> Vec<Check> {
+fn modulus_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let peaks = far_peaks(runs);
     checks![
         "highest force, stiffest striker", "N": peaks[3] => close(7.936_292, 1e-5);
@@ -173,15 +173,15 @@ fn modulus_force(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn speed_force(runs: &[Arc<Run>]) -> Vec<Check> {
+fn speed_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let peaks = far_peaks(runs);
     checks![
         "force at 3.2 over that at 0.1 m/s: 32^(6/5)": peaks[3] / peaks[0] => close(64.0, 1e-6);
     ]
 }
 
-fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
-    let count = |run: &Arc<Run>| train(&run.solution, FAR).len() as f64;
+fn size_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+    let count = |run: &Arc<FigureRun>| train(&run.solution, FAR).len() as f64;
     let pulses: Vec<f64> = runs.iter().map(count).collect();
     checks![
         "pulses from the striker of 4.5 mm": pulses[0] => near(1.0, 0.0);
@@ -192,8 +192,8 @@ fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
 }
 
 /// The -3 dB frequency of the first pulse, Hz.
-fn frequencies(runs: &[Arc<Run>]) -> Vec<f64> {
-    let of_first = |run: &Arc<Run>| {
+fn frequencies(runs: &[Arc<FigureRun>]) -> Vec<f64> {
+    let of_first = |run: &Arc<FigureRun>| {
         let pulses = train(&run.solution, FAR);
         let spectrum = pulses.first().map(|pulse| pulse_spectrum(&run.solution, pulse));
         spectrum.map_or(f64::NAN, |spectrum| half_power(&spectrum))
@@ -201,7 +201,7 @@ fn frequencies(runs: &[Arc<Run>]) -> Vec<f64> {
     runs.iter().map(of_first).collect()
 }
 
-fn modulus_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
+fn modulus_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let frequencies = frequencies(runs);
     checks![
         // Both by an integration of another kind.
@@ -210,7 +210,7 @@ fn modulus_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn speed_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
+fn speed_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let frequencies = frequencies(runs);
     let factor = frequencies[3] / frequencies[0];
     checks![
@@ -219,7 +219,7 @@ fn speed_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
     ]
 }
 
-fn size_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
+fn size_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     let scaled: Vec<f64> = frequencies(runs)
         .into_iter()
         .zip(runs)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::check::checks;
 use crate::curve::{force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{least_growth, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
@@ -31,7 +31,7 @@ plans! {
     "7f": "force at contact 30, heavy striker: a train of pulses"; HEAVY => |lab| force(lab, 2),
 }
 
-fn run(lab: &Lab, which: usize) -> Result<Arc<Run>, Error> {
+fn run(lab: &Lab, which: usize) -> Result<Arc<FigureRun>, Error> {
     let mut scenario = strike(45, ELASTIC, DURATION);
     scenario.striker.radius = RADII[which];
     lab.run(&scenario)

@@ -9,7 +9,7 @@ use super::fig4::{HOST, force_panels, run, share, splits};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, last, least_growth, ordinates, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, OPTIMUM, intruder};
@@ -39,7 +39,7 @@ plans! {
 }
 
 /// A change of the intruder, and the conditions on its energies.
-struct Family {
+struct IntruderFamily {
     three: [(&'static str, f64); 3],
     intruder: fn(f64) -> Intruder,
     values: fn() -> Vec<f64>,
@@ -58,7 +58,7 @@ struct Shares {
     absorbed: Vec<(f64, f64)>,
 }
 
-const MASSES: Family = Family {
+const MASSES: IntruderFamily = IntruderFamily {
     three: [("m = 1 g", 1e-3), ("3.7 g", 3.7e-3), ("7.8 g", 7.8e-3)],
     intruder: |mass| intruder([HOST], mass, OPTIMUM, DAMPING),
     values: || (1..=25).map(|n| 0.5e-3 * f64::from(n)).collect(),
@@ -81,7 +81,7 @@ const MASSES: Family = Family {
     },
 };
 
-const DAMPINGS: Family = Family {
+const DAMPINGS: IntruderFamily = IntruderFamily {
     three: [("c = 4 N·s/m", 4.0), ("12", 12.0), ("36", 36.0)],
     intruder: |damping| intruder([HOST], MASS, OPTIMUM, damping),
     values: || geometric(0.3, 300.0, 31),
@@ -111,7 +111,7 @@ fn least_fall(points: &[(f64, f64)]) -> f64 {
     least_growth(&values)
 }
 
-fn sweep(lab: &Lab, family: &Family) -> Result<Shares, Error> {
+fn sweep(lab: &Lab, family: &IntruderFamily) -> Result<Shares, Error> {
     let values = (family.values)();
     let intruders: Vec<Intruder> = values.iter().map(|&value| (family.intruder)(value)).collect();
     let splits = splits(lab, &intruders)?;
@@ -125,12 +125,12 @@ fn sweep(lab: &Lab, family: &Family) -> Result<Shares, Error> {
     })
 }
 
-fn forces(lab: &Lab, family: &Family) -> Result<Figure, Error> {
+fn forces(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
     let runs = family
         .three
         .iter()
         .map(|(name, value)| Ok(((*name).to_owned(), run(lab, (family.intruder)(*value))?)))
-        .collect::<Result<Vec<(String, Arc<Run>)>, Error>>()?;
+        .collect::<Result<Vec<(String, Arc<FigureRun>)>, Error>>()?;
     let absorbed = runs
         .iter()
         .map(|(_, run)| run.summary.energy.dissipated_intruders);
@@ -196,26 +196,26 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
     Ok(Figure::new(Chart::new(time_axis(span), vec![panel]), checks))
 }
 
-fn strongest(run: &Run, contact: usize) -> Option<hertz_chain::Pulse> {
+fn strongest(run: &FigureRun, contact: usize) -> Option<hertz_chain::Pulse> {
     let pulses = run.solution.pulses(contact, &PulseSearch::default());
     pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force))
 }
 
 /// When the pulse after `time` begins at a contact.
-fn next(run: &Run, contact: usize, time: f64) -> f64 {
+fn next(run: &FigureRun, contact: usize, time: f64) -> f64 {
     let pulses = run.solution.pulses(contact, &PulseSearch::default());
     let after = pulses.iter().map(|pulse| pulse.from).find(|&from| from > time);
     after.unwrap_or(run.solution.end())
 }
 
-fn reflected(lab: &Lab, family: &Family) -> Result<Figure, Error> {
+fn reflected(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
     let shares = sweep(lab, family)?;
     let checks = (family.reflected)(&shares);
     let panels = vec![small("reflected (% of incident)", 0, shares.reflected)];
     Ok(Figure::new(Chart::new((family.axis)(), panels), checks))
 }
 
-fn transmitted(lab: &Lab, family: &Family) -> Result<Figure, Error> {
+fn transmitted(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
     let shares = sweep(lab, family)?;
     let checks = (family.transmitted)(&shares);
     let panels = vec![

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::check::checks;
 use crate::curve::{line, over_time, time_axis};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{least_growth, ordinates, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, OPTIMUM, intruder, strike, with};
@@ -38,7 +38,7 @@ fn scenario(mass: f64) -> hertz_chain::Scenario {
 }
 
 /// Force over time at every contact. Each curve stands one step above the one before.
-fn waterfall(run: &Run, title: &str) -> Chart {
+fn waterfall(run: &FigureRun, title: &str) -> Chart {
     let span = 1.5e-3..DURATION;
     let curve = |contact: usize| {
         let name = match contact {

@@ -7,7 +7,7 @@ use hertz_chain::Scenario;
 use crate::check::checks;
 use crate::curve::{dashed, force_over_time, line, time_axis, told_apart};
 use crate::error::Error;
-use crate::lab::{Lab, Run};
+use crate::lab::{FigureRun, Lab};
 use crate::observe::{half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
@@ -41,7 +41,7 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
         } else {
             1.4e-3..6e-3
         };
-        let force = |run: &Run| force_over_time(&run.solution, &span, CONTACT);
+        let force = |run: &FigureRun| force_over_time(&run.solution, &span, CONTACT);
         let [without, behind] = if place == 0 {
             ["no intruders", "four intruders"]
         } else {
@@ -94,7 +94,7 @@ fn strikers(chain: &Scenario) -> Vec<(String, Scenario)> {
     steel.chain([("polymer, R = 19 mm".to_owned(), soft)]).collect()
 }
 
-fn runs(lab: &Lab) -> Result<Vec<(String, Arc<Run>)>, Error> {
+fn runs(lab: &Lab) -> Result<Vec<(String, Arc<FigureRun>)>, Error> {
     strikers(&strike(45, ELASTIC, 0.013))
         .into_iter()
         .map(|(name, scenario)| Ok((name, lab.run(&scenario)?)))
@@ -147,7 +147,7 @@ fn spectra(lab: &Lab) -> Result<Figure, Error> {
     }
     let (near, far) = frequencies.split_at(runs.len());
     // A wave's clock runs with F^(1/6). At contact 6 the polymer's pulses have not parted yet.
-    let force = |run: &Run, contact| train(&run.solution, contact)[0].force;
+    let force = |run: &FigureRun, contact| train(&run.solution, contact)[0].force;
     let scaled = |frequencies: &[f64], contact: usize| {
         let pairs = frequencies.iter().zip(&runs);
         ratio(pairs.map(|(frequency, (_, run))| frequency / force(run, contact).powf(1.0 / 6.0)))
