@@ -2,8 +2,7 @@
 //!
 //! # Design
 //! [`Frames`] turns bytes into frames, from every source: a recording, a pipe, a line, an emulated run. It
-//! keeps one piece of bytes, and the frames of one block of it. Frames stay as they came: fixed-point bits
-//! and ADC codes.
+//! keeps the frames of one piece of bytes. Frames stay as they came: fixed-point bits and ADC codes.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -27,6 +26,23 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// A frame of the bead with this address, with number 0 and at no known time.
+    pub fn of(address: u8, boot: u8, arrival: Arrival, message: impl Into<Message>) -> Self {
+        Self {
+            version: bead_wire::VERSION,
+            header: Header {
+                address,
+                boot,
+                sequence: 0,
+                sample_index: 0,
+            },
+            arrival,
+            sample_rate_hz: None,
+            received_ns: None,
+            message: message.into(),
+        }
+    }
+
     /// The bead's time of a sample index, in s since the reset. `None` before an identity gave the sample
     /// rate.
     pub fn seconds(&self, index: f64) -> Option<f64> {
@@ -128,15 +144,8 @@ impl Reader {
 pub struct Frames<I> {
     pieces: I,
     reader: Reader,
-    piece: Piece,
-    /// How much of it was read.
-    read: usize,
     ready: VecDeque<Item>,
 }
-
-/// Bytes that are read at once. What two bytes give, such as a reject, takes hundreds in memory, and a piece
-/// may have megabytes.
-const BLOCK: usize = 4096;
 
 impl<I: Iterator<Item = Piece>> Frames<I> {
     /// The frames in `pieces`.
@@ -144,8 +153,6 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         Self {
             pieces: pieces.into_iter(),
             reader: Reader::default(),
-            piece: Piece::default(),
-            read: 0,
             ready: VecDeque::new(),
         }
     }
@@ -155,29 +162,14 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         self.reader.counters()
     }
 
-    /// Bytes after the last delimiter so far.
+    /// Number of bytes after the last delimiter so far.
     pub fn pending(&self) -> u64 {
         self.reader.pending()
     }
 
-    /// Returns `true` if the next frame must still be read from a piece that is still to come. On a line it
-    /// may take long.
+    /// True if the next frame must be read from a piece that is still to come. On a line that may take long.
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
-    }
-
-    /// Reads on in the piece up to what comes next in it, if anything does.
-    fn read_on(&mut self) {
-        let Self {
-            reader, piece, ready, ..
-        } = self;
-        while ready.is_empty() && self.read < piece.bytes.len() {
-            let end = piece.bytes.len().min(self.read + BLOCK);
-            reader.feed(&piece.bytes[self.read..end], piece.received_ns, |item| {
-                ready.push_back(item);
-            });
-            self.read = end;
-        }
     }
 }
 
@@ -185,14 +177,16 @@ impl<I: Iterator<Item = Piece>> Iterator for Frames<I> {
     type Item = Item;
 
     fn next(&mut self) -> Option<Item> {
-        while self.ready.is_empty() {
-            (self.piece, self.read) = (self.pieces.next()?, 0);
-            self.read_on();
+        let Self {
+            pieces,
+            reader,
+            ready,
+        } = self;
+        while ready.is_empty() {
+            let piece = pieces.next()?;
+            reader.feed(&piece.bytes, piece.received_ns, |item| ready.push_back(item));
         }
-        let item = self.ready.pop_front();
-        // Whether more comes without another piece is known before this one is handed on.
-        self.read_on();
-        item
+        ready.pop_front()
     }
 }
 
@@ -203,60 +197,24 @@ pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
     (frames, *reader.counters())
 }
 
-impl Frame {
-    /// A frame of the bead with this address, with number 0 and at no known time.
-    pub fn of(address: u8, boot: u8, arrival: Arrival, message: impl Into<Message>) -> Self {
-        Self {
-            version: bead_wire::VERSION,
-            header: Header {
-                address,
-                boot,
-                sequence: 0,
-                sample_index: 0,
-            },
-            arrival,
-            sample_rate_hz: None,
-            received_ns: None,
-            message: message.into(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn of_a_long_run_only_a_block_is_kept_as_items_and_all_are_handed_on() {
-        // A code of COBS that promises nothing: each two bytes are a reject.
-        let bytes = [1, 0].repeat(1 << 16);
+    fn all_items_of_a_piece_are_ready_before_the_first_is_handed_on() {
         let piece = |bytes: &[u8]| Piece {
             bytes: bytes.to_vec(),
             ..Piece::default()
         };
-        let mut frames = Frames::new([piece(&bytes), piece(&[1]), piece(&[0])]);
-        let mut count = 0;
-        while let Some(item) = frames.next() {
-            assert!(matches!(item, Item::Rejected(_)));
-            count += 1;
-            assert!(frames.ready.len() <= BLOCK / 2, "{}", frames.ready.len());
-            // The line may be silent now, and the one who reads must not wait for more.
-            assert_eq!(frames.is_empty(), count >= 1 << 16, "item {count}");
+        // A code of COBS that promises nothing: each two bytes are a reject.
+        let mut frames = Frames::new([piece(&[1, 0, 1, 0, 1]), piece(&[1]), piece(&[0])]);
+        // When no more is ready, the line may be silent, and the reader must not wait for more.
+        for is_last in [false, true, true] {
+            assert!(matches!(frames.next(), Some(Item::Rejected(_))));
+            assert_eq!(frames.is_empty(), is_last);
         }
-        assert_eq!(count, (1 << 16) + 1);
-        assert_eq!(frames.counters().bytes, bytes.len() as u64 + 2);
-    }
-
-    #[test]
-    fn a_piece_whose_last_block_ends_nothing_is_read_to_its_end_before_its_last_item_is_handed_on() {
-        let bytes = [&[1, 0][..], &[1; 2 * BLOCK]].concat();
-        let mut frames = Frames::new([Piece {
-            bytes,
-            ..Piece::default()
-        }]);
-        assert!(frames.next().is_some());
-        assert!(frames.is_empty());
-        assert_eq!(frames.pending(), 2 * BLOCK as u64);
-        assert_eq!(frames.next(), None);
+        assert_eq!((frames.pending(), frames.next()), (0, None));
+        assert_eq!(frames.counters().bytes, 7);
     }
 }

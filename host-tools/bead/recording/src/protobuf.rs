@@ -6,7 +6,7 @@
 //! do the numbers of its fields: the header has 1 to 5, the body 16 and so on in the order of the wire, times
 //! 128 and so on.
 
-use bead_wire::{Body, FieldDoc, Fields};
+use bead_wire::{Body, FieldDoc, Fields, Strike};
 use prost::Message as _;
 use prost::encoding as wire;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -186,62 +186,39 @@ fn fill(body: &dyn Fields, rate: Option<u32>, first: u32, bytes: &mut Vec<u8>) {
     }
 }
 
-/// The window of a strike.
-pub struct Waveform<'a> {
-    /// Its strike frame.
-    pub frame: &'a Frame,
-    /// Number of the strike.
-    pub strike: u32,
-    /// Index of its first scan.
-    pub first_index: u64,
-    /// Index of the scan that triggered.
-    pub trigger_index: u64,
-    /// Scans a second, Hz.
-    pub sample_rate_hz: u32,
-    /// The signals.
-    pub signal: &'a Signal,
+/// The schema of the window of a strike.
+pub fn waveform_schema() -> Schema {
+    let mut fields = header();
+    fields.extend([
+        field(16, "strike", Type::Uint64),
+        field(17, "first_index", Type::Uint64),
+        field(18, "trigger_index", Type::Uint64),
+        field(19, "sample_period_s", Type::Double),
+        repeated(20, "time_from_trigger_s", Type::Float),
+        repeated(21, "force_n", Type::Float),
+        repeated(22, "acceleration_mps2", Type::Float),
+    ]);
+    schema("Waveform", fields, Vec::new())
 }
 
-impl Waveform<'_> {
-    /// The schema of a waveform.
-    pub fn schema() -> Schema {
-        let mut fields = header();
-        fields.extend([
-            field(16, "strike", Type::Uint64),
-            field(17, "first_index", Type::Uint64),
-            field(18, "trigger_index", Type::Uint64),
-            field(19, "sample_period_s", Type::Double),
-            repeated(20, "time_from_trigger_s", Type::Float),
-            repeated(21, "force_n", Type::Float),
-            repeated(22, "acceleration_mps2", Type::Float),
-        ]);
-        schema("Waveform", fields, Vec::new())
+/// The window of a strike as a message of [`waveform_schema`], at this number of scans a second (Hz). `frame`
+/// is the strike frame. Signals are floats, which keep a force below 256 N and an acceleration below
+/// 4096 m/s² exactly.
+pub fn waveform(frame: &Frame, strike: &Strike, sample_rate_hz: u32, signal: &Signal) -> Vec<u8> {
+    let mut bytes = head(frame);
+    let rate = f64::from(sample_rate_hz);
+    wire::uint64::encode(16, &strike.strike.into(), &mut bytes);
+    wire::uint64::encode(17, &strike.first_index, &mut bytes);
+    wire::uint64::encode(18, &strike.trigger_index, &mut bytes);
+    wire::double::encode(19, &(1.0 / rate), &mut bytes);
+    let before = strike.trigger_index.saturating_sub(strike.first_index) as f64;
+    let times = (0..signal.force.len()).map(|sample| ((sample as f64 - before) / rate) as f32);
+    wire::float::encode_packed(20, &times.collect::<Vec<_>>(), &mut bytes);
+    for (number, values) in [(21, &signal.force), (22, &signal.acceleration)] {
+        let values: Vec<f32> = values.iter().map(|value| *value as f32).collect();
+        wire::float::encode_packed(number, &values, &mut bytes);
     }
-
-    /// The message. Signals are floats here, which keep a force below 256 N and an acceleration below
-    /// 4096 m/s² exactly.
-    pub fn message(&self) -> Vec<u8> {
-        let mut bytes = head(self.frame);
-        let period = 1.0 / f64::from(self.sample_rate_hz);
-        wire::uint64::encode(16, &self.strike.into(), &mut bytes);
-        wire::uint64::encode(17, &self.first_index, &mut bytes);
-        wire::uint64::encode(18, &self.trigger_index, &mut bytes);
-        wire::double::encode(19, &period, &mut bytes);
-        let before = self.trigger_index.saturating_sub(self.first_index) as f64;
-        let floats = |values: &mut dyn Iterator<Item = f64>| -> Vec<f32> {
-            values.map(|value| value as f32).collect()
-        };
-        let rate = f64::from(self.sample_rate_hz);
-        let times = floats(&mut (0..self.signal.force.len()).map(|sample| (sample as f64 - before) / rate));
-        wire::float::encode_packed(20, &times, &mut bytes);
-        wire::float::encode_packed(21, &floats(&mut self.signal.force.iter().copied()), &mut bytes);
-        wire::float::encode_packed(
-            22,
-            &floats(&mut self.signal.acceleration.iter().copied()),
-            &mut bytes,
-        );
-        bytes
-    }
+    bytes
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub fn read(
     path: &Path,
     mut take: impl FnMut(&[u8]) -> Result<(), RecordingError>,
 ) -> Result<(), RecordingError> {
-    let unread = RecordingError::unread(path);
+    let unread = RecordingError::refused("read", path);
     let mut file = File::open(path).map_err(&unread)?;
     let mut buffer = vec![0; BLOCK];
     loop {

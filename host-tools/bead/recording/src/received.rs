@@ -84,10 +84,16 @@ impl Received {
 
     /// The error of a recording in whose frames no strike came.
     pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
-        let (path, frames) = (self.path.clone(), heard.counters().frames);
         match heard.from_the_future.clone() {
-            Some(who) => RecordingError::FromTheFuture { path, who },
-            None => RecordingError::NoStrike { path, frames },
+            Some(who) => RecordingError::FromTheFuture {
+                path: self.path.clone(),
+                who,
+            },
+            None => RecordingError::Lacking(format!(
+                "{}: no strike among its {} frames, so there is nothing to check; record one",
+                self.path.display(),
+                heard.counters().frames
+            )),
         }
     }
 
@@ -99,11 +105,14 @@ impl Received {
         let Some(bytes) = self.recording.parts.get(&part) else {
             return Ok(None);
         };
-        let value = serde_json::from_slice(bytes).map_err(|why| RecordingError::Part {
-            path: self.path.clone(),
-            part: part.name(),
-            // It repeats the text that is wrong, which may have megabytes.
-            why: beginning(&why.to_string(), WHY_MOST).into_owned(),
+        let value = serde_json::from_slice(bytes).map_err(|why| {
+            RecordingError::Lacking(format!(
+                "{}: cannot read its {}; record it again: {}",
+                self.path.display(),
+                part.name(),
+                // It repeats the text that is wrong, which may have megabytes.
+                beginning(&why.to_string(), WHY_MOST)
+            ))
         })?;
         Ok(Some(value))
     }
@@ -161,22 +170,19 @@ mod tests {
     use bead_tables::whole::Target;
 
     #[test]
-    fn of_a_part_that_is_wrong_the_beginning_is_told() {
+    fn the_beginning_of_a_part_that_is_wrong_is_shown() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
         let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
         let truth = format!("{{\"bead\": \"{}\"}}", "x".repeat(100_000));
         writer.attach(Part::Truth, truth.as_bytes()).unwrap();
         writer.finish().unwrap();
-        let received = Received::open(&path).unwrap();
-        let why = received
-            .json::<BTreeMap<String, usize>>(Part::Truth)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            why.contains("cannot read its truth.json; record it again: invalid type: string \"xxx"),
-            "{why}"
-        );
+        let part = Received::open(&path)
+            .unwrap()
+            .json::<BTreeMap<String, usize>>(Part::Truth);
+        let why = part.unwrap_err().to_string();
+        let wanted = "cannot read its truth.json; record it again: invalid type: string \"xxx";
+        assert!(why.contains(wanted), "{why}");
         assert!(why.ends_with("xxx…"), "{why}");
         assert!(
             why.len() < path.display().to_string().len() + 300,

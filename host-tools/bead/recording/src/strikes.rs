@@ -36,9 +36,9 @@ impl From<Option<Settings>> for GivenSettings {
 }
 
 /// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
-pub type Name = (u8, u8, u32, u64);
+pub type StrikeName = (u8, u8, u32, u64);
 
-fn name(strike: &RecordedStrike) -> Name {
+fn name(strike: &RecordedStrike) -> StrikeName {
     (
         strike.address,
         strike.boot,
@@ -52,7 +52,7 @@ fn name(strike: &RecordedStrike) -> Name {
 pub struct FetchedNames {
     /// By address.
     frames: BTreeMap<u8, FetchedFrames>,
-    names: BTreeSet<Name>,
+    names: BTreeSet<StrikeName>,
 }
 
 impl FetchedNames {
@@ -71,7 +71,7 @@ impl FetchedNames {
     }
 
     /// The names of all strikes of which a fetched copy came.
-    pub fn finish(self) -> BTreeSet<Name> {
+    pub fn finish(self) -> BTreeSet<StrikeName> {
         self.names
     }
 }
@@ -83,7 +83,7 @@ pub struct Strikes<I> {
     frames: I,
     given: GivenSettings,
     /// Strikes that are fetched further on.
-    fetched: Arc<BTreeSet<Name>>,
+    fetched: Arc<BTreeSet<StrikeName>>,
     assembly: Assembly,
     ready: VecDeque<RecordedStrike>,
 }
@@ -103,7 +103,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
 
     /// Leaves out copies with a missing part of strikes that are `fetched` further on ([`FetchedNames`]).
     #[must_use]
-    pub fn with_fetched(self, fetched: impl Into<Arc<BTreeSet<Name>>>) -> Self {
+    pub fn with_fetched(self, fetched: impl Into<Arc<BTreeSet<StrikeName>>>) -> Self {
         Self {
             fetched: fetched.into(),
             ..self

@@ -7,91 +7,52 @@
 //! strike.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::{Seek, Write};
 
 use bead_wire::{Arrival, Fault, Fields, Health, Message, Shape, Status, Strike, VERSION};
 use mcap::McapResult;
 
 use crate::assembly::{Assembled, Assembly, Event, Parts};
-use crate::file::layout::name_of;
+use crate::file::layout::{Mcap, name_of};
 use crate::frames::Frame;
 use crate::protobuf::{self, Schema, schema_of};
 use crate::signal::Signal;
 use crate::strike::RecordedStrike;
 
-/// A channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-enum Topic {
-    Strikes,
-    Shapes,
-    Waveforms,
-    Status,
-    Health,
-    Faults,
-}
+/// Name and schema of a channel.
+type Topic = (&'static str, fn() -> Schema);
 
-impl Topic {
-    const ALL: [Self; 6] = [
-        Self::Strikes,
-        Self::Shapes,
-        Self::Waveforms,
-        Self::Status,
-        Self::Health,
-        Self::Faults,
-    ];
+/// The channels.
+const TOPICS: [Topic; 6] = [
+    ("strikes", || schema_of::<Strike>("Strike")),
+    ("shapes", || schema_of::<Shape>("Shape")),
+    ("waveforms", protobuf::waveform_schema),
+    ("status", || schema_of::<Status>("Status")),
+    ("health", || schema_of::<Health>("Health")),
+    ("faults", || schema_of::<Fault>("Fault")),
+];
 
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Strikes => "strikes",
-            Self::Shapes => "shapes",
-            Self::Waveforms => "waveforms",
-            Self::Status => "status",
-            Self::Health => "health",
-            Self::Faults => "faults",
-        }
-    }
+/// A message to be written: its channel and its Protobuf.
+pub(super) type ChannelMessage = (u16, Vec<u8>);
 
-    fn schema(self) -> Schema {
-        match self {
-            Self::Strikes => schema_of::<Strike>("Strike"),
-            Self::Shapes => schema_of::<Shape>("Shape"),
-            Self::Waveforms => protobuf::Waveform::schema(),
-            Self::Status => schema_of::<Status>("Status"),
-            Self::Health => schema_of::<Health>("Health"),
-            Self::Faults => schema_of::<Fault>("Fault"),
-        }
-    }
-}
-
-/// A message to be written.
-pub(super) struct ChannelMessage {
-    /// Its channel.
-    pub(super) channel: u16,
-    /// Its Protobuf.
-    pub(super) data: Vec<u8>,
-}
+/// A message with the name of its channel.
+type NamedMessage = (&'static str, Vec<u8>);
 
 /// The channels, and the strikes whose windows are to be written to them.
 pub(super) struct Channels {
-    ids: HashMap<Topic, u16>,
+    /// By name.
+    ids: HashMap<&'static str, u16>,
     assembly: Assembly,
 }
 
 impl Channels {
     /// Adds the channels to a file: of one bead among several, or of all.
-    pub(super) fn begin<W: Write + Seek>(mcap: &mut mcap::Writer<W>, bead: Option<u8>) -> McapResult<Self> {
-        Ok(Self {
-            ids: ids(mcap, bead)?,
-            assembly: Assembly::default(),
-        })
+    pub(super) fn begin(mcap: &mut Mcap, bead: Option<u8>) -> McapResult<Self> {
+        let (ids, assembly) = (ids(mcap, bead)?, Assembly::default());
+        Ok(Self { ids, assembly })
     }
 
     /// Adds the channels to the file that follows.
-    pub(super) fn go_on<W: Write + Seek>(
-        &mut self,
-        mcap: &mut mcap::Writer<W>,
-        bead: Option<u8>,
-    ) -> McapResult<()> {
+    pub(super) fn go_on(&mut self, mcap: &mut Mcap, bead: Option<u8>) -> McapResult<()> {
         self.ids = ids(mcap, bead)?;
         Ok(())
     }
@@ -107,13 +68,13 @@ impl Channels {
             return Vec::new();
         }
         let events = self.assembly.push(frame);
-        let message = |topic: Topic, body: &dyn Fields| (topic, protobuf::message(frame, body));
+        let message = |topic, body: &dyn Fields| (topic, protobuf::message(frame, body));
         let own = match &frame.message {
-            Message::Strike(strike) => Some(message(Topic::Strikes, strike)),
-            Message::Shape(shape) => Some(message(Topic::Shapes, shape)),
-            Message::Status(status) => Some(message(Topic::Status, status)),
-            Message::Health(health) => Some(message(Topic::Health, health)),
-            Message::Fault(fault) => Some(message(Topic::Faults, fault)),
+            Message::Strike(strike) => Some(message("strikes", strike)),
+            Message::Shape(shape) => Some(message("shapes", shape)),
+            Message::Status(status) => Some(message("status", status)),
+            Message::Health(health) => Some(message("health", health)),
+            Message::Fault(fault) => Some(message("faults", fault)),
             _ => None,
         };
         let assembled = events.iter().flat_map(messages);
@@ -126,17 +87,14 @@ impl Channels {
         self.addressed(events.iter().flat_map(messages))
     }
 
-    fn addressed(&self, messages: impl Iterator<Item = (Topic, Vec<u8>)>) -> Vec<ChannelMessage> {
-        let addressed = |(topic, data)| {
-            let channel = *self.ids.get(&topic)?;
-            Some(ChannelMessage { channel, data })
-        };
+    fn addressed(&self, messages: impl Iterator<Item = NamedMessage>) -> Vec<ChannelMessage> {
+        let addressed = |(topic, data)| Some((*self.ids.get(topic)?, data));
         messages.filter_map(addressed).collect()
     }
 }
 
 /// The window of a strike, and the other parts of a fetched one that were not written before.
-fn messages(event: &Event) -> Vec<(Topic, Vec<u8>)> {
+fn messages(event: &Event) -> Vec<NamedMessage> {
     let (Event::Whole(assembled) | Event::Gap(assembled)) = event else {
         return Vec::new();
     };
@@ -156,15 +114,15 @@ fn messages(event: &Event) -> Vec<(Topic, Vec<u8>)> {
     let missing = |is_there: fn(Parts) -> bool| fetched.is_some_and(|copy| !is_there(copy.before));
     let mut messages = Vec::new();
     if missing(|before| before.result) {
-        messages.push((Topic::Strikes, protobuf::message(&frame, &strike.said)));
+        messages.push(("strikes", protobuf::message(&frame, &strike.said)));
     }
     if fetched.is_none_or(|copy| !copy.before.window) {
-        messages.extend(waveform(&frame, strike).map(|data| (Topic::Waveforms, data)));
+        messages.extend(waveform(&frame, strike).map(|data| ("waveforms", data)));
     }
     if let Some(shape) = &strike.shape
         && missing(|before| before.shape)
     {
-        messages.push((Topic::Shapes, protobuf::message(&frame, shape)));
+        messages.push(("shapes", protobuf::message(&frame, shape)));
     }
     messages
 }
@@ -173,27 +131,22 @@ fn messages(event: &Event) -> Vec<(Topic, Vec<u8>)> {
 fn waveform(frame: &Frame, strike: &RecordedStrike) -> Option<Vec<u8>> {
     let settings = strike.settings.filter(|_| strike.missing() == 0)?;
     let signal = Signal::of(&strike.scans, &settings)?;
-    let waveform = protobuf::Waveform {
+    Some(protobuf::waveform(
         frame,
-        strike: strike.said.strike,
-        first_index: strike.said.first_index,
-        trigger_index: strike.said.trigger_index,
-        sample_rate_hz: settings.sample_rate_hz,
-        signal: &signal,
-    };
-    Some(waveform.message())
+        &strike.said,
+        settings.sample_rate_hz,
+        &signal,
+    ))
 }
 
 /// Adds a channel for each topic to a file, and gives their numbers.
-fn ids<W: Write + Seek>(mcap: &mut mcap::Writer<W>, bead: Option<u8>) -> McapResult<HashMap<Topic, u16>> {
-    let mut add = |topic: Topic| {
-        let Schema { name, descriptors } = topic.schema();
+fn ids(mcap: &mut Mcap, bead: Option<u8>) -> McapResult<HashMap<&'static str, u16>> {
+    let add = |(topic, schema): Topic| {
+        let Schema { name, descriptors } = schema();
         let schema = mcap.add_schema(&name, "protobuf", &descriptors)?;
-        let name = name_of(bead, topic.name());
-        Ok((
-            topic,
-            mcap.add_channel(schema, &name, "protobuf", &BTreeMap::new())?,
-        ))
+        let name = name_of(bead, topic);
+        let id = mcap.add_channel(schema, &name, "protobuf", &BTreeMap::new())?;
+        Ok((topic, id))
     };
-    Topic::ALL.into_iter().map(&mut add).collect()
+    TOPICS.into_iter().map(add).collect()
 }

@@ -14,8 +14,6 @@ use bead_tables::printable::{beginning, one_line};
 /// Greatest number of bytes in runs that wait until it is known whether they have receive times. A piece of
 /// received bytes has up to 64 KiB and may end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
-/// Greatest length of a record with entries by name, which take many times more in memory.
-const ENTRIES_MOST: usize = 1 << 20;
 /// Number of channels that are named of a file that is not a bead's, and of characters of a name.
 const TOPICS_MOST: usize = 12;
 const NAME_MOST: usize = 64;
@@ -27,16 +25,6 @@ pub(super) struct BeadChannels {
     received: BTreeMap<u16, Option<u8>>,
 }
 
-/// True if the log times of a bead's runs are receive times.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-enum LogTimes {
-    /// They are if the first message on the channel `received` follows.
-    #[default]
-    Unknown,
-    OfHost,
-    OfBead,
-}
-
 /// A bead's runs.
 #[derive(Default)]
 struct Runs {
@@ -45,7 +33,9 @@ struct Runs {
     last: Option<u32>,
     /// Number of runs that are missing.
     missing: u64,
-    log_times: LogTimes,
+    /// True if the log times are receive times: if the first message on the channel `received` follows.
+    /// `None` until that is known.
+    are_received: Option<bool>,
     /// Runs with their log times that wait until these are known.
     held: VecDeque<(Option<u64>, Vec<u8>)>,
     held_bytes: usize,
@@ -93,24 +83,18 @@ impl Contents {
     /// True if a channel of bytes was known only when some of its messages had passed: its record is damaged,
     /// and stands again in the index at the end.
     pub(super) fn knew_too_late(&self) -> bool {
-        let mut channels = self.channels.frames.keys();
-        channels.any(|channel| self.passed_over.contains(channel))
+        let passed_over = |channel| self.passed_over.contains(channel);
+        self.channels.frames.keys().any(passed_over)
     }
 
-    /// Takes a record. False if it is damaged.
-    pub(super) fn push(&mut self, opcode: u8, data: &[u8]) -> bool {
-        self.read(opcode, data).is_some()
-    }
-
-    fn read(&mut self, opcode: u8, data: &[u8]) -> Option<()> {
-        let is_short = data.len() <= ENTRIES_MOST;
+    /// Takes a record. `None` if it is damaged.
+    pub(super) fn push(&mut self, opcode: u8, data: &[u8]) -> Option<()> {
         let record = match opcode {
-            op::HEADER | op::CHANNEL | op::METADATA if is_short => mcap::parse_record(opcode, data).ok()?,
-            op::MESSAGE => mcap::parse_record(opcode, data).ok()?,
-            op::ATTACHMENT if attachment_length(data) == Some(data.len() as u64) => {
+            // The library slices the data of an attachment without a look at its length.
+            op::ATTACHMENT if attachment_length(data) != Some(data.len() as u64) => return None,
+            op::HEADER | op::CHANNEL | op::METADATA | op::ATTACHMENT | op::MESSAGE => {
                 mcap::parse_record(opcode, data).ok()?
             }
-            op::HEADER | op::CHANNEL | op::METADATA | op::ATTACHMENT => return None,
             _ => return Some(()),
         };
         match record {
@@ -120,7 +104,7 @@ impl Contents {
                 let channel = header.channel_id;
                 if let Some(bead) = self.channels.received.get(&channel) {
                     let runs = self.runs.entry(*bead).or_default();
-                    runs.log_times = LogTimes::OfHost;
+                    runs.are_received = Some(true);
                     runs.release(*bead, &mut self.ready);
                 } else if let Some(bead) = self.channels.frames.get(&channel).copied() {
                     self.push_run(bead, Some((header.sequence, header.log_time)), &data);
@@ -193,10 +177,10 @@ impl Contents {
     fn push_run(&mut self, bead: Option<u8>, head: Option<(u32, u64)>, data: &[u8]) {
         let runs = self.runs.entry(bead).or_default();
         runs.push(head, data);
-        if runs.log_times == LogTimes::Unknown && runs.held_bytes > HELD_MOST {
-            runs.log_times = LogTimes::OfBead;
+        if runs.held_bytes > HELD_MOST {
+            runs.are_received.get_or_insert(false);
         }
-        if runs.log_times != LogTimes::Unknown {
+        if runs.are_received.is_some() {
             runs.release(bead, &mut self.ready);
         }
     }
@@ -273,7 +257,7 @@ impl Runs {
 
     /// Hands on the runs that wait.
     fn release(&mut self, bead: Option<u8>, ready: &mut VecDeque<Piece>) {
-        let are_received = self.log_times == LogTimes::OfHost;
+        let are_received = self.are_received == Some(true);
         self.held_bytes = 0;
         ready.extend(self.held.drain(..).map(|(log_time, bytes)| Piece {
             bead,

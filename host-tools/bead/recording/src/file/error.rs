@@ -71,14 +71,9 @@ pub enum RecordingError {
         /// Name and version of the program that wrote the file.
         writer: String,
     },
-    /// The recording has no strike, so a check has nothing to check.
-    #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
-    NoStrike {
-        /// The file.
-        path: PathBuf,
-        /// Number of frames in it.
-        frames: u64,
-    },
+    /// The recording lacks something. The text is the whole message.
+    #[error("{0}")]
+    Lacking(String),
     /// The recording has no strike that this program can read.
     #[error("{path}: {who}")]
     FromTheFuture {
@@ -90,24 +85,11 @@ pub enum RecordingError {
     /// Two beads in one recording cannot be told apart.
     #[error("two beads have the address {0}; give one of them another: bead settings set address=N")]
     SameAddress(u8),
-    /// The clocks of these recordings cannot be compared.
-    #[error("{0}")]
-    Clock(String),
-    /// An attachment cannot be read.
-    #[error("{path}: cannot read its {part}; record it again: {why}")]
-    Part {
-        /// The file.
-        path: PathBuf,
-        /// Name of the attachment.
-        part: &'static str,
-        /// The reason.
-        why: String,
-    },
 }
 
 impl RecordingError {
     /// Makes the error of an `action` on `path` that the system refused.
-    pub(super) fn refused(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
+    pub(crate) fn refused(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
         move |source| Self::File {
             action,
             path: path.to_owned(),
@@ -115,23 +97,14 @@ impl RecordingError {
         }
     }
 
-    /// Makes the error of a `path` that the system refused to read.
-    pub(crate) fn unread(path: &Path) -> impl Fn(io::Error) -> Self {
-        Self::refused("read", path)
-    }
-
     /// Makes the error of a `path` that the library failed to write.
     pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
-        move |error| {
-            let path = path.to_owned();
-            match error {
-                McapError::Io(source) => Self::File {
-                    action: "write",
-                    path,
-                    source,
-                },
-                source => Self::Write { path, source },
-            }
+        move |error| match error {
+            McapError::Io(source) => Self::refused("write", path)(source),
+            source => Self::Write {
+                path: path.to_owned(),
+                source,
+            },
         }
     }
 }

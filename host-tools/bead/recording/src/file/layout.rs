@@ -1,7 +1,12 @@
 //! The layout of a recording in MCAP: names of channels and records, and sizes.
 
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::BufWriter;
 use std::time::Duration;
+
+/// A file that is being written.
+pub(super) type Mcap = mcap::Writer<BufWriter<File>>;
 
 pub(super) const TOPIC: &str = "frames";
 pub(super) const ENCODING: &str = "bead-wire";

@@ -11,7 +11,7 @@ use crate::file::contents::{BeadChannels, BeadParts, Contents};
 use crate::file::error::RecordingError;
 use crate::file::records::{Records, State};
 use crate::frames::{Frames, Item, Piece};
-use crate::strikes::{FetchedNames, Name};
+use crate::strikes::{FetchedNames, StrikeName};
 
 /// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub struct Recording {
     /// Completeness of the file.
     pub state: State,
     /// The strikes that were fetched.
-    pub(crate) fetched: Arc<BTreeSet<Name>>,
+    pub(crate) fetched: Arc<BTreeSet<StrikeName>>,
     channels: Arc<BeadChannels>,
     /// Address of the bead whose bytes are read, if it is one of several.
     only: Option<u8>,
@@ -75,28 +75,35 @@ impl Recording {
     }
 
     fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
-        let mut first = Summary::read(path, damaged, BeadChannels::default())?;
-        if first.contents.knew_too_late() {
-            first = Summary::read(path, damaged, first.contents.channels)?;
+        let (mut contents, mut records, mut fetched, mut is_known);
+        let mut channels = BeadChannels::default();
+        loop {
+            let mut pieces = Pieces::open(path, damaged, channels)?;
+            (fetched, is_known) = (FetchedNames::default(), false);
+            for frame in Frames::new(pieces.by_ref()).filter_map(Item::frame) {
+                is_known |= frame.version <= VERSION;
+                fetched.push(&frame);
+            }
+            (contents, records) = (pieces.contents, pieces.records);
+            if !contents.knew_too_late() {
+                break;
+            }
+            channels = contents.channels;
         }
-        let Summary {
-            contents,
-            state,
-            fetched,
-            known_frames,
-        } = first;
-        let (runs, runs_missing) = contents.counts(None);
+        let path = path.to_owned();
+        if let Some(by) = records.compression {
+            return Err(RecordingError::Compressed(path, by));
+        }
+        let state = records.state;
         if !contents.has_frames() && (state == State::Whole || damaged) {
-            return Err(RecordingError::NotOurs(path.to_owned(), contents.describe()));
+            return Err(RecordingError::NotOurs(path, contents.describe()));
         }
-        if let Some(version) = contents
-            .version
-            .filter(|version| *version > VERSION && known_frames == 0)
-        {
+        if let Some(version) = contents.version.filter(|version| *version > VERSION && !is_known) {
+            let writer = contents.writer();
             return Err(RecordingError::OtherProtocol {
-                path: path.to_owned(),
+                path,
                 version,
-                writer: contents.writer(),
+                writer,
             });
         }
         let bead = |(address, bead): (&u8, &BeadParts)| {
@@ -112,15 +119,16 @@ impl Recording {
                 runs_missing,
             }
         };
+        let (runs, runs_missing) = contents.counts(None);
         Ok(Self {
-            path: path.to_owned(),
+            path,
             beads: contents.beads.iter().map(bead).collect(),
             about: Arc::new(contents.about),
             parts: contents.parts,
             runs,
             runs_missing,
             state,
-            fetched: Arc::new(fetched),
+            fetched: Arc::new(fetched.finish()),
             channels: Arc::new(contents.channels),
             only: None,
         })
@@ -132,16 +140,12 @@ impl Recording {
         let mut parts = self.parts.clone();
         parts.extend(bead.parts.clone());
         Self {
-            path: self.path.clone(),
-            about: Arc::clone(&self.about),
             parts,
             beads: Vec::new(),
             runs: bead.runs,
             runs_missing: bead.runs_missing,
-            state: self.state.clone(),
-            fetched: Arc::clone(&self.fetched),
-            channels: Arc::clone(&self.channels),
             only: Some(bead.origin.address),
+            ..self.clone()
         }
     }
 
@@ -193,39 +197,6 @@ impl Recording {
                 }
             )),
         }
-    }
-}
-
-/// Result of one pass through a file.
-struct Summary {
-    contents: Contents,
-    state: State,
-    fetched: BTreeSet<Name>,
-    /// Number of frames of a version of the protocol that this program knows.
-    known_frames: u64,
-}
-
-impl Summary {
-    fn read(path: &Path, damaged: bool, channels: BeadChannels) -> Result<Self, RecordingError> {
-        let mut pieces = Pieces::open(path, damaged, channels)?;
-        let mut fetched = FetchedNames::default();
-        let mut known_frames = 0;
-        for frame in Frames::new(pieces.by_ref()).filter_map(Item::frame) {
-            known_frames += u64::from(frame.version <= VERSION);
-            fetched.push(&frame);
-        }
-        let Pieces {
-            contents, records, ..
-        } = pieces;
-        if let Some(by) = records.compression {
-            return Err(RecordingError::Compressed(path.to_owned(), by));
-        }
-        Ok(Self {
-            contents,
-            state: records.state,
-            fetched: fetched.finish(),
-            known_frames,
-        })
     }
 }
 

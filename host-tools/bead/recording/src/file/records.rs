@@ -74,13 +74,13 @@ impl fmt::Display for Damage {
 
 /// The records of a chunk.
 #[derive(Default)]
-struct Chunk {
+struct ChunkRecords {
     records: Vec<u8>,
     /// Offset of the next record.
     at: usize,
 }
 
-impl Chunk {
+impl ChunkRecords {
     /// The next record: opcode and data. `None` if no whole one follows.
     fn next(&mut self) -> Option<(u8, &[u8])> {
         let rest = self.records.get(self.at..)?;
@@ -89,10 +89,6 @@ impl Chunk {
         let data = rest.get(..usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
         self.at += 1 + 8 + data.len();
         Some((opcode, data))
-    }
-
-    fn is_read(&self) -> bool {
-        self.at == self.records.len()
     }
 }
 
@@ -105,7 +101,7 @@ pub(super) struct Records {
     at: u64,
     /// Number of bytes that the reader has.
     fed: u64,
-    chunk: Option<Chunk>,
+    chunk: Option<ChunkRecords>,
     /// Offset of the records of the chunk, if the end of the file cuts it.
     cut_chunk: Option<u64>,
     /// True behind a chunk that is cut: only frames may follow.
@@ -114,7 +110,7 @@ pub(super) struct Records {
     has_footer: bool,
     damage: Damage,
     /// End of the last damaged place.
-    damage_end: u64,
+    damage_end: Option<u64>,
     is_ended: bool,
     /// State of what was read so far.
     pub(super) state: State,
@@ -165,7 +161,7 @@ impl Records {
             has_data_end: false,
             has_footer: false,
             damage: Damage::default(),
-            damage_end: 0,
+            damage_end: None,
             is_ended: false,
             state: State::Whole,
             compression: None,
@@ -207,7 +203,7 @@ impl Records {
             match chunk.next() {
                 // No chunk has attachments: a few of them could take all memory.
                 Some((opcode @ (op::CHANNEL | op::MESSAGE), data)) => {
-                    if !contents.push(opcode, data) {
+                    if contents.push(opcode, data).is_none() {
                         self.damage.note("a record in a chunk is damaged");
                     }
                 }
@@ -224,8 +220,7 @@ impl Records {
             Step::Cut if self.has_footer => {
                 // The magic behind the footer is cut.
                 self.has_footer = false;
-                self.is_ended = true;
-                Ok(())
+                self.end()
             }
             Step::Cut => self.enter_cut_chunk(contents),
             Step::Failed(McapError::BadDataCrc { .. }) => {
@@ -234,13 +229,11 @@ impl Records {
             }
             Step::Failed(McapError::BadSummaryCrc { .. }) => {
                 self.damage.note("the CRC of the index is wrong");
-                self.is_ended = true;
-                Ok(())
+                self.end()
             }
             Step::Failed(_) if self.has_footer => {
                 self.damage.note("the end is not a recording's");
-                self.is_ended = true;
-                Ok(())
+                self.end()
             }
             Step::Failed(_) => self.search(self.at, true, contents),
             Step::End => {
@@ -250,18 +243,22 @@ impl Records {
                 if !self.has_data_end {
                     self.damage.note("the end of the data is missing");
                 }
-                self.is_ended = true;
-                Ok(())
+                self.end()
             }
         }
     }
 
+    fn end(&mut self) -> io::Result<()> {
+        self.is_ended = true;
+        Ok(())
+    }
+
     /// Notes a damaged place, and the number of bytes in it that were read all the same.
     fn add_damage(&mut self, begin: u64, end: u64, found: u64) {
-        self.damage.places += u64::from(begin != self.damage_end);
+        self.damage.places += u64::from(self.damage_end != Some(begin));
         self.damage.first.get_or_insert(begin);
         self.damage.bytes += end.saturating_sub(begin).saturating_sub(found);
-        self.damage_end = end;
+        self.damage_end = Some(end);
     }
 
     /// Gives the reader the bytes of its next record, and no more: so its place in the file is known.
@@ -300,7 +297,7 @@ impl Records {
             op::DATA_END => self.has_data_end = true,
             op::FOOTER => self.has_footer = true,
             op::HEADER..op::DATA_END | 0x80.. => {
-                let is_sound = contents.push(opcode, &data);
+                let is_sound = contents.push(opcode, &data).is_some();
                 // A damaged length may take in all that follows.
                 let may_hide_frames = !(is_sound && matches!(opcode, op::MESSAGE | op::ATTACHMENT));
                 let found = if may_hide_frames {
@@ -340,7 +337,7 @@ impl Records {
             _ => (false, Vec::new()),
         };
         if is_sound {
-            self.chunk = Some(Chunk { records, at: 0 });
+            self.chunk = Some(ChunkRecords { records, at: 0 });
         } else {
             let found = salvage(data, contents);
             self.add_damage(start, self.fed, found);
@@ -361,7 +358,7 @@ impl Records {
         let records = rest.split_off(CHUNK_HEAD);
         self.cut_chunk = Some(self.at + CHUNK_HEAD as u64);
         self.is_cut = true;
-        self.chunk = Some(Chunk { records, at: 0 });
+        self.chunk = Some(ChunkRecords { records, at: 0 });
         Ok(())
     }
 
@@ -369,38 +366,32 @@ impl Records {
         let Some(chunk) = self.chunk.take() else {
             return Ok(());
         };
-        match self.cut_chunk.take() {
-            Some(begin) => self.search(begin + chunk.at as u64, false, contents),
-            None => {
-                if !chunk.is_read() {
-                    self.damage.note("a chunk ends within a record");
-                }
-                Ok(())
-            }
+        if let Some(begin) = self.cut_chunk.take() {
+            return self.search(begin + chunk.at as u64, false, contents);
         }
+        if chunk.at != chunk.records.len() {
+            self.damage.note("a chunk ends within a record");
+        }
+        Ok(())
     }
 
     /// Searches the file from `start` on for frames up to the next chunk. If none of either follows, the file
     /// is cut there, unless it `is_damaged`.
     fn search(&mut self, start: u64, is_damaged: bool, contents: &mut Contents) -> io::Result<()> {
         const BLOCK: usize = 1 << 20;
-        let (mut window, zeros) = (Vec::new(), vec![0; BLOCK + FRAME_MOST]);
-        let (mut at, mut found, mut block) = (start, 0, 4096);
+        let (mut window, mut at, mut found, mut block) = (Vec::new(), start, 0, 4096);
         self.file.seek(SeekFrom::Start(start))?;
         let chunk = loop {
             let read = self.file.by_ref().take(block as u64).read_to_end(&mut window)?;
             let mut done = window.len().saturating_sub(FRAME_MOST);
-            // A file system that lost its blocks gives zeros, and there may be gigabytes of them.
-            if !zeros.starts_with(&window) {
-                let chunk = search::chunk(&window).filter(|_| !self.is_cut);
-                for frame in search::frames(&window[..chunk.unwrap_or(window.len())]) {
-                    contents.push_frame(&frame);
-                    found += (frame.end - frame.start) as u64;
-                    done = done.max(frame.end);
-                }
-                if let Some(chunk) = chunk {
-                    break Some(at + chunk as u64);
-                }
+            let chunk = search::chunk(&window).filter(|_| !self.is_cut);
+            for frame in search::frames(&window[..chunk.unwrap_or(window.len())]) {
+                contents.push_frame(&frame);
+                found += (frame.end - frame.start) as u64;
+                done = done.max(frame.end);
+            }
+            if let Some(chunk) = chunk {
+                break Some(at + chunk as u64);
             }
             if read < block {
                 break None;
@@ -416,10 +407,7 @@ impl Records {
         }
         match chunk {
             Some(chunk) => self.resume(chunk),
-            None => {
-                self.is_ended = true;
-                Ok(())
-            }
+            None => self.end(),
         }
     }
 }

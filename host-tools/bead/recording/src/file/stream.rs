@@ -1,7 +1,6 @@
 //! The bytes of one bead on their way into a recording.
 
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
 
 use bead_wire::{Counters, Message};
 use mcap::McapResult;
@@ -9,7 +8,7 @@ use mcap::records::MessageHeader;
 
 use crate::file::about::Origin;
 use crate::file::channels::{ChannelMessage, Channels};
-use crate::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
+use crate::file::layout::{ENCODING, LONGEST_RUN, Mcap, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
 use crate::file::times::Clock;
 use crate::frames::{Item, Reader};
 
@@ -33,11 +32,7 @@ pub(super) struct Stream {
 
 impl Stream {
     /// Adds its channels to a file.
-    pub(super) fn begin<W: Write + Seek>(
-        mcap: &mut mcap::Writer<W>,
-        origin: Option<&Origin>,
-        sample_rate_hz: u32,
-    ) -> McapResult<Self> {
+    pub(super) fn begin(mcap: &mut Mcap, origin: Option<&Origin>, sample_rate_hz: u32) -> McapResult<Self> {
         let (channel, received) = add_channels(mcap, origin)?;
         Ok(Self {
             origin: origin.cloned(),
@@ -58,7 +53,7 @@ impl Stream {
 
     /// Adds its channels to the file that follows. Bytes that are not written yet go there; noise must be
     /// [ended](Self::end_noise) before.
-    pub(super) fn go_on<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    pub(super) fn go_on(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         (self.channel, self.received) = add_channels(mcap, self.origin.as_ref())?;
         self.channels.go_on(mcap, self.bead())?;
         (self.written, self.bytes) = (0, 0);
@@ -90,9 +85,9 @@ impl Stream {
     }
 
     /// Takes bytes as received.
-    pub(super) fn write<W: Write + Seek>(
+    pub(super) fn write(
         &mut self,
-        mcap: &mut mcap::Writer<W>,
+        mcap: &mut Mcap,
         bytes: &[u8],
         received_ns: Option<u64>,
         mut sink: impl FnMut(Item),
@@ -145,24 +140,20 @@ impl Stream {
     }
 
     /// Records when the piece with the end of the last run was received.
-    fn write_time<W: Write + Seek>(
-        &mut self,
-        mcap: &mut mcap::Writer<W>,
-        received_ns: u64,
-    ) -> McapResult<()> {
+    fn write_time(&mut self, mcap: &mut Mcap, received_ns: u64) -> McapResult<()> {
         let last = self.written.wrapping_sub(1);
         let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
         self.message(mcap, self.received, last, &data)
     }
 
     /// Writes the runs that are no frames.
-    pub(super) fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    pub(super) fn end_noise(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         let noise = std::mem::take(&mut self.noise);
         self.put(mcap, noise)
     }
 
     /// Writes the run that has come so far.
-    fn end_run<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    fn end_run(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         self.end_noise(mcap)?;
         let mut run = std::mem::take(&mut self.run);
         if !run.is_empty() {
@@ -172,26 +163,25 @@ impl Stream {
     }
 
     /// Writes all that waits, for no more bytes come.
-    pub(super) fn end<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    pub(super) fn end(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         self.end_run(mcap)?;
         let messages = self.channels.end();
         self.write_messages(mcap, messages)
     }
 
     /// Writes messages for other programs, with the number of the last run.
-    fn write_messages<W: Write + Seek>(
+    fn write_messages(
         &mut self,
-        mcap: &mut mcap::Writer<W>,
+        mcap: &mut Mcap,
         messages: impl IntoIterator<Item = ChannelMessage>,
     ) -> McapResult<()> {
         let number = self.written.wrapping_sub(1);
-        messages
-            .into_iter()
-            .try_for_each(|ChannelMessage { channel, data }| self.message(mcap, channel, number, &data))
+        let mut messages = messages.into_iter();
+        messages.try_for_each(|(channel, data)| self.message(mcap, channel, number, &data))
     }
 
     /// Writes runs, each with the delimiter behind it. So a search of a damaged file finds each frame.
-    fn put<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>, run: Vec<u8>) -> McapResult<()> {
+    fn put(&mut self, mcap: &mut Mcap, run: Vec<u8>) -> McapResult<()> {
         if run.is_empty() {
             return Ok(());
         }
@@ -200,13 +190,7 @@ impl Stream {
         self.message(mcap, self.channel, number, &run)
     }
 
-    fn message<W: Write + Seek>(
-        &mut self,
-        mcap: &mut mcap::Writer<W>,
-        channel_id: u16,
-        sequence: u32,
-        data: &[u8],
-    ) -> McapResult<()> {
+    fn message(&mut self, mcap: &mut Mcap, channel_id: u16, sequence: u32, data: &[u8]) -> McapResult<()> {
         let header = MessageHeader {
             channel_id,
             sequence,
@@ -219,10 +203,7 @@ impl Stream {
 }
 
 /// Adds the channels of raw frames and of their times of receipt.
-fn add_channels<W: Write + Seek>(
-    mcap: &mut mcap::Writer<W>,
-    origin: Option<&Origin>,
-) -> McapResult<(u16, u16)> {
+fn add_channels(mcap: &mut Mcap, origin: Option<&Origin>) -> McapResult<(u16, u16)> {
     let bead = origin.map(|origin| origin.address);
     let mut layout = origin.map(Origin::to_map).unwrap_or_default();
     layout.insert("version".into(), bead_wire::VERSION.to_string());

@@ -1,8 +1,8 @@
 //! Writer and reader against each other.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io;
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,64 +13,39 @@ use super::read::Pieces;
 use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::frames::Item;
 use bead_tables::whole::Target;
-use bead_wire::{Block, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
+use bead_testing::{Speaker, one_sample_strike};
+use bead_wire::{Block, Message, Settings};
 use tempfile::TempDir;
-
-fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
-    encode(
-        &Header {
-            address: 0,
-            boot,
-            sequence,
-            sample_index,
-        },
-        message,
-        &mut [0; MAX_FRAME],
-    )
-    .unwrap()
-    .to_vec()
-}
 
 fn settings(block: &[u8]) -> Message {
     let block = Block::try_from(block).unwrap();
     Settings { block }.into()
 }
 
-fn identity(boot: u8) -> Vec<u8> {
-    let identity = Identity {
-        firmware: "0.1.0".into(),
-        git: "abc".into(),
-        uid: [1; 12],
-        boot: boot.into(),
-        reset_cause: ResetCauses::from_bits(4),
-        sample_rate_hz: 50_000,
-        channels: 2,
-    };
-    sent(boot, 0, 0, &identity.into())
-}
-
-/// Frames of two boots, noise between them, and the head of a frame at the end.
+/// Frames of two boots at 50 kHz, noise between them, and the head of a frame at the end.
 fn stream(frames: u32) -> Vec<u8> {
-    let mut stream = Vec::new();
+    let mut bead = Speaker::at(0);
     for boot in 0..2 {
-        stream.extend(identity(boot));
+        (bead.boot, bead.sequence) = (boot, 0);
+        let identity = bead_wire::Identity {
+            sample_rate_hz: 50_000,
+            ..bead.identity()
+        };
+        bead.say(0, identity);
         for n in 1..frames {
             // No two runs are alike: a test finds each in the file by its bytes.
-            let block = [n.to_le_bytes().as_slice(), &[boot, 0xEE], &[n as u8; 40]].concat();
-            stream.extend(sent(boot, n, 1000 * u64::from(n), &settings(&block)));
+            let block = [n.to_le_bytes().as_slice(), &[boot as u8, 0xEE], &[n as u8; 40]].concat();
+            bead.say(1000 * u64::from(n), settings(&block));
         }
-        stream.extend(b"noise\0");
+        bead.bytes.extend(b"noise\0");
     }
-    stream.extend(&sent(1, frames, 0, &settings(b"unfinished"))[..20]);
-    stream
+    let unfinished = bead.frame(0, &settings(b"unfinished"));
+    [&bead.bytes[..], &unfinished[..20]].concat()
 }
 
 fn runs(stream: &[u8]) -> Vec<Vec<u8>> {
-    stream
-        .split(|&byte| byte == 0)
-        .filter(|run| !run.is_empty())
-        .map(<[u8]>::to_vec)
-        .collect()
+    let runs = stream.split(|&byte| byte == 0).filter(|run| !run.is_empty());
+    runs.map(<[u8]>::to_vec).collect()
 }
 
 /// The frames among the runs.
@@ -85,13 +60,8 @@ fn pieces(path: &Path) -> Pieces {
 
 /// The runs in a recording, without their delimiters.
 fn kept(path: &Path) -> Vec<Vec<u8>> {
-    pieces(path)
-        .map(|piece| {
-            let (end, run) = piece.bytes.split_last().unwrap();
-            assert_eq!(*end, 0);
-            run.to_vec()
-        })
-        .collect()
+    let run = |bytes: Vec<u8>| bytes.strip_suffix(&[0]).unwrap().to_vec();
+    pieces(path).map(|piece| run(piece.bytes)).collect()
 }
 
 /// Changes a file in place: one that is cut to nothing first is written to the disk at once, which takes
@@ -112,17 +82,18 @@ fn about() -> About {
     }
 }
 
-/// A finished recording of `stream`, its folder, and its bytes.
-fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
-    recorded_in(stream, 33)
+/// A folder, and a writer of the file `strike.mcap` in it.
+fn begun() -> (TempDir, PathBuf, Writer) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("strike.mcap");
+    let writer = Writer::create(&Target::new(&path), &about()).unwrap();
+    (folder, path, writer)
 }
 
 /// A finished recording of a stream that came in pieces of this length, of which the writer flushed some
-/// hundred at a time.
-fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("strike.mcap");
-    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
+/// hundred at a time: its folder, path and bytes.
+fn recorded(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
+    let (folder, path, mut writer) = begun();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
     for (n, piece) in (1..).zip(stream.chunks(length)) {
         writer.write(piece, None, |_| {}).unwrap();
@@ -139,9 +110,7 @@ fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
 #[test]
 fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
     let stream = stream(50);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("timed.mcap");
-    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
+    let (_folder, path, mut writer) = begun();
     let mut expected = Vec::new();
     for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
         let before = writer.streams[0].written;
@@ -154,66 +123,62 @@ fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
     expected.push(Some(1_700_000_000_000_000_000 + last));
     let found: Vec<_> = pieces(&path).map(|piece| piece.received_ns).collect();
     assert_eq!(found, expected);
-    let (_folder, path, _) = recorded(&stream);
+    let (_folder, path, _) = recorded(&stream, 33);
     assert!(pieces(&path).all(|piece| piece.received_ns.is_none()));
 }
 
 #[test]
 fn a_recording_gives_back_every_byte_between_delimiters() {
     let stream = stream(400);
-    let (folder, path, _) = recorded(&stream);
+    let (folder, path, _) = recorded(&stream, 33);
     let recording = Recording::open(&path).unwrap();
-    assert_eq!(recording.state, State::Whole);
-    assert_eq!(recording.warning(), None);
+    assert_eq!((&recording.state, recording.warning()), (&State::Whole, None));
     assert_eq!(*recording.about, about());
     assert_eq!(kept(&path), runs(&stream));
     assert_eq!(recording.runs, runs(&stream).len() as u64);
-    assert_eq!(*recording.parts[&Part::Scenario], *b"title = \"x\"");
-    assert_eq!(*recording.parts[&Part::EmulatorReport], *b"{}");
-    assert!(!recording.parts.contains_key(&Part::Truth));
+    let parts: Vec<_> = recording
+        .parts
+        .iter()
+        .map(|(part, data)| (*part, &**data))
+        .collect();
+    assert_eq!(
+        parts,
+        [
+            (Part::Scenario, &b"title = \"x\""[..]),
+            (Part::EmulatorReport, b"{}")
+        ]
+    );
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), 1, "only the finished file is left: {left:?}");
 }
 
 #[test]
 fn times_are_sample_time_and_go_on_after_a_restart() {
-    let (_folder, _, file) = recorded(&stream(3));
+    let (_folder, _, file) = recorded(&stream(3), 33);
     let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
-    let times: Vec<_> = messages
-        .filter(|message| message.channel.topic == TOPIC)
-        .map(|message| (message.publish_time / 1000, message.log_time / 1000))
-        .collect();
+    let messages = messages.filter(|message| message.channel.topic == TOPIC);
+    let (bead, log): (Vec<_>, Vec<_>) = messages
+        .map(|message| (message.publish_time / 1_000_000, message.log_time / 1_000_000))
+        .unzip();
     // 50 kHz as the identity says, not the 100 kHz that was expected: 20 ms for 1000 samples.
-    let boot = [(0, 0), (20_000, 20_000), (40_000, 40_000), (40_000, 40_000)];
-    let restarted = [
-        (0, 40_000),
-        (20_000, 60_000),
-        (40_000, 80_000),
-        (40_000, 80_000),
-        (40_000, 80_000),
-    ];
-    assert_eq!(times, [&boot[..], &restarted[..]].concat());
+    assert_eq!(bead, [0, 20, 40, 40, 0, 20, 40, 40, 40]);
+    assert_eq!(log, [0, 20, 40, 40, 40, 60, 80, 80, 80]);
 }
 
 #[test]
 fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
     let stream = stream(200);
-    let (_folder, path, file) = recorded(&stream);
+    let (_folder, path, file) = recorded(&stream, 33);
     let runs = runs(&stream);
     // Where each message ends in the file: the bytes are stored as they are.
     let mut from = 0;
-    let ends: Vec<_> = runs
-        .iter()
-        .map(|run| {
-            let at = file[from..]
-                .windows(run.len())
-                .position(|window| window == run)
-                .unwrap();
-            // With its delimiter.
-            from += at + run.len() + 1;
-            from
-        })
-        .collect();
+    let end = |run: &Vec<u8>| {
+        let at = file[from..].windows(run.len()).position(|window| window == run);
+        // With its delimiter.
+        from += at.unwrap() + run.len() + 1;
+        from
+    };
+    let ends: Vec<_> = runs.iter().map(end).collect();
     let summary = mcap::Summary::read(&file).unwrap().unwrap();
     assert!(summary.chunk_indexes.len() > 2, "several chunks are cut");
     for cut in (1..file.len()).step_by(37).chain([file.len() - 1]) {
@@ -225,36 +190,31 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
             panic!("cut at {cut}: {:?}", recording.state)
         };
         assert!(!runs_whole || whole == runs.len());
-        assert!(
-            runs_whole || cut < file.len() - 1,
-            "only the end of the index is cut"
-        );
+        let is_index_alone = cut == file.len() - 1;
+        assert!(runs_whole || !is_index_alone, "only the end of the index is cut");
         assert!(recording.warning().unwrap().contains(&whole.to_string()));
     }
 }
 
-/// Checks a damaged file: its runs are those that were sent, in order, and some may be missing.
+/// Reads a damaged file: gives the recording, and the number of frames that are lost of those that were
+/// sent. Those of one line come in their order.
 fn salvaged(path: &Path, sent: &[Vec<u8>]) -> (Recording, usize) {
     let recording = Recording::salvage(path).unwrap();
-    let mut rest = sent.iter();
-    let mut sound = 0;
-    for piece in recording.pieces().unwrap() {
-        let run = piece.bytes.split_last().unwrap().1;
-        // A run that is damaged itself is given back as well.
-        let mut behind = rest.clone();
-        if behind.any(|sent| sent == run) {
-            rest = behind;
-            sound += 1;
-        }
-    }
-    (recording, sound)
+    assert_ne!(recording.state, State::Whole);
+    let places: BTreeMap<_, _> = sent.iter().map(Vec::as_slice).zip(0..).collect();
+    // A run that is damaged itself is given back as well.
+    let place = |bytes: &[u8]| places.get(bytes.strip_suffix(&[0])?).copied();
+    let pieces = recording.pieces().unwrap();
+    let found: Vec<usize> = pieces.filter_map(|piece| place(&piece.bytes)).collect();
+    assert!(found.is_sorted() || !recording.beads.is_empty());
+    (recording, sent.len() - found.len())
 }
 
 #[test]
 fn behind_a_damaged_sector_the_recording_goes_on() {
     const SECTOR: usize = 512;
     let stream = stream(300);
-    let (_folder, path, file) = recorded(&stream);
+    let (_folder, path, file) = recorded(&stream, 33);
     let sent = frames(&stream);
     let shortest = sent.iter().map(Vec::len).min().unwrap();
     for byte in [0xFF, 0x00, 0x05, 0x06] {
@@ -262,9 +222,7 @@ fn behind_a_damaged_sector_the_recording_goes_on() {
             let mut damaged = file.clone();
             damaged[at..at + SECTOR].fill(byte);
             put(&path, &damaged).unwrap();
-            let (recording, sound) = salvaged(&path, &sent);
-            let lost = sent.len() - sound;
-            assert_ne!(recording.state, State::Whole, "{byte:#x} at {at}");
+            let (_, lost) = salvaged(&path, &sent);
             // Those in the sector, and one on each of its sides.
             assert!(lost <= SECTOR / shortest + 2, "{byte:#x} at {at}: {lost} lost");
         }
@@ -274,64 +232,62 @@ fn behind_a_damaged_sector_the_recording_goes_on() {
 #[test]
 fn a_flipped_byte_costs_at_most_one_frame() {
     let stream = stream(60);
-    let (_folder, path, file) = recorded(&stream);
-    let sent = frames(&stream);
+    let (_folder, one, file) = recorded(&stream, 33);
     // Every byte of the head, of the first messages and of the end; some of the rest.
     let edge = 1500;
     let some = (edge..file.len() - edge).step_by(29);
-    for at in (0..edge).chain(some).chain(file.len() - edge..file.len()) {
-        let mut damaged = file.clone();
-        damaged[at] ^= 0xFF;
-        put(&path, &damaged).unwrap();
-        let (recording, sound) = salvaged(&path, &sent);
-        assert_ne!(recording.state, State::Whole, "byte {at}");
-        assert!(
-            sound + 1 >= sent.len(),
-            "byte {at}: {sound} of {}: {:?}",
-            sent.len(),
-            recording.state,
-        );
+    let places: Vec<_> = (0..edge)
+        .chain(some)
+        .chain(file.len() - edge..file.len())
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let three = folder.path().join("three.mcap");
+    recorded_of_three(&three);
+    let some = (mcap::MAGIC.len()..fs::read(&three).unwrap().len()).step_by(7);
+    let of_three = kept(&three);
+    for (path, sent, places) in [(one, frames(&stream), places), (three, of_three, some.collect())] {
+        let file = fs::read(&path).unwrap();
+        for at in places {
+            let mut damaged = file.clone();
+            damaged[at] ^= 0xFF;
+            put(&path, &damaged).unwrap();
+            let (recording, lost) = salvaged(&path, &sent);
+            assert!(lost <= 1, "byte {at}: {lost} lost: {:?}", recording.state);
+        }
     }
 }
 
 #[test]
 fn a_damaged_recording_says_where_and_how_much_is_missing() {
     let stream = stream(300);
-    let (_folder, path, file) = recorded(&stream);
+    let (_folder, path, mut file) = recorded(&stream, 33);
     let summary = mcap::Summary::read(&file).unwrap().unwrap();
-    let chunk = &summary.chunk_indexes[1];
-    let begin = chunk.chunk_start_offset as usize;
-    let mut damaged = file.clone();
-    damaged[begin + 3000..begin + 5000].fill(0);
-    put(&path, &damaged).unwrap();
-    let (recording, sound) = salvaged(&path, &frames(&stream));
+    let begin = summary.chunk_indexes[1].chunk_start_offset as usize;
+    file[begin + 3000..begin + 5000].fill(0);
+    put(&path, &file).unwrap();
+    let (recording, lost) = salvaged(&path, &frames(&stream));
     let State::Damaged(damage) = &recording.state else {
         panic!("{:?}", recording.state)
     };
     assert_eq!((damage.places, damage.first), (1, Some(begin as u64)));
     assert!((1900..2400).contains(&damage.bytes), "{damage}");
-    let missing = recording.runs_missing as usize;
-    assert_eq!(missing, frames(&stream).len() - sound);
-    let said = recording.warning().unwrap();
-    assert!(said.contains(&format!("{missing} before the last")), "{said}");
+    assert_eq!(recording.runs_missing, lost as u64);
+    let warning = recording.warning().unwrap();
+    assert!(warning.contains(&format!("{lost} before the last")), "{warning}");
 }
 
 #[test]
-fn what_is_attached_and_received_behind_damage_is_read() {
-    let stream = stream(300);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("timed.mcap");
-    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
-    for (n, piece) in (1_000_000..).zip(stream.chunks(97)) {
+fn attachments_and_times_behind_damage_are_read() {
+    let (_folder, path, mut writer) = begun();
+    for (n, piece) in (1_000_000..).zip(stream(300).chunks(97)) {
         writer.write(piece, Some(n), |_| {}).unwrap();
         writer.flush().unwrap();
     }
     writer.attach(Part::Truth, b"{}").unwrap();
     writer.finish().unwrap();
     let times = |path: &Path| -> BTreeMap<Vec<u8>, Option<u64>> {
-        pieces(path)
-            .map(|piece| (piece.bytes, piece.received_ns))
-            .collect()
+        let pieces = pieces(path).map(|piece| (piece.bytes, piece.received_ns));
+        pieces.collect()
     };
     let (sound, mut file) = (times(&path), fs::read(&path).unwrap());
     // The length of a chunk, and a byte in the records of another one.
@@ -343,158 +299,38 @@ fn what_is_attached_and_received_behind_damage_is_read() {
     assert_eq!(*recording.parts[&Part::Truth], *b"{}");
     assert!(matches!(&recording.state, State::Damaged(damage) if damage.places == 2));
     let damaged = times(&path);
-    assert!(
-        damaged.len() + 3 >= sound.len(),
-        "{} of {}",
-        damaged.len(),
-        sound.len()
-    );
-    assert!(
-        damaged
-            .iter()
-            .all(|(run, time)| sound.get(run).is_none_or(|sound| sound == time))
-    );
-}
-
-/// Heads of records that go on for megabytes, each within the one before or behind a byte that is none.
-#[test]
-fn a_file_that_seems_to_hold_far_more_than_it_has_is_read_in_time() {
-    let (_folder, path, bytes) = recorded(&stream(20));
-    let sound = &bytes[..bytes.len() / 2];
-    let size: usize = 8 << 20;
-    let record = |opcode: u8, length: usize| [&[opcode][..], &(length as u64).to_le_bytes()].concat();
-    let chunk = |length: usize| {
-        let number = (length as u64).to_le_bytes();
-        // Two times, the size, a CRC, no name of a compression, the size again.
-        [
-            &record(6, length + 40)[..],
-            &[0; 16],
-            &number,
-            &[1; 4],
-            &[0; 4],
-            &number,
-        ]
-        .concat()
-    };
-    let message = |length: usize| [&record(5, length)[..], &[1, 0], &[0; 20]].concat();
-    type Head<'a> = &'a dyn Fn(usize) -> Vec<u8>;
-    let heads: [(Head<'_>, usize); 6] = [
-        (&|left| record(4, left / 2), 0),
-        (&|left| message(left.saturating_sub(9)), 0),
-        (&|left| chunk(left.saturating_sub(49)), 0),
-        // Behind the end of the file.
-        (&|left| chunk(left + 1), 0),
-        (&|_| chunk(1), 2),
-        (&|_| chunk(0), 1),
-    ];
-    for (n, (head, behind)) in heads.into_iter().enumerate() {
-        let mut bytes = sound.to_vec();
-        while bytes.len() < size {
-            bytes.extend(head(size - bytes.len()));
-            bytes.extend(std::iter::repeat_n(0xFF, behind));
-        }
-        fs::write(&path, &bytes).unwrap();
-        let started = std::time::Instant::now();
-        let handed: usize = Recording::salvage(&path)
-            .unwrap()
-            .pieces()
-            .unwrap()
-            .map(|piece| piece.bytes.len())
-            .sum();
-        let took = started.elapsed();
-        assert!(handed <= bytes.len(), "{n}: {handed} of {} bytes", bytes.len());
-        assert!(took < Duration::from_secs(20), "{n}: {took:?}");
-    }
-}
-
-/// The library slices the data of an attachment without a look at its length.
-#[test]
-fn an_attachment_that_is_too_short_for_its_own_length_is_damage() {
-    let (_folder, path, bytes) = recorded(&stream(5));
-    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
-    let attachment = [
-        &[0; 16][..],
-        &text("settings.bin"),
-        &text("x"),
-        &7_u64.to_le_bytes(),
-    ]
-    .concat();
-    for length in 0..=attachment.len() {
-        let record = [&[9][..], &(length as u64).to_le_bytes(), &attachment[..length]].concat();
-        let mut bytes = bytes.clone();
-        let at = mcap::MAGIC.len();
-        bytes.splice(at..at, record);
-        fs::write(&path, &bytes).unwrap();
-        let recording = Recording::open(&path).unwrap();
-        assert!(
-            matches!(recording.state, State::Damaged(_)),
-            "{length}: {:?}",
-            recording.state
-        );
-        assert_eq!(recording.parts.get(&Part::Settings), None);
-    }
+    assert!(damaged.len() + 3 >= sound.len(), "{} runs", damaged.len());
+    let is_same = |(run, time): (&Vec<u8>, _)| sound.get(run).is_none_or(|sound| sound == time);
+    assert!(damaged.iter().all(is_same));
 }
 
 #[test]
-fn five_gigabytes_of_nothing_are_passed_over() {
-    let stream = stream(30);
-    let (_folder, path, file) = recorded(&stream);
-    // A file system that lost its blocks gives zeros, and a sparse file takes no room.
-    let hole: u64 = 5 << 30;
-    let middle = file.len() / 2;
-    let sparse = fs::File::create(&path).unwrap();
-    use std::os::unix::fs::FileExt;
-    sparse.write_all_at(&file[..middle], 0).unwrap();
-    sparse
-        .write_all_at(&file[middle..], middle as u64 + hole)
-        .unwrap();
-    let (recording, sound) = salvaged(&path, &frames(&stream));
-    let State::Damaged(damage) = &recording.state else {
-        panic!("{:?}", recording.state)
-    };
-    // Beside the frames, a chunk has the schemas of channels.
-    assert!(damage.bytes.abs_diff(hole) < 20_000, "{damage}");
-    assert!(sound + 1 >= frames(&stream).len(), "{sound}");
-}
-
-#[test]
-fn noise_takes_little_more_room_than_it_has_bytes() {
+fn noise_and_a_line_without_delimiters_take_little_more_room_than_they_have_bytes() {
     // Runs of one byte, which took 48 bytes each.
     let noise = b"x\0".repeat(500_000);
-    let (_folder, path, file) = recorded_in(&noise, 64 * 1024);
+    let (_folder, path, file) = recorded(&noise, 64 * 1024);
     assert!(file.len() < noise.len() + noise.len() / 100, "{}", file.len());
-    let kept: Vec<u8> = Recording::open(&path)
-        .unwrap()
-        .pieces()
-        .unwrap()
-        .flat_map(|piece| piece.bytes)
-        .collect();
-    assert_eq!(kept, noise);
+    let kept_noise: Vec<u8> = pieces(&path).flat_map(|piece| piece.bytes).collect();
+    assert_eq!(kept_noise, noise);
+    let (_folder, path, _) = recorded(&vec![1; 2 * LONGEST_RUN + 5], 33);
+    let lengths: Vec<_> = kept(&path).iter().map(Vec::len).collect();
+    assert_eq!(lengths, [LONGEST_RUN, LONGEST_RUN, 5]);
 }
 
 #[test]
-fn an_unfinished_recording_is_readable_and_does_not_bear_the_name() {
+fn an_unfinished_recording_is_readable_does_not_bear_the_name_and_is_not_overwritten() {
     let stream = stream(30);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("strike.mcap");
-    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
+    let (_folder, path, mut writer) = begun();
     writer.write(&stream, None, |_| {}).unwrap();
     writer.flush().unwrap();
     // Read while it is written: what a crash would leave.
-    let recording = Recording::open(writer.partial_path()).unwrap();
+    let left = writer.partial_path().to_owned();
+    let recording = Recording::open(&left).unwrap();
     assert_eq!(recording.state, State::CutShort { runs_whole: false });
     // The last run has no delimiter yet.
     assert_eq!(recording.runs, runs(&stream).len() as u64 - 1);
     assert!(!path.exists());
-}
-
-#[test]
-fn what_a_crash_left_is_not_overwritten() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("strike.mcap");
-    let crashed = Writer::create(&Target::new(&path), &about()).unwrap();
-    let left = crashed.partial_path().to_owned();
-    drop(crashed);
+    drop(writer);
     let next = Writer::create(&Target::new(&path), &about()).unwrap();
     assert_ne!(left, next.partial_path());
     next.finish().unwrap();
@@ -503,49 +339,37 @@ fn what_a_crash_left_is_not_overwritten() {
 
 #[test]
 fn a_name_has_one_writer_at_a_time_and_a_recording_that_comes_second_takes_another() {
-    let folder = tempfile::tempdir().unwrap();
-    let target = Target::new(folder.path().join("strike.mcap"));
-    let first = Writer::create(&target, &about()).unwrap();
-    let refused = Writer::create(&target, &about()).err().unwrap();
+    let (folder, path, first) = begun();
+    let refused = Writer::create(&Target::new(&path), &about()).err().unwrap();
     assert!(matches!(refused, RecordingError::Busy(_)), "{refused}");
     assert!(refused.to_string().contains("another program"), "{refused}");
     // Where files cannot be locked, the name of the finished file decides.
-    fs::write(target.path(), "of another program").unwrap();
+    fs::write(&path, "of another program").unwrap();
     let finished = first.finish().unwrap();
     assert_eq!(finished.path, folder.path().join("strike-2.mcap"));
     assert_eq!(Recording::open(&finished.path).unwrap().state, State::Whole);
-    assert_eq!(fs::read_to_string(target.path()).unwrap(), "of another program");
+    assert_eq!(fs::read_to_string(&path).unwrap(), "of another program");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]
 fn a_recording_that_goes_on_in_other_files_has_each_run_once_and_never_cuts_a_strike() {
-    let strike = |n: u32| {
-        let codes = bead_wire::Codes::pack((0..8).map(|code| [code, code])).unwrap();
-        let waveform = bead_wire::Waveform {
-            strike: n,
-            first_index: u64::from(n),
-            codes,
-            wide: bead_wire::Codes::default(),
-            absorbed_measured: bead_wire::Energy::from_bits(0),
-            absorbed_predicted: bead_wire::Energy::from_bits(0),
-        };
-        let Message::Shape(shape) = Message::draw(Kind::Shape, &mut || 0) else {
-            panic!("a shape");
-        };
-        let shape = bead_wire::Shape { strike: n, ..shape };
-        let frames = [waveform.clone().into(), waveform.into(), shape.into()];
-        let frames = (3 * n..).zip(frames);
-        frames.flat_map(|(sequence, message)| sent(1, 100 + sequence, u64::from(sequence), &message))
+    let mut bead = Speaker {
+        boot: 1,
+        sequence: 100,
+        bytes: [&stream(20)[..], &[0]].concat(),
+        ..Speaker::at(0)
     };
-    let mut sent: Vec<u8> = stream(20);
-    sent.push(0);
-    sent.extend((0..20).flat_map(strike));
+    for strike in 0..20 {
+        let [waveform, _, shape] = one_sample_strike(strike, 0);
+        let frames = [waveform.clone(), waveform, shape];
+        frames.into_iter().for_each(|frame| bead.say(0, frame));
+    }
+    let sent = bead.bytes;
     for length in [7, 97, 1000] {
-        let folder = tempfile::tempdir().unwrap();
-        let target = Target::new(folder.path().join("long.mcap"));
-        fs::write(folder.path().join("long-3.mcap"), "of another program").unwrap();
-        let mut writer = Writer::create(&target, &about()).unwrap();
+        let (folder, path, mut writer) = begun();
+        let path_of = |name: &str| folder.path().join(name);
+        fs::write(path_of("strike-3.mcap"), "of another program").unwrap();
         let mut files = Vec::new();
         for (n, piece) in (1..).zip(sent.chunks(length)) {
             writer.write(piece, Some(n), |_| {}).unwrap();
@@ -554,41 +378,53 @@ fn a_recording_that_goes_on_in_other_files_has_each_run_once_and_never_cuts_a_st
         let finished = writer.finish().unwrap();
         assert_eq!(finished.counters.frames, 40 + 60);
         files.push(finished.path);
-        assert_eq!(files[0], target.path());
-        assert_eq!(files[1], folder.path().join("long-2.mcap"));
-        assert_eq!(files[2], folder.path().join("long-4.mcap"));
+        assert_eq!(
+            files[..3],
+            [path, path_of("strike-2.mcap"), path_of("strike-4.mcap")]
+        );
         let all: Vec<_> = files.iter().flat_map(|file| kept(file)).collect();
         // Runs that are no frames may stand in one message.
         assert!(all.join(&0) == runs(&sent).join(&0), "pieces of {length} bytes");
         for file in &files {
             let recording = Recording::open(file).unwrap();
-            assert_eq!(recording.state, State::Whole);
-            assert_eq!(*recording.about, about());
-            let (mut begun, mut ended) = (0, 0);
-            for item in recording.frames().unwrap() {
-                match item.frame().map(|frame| frame.message) {
-                    Some(Message::Waveform(_)) => begun += 1,
-                    Some(Message::Shape(_)) => ended += 2,
-                    _ => {}
-                }
-            }
-            assert_eq!(begun, ended, "{}", file.display());
+            assert_eq!((&recording.state, &*recording.about), (&State::Whole, &about()));
+            let frames: Vec<_> = recording.frames().unwrap().filter_map(Item::frame).collect();
+            let count = |is: fn(&Message) -> bool| frames.iter().filter(|frame| is(&frame.message)).count();
+            let windows = count(|message| matches!(message, Message::Waveform(_)));
+            let shapes = count(|message| matches!(message, Message::Shape(_)));
+            assert_eq!(windows, 2 * shapes, "{}", file.display());
         }
         // Each file begins with the piece in which the first of its runs ended.
-        let times: Vec<_> = files
+        let times = files
             .iter()
             .flat_map(|file| pieces(file))
-            .map(|piece| piece.received_ns)
-            .collect();
+            .map(|piece| piece.received_ns);
+        let times: Vec<_> = times.collect();
         assert!(times.is_sorted() && times[0].is_some());
     }
 }
 
-#[test]
-fn a_line_without_delimiters_is_recorded_in_pieces() {
-    let (_folder, path, _) = recorded(&vec![1; 2 * LONGEST_RUN + 5]);
-    let lengths: Vec<_> = kept(&path).iter().map(Vec::len).collect();
-    assert_eq!(lengths, [LONGEST_RUN, LONGEST_RUN, 5]);
+/// A file with no more than a channel, its library, and messages on it.
+fn foreign(library: &str, topic: &str, metadata: &[(&str, &str)], data: &[&[u8]]) -> Vec<u8> {
+    let options = mcap::WriteOptions::new().compression(None).library(library);
+    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+    let metadata = metadata
+        .iter()
+        .map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+    let channel_id = writer
+        .add_channel(0, topic, "bead-wire", &metadata.collect())
+        .unwrap();
+    for data in data {
+        let header = mcap::records::MessageHeader {
+            channel_id,
+            sequence: 0,
+            log_time: 0,
+            publish_time: 0,
+        };
+        writer.write_to_known_channel(&header, data).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
 }
 
 #[test]
@@ -604,48 +440,20 @@ fn other_files_are_refused_by_what_they_are() {
         refused(b"time,force\n0,1\n"),
         RecordingError::NotMcap(_)
     ));
-    let mut foreign = mcap::Writer::new(io::Cursor::new(Vec::new())).unwrap();
-    foreign.finish().unwrap();
-    assert!(matches!(
-        refused(&foreign.into_inner().into_inner()),
-        RecordingError::NotOurs(..)
-    ));
-    let mut foreign = mcap::WriteOptions::new()
-        .compression(None)
-        .library("y".repeat(100_000))
-        .create(io::Cursor::new(Vec::new()))
-        .unwrap();
-    for end in ["1", "2"] {
-        let name = "\u{1b}".to_owned() + &"x".repeat(100_000) + end;
-        foreign.add_channel(0, &name, "x", &BTreeMap::new()).unwrap();
-    }
-    foreign.finish().unwrap();
-    let told = refused(&foreign.into_inner().into_inner()).to_string();
+    let topic = format!("\u{1b}{}", "x".repeat(100_000));
+    let message = refused(&foreign(&"y".repeat(100_000), &topic, &[], &[])).to_string();
     assert!(
-        told.contains("the channels `\\u001bxxx") && told.contains("written by `yyy"),
-        "{told}"
+        message.contains("the channels `\\u001bxxx") && message.contains("written by `yyy"),
+        "{message}"
     );
-    assert!(told.len() < 600, "{} bytes", told.len());
+    assert!(message.len() < 600, "{} bytes", message.len());
     // All of its frames are of a version of the protocol to come.
-    let mut later = mcap::WriteOptions::new()
-        .compression(None)
-        .library("bead 9.9")
-        .create(io::Cursor::new(Vec::new()))
-        .unwrap();
-    let version = BTreeMap::from([("version".to_owned(), "9".to_owned())]);
-    let channel_id = later.add_channel(0, TOPIC, "bead-wire", &version).unwrap();
-    let header = mcap::records::MessageHeader {
-        channel_id,
-        sequence: 0,
-        log_time: 0,
-        publish_time: 0,
-    };
-    later.write_to_known_channel(&header, b"\x03\x09\x01\0").unwrap();
-    later.finish().unwrap();
-    let said = refused(&later.into_inner().into_inner()).to_string();
+    let later = foreign("bead 9.9", TOPIC, &[("version", "9")], &[b"\x03\x09\x01\0"]);
+    let message = refused(&later).to_string();
+    let expected = "version 9 of the protocol, written by `bead 9.9`, and this program";
     assert!(
-        said.contains("version 9 of the protocol, written by `bead 9.9`") && said.contains("use the program"),
-        "{said}"
+        message.contains(expected) && message.contains("use the program"),
+        "{message}"
     );
     fs::remove_file(&path).unwrap();
     assert!(matches!(
@@ -655,88 +463,69 @@ fn other_files_are_refused_by_what_they_are() {
 }
 
 /// Three beads with addresses 7, 8 and 200, whose pieces come in turn.
-fn recorded_of_three(path: &Path) -> Vec<(u8, Vec<u8>)> {
+fn recorded_of_three(path: &Path) -> Vec<Speaker> {
     let mut writer = Writer::create_for_several(&Target::new(path), &about()).unwrap();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
-    let streams: Vec<_> = [7, 8, 200]
-        .map(|address: u8| {
-            let origin = Origin {
-                address,
-                bead: Some(address.into()),
-                port: Some(format!("/dev/ttyACM{address}")),
-                clock: None,
-            };
-            let bead = writer.join(&origin).unwrap();
-            writer.attach_to(bead, Part::Settings, &[address]).unwrap();
-            let stream: Vec<u8> = (0..60)
-                .flat_map(|n| {
-                    let header = Header {
-                        address,
-                        boot: 0,
-                        sequence: n,
-                        sample_index: 1000 * u64::from(n),
-                    };
-                    let block = [n as u8, address, 0xEE, 1, 2, 3, 4, 5, 6, 7, 8, 9];
-                    encode(&header, &settings(&block), &mut [0; MAX_FRAME])
-                        .unwrap()
-                        .to_vec()
-                })
-                .collect();
-            (bead, address, stream)
-        })
-        .into();
-    for at in (0..streams[0].2.len()).step_by(50) {
-        for (n, (bead, _, stream)) in streams.iter().enumerate() {
-            let piece = &stream[at..stream.len().min(at + 50)];
+    let beads = [7, 8, 200].map(|address: u8| {
+        let origin = Origin {
+            address,
+            bead: Some(address.into()),
+            port: Some(format!("/dev/ttyACM{address}")),
+            clock: None,
+        };
+        let bead = writer.join(&origin).unwrap();
+        writer.attach_to(bead, Part::Settings, &[address]).unwrap();
+        let mut speaker = Speaker::at(address);
+        for n in 0..60 {
+            speaker.say(
+                1000 * n,
+                settings(&[n as u8, address, 0xEE, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
+            );
+        }
+        (bead, speaker)
+    });
+    for at in (0..beads[0].1.bytes.len()).step_by(50) {
+        for (n, (bead, speaker)) in beads.iter().enumerate() {
+            let piece = &speaker.bytes[at..speaker.bytes.len().min(at + 50)];
             let time = 1_000_000 + 1000 * at as u64 + n as u64;
             writer.write_of(*bead, piece, Some(time), |_| {}).unwrap();
         }
     }
     writer.finish().unwrap();
-    streams
-        .into_iter()
-        .map(|(_, address, stream)| (address, stream))
-        .collect()
+    beads.map(|(_, speaker)| speaker).into()
 }
 
 #[test]
 fn each_bead_of_several_gives_back_its_own_bytes_times_and_attachments() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("three.mcap");
-    let streams = recorded_of_three(&path);
+    let speakers = recorded_of_three(&path);
     let recording = Recording::open(&path).unwrap();
-    assert_eq!(
-        (recording.state.clone(), recording.runs_missing),
-        (State::Whole, 0)
-    );
+    assert_eq!((&recording.state, recording.runs_missing), (&State::Whole, 0));
     assert_eq!(recording.parts.keys().collect::<Vec<_>>(), [&Part::Scenario]);
     assert_eq!(recording.beads.len(), 3);
-    for ((address, stream), bead) in streams.iter().zip(&recording.beads) {
-        assert_eq!(bead.origin.address, *address);
+    for (speaker, bead) in speakers.iter().zip(&recording.beads) {
+        let (address, port) = (speaker.address, format!("/dev/ttyACM{}", speaker.address));
         assert_eq!(
-            bead.origin.port.as_deref(),
-            Some(format!("/dev/ttyACM{address}").as_str())
+            (bead.origin.address, bead.origin.port.as_ref()),
+            (address, Some(&port))
         );
         let alone = recording.of(bead);
         // There can be 254 of these, and an attachment may have megabytes.
         let [own, shared] = [&alone, &recording].map(|recording| &recording.parts[&Part::Scenario]);
         assert!(Arc::ptr_eq(own, shared));
-        assert_eq!(*alone.parts[&Part::Settings], [*address]);
+        assert_eq!(*alone.parts[&Part::Settings], [address]);
         let pieces: Vec<_> = alone.pieces().unwrap().collect();
-        let kept: Vec<u8> = pieces.iter().flat_map(|piece| &piece.bytes).copied().collect();
-        assert_eq!(runs(&kept), runs(stream));
-        assert!(
-            pieces
-                .iter()
-                .all(|piece| piece.received_ns.is_some_and(|ns| ns >= 1_000_000))
-        );
+        assert!(pieces.iter().all(|piece| piece.received_ns >= Some(1_000_000)));
+        let kept: Vec<u8> = pieces.into_iter().flat_map(|piece| piece.bytes).collect();
+        assert_eq!(runs(&kept), runs(&speaker.bytes));
     }
     // Through the one iterator, in the order received.
     let frames: Vec<_> = recording.frames().unwrap().filter_map(Item::frame).collect();
     assert_eq!(frames.len(), 180);
     assert!(frames.is_sorted_by_key(|frame| frame.received_ns));
-    let of = |address| frames.iter().filter(move |frame| frame.header.address == address);
-    assert!([7, 8, 200].iter().all(|address| of(*address).count() == 60));
+    let addresses: BTreeSet<u8> = frames.iter().map(|frame| frame.header.address).collect();
+    assert_eq!(addresses, BTreeSet::from([7, 8, 200]));
 }
 
 #[test]
@@ -744,34 +533,7 @@ fn a_second_bead_with_the_same_address_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let target = Target::new(folder.path().join("two.mcap"));
     let mut writer = Writer::create_for_several(&target, &about()).unwrap();
-    let origin = Origin {
-        address: 7,
-        ..Origin::default()
-    };
-    writer.join(&origin).unwrap();
-    let refused = writer.join(&origin).unwrap_err();
-    assert!(
-        refused.to_string().contains("two beads have the address 7"),
-        "{refused}"
-    );
-}
-
-#[test]
-fn a_flipped_byte_in_a_recording_of_several_costs_at_most_one_frame() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("three.mcap");
-    recorded_of_three(&path);
-    let file = fs::read(&path).unwrap();
-    let sent: std::collections::BTreeSet<_> = kept(&path).into_iter().collect();
-    for at in (mcap::MAGIC.len()..file.len()).step_by(7) {
-        let mut damaged = file.clone();
-        damaged[at] ^= 0xFF;
-        put(&path, &damaged).unwrap();
-        let recording = Recording::salvage(&path).unwrap();
-        assert_ne!(recording.state, State::Whole, "byte {at}");
-        let pieces = recording.pieces().unwrap();
-        let sound = pieces.filter(|piece| sent.contains(&piece.bytes[..piece.bytes.len() - 1]));
-        let sound = sound.count();
-        assert!(sound + 1 >= sent.len(), "byte {at}: {sound} of {}", sent.len());
-    }
+    writer.join(&Origin::default()).unwrap();
+    let refused = writer.join(&Origin::default()).unwrap_err().to_string();
+    assert!(refused.contains("two beads have the address 0"), "{refused}");
 }

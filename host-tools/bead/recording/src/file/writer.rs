@@ -12,12 +12,10 @@ use mcap::{Attachment, WriteOptions};
 
 use crate::file::about::{About, Origin, Part};
 use crate::file::error::RecordingError;
-use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, name_of};
+use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
 use crate::file::stream::Stream;
 use crate::frames::Item;
 use bead_tables::whole::Target;
-
-type Mcap = mcap::Writer<BufWriter<File>>;
 
 /// A recording that is being written.
 ///
