@@ -16,9 +16,6 @@ mod aligned;
 mod attempt;
 mod crossing;
 mod dense;
-#[cfg(test)]
-#[path = "../../tests/dop853/mod.rs"]
-mod dop853;
 mod glimpse;
 mod kernel;
 mod lanes;
@@ -30,6 +27,8 @@ mod rest;
 #[cfg(test)]
 mod small;
 mod stepper;
+#[cfg(test)]
+mod testing;
 mod verner;
 #[cfg(test)]
 mod window;

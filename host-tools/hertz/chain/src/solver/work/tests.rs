@@ -4,7 +4,7 @@ use super::*;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Striker, Wall};
-use crate::solver::against::across;
+use crate::solver::testing::across;
 
 #[test]
 fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
