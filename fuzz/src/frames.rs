@@ -24,14 +24,14 @@ fn verdict(run: &[u8]) -> Result<(Header, u8), Cause> {
     }
     let payload = from_cobs(run).ok_or(Cause::Cobs)?;
     let (covered, said) = payload.split_last_chunk::<4>().ok_or(Cause::TooShort)?;
-    if covered.len() < 15 {
+    if covered.len() < 16 {
         return Err(Cause::TooShort);
     }
     if crc(covered) != *said {
         return Err(Cause::Crc);
     }
     let version = covered[0];
-    if version < 2 {
+    if matches!(version, 0 | 2 | 3) {
         return Err(Cause::Version(version));
     }
     let number = |from: usize, length: usize| {
@@ -39,10 +39,7 @@ fn verdict(run: &[u8]) -> Result<(Header, u8), Cause> {
         digits.fold(0, |number, byte| number << 8 | u64::from(*byte))
     };
     let header = Header {
-        address: match version {
-            2 => 0,
-            _ => *covered.get(15).ok_or(Cause::TooShort)?,
-        },
+        address: covered[15],
         boot: covered[2],
         sequence: number(3, 4) as u32,
         sample_index: number(7, 8),

@@ -26,14 +26,10 @@ fn verdict(run: &[u8]) -> Result<(u8, u16, u8), Cause> {
     }
     let payload = from_cobs(run).ok_or(Cause::Cobs)?;
     let (covered, said) = payload.split_last_chunk::<4>().ok_or(Cause::TooShort)?;
-    let (&[version, _, low, high], rest) = covered.split_first_chunk().ok_or(Cause::TooShort)?;
+    let (&[version, _, low, high, address], _) = covered.split_first_chunk().ok_or(Cause::TooShort)?;
     if crc(covered) != *said {
         return Err(Cause::Crc);
     }
-    let address = match version {
-        ..VERSION => bead_wire::ANY,
-        _ => *rest.first().ok_or(Cause::TooShort)?,
-    };
     Ok((address, u16::from_le_bytes([low, high]), version))
 }
 

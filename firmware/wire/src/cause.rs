@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::payload::reader;
+
 /// Bytes between two delimiters that are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{bytes} bytes rejected: {cause}")]
@@ -28,7 +30,7 @@ pub enum Cause {
     #[error("CRC differs")]
     Crc,
     /// A version that this one cannot read.
-    #[error("version {0} of the protocol is not known here")]
+    #[error("version {0} of the protocol is not known here; use {program}", program = reader(*.0))]
     Version(u8),
     /// A kind that this version does not know.
     #[error("kind {0} is unknown")]

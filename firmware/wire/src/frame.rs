@@ -14,21 +14,17 @@
 //! [`Reply`](crate::Reply). A later version may change all other bodies, and may append fields to these two.
 //! So a host can always say which bead it hears and why it cannot read the rest, and a bead can always say
 //! that it does not understand its host.
-//!
-//! Version 2 had no address; its frames are read as frames of address 0. Version 1 is refused.
 
 use crate::body::Body;
 use crate::cause::Cause;
 use crate::message::{Fetched, Kind, MAX_BODY, Message};
-use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal};
+use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, is_unreleased, open, seal};
 use crate::sequence::Arrival;
 
-/// The last version whose header had no address.
-const WITHOUT_ADDRESS: u8 = 2;
-/// Version, kind, boot, sequence, sample index.
-const HEADER: usize = 1 + 1 + 1 + 4 + 8;
+/// Version, kind, boot, sequence, sample index, address.
+const HEADER: usize = 1 + 1 + 1 + 4 + 8 + 1;
 /// Longest frame before COBS, in bytes.
-const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
+const MAX_PAYLOAD: usize = HEADER + MAX_BODY + CRC_LENGTH;
 /// Longest frame between its delimiters, in bytes.
 pub(crate) const MAX_ENCODED: usize = cobs::max_encoding_length(MAX_PAYLOAD);
 /// Longest frame on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
@@ -91,7 +87,7 @@ impl Default for Packed {
 
 impl Packed {
     /// Bytes before the body.
-    pub const HEADER: usize = HEADER + 1;
+    pub const HEADER: usize = HEADER;
     /// Longest one, in bytes.
     pub const MAX: usize = MAX_PAYLOAD - CRC_LENGTH;
 
@@ -143,17 +139,16 @@ impl Packed {
         payload[0] = VERSION;
         payload[1] = kind as u8;
         payload[2] = boot;
-        payload[HEADER] = address;
-        let start = HEADER + 1;
-        let length = encode(&mut payload[start..start + MAX_BODY]).map_err(|_| BufferTooSmall(MAX_BODY))?;
-        self.length = start + length;
+        payload[HEADER - 1] = address;
+        let length = encode(&mut payload[HEADER..HEADER + MAX_BODY]).map_err(|_| BufferTooSmall(MAX_BODY))?;
+        self.length = HEADER + length;
         Ok(())
     }
 
     /// Gives the frame its number and its time.
     pub fn stamp(&mut self, sequence: u32, sample_index: u64) {
         self.payload[3..7].copy_from_slice(&sequence.to_le_bytes());
-        self.payload[7..HEADER].copy_from_slice(&sample_index.to_le_bytes());
+        self.payload[7..HEADER - 1].copy_from_slice(&sample_index.to_le_bytes());
     }
 
     /// Kind and body: what another frame can carry.
@@ -193,16 +188,11 @@ pub(crate) struct Checked<'a> {
 impl<'a> Checked<'a> {
     /// Checks a payload.
     pub(crate) fn new(payload: &'a [u8]) -> Result<Self, Cause> {
-        let (head, rest) = open::<HEADER>(payload)?;
-        let [version, kind, boot, s0, s1, s2, s3, index @ ..] = *head;
-        let (address, body) = match version {
-            ..WITHOUT_ADDRESS => return Err(Cause::Version(version)),
-            WITHOUT_ADDRESS => (0, rest),
-            _ => {
-                let (&address, body) = rest.split_first().ok_or(Cause::TooShort)?;
-                (address, body)
-            }
-        };
+        let (head, body) = open::<HEADER>(payload)?;
+        let [version, kind, boot, s0, s1, s2, s3, index @ .., address] = *head;
+        if version == 0 || is_unreleased(version) {
+            return Err(Cause::Version(version));
+        }
         let header = Header {
             address,
             boot,

@@ -42,7 +42,7 @@ pub use message::strike::StrikeFlags;
 // Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
 pub use message::*;
 pub use names::named;
-pub use payload::{BufferTooSmall, VERSION};
+pub use payload::{BufferTooSmall, VERSION, reader};
 pub use quantity::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples};
 pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
 pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};

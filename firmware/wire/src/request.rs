@@ -20,9 +20,9 @@ use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal, whole};
 use crate::table::requests;
 use crate::text::{Block, Inner};
 
-/// Version, kind, number.
-const HEADER: usize = 1 + 1 + 2;
-const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
+/// Version, kind, number, address.
+const HEADER: usize = 1 + 1 + 2 + 1;
+const MAX_PAYLOAD: usize = HEADER + MAX_BODY + CRC_LENGTH;
 const MAX_ENCODED: usize = cobs::max_encoding_length(MAX_PAYLOAD);
 /// Longest request on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_REQUEST: usize = 1 + MAX_ENCODED + 1;
@@ -117,20 +117,18 @@ pub fn encode_request<'b>(
 ) -> Result<&'b [u8], BufferTooSmall> {
     let mut payload = [0; MAX_PAYLOAD];
     let [low, high] = number.to_le_bytes();
-    payload[..=HEADER].copy_from_slice(&[VERSION, request.number(), low, high, address]);
-    let start = HEADER + 1;
+    payload[..HEADER].copy_from_slice(&[VERSION, request.number(), low, high, address]);
     // `MAX_BODY` covers every body, so this cannot fail.
     let length = request
-        .encode(&mut payload[start..start + MAX_BODY])
+        .encode(&mut payload[HEADER..HEADER + MAX_BODY])
         .map_err(|_| BufferTooSmall(buffer.len()))?;
-    seal(&mut payload, start + length, buffer)
+    seal(&mut payload, HEADER + length, buffer)
 }
 
 /// A frame of a host whose CRC is right, so that somebody waits for a reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// Address of the bead that is asked, or [`ANY`]. Requests of version 2 have no address; they are for any
-    /// bead.
+    /// Address of the bead that is asked, or [`ANY`].
     pub address: u8,
     /// The number that the reply must have.
     pub number: u16,
@@ -207,17 +205,14 @@ impl RequestDecoder {
 }
 
 fn read(payload: &[u8]) -> Result<Heard, Cause> {
-    let (&[version, kind, low, high], rest) = open::<HEADER>(payload)?;
-    let (address, request) = match (version, rest.split_first()) {
-        (VERSION.., None) => return Err(Cause::TooShort),
-        (VERSION, Some((&address, body))) => (address, Request::decode(kind, body)),
-        (later @ VERSION.., Some((&address, _))) => (address, Err(Cause::Version(later))),
-        (older, _) => (ANY, Err(Cause::Version(older))),
-    };
+    let (&[version, kind, low, high, address], body) = open::<HEADER>(payload)?;
     Ok(Heard {
         address,
         number: u16::from_le_bytes([low, high]),
-        request,
+        request: match version {
+            VERSION => Request::decode(kind, body),
+            other => Err(Cause::Version(other)),
+        },
     })
 }
 

@@ -22,10 +22,7 @@ const HEADER: Header = Header {
 fn by_hand(version: u8, kind: u8, sequence: u32, body: &[u8]) -> Vec<u8> {
     let mut payload = vec![version, kind, 0];
     payload.extend(sequence.to_le_bytes());
-    payload.extend([0; 8]);
-    if version > 2 {
-        payload.push(0);
-    }
+    payload.extend([0; 8 + 1]);
     payload.extend(body);
     payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
     let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
@@ -246,7 +243,15 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
         (decoder.counters().lost, decoder.counters().rejected.version),
         (0, 1)
     );
-    assert_eq!(cause(&by_hand(1, 1, 0, identity)), Some(Cause::Version(1)));
+    // No frame of version 0 exists; those of 2 and 3 were sent before the first release.
+    for refused in [0, 2, 3] {
+        let stream = by_hand(refused, 1, 0, identity);
+        assert_eq!(cause(&stream), Some(Cause::Version(refused)));
+    }
+    assert_eq!(
+        Cause::Version(3).to_string(),
+        "version 3 of the protocol is not known here; use `bead` of commit 710832c"
+    );
 }
 
 #[test]

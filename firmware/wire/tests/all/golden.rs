@@ -15,8 +15,8 @@ use std::{env, fs};
 use crate::common::bits;
 use bead_wire::{
     Block, Codes, Decoder, Energy, FaultCause, Field, FieldDoc, FieldKind, Force, Fraction, GainMatch,
-    Header, Impulse, Key, Kind, MAX_BLOCK, MAX_FRAME, MAX_REQUEST, Message, Packed, Request, RequestDecoder,
-    Samples, StrikeFlags, Text, Ticket, encode, encode_request,
+    Header, Impulse, Key, Kind, MAX_BLOCK, MAX_FRAME, MAX_REQUEST, Message, Request, RequestDecoder, Samples,
+    StrikeFlags, Text, Ticket, encode, encode_request,
 };
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
@@ -201,32 +201,5 @@ fn every_kind_has_a_name_and_fields_and_no_number_of_a_request() {
         let message = Message::draw(kind, &mut || 0);
         bead_wire::Fields::each(&message, &mut |field, _| names.push(field.name));
         assert!(kind.fields().iter().map(|field| field.name).eq(names));
-    }
-}
-
-/// Frames of version 2, whose header ends before the address.
-#[test]
-fn the_frames_of_version_2_are_read_as_those_of_address_0() {
-    let rows = include_str!("../v2.txt")
-        .lines()
-        .filter(|line| !line.starts_with('#'));
-    for line in rows {
-        let (name, digits) = line.split_once(' ').unwrap();
-        let sent: Vec<u8> = (0..digits.len())
-            .step_by(2)
-            .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap())
-            .collect();
-        let mut read = Vec::new();
-        Decoder::new().feed(&sent, |result| read.push(result.unwrap()));
-        let [frame] = &read[..] else {
-            panic!("{name}: {read:?}")
-        };
-        assert_eq!((frame.version, frame.message.kind().name()), (2, name));
-        assert_eq!(frame.header, Header { address: 0, ..HEADER });
-        let mut payload = [0; MAX_FRAME];
-        let length = cobs::decode(&sent[1..], &mut payload).unwrap();
-        let mut packed = Packed::new();
-        packed.pack(0, HEADER.boot, &frame.message).unwrap();
-        assert_eq!(packed.content(), (payload[1], &payload[15..length - 4]), "{name}");
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::common::{STEP, block, most, request};
 use bead_wire::{
-    ANY, BufferTooSmall, Cause, Heard, KEY, Key, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request,
+    BufferTooSmall, Cause, Heard, KEY, Key, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request,
     RequestCounters, RequestDecoder, Ticket, VERSION, encode_request,
 };
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -24,9 +24,7 @@ fn bytes(number: u16, request: &Request) -> Vec<u8> {
 fn by_hand(version: u8, kind: u8, number: u16, body: &[u8]) -> Vec<u8> {
     let mut payload = vec![version, kind];
     payload.extend(number.to_le_bytes());
-    if version > 2 {
-        payload.push(ADDRESS);
-    }
+    payload.push(ADDRESS);
     payload.extend(body);
     payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
     let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
@@ -147,15 +145,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         only(&by_hand(VERSION, 67, 7, &[2, 1, 2, 3])),
         refused(Cause::Trailing)
     );
-    // Version 2 had no address, so any bead tells its host that it does not understand.
-    assert_eq!(
-        only(&by_hand(2, 64, 7, &[])),
-        Ok(Heard {
-            address: ANY,
-            number: 7,
-            request: Err(Cause::Version(2)),
-        })
-    );
+    assert_eq!(only(&by_hand(0, 64, 7, &[])), refused(Cause::Version(0)));
     // If the CRC is wrong, no byte can be believed.
     let mut wrong = by_hand(VERSION, 72, 7, &[0x64]);
     let last = wrong.len() - 2;

@@ -17,7 +17,7 @@ use prost_types::field_descriptor_proto::Type;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 use serde_json::Value;
 
-const OLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/recording-v2.mcap");
+const OLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/recording-v1.mcap");
 /// When the first piece of it is received once more, ns since 1970.
 const STARTED: u64 = 1_700_000_000_000_000_000;
 

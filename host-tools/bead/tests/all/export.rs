@@ -24,7 +24,7 @@ fn export(folder: &Path, arguments: &[&str]) -> Output {
 
 /// A recording of the old strike `times` times over, by today's program, received at the host's times.
 fn recorded(path: &Path, times: u64) {
-    let old = Recording::open(Path::new(&format!("{DATA}/recording-v2.mcap"))).unwrap();
+    let old = Recording::open(Path::new(&format!("{DATA}/recording-v1.mcap"))).unwrap();
     let mut writer = Writer::create(&Target::new(path), &About::default()).unwrap();
     for round in 0..times {
         for (n, piece) in (0..).zip(old.pieces().unwrap()) {
@@ -208,7 +208,7 @@ fn tables_hold_the_recording_bit_for_bit() {
 fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let old = Recording::open(Path::new(&format!("{DATA}/recording-v2.mcap"))).unwrap();
+    let old = Recording::open(Path::new(&format!("{DATA}/recording-v1.mcap"))).unwrap();
     let mut writer = Writer::create(&Target::new(folder.join("bare.mcap")), &About::default()).unwrap();
     for frame in old.frames().unwrap().filter_map(Item::frame) {
         if !matches!(frame.message, Message::Settings(_)) {

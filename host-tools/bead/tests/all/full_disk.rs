@@ -66,7 +66,7 @@ fn with_disk(folder: &Path, script: &str) -> Option<Output> {
 fn inputs(folder: &Path) {
     let copy = |name: &str, of: &str| fs::copy(format!("{ROOT}/{of}"), folder.join(name)).unwrap();
     copy("s.toml", "docs/scenarios/paper-strike.toml");
-    copy("x.mcap", "tests/data/recording-v2.mcap");
+    copy("x.mcap", "tests/data/recording-v1.mcap");
     let text = fs::read_to_string(folder.join("s.toml")).unwrap();
     let short = text
         .replace("beads = 16", "beads = 12")

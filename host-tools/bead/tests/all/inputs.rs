@@ -67,7 +67,7 @@ fn fixture(folder: &Path) {
     copy("faults.toml", "docs/scenarios/faults.toml");
     write("late.toml", b"[[fault]]\nat = 0.03\nkind = \"hang\"\n");
     write("latin.toml", b"title = \"Sto\xdf\"");
-    copy("x.mcap", "tests/data/recording-v2.mcap");
+    copy("x.mcap", "tests/data/recording-v1.mcap");
     copy("bead.settings", "tests/data/settings-v1.bin");
     copy("future.bin", "tests/data/frame-of-the-future.bin");
     write("empty", b"");
@@ -164,7 +164,7 @@ fn fixture(folder: &Path) {
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
     fs::create_dir(folder.join("folder")).unwrap();
     fs::create_dir(folder.join("run")).unwrap();
-    copy("run/bead-8.mcap", "tests/data/recording-v2.mcap");
+    copy("run/bead-8.mcap", "tests/data/recording-v1.mcap");
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
     // Its listener is dropped: nobody is there any more.

@@ -219,7 +219,7 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
 #[ignore = "five minutes and 20 GB of disk: cargo test --release -p absorber-bead --test all five_gigabytes -- --ignored --nocapture"]
 fn five_gigabytes_of_strikes_are_recorded_in_the_memory_of_any_other_recording() {
     const SENT: u64 = 5_000_000_000;
-    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/recording-v2.mcap");
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/recording-v1.mcap");
     let old = Recording::open(Path::new(old)).unwrap();
     let strike: Vec<u8> = old.pieces().unwrap().flat_map(|piece| piece.bytes).collect();
     let block = strike.repeat((4 << 20) / strike.len());
@@ -269,7 +269,7 @@ fn a_recording_that_is_cut_within_a_strike_is_said_to_lack_its_result() {
     let folder = tempfile::tempdir().unwrap();
     let old = Recording::open(Path::new(concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../tests/data/recording-v2.mcap"
+        "/../../tests/data/recording-v1.mcap"
     )));
     let sent: Vec<u8> = old
         .unwrap()

@@ -23,7 +23,7 @@ use serde_json::Value;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schemas");
 const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
-const RECORDING: &str = "tests/data/recording-v2.mcap";
+const RECORDING: &str = "tests/data/recording-v1.mcap";
 
 #[test]
 fn the_published_schemas_are_those_of_the_types() {

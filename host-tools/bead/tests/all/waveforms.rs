@@ -83,7 +83,7 @@ fn every_command_of_the_page_works() {
     let folder = folder();
     let folder = folder.path();
     scope(&folder.join("scope.csv"));
-    let old = strikes(Path::new(&format!("{ROOT}/tests/data/recording-v2.mcap")));
+    let old = strikes(Path::new(&format!("{ROOT}/tests/data/recording-v1.mcap")));
     drop_rig(&folder.join("drop.wav"), &old[0]);
     let page = fs::read_to_string(format!("{ROOT}/docs/waveforms.md")).unwrap();
     let lines = page.lines().filter_map(|line| line.strip_prefix("    "));

@@ -41,7 +41,7 @@ fn bits<'a>(then: &'a Value, now: &'a Value) -> Vec<(&'a str, &'a Value, &'a Val
 
 #[test]
 fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
-    let recording = data("recording-v2.mcap");
+    let recording = data("recording-v1.mcap");
     let replayed = bead(&["replay", &recording, "--format", "json"]);
     assert!(
         replayed.status.success(),
@@ -61,14 +61,14 @@ fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
             "{key}"
         );
     }
-    let then: Value = serde_json::from_slice(&fs::read(data("recording-v2.replay.json")).unwrap()).unwrap();
+    let then: Value = serde_json::from_slice(&fs::read(data("recording-v1.replay.json")).unwrap()).unwrap();
     assert_eq!(now, then);
 
     let decoded = bead(&["decode", &recording]);
     assert!(decoded.status.success());
     let today = lines(&decoded.stdout);
     assert_eq!(today.len(), 33);
-    for then in lines(&fs::read(data("recording-v2.jsonl")).unwrap()) {
+    for then in lines(&fs::read(data("recording-v1.jsonl")).unwrap()) {
         let now = today.iter().find(|frame| frame["kind"] == then["kind"]).unwrap();
         let bits = bits(&then, now);
         assert!(bits.len() >= 10, "{bits:?}");
@@ -85,7 +85,7 @@ fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
 #[test]
 fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
     const WHO: &str = "bead 7 with firmware 9.0.0 (v9.0.0) speaks version 9 of the protocol, and this program \
-                       knows version 3; use the `bead` that belongs to that firmware";
+                       knows version 1; use the `bead` that belongs to that firmware";
     let bytes = fs::read(data("frame-of-the-future.bin")).unwrap();
     let directory = TempDir::new().unwrap();
     let path = directory.path().join("future.mcap");
@@ -130,7 +130,7 @@ fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
         assert_eq!(
             told,
             [
-                "bead: 49 bytes rejected: version 9 of the protocol is not known here",
+                "bead: 49 bytes rejected: version 9 of the protocol is not known here; use the program that belongs to it",
                 &format!("bead: 2 frames in {length} bytes; 0 lost, 1 refused, 0 late, 0 twice, 0 restarts"),
                 &format!("bead: {WHO}"),
             ]

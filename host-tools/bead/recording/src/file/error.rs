@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use bead_wire::VERSION;
+use bead_wire::{VERSION, reader};
 use mcap::McapError;
 
 /// An error of writing or reading a recording.
@@ -61,7 +61,7 @@ pub enum RecordingError {
     /// All frames in the recording are of another version of the protocol.
     #[error(
         "{path} has frames of version {version} of the protocol, written by {writer}, and this program reads version \
-         {VERSION}; use the program that wrote it"
+         {VERSION}; use {}", reader(*version)
     )]
     OtherProtocol {
         /// The file.
