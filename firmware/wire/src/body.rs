@@ -233,15 +233,4 @@ mod tests {
     fn text_of_128_bytes_needs_a_second_byte_for_its_length() {
         assert_eq!([counted(0), counted(127), counted(128)], [1, 128, 130]);
     }
-
-    #[test]
-    fn what_is_drawn_may_be_anything() {
-        assert_eq!(
-            [0, 1, 2, 3].map(|bits| bool::draw(&mut || bits)),
-            [false, true, false, true]
-        );
-        type Group = Option<crate::GainMatch>;
-        assert!(Group::draw(&mut || 1).is_some());
-        assert!(Group::draw(&mut || 0).is_none());
-    }
 }

@@ -178,24 +178,6 @@ mod tests {
     }
 
     #[test]
-    fn any_number_of_whole_scans_up_to_the_longest_is_drawn() {
-        let drawn = |first: u64| {
-            let mut bits = first..;
-            Codes::<15>::draw(&mut || bits.next().unwrap_or_default())
-        };
-        for scans in 0..=5 {
-            let codes = drawn(scans as u64);
-            assert_eq!(codes.len(), scans);
-            assert!(
-                (1..)
-                    .zip(codes.bytes())
-                    .all(|(n, &byte)| usize::from(byte) == scans + n)
-            );
-        }
-        assert_eq!(drawn(6).len(), 0);
-    }
-
-    #[test]
     fn codes_are_shown_as_a_list_of_scans() {
         let codes = Codes::<6>::pack([[1, 2], [3, 4095]]).unwrap();
         assert_eq!(std::format!("{codes:?}"), "[[1, 2], [3, 4095]]");

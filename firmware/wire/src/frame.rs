@@ -215,16 +215,21 @@ impl<'a> Checked<'a> {
     /// Decodes the body.
     pub(crate) fn message(&self) -> Result<Message, Cause> {
         let later = self.version > VERSION;
-        let kind = match Kind::from_byte(self.kind) {
-            Some(frozen @ (Kind::Identity | Kind::Reply)) => frozen,
-            _ if later => return Err(Cause::Version(self.version)),
-            kind => kind.ok_or(Cause::Kind(self.kind))?,
-        };
-        match Message::decode(kind, self.body) {
-            Ok((message, rest)) if rest.is_empty() || later => Ok(message),
-            Ok(_) => Err(Cause::Trailing),
-            Err(_) => Err(Cause::Body),
+        let frozen = [Kind::Identity, Kind::Reply].map(|kind| kind as u8);
+        if later && !frozen.contains(&self.kind) {
+            return Err(Cause::Version(self.version));
         }
+        read(self.kind, self.body, later)
+    }
+}
+
+/// Reads the message of a kind. Only a body of a later version may go on after it.
+fn read(kind: u8, body: &[u8], later: bool) -> Result<Message, Cause> {
+    let kind = Kind::from_byte(kind).ok_or(Cause::Kind(kind))?;
+    match Message::decode(kind, body) {
+        Ok((message, rest)) if rest.is_empty() || later => Ok(message),
+        Ok(_) => Err(Cause::Trailing),
+        Err(_) => Err(Cause::Body),
     }
 }
 
@@ -234,78 +239,58 @@ impl Fetched {
     /// # Errors
     /// It is of no kind that this version knows, or its body does not decode.
     pub fn message(&self) -> Result<Message, Cause> {
-        let kind = Kind::from_byte(self.frame_kind).ok_or(Cause::Kind(self.frame_kind))?;
-        match Message::decode(kind, self.body.bytes()) {
-            Ok((message, [])) => Ok(message),
-            Ok(_) => Err(Cause::Trailing),
-            Err(_) => Err(Cause::Body),
-        }
+        read(self.frame_kind, self.body.bytes(), false)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{Gap, Settings};
-    use crate::text::{Block, Inner};
+    use crate::message::Gap;
+    use crate::text::Inner;
+
+    const GAP: Gap = Gap {
+        epoch: 3,
+        first_index: 41_200,
+        end_index: 42_371,
+    };
 
     #[test]
     fn a_fetched_frame_gives_the_message_that_was_sent_first() {
-        let settings = Message::from(Settings {
-            block: Block::try_from(&b"BEAD"[..]).unwrap(),
-        });
-        let fetched = Fetched {
-            boot: 2,
-            strike: 300,
-            part: 22,
-            parts: 24,
-            frame_kind: Kind::Settings as u8,
-            body: Inner::filled(|room| settings.encode(room)),
-        };
-        assert_eq!(fetched.message(), Ok(settings));
-        let unknown = Fetched {
-            frame_kind: 63,
-            ..fetched.clone()
-        };
-        assert_eq!(unknown.message(), Err(Cause::Kind(63)));
-        let body = Inner::default();
-        assert_eq!(Fetched { body, ..fetched }.message(), Err(Cause::Body));
+        let gap = Message::from(GAP);
+        let body = Inner::filled_by(|room| gap.encode(room).unwrap());
+        let longer = Inner::filled_by(|room| gap.encode(room).unwrap() + 1);
+        for (frame_kind, body, found) in [
+            (Kind::Gap as u8, body.clone(), Ok(gap)),
+            (Kind::Gap as u8, longer, Err(Cause::Trailing)),
+            (Kind::Gap as u8, Inner::default(), Err(Cause::Body)),
+            (63, body, Err(Cause::Kind(63))),
+        ] {
+            let fetched = Fetched {
+                boot: 2,
+                strike: 300,
+                part: 22,
+                parts: 24,
+                frame_kind,
+                body,
+            };
+            assert_eq!(fetched.message(), found);
+        }
     }
 
     #[test]
     fn a_body_that_is_packed_by_its_kind_gives_the_same_bytes() {
-        let body = Gap {
-            epoch: 3,
-            first_index: 41_200,
-            end_index: 42_371,
-        };
         let (mut one, mut other) = (Packed::new(), Packed::new());
-        one.pack(7, 2, &body.into()).unwrap();
-        other.pack_body(7, 2, Kind::Gap, &body).unwrap();
+        one.pack(7, 2, &GAP.into()).unwrap();
+        other.pack_body(7, 2, Kind::Gap, &GAP).unwrap();
         assert_eq!(one.bytes(), other.bytes());
-        assert_eq!(one.bytes()[..3], [VERSION, Kind::Gap as u8, 2]);
-        assert_eq!((Packed::HEADER, one.bytes()[15]), (16, 7));
-        let (kind, content) = one.content();
-        assert_eq!((kind, content), (Kind::Gap as u8, &one.bytes()[16..]));
+        assert_eq!(one.content(), (Kind::Gap as u8, &one.bytes()[Packed::HEADER..]));
     }
 
     #[test]
     fn there_is_room_for_the_longest_frame_and_no_more() {
-        let mut packed = Packed::new();
-        assert_eq!(packed.room(Packed::MAX + 1).len(), Packed::MAX);
-        assert_eq!(
-            1 + cobs::max_encoding_length(Packed::MAX + CRC_LENGTH) + 1,
-            MAX_FRAME
-        );
-        assert!(
-            Kind::ALL
-                .iter()
-                .all(|kind| Packed::HEADER + kind.longest() <= Packed::MAX)
-        );
-        assert!(
-            Kind::ALL
-                .iter()
-                .any(|kind| Packed::HEADER + kind.longest() == Packed::MAX)
-        );
+        assert_eq!(Packed::new().room(Packed::MAX + 1).len(), Packed::MAX);
+        let longest = Kind::ALL.iter().map(|kind| kind.longest()).max();
+        assert_eq!(longest, Some(Packed::MAX - Packed::HEADER));
     }
 }

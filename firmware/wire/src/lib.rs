@@ -48,5 +48,5 @@ pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
 pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};
 pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};
-pub use text::{Block, BlockTooLong, Inner, MAX_BLOCK, Text};
+pub use text::{Block, BlockTooLong, Bytes, Inner, MAX_BLOCK, Text};
 pub use unit::Unit;

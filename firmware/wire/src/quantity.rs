@@ -104,22 +104,22 @@ mod tests {
     }
 
     #[test]
-    fn the_si_value_takes_the_sample_rate_where_time_counts_in_samples() {
-        assert_eq!(Force::UNIT.si(-3 << 15, None), Some(-1.5));
-        assert_eq!(Force::UNIT.si(-3 << 15, Some(10)), Some(-1.5));
-        assert_eq!(Impulse::UNIT.si(2 << 16, Some(10)), Some(0.2));
-        assert_eq!(Impulse::UNIT.si(2 << 16, None), None);
-        assert_eq!(Samples::UNIT.si(1 << 16, Some(50_000)), Some(20e-6));
-        assert_eq!(Samples::UNIT.si(1 << 16, None), None);
-    }
-
-    #[test]
-    fn zero_is_a_force_and_no_frequency() {
-        assert_eq!(Force::UNIT.si(0, None), Some(0.0));
-        assert_eq!(Impulse::UNIT.si(0, Some(10)), Some(0.0));
-        assert_eq!(Frequency::UNIT.si(0, None), None);
-        assert_eq!(Frequency::UNIT.si(1 << 16, None), Some(1.0));
-        assert_eq!(Decay::UNIT.si(0, None), None);
-        assert_eq!(Samples::UNIT.si(0, Some(10)), None);
+    fn the_si_value_takes_the_sample_rate_where_time_counts_in_samples_and_0_may_be_unknown() {
+        for (unit, bits, rate, si) in [
+            (Force::UNIT, -3 << 15, None, Some(-1.5)),
+            (Force::UNIT, -3 << 15, Some(10), Some(-1.5)),
+            (Force::UNIT, 0, None, Some(0.0)),
+            (Impulse::UNIT, 2 << 16, Some(10), Some(0.2)),
+            (Impulse::UNIT, 2 << 16, None, None),
+            (Impulse::UNIT, 0, Some(10), Some(0.0)),
+            (Samples::UNIT, 1 << 16, Some(50_000), Some(20e-6)),
+            (Samples::UNIT, 1 << 16, None, None),
+            (Samples::UNIT, 0, Some(10), None),
+            (Frequency::UNIT, 1 << 16, None, Some(1.0)),
+            (Frequency::UNIT, 0, None, None),
+            (Decay::UNIT, 0, None, None),
+        ] {
+            assert_eq!(unit.si(bits, rate), si, "{unit:?}, {bits}, {rate:?}");
+        }
     }
 }

@@ -215,38 +215,3 @@ fn read(payload: &[u8]) -> Result<Heard, Cause> {
         },
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn requests_and_bytes_are_counted_until_the_counts_are_taken() {
-        let (mut decoder, mut buffer) = (RequestDecoder::new(), [0; MAX_REQUEST]);
-        let mut bytes = 0;
-        for number in 0..3_u16 {
-            let request = Request::Raw {
-                duration_ms: number.into(),
-            };
-            let sent = encode_request(7, number, &request, &mut buffer).unwrap();
-            let heard = sent.iter().filter_map(|&byte| decoder.push(byte)).next();
-            let expected = Heard {
-                address: 7,
-                number,
-                request: Ok(request),
-            };
-            assert_eq!(heard, Some(Ok(expected)));
-            bytes += sent.len() as u64;
-        }
-        assert_eq!(
-            (decoder.counters().bytes, decoder.counters().requests),
-            (bytes, 3)
-        );
-        let taken = decoder.take_counters();
-        assert_eq!(
-            (taken.bytes, taken.requests, taken.rejected),
-            (bytes, 3, Rejected::NONE)
-        );
-        assert_eq!(*decoder.counters(), RequestCounters::NONE);
-    }
-}

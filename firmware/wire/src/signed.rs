@@ -60,6 +60,29 @@ impl Key {
         hasher.finish128().as_bytes()
     }
 
+    /// Code of a request with this address and number for the bead `uid`; it carries a request of this kind.
+    fn sign(
+        &self,
+        uid: &[u8; UID],
+        address: u8,
+        number: u16,
+        ticket: Ticket,
+        kind: u8,
+        body: &[u8],
+    ) -> [u8; KEY] {
+        let Ticket { counter, boot, until } = ticket;
+        self.code(&[
+            uid,
+            &[address],
+            &number.to_le_bytes(),
+            &counter.to_le_bytes(),
+            &boot.to_le_bytes(),
+            &until.to_le_bytes(),
+            &[kind],
+            body,
+        ])
+    }
+
     /// A new key as it travels under this one, and back: no listener without this one learns it. Each counter
     /// gives another mask. What is hashed for it is shorter than for any request.
     fn masked(&self, uid: &[u8; UID], counter: u64, new: [u8; KEY]) -> [u8; KEY] {
@@ -77,31 +100,6 @@ pub struct Ticket {
     pub boot: u32,
     /// The last sample index at which it holds.
     pub until: u64,
-}
-
-/// The part of a request that its signature covers before the body.
-struct Head<'a> {
-    uid: &'a [u8; UID],
-    address: u8,
-    number: u16,
-    ticket: Ticket,
-    kind: u8,
-}
-
-impl Head<'_> {
-    fn sign(&self, key: &Key, body: &[u8]) -> [u8; KEY] {
-        let Ticket { counter, boot, until } = self.ticket;
-        key.code(&[
-            self.uid,
-            &[self.address],
-            &self.number.to_le_bytes(),
-            &counter.to_le_bytes(),
-            &boot.to_le_bytes(),
-            &until.to_le_bytes(),
-            &[self.kind],
-            body,
-        ])
-    }
 }
 
 impl Request {
@@ -123,26 +121,22 @@ impl Request {
     /// The request, signed for the bead with this device id. Address and number are those under which it is
     /// sent.
     pub fn signed(&self, key: &Key, uid: &[u8; UID], address: u8, number: u16, ticket: Ticket) -> Self {
+        // There is room for any body.
+        let encoded = |request: &Self| Inner::filled_by(|room| request.encode(room).unwrap_or(0));
         let body = match self {
-            Self::SetKey { key: new } => {
-                let key = key.masked(uid, ticket.counter, *new);
-                Inner::filled(|room| Self::SetKey { key }.encode(room))
-            }
-            other => Inner::filled(|room| other.encode(room)),
+            Self::SetKey { key: new } => encoded(&Self::SetKey {
+                key: key.masked(uid, ticket.counter, *new),
+            }),
+            other => encoded(other),
         };
-        let head = Head {
-            uid,
-            address,
-            number,
-            ticket,
-            kind: self.number(),
-        };
+        let kind = self.number();
+        let Ticket { counter, boot, until } = ticket;
         Self::Signed {
-            counter: ticket.counter,
-            boot: ticket.boot,
-            until: ticket.until,
-            kind: head.kind,
-            code: head.sign(key, body.bytes()),
+            counter,
+            boot,
+            until,
+            kind,
+            code: key.sign(uid, address, number, ticket, kind, body.bytes()),
             body,
         }
     }
@@ -213,14 +207,9 @@ impl Lock {
             };
         };
         let key = self.key.as_ref().ok_or(Outcome::NoKey)?;
-        let head = Head {
-            uid: &self.uid,
-            address,
-            number,
-            ticket: Ticket { counter, boot, until },
-            kind,
-        };
-        if !same(&head.sign(key, body.bytes()), &code) {
+        let ticket = Ticket { counter, boot, until };
+        let expected = key.sign(&self.uid, address, number, ticket, kind, body.bytes());
+        if !same(&expected, &code) {
             return Err(Outcome::Forged);
         }
         if counter <= self.counter || counter - self.counter > AHEAD {
@@ -270,8 +259,12 @@ mod tests {
         Lock::new(BEAD, Some(key(1)), 7)
     }
 
-    fn admitted(lock: &mut Lock, request: Request) -> Result<Request, Outcome> {
-        lock.admit(ANY, 5, request, NOW)
+    fn signed(request: &Request) -> Request {
+        request.signed(&key(1), &BEAD, ANY, 5, TICKET)
+    }
+
+    fn admitted(lock: &mut Lock, request: &Request) -> Result<Request, Outcome> {
+        lock.admit(ANY, 5, request.clone(), NOW)
     }
 
     #[test]
@@ -290,34 +283,28 @@ mod tests {
 
     #[test]
     fn a_bead_with_a_key_does_what_is_signed_and_what_changes_nothing() {
-        let changing = [
-            Request::Arm,
-            Request::Disarm,
-            Request::Reboot,
-            Request::EraseSettings,
-        ];
-        for request in changing {
-            assert_eq!(admitted(&mut lock(), request.clone()), Err(Outcome::Unsigned));
-            let signed = request.signed(&key(1), &BEAD, ANY, 5, TICKET);
-            assert_eq!(admitted(&mut lock(), signed), Ok(request.clone()));
-            let open = &mut Lock::new(BEAD, None, 0);
-            assert_eq!(admitted(open, request.clone()), Ok(request));
-        }
-        for request in [
-            Request::Identity,
-            Request::Status,
-            Request::Raw { duration_ms: 9 },
+        for (request, changes) in [
+            (Request::Arm, true),
+            (Request::Disarm, true),
+            (Request::Reboot, true),
+            (Request::EraseSettings, true),
+            (Request::Identity, false),
+            (Request::Status, false),
+            (Request::Raw { duration_ms: 9 }, false),
         ] {
-            assert_eq!(admitted(&mut lock(), request.clone()), Ok(request.clone()));
-            // Signed too: so a host finds out whether its key is the bead's.
-            let signed = request.signed(&key(1), &BEAD, ANY, 5, TICKET);
-            assert_eq!(admitted(&mut lock(), signed), Ok(request));
+            let open = &mut Lock::new(BEAD, None, 0);
+            let done = Ok(request.clone());
+            let unsigned = if changes {
+                Err(Outcome::Unsigned)
+            } else {
+                done.clone()
+            };
+            assert_eq!(admitted(&mut lock(), &request), unsigned);
+            assert_eq!(admitted(open, &request), done);
+            // Signed too, where nothing changes: a host finds out whether its key is the bead's.
+            assert_eq!(admitted(&mut lock(), &signed(&request)), done);
+            assert_eq!(admitted(open, &signed(&request)), Err(Outcome::NoKey));
         }
-        let signed = Request::Arm.signed(&key(1), &BEAD, ANY, 5, TICKET);
-        assert_eq!(
-            admitted(&mut Lock::new(BEAD, None, 0), signed),
-            Err(Outcome::NoKey)
-        );
     }
 
     #[test]
@@ -325,108 +312,90 @@ mod tests {
         let longest = Request::WriteSettings {
             block: Block::try_from(&[7; MAX_BLOCK][..]).unwrap(),
         };
-        let signed = longest.signed(&key(1), &BEAD, ANY, 5, TICKET);
-        assert_eq!(admitted(&mut lock(), signed.clone()), Ok(longest.clone()));
-        let forged = |request: Request, address, number| {
-            assert_eq!(lock().admit(address, number, request, NOW), Err(Outcome::Forged));
+        let sent = signed(&longest);
+        assert_eq!(admitted(&mut lock(), &sent), Ok(longest.clone()));
+        let forged = |request: &Request, address, number| {
+            let admitted = lock().admit(address, number, request.clone(), NOW);
+            assert_eq!(admitted, Err(Outcome::Forged), "{request:?}");
         };
-        forged(signed.clone(), 0, 5);
-        forged(signed.clone(), ANY, 6);
-        forged(longest.signed(&key(2), &BEAD, ANY, 5, TICKET), ANY, 5);
-        forged(longest.signed(&key(1), b"other beadid", ANY, 5, TICKET), ANY, 5);
-        let Request::Signed {
-            counter,
-            boot,
-            until,
-            kind,
-            body,
-            code,
-        } = signed
-        else {
-            panic!("it is signed");
-        };
-        let with = |counter, boot, until, kind, body: &Inner, code| Request::Signed {
-            counter,
-            boot,
-            until,
-            kind,
-            body: body.clone(),
-            code,
-        };
-        forged(with(counter + 1, boot, until, kind, &body, code), ANY, 5);
-        forged(with(counter, boot + 1, until, kind, &body, code), ANY, 5);
-        forged(with(counter, boot, until + 1, kind, &body, code), ANY, 5);
-        forged(with(counter, boot, until, kind + 1, &body, code), ANY, 5);
-        forged(with(counter, boot, until, kind, &Inner::default(), code), ANY, 5);
-        for bit in (0..128).step_by(if cfg!(miri) { 37 } else { 1 }) {
-            let mut code = code;
-            code[bit / 8] ^= 1 << (bit % 8);
-            forged(with(counter, boot, until, kind, &body, code), ANY, 5);
-            // Nor do two differences make up for each other.
-            code[(bit / 8 + 5) % KEY] ^= 1 << (bit % 8);
-            forged(with(counter, boot, until, kind, &body, code), ANY, 5);
+        forged(&sent, 0, 5);
+        forged(&sent, ANY, 6);
+        forged(&longest.signed(&key(2), &BEAD, ANY, 5, TICKET), ANY, 5);
+        forged(&longest.signed(&key(1), b"other beadid", ANY, 5, TICKET), ANY, 5);
+        let mut bytes = [0; 512];
+        let length = sent.encode(&mut bytes).unwrap();
+        for bit in (0..8 * length).step_by(if cfg!(miri) { 97 } else { 1 }) {
+            let mut changed = bytes;
+            changed[bit / 8] ^= 1 << (bit % 8);
+            if let Ok(changed) = Request::decode(sent.number(), &changed[..length]) {
+                forged(&changed, ANY, 5);
+            }
+            if bit / 8 >= length - KEY {
+                // Two differences in the code do not make up for each other.
+                let other = length - KEY + (bit / 8 + 5) % KEY;
+                changed[other] ^= 1 << (bit % 8);
+                forged(
+                    &Request::decode(sent.number(), &changed[..length]).unwrap(),
+                    ANY,
+                    5,
+                );
+            }
         }
     }
 
     #[test]
     fn a_request_is_done_once_in_its_boot_and_in_its_time() {
         let mut lock = lock();
-        let arm = |ticket| Request::Arm.signed(&key(1), &BEAD, ANY, 5, ticket);
-        assert_eq!(admitted(&mut lock, arm(TICKET)), Ok(Request::Arm));
-        assert_eq!(admitted(&mut lock, arm(TICKET)), Err(Outcome::Replayed));
-        let ticket = |counter, boot, until| Ticket { counter, boot, until };
-        assert_eq!(
-            admitted(&mut lock, arm(ticket(7, 3, 1500))),
-            Err(Outcome::Replayed)
-        );
-        assert_eq!(admitted(&mut lock, arm(ticket(9, 2, 1500))), Err(Outcome::Late));
-        assert_eq!(admitted(&mut lock, arm(ticket(9, 3, 999))), Err(Outcome::Late));
-        let ahead = 8 + AHEAD;
-        assert_eq!(
-            admitted(&mut lock, arm(ticket(ahead + 1, 3, 1500))),
-            Err(Outcome::Replayed)
-        );
-        assert_eq!(lock.counter(), 8, "what is refused counts for nothing");
-        assert_eq!(admitted(&mut lock, arm(ticket(ahead, 3, 1000))), Ok(Request::Arm));
-        assert_eq!(lock.counter(), ahead);
+        for (counter, boot, until, admits, counted) in [
+            (8, 3, 1500, Ok(Request::Arm), 8),
+            (8, 3, 1500, Err(Outcome::Replayed), 8),
+            (7, 3, 1500, Err(Outcome::Replayed), 8),
+            (9, 2, 1500, Err(Outcome::Late), 8),
+            (9, 3, 999, Err(Outcome::Late), 8),
+            (8 + AHEAD + 1, 3, 1500, Err(Outcome::Replayed), 8),
+            (8 + AHEAD, 3, 1000, Ok(Request::Arm), 8 + AHEAD),
+        ] {
+            let ticket = Ticket { counter, boot, until };
+            let arm = Request::Arm.signed(&key(1), &BEAD, ANY, 5, ticket);
+            assert_eq!(admitted(&mut lock, &arm), admits, "{ticket:?}");
+            assert_eq!(lock.counter(), counted);
+        }
     }
 
     #[test]
     fn a_new_key_travels_masked_under_the_old_one() {
-        let new = [0x5A; KEY];
-        let signed = Request::SetKey { key: new }.signed(&key(1), &BEAD, ANY, 5, TICKET);
-        let Request::Signed { body, .. } = &signed else {
+        let request = Request::SetKey { key: [0x5A; KEY] };
+        let first = signed(&request);
+        let Request::Signed { body, .. } = &first else {
             panic!("it is signed");
         };
-        assert_ne!(body.bytes(), new);
-        assert_eq!(
-            admitted(&mut lock(), signed.clone()),
-            Ok(Request::SetKey { key: new })
-        );
-        let other = Ticket { counter: 9, ..TICKET };
-        let again = Request::SetKey { key: new }.signed(&key(1), &BEAD, ANY, 5, other);
-        assert_ne!(again, signed, "another mask");
+        assert_ne!(body.bytes(), [0x5A; KEY]);
+        assert_eq!(admitted(&mut lock(), &first), Ok(request.clone()));
+        let later = Ticket { counter: 9, ..TICKET };
+        let second = request.signed(&key(1), &BEAD, ANY, 5, later);
+        let Request::Signed { body: other, .. } = &second else {
+            panic!("it is signed");
+        };
+        assert_ne!(body, other, "another mask");
         assert_eq!(Key::new([0; KEY]), None);
     }
 
     #[test]
     fn a_signed_request_within_a_signed_one_is_none() {
-        let inner = Request::Arm.signed(&key(1), &BEAD, ANY, 5, TICKET);
-        let outer = inner.signed(&key(1), &BEAD, ANY, 5, TICKET);
-        assert_eq!(admitted(&mut lock(), outer), Err(Outcome::Body));
+        let outer = signed(&signed(&Request::Arm));
+        assert_eq!(admitted(&mut lock(), &outer), Err(Outcome::Body));
     }
 
     #[test]
     fn a_lock_takes_another_key_and_tells_it_to_no_log() {
         let mut lock = lock();
-        assert_eq!((lock.key(), lock.counter()), (Some(&key(1)), 7));
         lock.set(Some(key(2)));
-        let signed = |by| Request::Arm.signed(&key(by), &BEAD, ANY, 5, TICKET);
-        assert_eq!(admitted(&mut lock, signed(1)), Err(Outcome::Forged));
-        assert_eq!(admitted(&mut lock, signed(2)), Ok(Request::Arm));
+        assert_eq!(lock.key(), Some(&key(2)));
+        assert_eq!(admitted(&mut lock, &signed(&Request::Arm)), Err(Outcome::Forged));
+        let by_the_new = Request::Arm.signed(&key(2), &BEAD, ANY, 5, TICKET);
+        assert_eq!(admitted(&mut lock, &by_the_new), Ok(Request::Arm));
         lock.set(None);
-        assert_eq!(lock.key(), None);
-        assert_eq!(admitted(&mut lock, Request::Arm), Ok(Request::Arm));
+        assert_eq!(admitted(&mut lock, &Request::Arm), Ok(Request::Arm));
         assert_eq!(std::format!("{:?}", key(2)), "Key");
     }
 }

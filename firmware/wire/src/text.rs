@@ -65,26 +65,43 @@ impl<const N: usize> Field for Text<N> {
     }
 }
 
+/// Bytes of at most `N`, stored in place.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Bytes<const N: usize>(Vec<u8, N>);
+
 /// Longest settings block that fits a frame, in bytes. The longest block of `bead-model` is just as long.
 pub const MAX_BLOCK: usize = 256;
-
 /// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Block(Vec<u8, MAX_BLOCK>);
+pub type Block = Bytes<MAX_BLOCK>;
+
+/// Longest body of a frame that another one carries, in bytes: that of a settings block.
+const MAX_INNER: usize = counted(MAX_BLOCK);
+/// The body of a frame that another one carries.
+pub type Inner = Bytes<MAX_INNER>;
 
 /// A block has this many bytes, which is more than fits a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
 pub struct BlockTooLong(pub usize);
 
-impl Block {
-    /// Its bytes.
+impl<const N: usize> Bytes<N> {
+    /// The bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.0
     }
+
+    /// Builds it by `write`, which fills a buffer of `N` bytes and returns the length.
+    pub fn filled_by(write: impl FnOnce(&mut [u8]) -> usize) -> Self {
+        let mut bytes = Vec::new();
+        // This cannot fail: there is room for as many.
+        let _ = bytes.resize_default(N);
+        let length = write(&mut bytes);
+        bytes.truncate(length);
+        Self(bytes)
+    }
 }
 
-impl TryFrom<&[u8]> for Block {
+impl<const N: usize> TryFrom<&[u8]> for Bytes<N> {
     type Error = BlockTooLong;
     fn try_from(bytes: &[u8]) -> Result<Self, BlockTooLong> {
         Vec::from_slice(bytes)
@@ -93,84 +110,27 @@ impl TryFrom<&[u8]> for Block {
     }
 }
 
-impl Serialize for Block {
+impl<const N: usize> Serialize for Bytes<N> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_bytes(&self.0)
     }
 }
 
-impl<'de> Deserialize<'de> for Block {
+impl<'de, const N: usize> Deserialize<'de> for Bytes<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Self::try_from(<&[u8]>::deserialize(deserializer)?).map_err(de::Error::custom)
     }
 }
 
-/// Longest body of a frame that another one carries, in bytes: that of a settings block.
-const MAX_INNER: usize = counted(MAX_BLOCK);
-
-/// The body of a frame that another one carries.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Inner(Vec<u8, MAX_INNER>);
-
-impl Inner {
-    /// Its bytes.
-    pub fn bytes(&self) -> &[u8] {
-        &self.0
-    }
-
-    /// Builds a text by `write`, which fills the room of the longest body and returns the length.
-    pub fn filled_by(write: impl FnOnce(&mut [u8]) -> usize) -> Self {
-        Self::filled(|room| Ok::<_, core::convert::Infallible>(write(room)))
-    }
-
-    /// Builds a text by `write`, which returns the length. It is empty if `write` fails.
-    pub(crate) fn filled<E>(write: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Self {
-        let mut bytes = Vec::new();
-        // This cannot fail: there is room for as many.
-        let _ = bytes.resize_default(MAX_INNER);
-        let length = write(&mut bytes).unwrap_or(0);
-        bytes.truncate(length);
-        Self(bytes)
-    }
-}
-
-impl Serialize for Inner {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_bytes(&self.0)
-    }
-}
-
-impl<'de> Deserialize<'de> for Inner {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let bytes = <&[u8]>::deserialize(deserializer)?;
-        Vec::from_slice(bytes)
-            .map(Self)
-            .map_err(|_| de::Error::custom("a body that no request has"))
-    }
-}
-
-impl Field for Inner {
-    const LONGEST: usize = counted(MAX_INNER);
+impl<const N: usize> Field for Bytes<N> {
+    const LONGEST: usize = counted(N);
     const FORM: &'static str = "bytes";
     const KIND: FieldKind = FieldKind::Bytes;
     fn value(&self) -> Value<'_> {
         Value::Bytes(&self.0)
     }
     fn draw(random: &mut dyn FnMut() -> u64) -> Self {
-        let length = random() as usize % (MAX_INNER + 1);
-        Self((0..length).map(|_| random() as u8).collect())
-    }
-}
-
-impl Field for Block {
-    const LONGEST: usize = counted(MAX_BLOCK);
-    const FORM: &'static str = "bytes";
-    const KIND: FieldKind = FieldKind::Bytes;
-    fn value(&self) -> Value<'_> {
-        Value::Bytes(&self.0)
-    }
-    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
-        let length = random() as usize % (MAX_BLOCK + 1);
+        let length = random() as usize % (N + 1);
         Self((0..length).map(|_| random() as u8).collect())
     }
 }
@@ -179,56 +139,17 @@ impl Field for Block {
 mod tests {
     use super::*;
 
-    /// Draws a field from these bits and those that follow them.
-    fn drawn<F: Field>(first: usize, next: impl Fn(u64) -> u64) -> F {
-        let mut taken = 0;
-        F::draw(&mut || {
-            taken += 1;
-            if taken == 1 { first as u64 } else { next(taken - 2) }
-        })
-    }
-
-    #[test]
-    fn texts_and_bytes_of_every_length_are_drawn() {
-        for length in 0..=8 {
-            assert_eq!(drawn::<Text<8>>(length, |_| 0).as_str(), &"xxxxxxxx"[..length]);
-        }
-        assert_eq!(drawn::<Text<8>>(9, |_| 0).as_str(), "");
-        assert_eq!(drawn::<Text<8>>(3, |n| n).as_str(), "x\u{e9}\u{2026}");
-        for length in [0, 1, 7, MAX_BLOCK] {
-            assert!(
-                drawn::<Block>(length, |n| n)
-                    .bytes()
-                    .iter()
-                    .copied()
-                    .eq((0..length).map(|n| n as u8))
-            );
-        }
-        for length in [0, 1, 7, MAX_INNER] {
-            assert!(
-                drawn::<Inner>(length, |n| n)
-                    .bytes()
-                    .iter()
-                    .copied()
-                    .eq((0..length).map(|n| n as u8))
-            );
-        }
-        assert_eq!(drawn::<Block>(MAX_BLOCK + 1, |n| n).bytes(), []);
-        assert_eq!(drawn::<Inner>(MAX_INNER + 1, |n| n).bytes(), []);
-    }
-
     #[test]
     fn a_text_that_comes_in_pieces_is_cut_where_it_is_full() {
-        // What is known when this is compiled would come as one piece.
-        let [first, second] = core::hint::black_box(["abcdef", "ghijk"]);
-        let text = Text::<8>::new(format_args!("{first}{second}"));
-        assert_eq!(text.as_str(), "abcdefgh");
-        assert_eq!(std::format!("{text}"), "abcdefgh");
-        // Two bytes do not fit behind seven.
-        let [first, second] = core::hint::black_box(["abcdefg", "\u{e9}"]);
-        assert_eq!(
-            Text::<8>::new(format_args!("{first}{second}")).as_str(),
-            "abcdefg"
-        );
+        for (pieces, text) in [
+            (["abcdef", "ghijk"], "abcdefgh"),
+            // Two bytes do not fit behind seven.
+            (["abcdefg", "\u{e9}"], "abcdefg"),
+        ] {
+            // Text that is known to the compiler would come as one piece.
+            let [first, second] = core::hint::black_box(pieces);
+            let cut = Text::<8>::new(format_args!("{first}{second}"));
+            assert_eq!(std::format!("{cut}"), text);
+        }
     }
 }

@@ -2,32 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use crate::common::{STEP, block, decode, filler, message, most};
+use crate::common::{STEP, decode, filler, message};
 use bead_wire::{
-    Block, BlockTooLong, BufferTooSmall, Cause, CodeError, Codes, Decoder, FaultCause, Fetched, FieldKind,
-    Fields, Frame, Header, Inner, MAX_BLOCK, MAX_DETAIL, MAX_FRAME, Message, Outcome, Settings, StrikeFlags,
-    Text, VERSION, Value, encode,
+    BufferTooSmall, Cause, Decoder, FaultCause, Fetched, FieldKind, Fields, Fraction, Frame, GainMatch,
+    Header, Inner, MAX_BLOCK, MAX_DETAIL, MAX_FRAME, Message, Outcome, StrikeFlags, Text, VERSION, Value,
+    encode,
 };
-use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
 
-const HEADER: Header = Header {
-    address: 0,
-    boot: 0,
-    sequence: 0,
-    sample_index: 0,
-};
-
-/// A frame built by hand from the layout in `docs/protocol.md`.
-fn by_hand(version: u8, kind: u8, sequence: u32, body: &[u8]) -> Vec<u8> {
-    let mut payload = vec![version, kind, 0];
-    payload.extend(sequence.to_le_bytes());
-    payload.extend([0; 8 + 1]);
-    payload.extend(body);
-    payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
-    let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
-    let length = cobs::encode(&payload, &mut stream);
-    [&stream[..length], &[0]].concat()
+fn by_hand(version: u8, kind: u8, sequence: u8, body: &[u8]) -> Vec<u8> {
+    // Boot, sequence, sample index and address stand behind the kind.
+    let mut header = [0; 16];
+    [header[0], header[1], header[3]] = [version, kind, sequence];
+    crate::common::by_hand(&header, body)
 }
 
 fn cause(stream: &[u8]) -> Option<Cause> {
@@ -54,22 +41,13 @@ proptest! {
     }
 
     #[test]
-    fn a_frame_has_a_delimiter_at_each_end_and_none_within(message in message()) {
-        let mut buffer = [0; MAX_FRAME];
-        let sent = encode(&HEADER, &message, &mut buffer).unwrap();
-        let delimiters: Vec<_> = (0..sent.len()).filter(|&at| sent[at] == 0).collect();
-        prop_assert_eq!(delimiters, [0, sent.len() - 1]);
-    }
-
-    #[test]
     fn a_buffer_too_small_by_any_number_of_bytes_is_refused(message in message()) {
+        let header = Header { address: 0, boot: 0, sequence: 0, sample_index: 0 };
         let mut buffer = [0; MAX_FRAME];
-        let needed = encode(&HEADER, &message, &mut buffer).unwrap().len();
+        let needed = encode(&header, &message, &mut buffer).unwrap().len();
         for room in (0..needed).step_by(STEP) {
-            prop_assert_eq!(
-                encode(&HEADER, &message, &mut buffer[..room]),
-                Err(BufferTooSmall(room))
-            );
+            let refused = encode(&header, &message, &mut buffer[..room]);
+            prop_assert_eq!(refused, Err(BufferTooSmall(room)));
         }
     }
 
@@ -81,13 +59,6 @@ proptest! {
         // A character has at most four bytes, so the cut costs at most three more than it has to.
         prop_assert!(text.starts_with(cut.as_str()) && cut.as_str().len() <= MAX_DETAIL);
         prop_assert!(cut.as_str().len() + 3 >= MAX_DETAIL.min(text.len()));
-    }
-
-    #[test]
-    fn codes_come_back_as_they_were_packed(scans in prop::collection::vec([0..4096u16, 0..4096u16], 0..most(100))) {
-        let codes = Codes::<300>::pack(scans.iter().copied()).unwrap();
-        prop_assert_eq!(codes.len(), scans.len());
-        prop_assert!(codes.iter().eq(scans));
     }
 }
 
@@ -117,90 +88,53 @@ fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
 }
 
 #[test]
-fn blocks_too_long_are_refused() {
-    assert_eq!(
-        Block::try_from(&[1; MAX_BLOCK + 1][..]),
-        Err(BlockTooLong(MAX_BLOCK + 1))
-    );
-    // The decoder refuses them too: here the length says 257, and 257 bytes follow.
-    let body = [&[0x81, 0x02][..], &[1; MAX_BLOCK + 1]].concat();
-    assert_eq!(cause(&by_hand(VERSION, 6, 0, &body)), Some(Cause::Body));
-    let longer = [&[0x90, 0x02][..], &[1; MAX_BLOCK + 16]].concat();
-    assert_eq!(cause(&by_hand(VERSION, 6, 0, &longer)), Some(Cause::TooLong));
-    let detail = [&[0x07, 0x00, 97][..], &[b'x'; 97]].concat();
-    assert_eq!(cause(&by_hand(VERSION, 16, 0, &detail)), Some(Cause::Body));
-}
-
-#[test]
-fn codes_beyond_twelve_bits_and_partial_scans_are_refused() {
-    assert_eq!(Codes::<3>::pack([[0, 4096]]), Err(CodeError::TooHigh(4096)));
-    assert_eq!(Codes::<3>::pack([[0, 1]; 2]), Err(CodeError::TooMany(3)));
-    assert_eq!(Codes::<3>::from_bytes(&[0; 6]), Err(CodeError::TooMany(3)));
-    assert_eq!(Codes::<6>::from_bytes(&[0; 4]), Err(CodeError::PartialScan(4)));
-}
-
-#[test]
-fn the_layout_is_the_documented_one() {
-    let by_hand = by_hand(VERSION, 6, 77, b"\x02ab");
-    let mut buffer = [0; MAX_FRAME];
-    let message = Message::Settings(Settings { block: block(b"ab") });
-    let sent = encode(
-        &Header {
-            sequence: 77,
-            ..HEADER
-        },
-        &message,
-        &mut buffer,
-    )
-    .unwrap();
-    assert_eq!(sent[1..], by_hand);
-}
-
-#[test]
 fn each_kind_of_damage_is_refused_by_its_name() {
-    let good = by_hand(VERSION, 6, 0, b"\x02ab");
-    assert_eq!(cause(&good), None);
-    assert_eq!(
-        cause(&by_hand(VERSION + 1, 6, 0, b"\x02ab")),
-        Some(Cause::Version(VERSION + 1))
-    );
-    assert_eq!(cause(&by_hand(VERSION, 0, 0, b"")), Some(Cause::Kind(0)));
-    assert_eq!(cause(&by_hand(VERSION, 63, 0, b"")), Some(Cause::Kind(63)));
-    assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x03ab")), Some(Cause::Body));
-    assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x02abc")), Some(Cause::Trailing));
-    // First a waveform of four bytes, which is one scan and a third. Then one of a whole scan.
-    assert_eq!(
-        cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x04abcd\x00\x00\x00")),
-        Some(Cause::Body)
-    );
-    assert_eq!(
-        cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x03abc\x00\x00\x00")),
-        None
-    );
+    let block = |length: usize| {
+        let [low, high] = [length as u8 | 0x80, (length >> 7) as u8];
+        [&[low, high][..], &vec![1; length]].concat()
+    };
+    let detail = [&[0x07, 0x00, 97][..], &[b'x'; 97]].concat();
+    for (version, kind, body, expected) in [
+        (VERSION, 6, &b"\x02ab"[..], None),
+        (VERSION + 3, 6, b"\x02ab", Some(Cause::Version(VERSION + 3))),
+        (VERSION, 0, b"", Some(Cause::Kind(0))),
+        (VERSION, 63, b"", Some(Cause::Kind(63))),
+        (VERSION, 6, b"\x03ab", Some(Cause::Body)),
+        (VERSION, 6, b"\x02abc", Some(Cause::Trailing)),
+        (VERSION, 6, &block(MAX_BLOCK), None),
+        (VERSION, 6, &block(MAX_BLOCK + 1), Some(Cause::Body)),
+        (VERSION, 6, &block(MAX_BLOCK + 16), Some(Cause::TooLong)),
+        (VERSION, 16, &detail, Some(Cause::Body)),
+        // A number without a name is of a later version.
+        (VERSION, 16, b"\x07\xfe\x00", None),
+        (VERSION, 19, b"\x63\x01\x00", None),
+        // A waveform of four bytes, which is one scan and a third, and one of a whole scan.
+        (VERSION, 4, b"\x00\x00\x04abcd\x00\x00\x00", Some(Cause::Body)),
+        (VERSION, 4, b"\x00\x00\x03abc\x00\x00\x00", None),
+    ] {
+        assert_eq!(
+            cause(&by_hand(version, kind, 0, body)),
+            expected,
+            "{kind} {body:?}"
+        );
+    }
     assert_eq!(cause(b"\x09abc\x00"), Some(Cause::Cobs));
     assert_eq!(cause(b"\x04abc\x00"), Some(Cause::TooShort));
-    let flipped: Vec<_> = good
-        .iter()
-        .map(|&byte| if byte == b'a' { b'q' } else { byte })
-        .collect();
+    let mut flipped = by_hand(VERSION, 6, 0, b"\x02ab");
+    let last = flipped.len() - 2;
+    flipped[last] ^= 1;
     assert_eq!(cause(&flipped), Some(Cause::Crc));
     assert_eq!(cause(&[&[1; MAX_FRAME][..], &[0]].concat()), Some(Cause::TooLong));
 }
 
 #[test]
 fn a_frame_whose_crc_is_right_is_not_lost_though_its_kind_is_unknown() {
-    let stream = [
-        filler(0, 0),
-        by_hand(VERSION, 99, 1, b"from tomorrow"),
-        filler(0, 2),
-    ]
-    .concat();
+    let unknown = by_hand(VERSION, 99, 1, b"from tomorrow");
     let mut decoder = Decoder::new();
+    let stream = [filler(0, 0), unknown, filler(0, 2)].concat();
     assert_eq!(decode(&mut decoder, &stream).0, [0, 2]);
-    assert_eq!(
-        (decoder.counters().lost, decoder.counters().rejected.kind),
-        (0, 1)
-    );
+    let counters = decoder.counters();
+    assert_eq!((counters.lost, counters.rejected.kind), (0, 1));
 }
 
 fn frames(stream: &[u8]) -> Vec<Frame> {
@@ -221,21 +155,13 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
     ]
     .concat();
     let heard = frames(&stream);
-    assert_eq!(heard.len(), 2);
     assert!(heard.iter().all(|frame| frame.version == later));
-    match &heard[0].message {
-        Message::Identity(identity) => {
-            assert_eq!(
-                (identity.firmware.as_str(), identity.boot, identity.sample_rate_hz),
-                ("1", 5, 100_000)
-            );
-        }
-        other => panic!("{other:?}"),
-    }
-    match &heard[1].message {
-        Message::Reply(reply) => assert_eq!((reply.request, reply.outcome), (7, Outcome::Version)),
-        other => panic!("{other:?}"),
-    }
+    let [Message::Identity(who), Message::Reply(answer)] = [&heard[0].message, &heard[1].message] else {
+        panic!("{heard:?}")
+    };
+    assert_eq!((who.firmware.as_str(), who.boot), ("1", 5));
+    assert_eq!(who.sample_rate_hz, 100_000);
+    assert_eq!((answer.request, answer.outcome), (7, Outcome::Version));
     let mut decoder = Decoder::new();
     let (_, rejects) = decode(&mut decoder, &stream);
     assert_eq!(rejects[0].cause, Cause::Version(later));
@@ -245,8 +171,10 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
     );
     // No frame of version 0 exists; those of 2 and 3 were sent before the first release.
     for refused in [0, 2, 3] {
-        let stream = by_hand(refused, 1, 0, identity);
-        assert_eq!(cause(&stream), Some(Cause::Version(refused)));
+        assert_eq!(
+            cause(&by_hand(refused, 1, 0, identity)),
+            Some(Cause::Version(refused))
+        );
     }
     assert_eq!(
         Cause::Version(3).to_string(),
@@ -257,19 +185,15 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
 #[test]
 fn an_unknown_number_keeps_its_frame_and_has_no_name() {
     let heard = frames(&by_hand(VERSION, 5, 0, b"\xc8\x02\x00\x05hello"));
-    match &heard[0].message {
-        Message::Fault(fault) => {
-            assert_eq!(
-                (fault.cause, fault.cause.name()),
-                (FaultCause::Unknown(200), None)
-            );
-            assert_eq!((fault.boot, fault.detail.as_str()), (2, "hello"));
-            assert_eq!(fault.cause.to_string(), "number 200");
-        }
-        other => panic!("{other:?}"),
-    }
-    assert_eq!(cause(&by_hand(VERSION, 16, 0, b"\x07\xfe\x00")), None);
-    assert_eq!(cause(&by_hand(VERSION, 19, 0, b"\x63\x01\x00")), None);
+    let Message::Fault(fault) = &heard[0].message else {
+        panic!("{heard:?}")
+    };
+    assert_eq!(
+        (fault.cause, fault.cause.name()),
+        (FaultCause::Unknown(200), None)
+    );
+    assert_eq!((fault.boot, fault.detail.as_str()), (2, "hello"));
+    assert_eq!(fault.cause.to_string(), "number 200");
 }
 
 #[test]
@@ -286,16 +210,16 @@ fn names_and_numbers_belong_together() {
 
 #[test]
 fn a_body_shows_its_fields_in_order_with_value_and_unit() {
-    let gains = bead_wire::GainMatch {
-        deviation: bead_wire::Fraction::from_bits(-1 << 15),
-        uncertainty: bead_wire::Fraction::from_bits(1),
+    let gains = GainMatch {
+        deviation: Fraction::from_bits(-1 << 15),
+        uncertainty: Fraction::from_bits(1),
     };
     let mut seen = Vec::new();
-    gains.each(&mut |field, value| match (field.kind, value) {
-        (FieldKind::Quantity(unit), Value::Integer(bits)) => {
-            seen.push((field.name, bits, unit.si(bits as i64, None)));
-        }
-        _ => panic!("{} is a quantity", field.name),
+    gains.each(&mut |field, value| {
+        let (FieldKind::Quantity(unit), Value::Integer(bits)) = (field.kind, value) else {
+            panic!("{} is a quantity", field.name)
+        };
+        seen.push((field.name, bits, unit.si(bits as i64, None)));
     });
     assert_eq!(seen[0], ("deviation", -1 << 15, Some(-0.5)));
     assert_eq!((seen[1].0, seen[1].1), ("uncertainty", 1));

@@ -4,15 +4,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use std::{env, fs};
+use std::fs;
 
-use crate::common::block;
+use crate::common::{block, held, hex};
 use bead_wire::{
     FieldDoc, FieldKind, Header, Kind, MAX_FRAME, MAX_REQUEST, Message, Named, Request, Settings, Unit,
     VERSION, encode,
 };
 
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/protocol.md");
+const PAGE: &str = "../../docs/protocol.md";
 const BEGIN: &str = "<!-- generated: ";
 const END: &str = "<!-- end -->\n";
 
@@ -37,28 +37,18 @@ fn plain(doc: &str) -> String {
 
 /// Paragraphs in lines of at most 110 columns.
 fn wrapped(text: &str) -> String {
-    let mut lines = String::new();
-    let mut column = 0;
-    for paragraph in text.split("\n\n") {
+    let paragraph = |paragraph: &str| {
+        let (mut lines, mut line) = (String::new(), String::new());
         for word in paragraph.split(' ') {
-            let length = word.chars().count();
-            let room = column + 1 + length <= 110;
-            lines += if column == 0 {
-                ""
-            } else {
-                [" ", "\n"][usize::from(!room)]
-            };
-            lines += word;
-            column = if column > 0 && room {
-                column + 1 + length
-            } else {
-                length
-            };
+            if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > 110 {
+                lines += &(std::mem::take(&mut line) + "\n");
+            }
+            line += if line.is_empty() { "" } else { " " };
+            line += word;
         }
-        lines += "\n\n";
-        column = 0;
-    }
-    lines
+        lines + &line + "\n\n"
+    };
+    text.split("\n\n").map(paragraph).collect()
 }
 
 fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
@@ -197,11 +187,6 @@ fn limits() -> String {
     ))
 }
 
-fn hex(bytes: &[u8]) -> String {
-    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    bytes.join(" ")
-}
-
 fn example() -> String {
     let header = Header {
         address: 7,
@@ -234,14 +219,14 @@ fn example() -> String {
     ];
     assert_eq!(length, 28);
     let row = |(bytes, meaning): (std::ops::Range<usize>, String)| {
-        vec![format!("`{}`", hex(&payload[bytes])), meaning]
+        vec![format!("`{}`", hex(&payload[bytes], " ")), meaning]
     };
-    format!("    {}\n\n", hex(sent)) + &table(&["before COBS", "meaning"], meanings.map(row))
+    format!("    {}\n\n", hex(sent, " ")) + &table(&["before COBS", "meaning"], meanings.map(row))
 }
 
 #[test]
 fn the_page_of_the_protocol_says_what_the_crate_does() {
-    let page = fs::read_to_string(PAGE).unwrap();
+    let page = fs::read_to_string(format!("{}/{PAGE}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let parts = [
         ("limits", limits()),
         ("kinds", kinds()),
@@ -264,17 +249,5 @@ fn the_page_of_the_protocol_says_what_the_crate_does() {
         parts.each_ref().map(|(name, _)| *name),
         "each part has its place"
     );
-    if env::var_os("PAGES").is_some_and(|value| value == "overwrite") {
-        fs::write(PAGE, today).unwrap();
-        return;
-    }
-    for (line, (old, new)) in page.lines().zip(today.lines()).enumerate() {
-        assert_eq!(
-            old,
-            new,
-            "docs/protocol.md is stale at line {}: `PAGES=overwrite cargo test -p bead-wire page` writes it",
-            line + 1
-        );
-    }
-    assert_eq!(page.len(), today.len(), "docs/protocol.md is stale at its end");
+    held(PAGE, &today, "PAGES");
 }

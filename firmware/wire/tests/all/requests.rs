@@ -3,12 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use crate::common::{STEP, block, most, request};
+use crate::common::{STEP, most, request};
 use bead_wire::{
-    BufferTooSmall, Cause, Heard, KEY, Key, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request,
-    RequestCounters, RequestDecoder, Ticket, VERSION, encode_request,
+    Cause, Heard, Inner, KEY, MAX_REQUEST, Rejected, Request, RequestCounters, RequestDecoder, VERSION,
+    encode_request,
 };
-use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -20,16 +19,8 @@ fn bytes(number: u16, request: &Request) -> Vec<u8> {
         .to_vec()
 }
 
-/// A request built by hand from the layout in `docs/protocol.md`.
-fn by_hand(version: u8, kind: u8, number: u16, body: &[u8]) -> Vec<u8> {
-    let mut payload = vec![version, kind];
-    payload.extend(number.to_le_bytes());
-    payload.push(ADDRESS);
-    payload.extend(body);
-    payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
-    let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
-    let length = cobs::encode(&payload, &mut stream);
-    [&[0], &stream[..length], &[0]].concat()
+fn by_hand(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
+    crate::common::by_hand(&[version, kind, 7, 0, ADDRESS], body)
 }
 
 fn decode(decoder: &mut RequestDecoder, stream: &[u8]) -> Vec<Result<Heard, Cause>> {
@@ -113,41 +104,32 @@ proptest! {
 
 #[test]
 fn each_way_of_being_no_request_is_refused_by_its_name() {
-    let refused = |cause| {
-        Ok(Heard {
+    // If the CRC is right, somebody waits for a reply. Number and address are known, whatever the version.
+    for (version, kind, body, cause) in [
+        (VERSION + 1, 64, &b""[..], Cause::Version(VERSION + 1)),
+        (0xFF, 200, b"of tomorrow", Cause::Version(0xFF)),
+        (0, 64, b"", Cause::Version(0)),
+        (VERSION, 63, b"", Cause::Kind(63)),
+        (VERSION, 99, b"", Cause::Kind(99)),
+        // A bead's kinds are no requests, as on a line whose two wires touch.
+        (VERSION, 1, b"", Cause::Kind(1)),
+        (VERSION, 16, b"", Cause::Kind(16)),
+        (VERSION, 69, b"\0", Cause::Trailing),
+        (VERSION, 72, b"", Cause::Body),
+        (VERSION, 72, b"\x64\0", Cause::Trailing),
+        // A block of two bytes, once with one byte missing and once with one too many.
+        (VERSION, 67, b"\x02\x01", Cause::Body),
+        (VERSION, 67, b"\x02\x01\x02\x03", Cause::Trailing),
+    ] {
+        let refused = Heard {
             address: ADDRESS,
             number: 7,
             request: Err(cause),
-        })
-    };
-    // If the CRC is right, somebody waits for a reply. Number and address are known, whatever the version.
-    assert_eq!(
-        only(&by_hand(VERSION + 1, 64, 7, &[])),
-        refused(Cause::Version(VERSION + 1))
-    );
-    assert_eq!(
-        only(&by_hand(0xFF, 200, 7, b"of tomorrow")),
-        refused(Cause::Version(0xFF))
-    );
-    assert_eq!(only(&by_hand(VERSION, 63, 7, &[])), refused(Cause::Kind(63)));
-    assert_eq!(only(&by_hand(VERSION, 99, 7, &[])), refused(Cause::Kind(99)));
-    // A bead's kind is no request.
-    assert_eq!(only(&by_hand(VERSION, 1, 7, &[])), refused(Cause::Kind(1)));
-    assert_eq!(only(&by_hand(VERSION, 69, 7, &[0])), refused(Cause::Trailing));
-    assert_eq!(only(&by_hand(VERSION, 72, 7, &[])), refused(Cause::Body));
-    assert_eq!(
-        only(&by_hand(VERSION, 72, 7, &[0x64, 0])),
-        refused(Cause::Trailing)
-    );
-    // A block of two bytes, once with one byte missing and once with one too many.
-    assert_eq!(only(&by_hand(VERSION, 67, 7, &[2, 1])), refused(Cause::Body));
-    assert_eq!(
-        only(&by_hand(VERSION, 67, 7, &[2, 1, 2, 3])),
-        refused(Cause::Trailing)
-    );
-    assert_eq!(only(&by_hand(0, 64, 7, &[])), refused(Cause::Version(0)));
+        };
+        assert_eq!(only(&by_hand(version, kind, body)), Ok(refused));
+    }
     // If the CRC is wrong, no byte can be believed.
-    let mut wrong = by_hand(VERSION, 72, 7, &[0x64]);
+    let mut wrong = by_hand(VERSION, 72, &[0x64]);
     let last = wrong.len() - 2;
     wrong[last] ^= 1;
     assert_eq!(only(&wrong), Err(Cause::Crc));
@@ -155,7 +137,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
     assert_eq!(only(&[9, 1, 2, 0]), Err(Cause::Cobs));
     assert_eq!(only(&[&[1; MAX_REQUEST][..], &[0]].concat()), Err(Cause::TooLong));
     let mut decoder = RequestDecoder::new();
-    decode(&mut decoder, &[by_hand(VERSION, 99, 7, &[]), wrong].concat());
+    decode(&mut decoder, &[by_hand(VERSION, 99, &[]), wrong].concat());
     let one_each = Rejected {
         kind: 1,
         crc: 1,
@@ -169,59 +151,17 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
 #[test]
 fn no_request_is_longer_than_max_request_and_one_is_as_long() {
     assert_eq!(MAX_REQUEST, 315, "docs/protocol.md says so");
-    let block = Request::WriteSettings {
-        block: block(&[0xFF; MAX_BLOCK]),
-    };
-    let ticket = Ticket {
+    // Bytes without a zero are the worst case of COBS.
+    let longest = Request::Signed {
         counter: u64::MAX,
         boot: u32::MAX,
         until: u64::MAX,
-    };
-    let key = Key::new([1; KEY]).unwrap();
-    let Request::Signed {
-        counter,
-        boot,
-        until,
-        kind,
-        body,
-        ..
-    } = block.signed(&key, &[0; 12], ADDRESS, 0xFFFF, ticket)
-    else {
-        panic!("it is signed");
-    };
-    let longest = Request::Signed {
-        counter,
-        boot,
-        until,
-        kind,
-        body,
+        kind: 67,
+        body: Inner::filled_by(|room| {
+            room.fill(0xFF);
+            room.len()
+        }),
         code: [0xFF; KEY],
     };
-    // Bytes without a zero are the worst case of COBS.
     assert_eq!(bytes(0xFFFF, &longest).len(), MAX_REQUEST);
-    for room in (0..MAX_REQUEST).step_by(STEP) {
-        assert_eq!(
-            encode_request(ADDRESS, 0xFFFF, &longest, &mut [0; MAX_REQUEST][..room]),
-            Err(BufferTooSmall(room))
-        );
-    }
-}
-
-#[test]
-fn a_frame_of_the_bead_that_comes_back_is_no_request() {
-    // This happens on a line whose two wires touch.
-    let reply = Reply {
-        request: 7,
-        outcome: bead_wire::Outcome::Done,
-        detail: "".into(),
-    };
-    let header = bead_wire::Header {
-        address: 0,
-        boot: 0,
-        sequence: 5,
-        sample_index: 1,
-    };
-    let mut buffer = [0; bead_wire::MAX_FRAME];
-    let sent = bead_wire::encode(&header, &reply.into(), &mut buffer).unwrap();
-    assert_eq!(only(sent).unwrap().request, Err(Cause::Kind(16)));
 }

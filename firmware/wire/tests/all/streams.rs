@@ -4,7 +4,7 @@
 
 use std::collections::HashSet;
 
-use crate::common::{STEP, bytes, bytes_of, decode, filler, message, most, unopening};
+use crate::common::{STEP, block, bytes, bytes_of, decode, filler, message, most, unopening};
 use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, REORDER, ResetCauses};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -64,28 +64,10 @@ proptest! {
 }
 
 proptest! {
-    #[test]
-    fn dropped_frames_are_counted_exactly(first: u32, kept in vec(any::<bool>(), 1..most(300))) {
-        let mut decoder = Decoder::new();
-        let sequence = |n: usize| first.wrapping_add(n as u32);
-        for n in (0..kept.len()).filter(|&n| kept[n]) {
-            decode(&mut decoder, &filler(0, sequence(n)));
-        }
-        // Frames before the first one received and after the last one are unknown.
-        let heard = kept.iter().position(|&kept| kept);
-        let last = kept.iter().rposition(|&kept| kept);
-        let between = heard.zip(last).map_or(&[][..], |(first, last)| &kept[first..=last]);
-        let lost = between.iter().filter(|&&kept| !kept).count();
-        let counters = decoder.counters();
-        prop_assert_eq!(counters.first_sequence, heard.map(sequence));
-        prop_assert_eq!(counters.lost, lost as u64);
-        prop_assert_eq!(counters.restarts, 0);
-    }
-
     /// Several boots, each with frames dropped anywhere. The first frames of a boot may be dropped, or all of
     /// them.
     #[test]
-    fn dropped_frames_are_counted_exactly_over_restarts(boots in vec(vec(any::<bool>(), 1..most(100)), 1..6)) {
+    fn dropped_frames_are_counted_exactly(boots in vec(vec(any::<bool>(), 1..most(100)), 1..6)) {
         let mut decoder = Decoder::new();
         let (mut lost, mut heard) = (0, 0);
         for (number, kept) in boots.iter().enumerate() {
@@ -196,97 +178,69 @@ proptest! {
 }
 
 #[test]
-fn the_wrap_of_the_sequence_is_no_restart() {
-    let stream: Vec<_> = [u32::MAX - 1, u32::MAX, 1]
-        .map(|sequence| filler(0, sequence))
-        .concat();
-    assert_eq!(
-        arrivals(&stream),
-        [
-            Arrival::First,
-            Arrival::Next { lost: 0 },
-            Arrival::Next { lost: 1 }
-        ]
-    );
-}
-
-#[test]
-fn an_identity_numbered_zero_begins_a_run_though_the_boot_is_the_same() {
-    // After a power cycle boots are counted from 0 again.
-    let stream = [boot(0, 10), boot(0, 3)].concat().concat();
-    let mut decoder = Decoder::new();
-    decode(&mut decoder, &stream);
-    assert_eq!((decoder.counters().restarts, decoder.counters().lost), (1, 0));
-    assert_eq!(arrivals(&stream)[10], Arrival::Restart { lost: 0 });
-}
-
-#[test]
-fn an_identity_numbered_zero_received_twice_in_a_row_is_a_duplicate() {
-    let stream = [opening(0), opening(0), filler(0, 1)].concat();
-    assert_eq!(
-        arrivals(&stream),
-        [Arrival::First, Arrival::Duplicate, Arrival::Next { lost: 0 }]
-    );
-}
-
-#[test]
-fn a_step_far_back_is_a_restart_though_its_identity_was_lost() {
-    let near = [filler(0, 500), filler(0, 500 - REORDER)].concat();
-    assert_eq!(arrivals(&near), [Arrival::First, Arrival::Duplicate]);
-    let far = [filler(0, 500), filler(0, 500 - REORDER - 1)].concat();
-    assert_eq!(
-        arrivals(&far),
-        [
-            Arrival::First,
-            Arrival::Restart {
-                lost: 500 - REORDER - 1
-            }
-        ]
-    );
-}
-
-#[test]
-fn a_frame_late_by_the_most_allowed_fills_its_gap() {
-    let stream = [filler(0, 0), filler(0, 1 + REORDER), filler(0, 1), filler(0, 1)].concat();
-    let expected = [
-        Arrival::First,
-        Arrival::Next { lost: REORDER },
-        Arrival::Late,
-        Arrival::Duplicate,
+fn each_frame_follows_the_earlier_ones_as_its_boot_and_number_say() {
+    const FAR: u32 = 500 - REORDER - 1;
+    use Arrival::{Duplicate, First, Late, Next, Restart};
+    // The frames of a stream, as boot and number; 0 stands for an opening.
+    let rows: [(&str, &[(u8, u32)], &[Arrival]); 7] = [
+        (
+            "the wrap of the sequence is no restart",
+            &[(0, u32::MAX - 1), (0, u32::MAX), (0, 1)],
+            &[First, Next { lost: 0 }, Next { lost: 1 }],
+        ),
+        (
+            "a power cycle counts boots from 0 again",
+            &[(0, 0), (0, 1), (0, 0), (0, 1)],
+            &[First, Next { lost: 0 }, Restart { lost: 0 }, Next { lost: 0 }],
+        ),
+        (
+            "an opening received twice in a row is a duplicate",
+            &[(0, 0), (0, 0), (0, 1)],
+            &[First, Duplicate, Next { lost: 0 }],
+        ),
+        (
+            "a step back as far as frames are reordered is none",
+            &[(0, 500), (0, 500 - REORDER)],
+            &[First, Duplicate],
+        ),
+        (
+            "a step further back is a restart though its opening was lost",
+            &[(0, 500), (0, FAR)],
+            &[First, Restart { lost: FAR }],
+        ),
+        (
+            "a frame late by the most allowed fills its gap",
+            &[(0, 0), (0, 1 + REORDER), (0, 1), (0, 1)],
+            &[First, Next { lost: REORDER }, Late, Duplicate],
+        ),
+        (
+            "a frame late after a restart fills its gap",
+            &[(0, 9), (1, 3), (1, 2), (1, 3)],
+            &[First, Restart { lost: 3 }, Late, Duplicate],
+        ),
     ];
-    assert_eq!(arrivals(&stream), expected);
-}
-
-#[test]
-fn a_frame_late_after_a_restart_fills_its_gap() {
-    let stream = [filler(0, 9), filler(1, 3), filler(1, 2), filler(1, 3)].concat();
-    let expected = [
-        Arrival::First,
-        Arrival::Restart { lost: 3 },
-        Arrival::Late,
-        Arrival::Duplicate,
-    ];
-    assert_eq!(arrivals(&stream), expected);
-}
-
-#[test]
-fn joining_late_says_that_the_loss_before_is_unknown() {
-    let mut decoder = Decoder::new();
-    decode(&mut decoder, &filler(0, 41));
-    assert_eq!(
-        (decoder.counters().first_sequence, decoder.counters().lost),
-        (Some(41), 0)
-    );
-    assert!(!decoder.counters().from_start());
+    for (what, frames, expected) in rows {
+        let frame = |&(boot, number): &(u8, u32)| match number {
+            0 => opening(boot),
+            _ => filler(boot, number),
+        };
+        let stream: Vec<_> = frames.iter().flat_map(frame).collect();
+        assert_eq!(arrivals(&stream), expected, "{what}");
+        let mut decoder = Decoder::new();
+        decode(&mut decoder, &stream);
+        assert_eq!(decoder.counters().first_sequence, Some(frames[0].1), "{what}");
+        assert_eq!(decoder.counters().from_start(), frames[0].1 == 0, "{what}");
+        let restarts = expected
+            .iter()
+            .filter(|arrival| matches!(arrival, Restart { .. }));
+        assert_eq!(decoder.counters().restarts, restarts.count() as u64, "{what}");
+    }
 }
 
 #[test]
 fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
-    let text = crate::common::block(b"x");
-    let frame = |address, sequence| {
-        let settings = bead_wire::Settings { block: text.clone() };
-        bytes_of(address, 0, sequence, &settings.into())
-    };
+    let settings = bead_wire::Message::from(bead_wire::Settings { block: block(b"x") });
+    let frame = |address, sequence| bytes_of(address, 0, sequence, &settings);
     // Frames of two beads alternate; two frames of bead 9 are lost.
     let stream = [frame(3, 0), frame(9, 70), frame(3, 1), frame(9, 73), frame(3, 2)].concat();
     assert_eq!(

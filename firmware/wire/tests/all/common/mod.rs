@@ -1,6 +1,9 @@
 //! Messages and requests drawn at random, and frames of them, for the tests of this folder.
 
+use std::{env, fs};
+
 use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
+use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
 
 /// Every bit, every length; under Miri, which is slow, each 211th.
@@ -55,6 +58,42 @@ pub(crate) fn bytes_of(address: u8, boot: u8, sequence: u32, message: &Message) 
     encode(&header, message, &mut [0; MAX_FRAME])
         .expect("the buffer takes any frame")
         .to_vec()
+}
+
+/// A frame or request with this header and body, built by hand from the layout in `docs/protocol.md`.
+pub(crate) fn by_hand(header: &[u8], body: &[u8]) -> Vec<u8> {
+    let mut payload = [header, body].concat();
+    payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
+    let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
+    let length = cobs::encode(&payload, &mut stream);
+    [&[0], &stream[..length], &[0]].concat()
+}
+
+pub(crate) fn hex(bytes: &[u8], between: &str) -> String {
+    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    bytes.join(between)
+}
+
+/// Checks that a file, by its path from this crate, has the text of today. With `overwrite` in this variable
+/// the file is written.
+pub(crate) fn held(file: &str, today: &str, variable: &str) {
+    let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
+    if env::var_os(variable).is_some_and(|value| value == "overwrite") {
+        return fs::write(path, today).expect("the file is this crate's own");
+    }
+    let then = fs::read_to_string(path).expect("the file is there");
+    let line = then
+        .lines()
+        .zip(today.lines())
+        .take_while(|(then, now)| then == now)
+        .count();
+    let [old, new] = [&then, today].map(|text| text.lines().nth(line));
+    assert!(
+        then == today,
+        "{file} line {}: {old:?} is {new:?} today; if that is meant: {variable}=overwrite cargo test --release -p \
+         bead-wire",
+        line + 1
+    );
 }
 
 /// Frame of a message that says nothing, for tests of what is around it.
