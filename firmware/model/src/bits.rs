@@ -10,7 +10,7 @@ use crate::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike};
 use bead_wire::GainMatch;
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-/// The results of a meter or a window, as numbers.
+/// The results of a meter, as numbers.
 #[derive(Default)]
 struct ResultNumbers {
     numbers: Vec<i64>,
@@ -18,15 +18,6 @@ struct ResultNumbers {
 }
 
 impl ResultNumbers {
-    fn checksum(&self) -> u32 {
-        let bytes: Vec<u8> = self
-            .numbers
-            .iter()
-            .flat_map(|number| number.to_le_bytes())
-            .collect();
-        Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes)
-    }
-
     fn gains(&mut self, gains: Option<GainMatch>) {
         let [deviation, uncertainty] = gains.map_or([i32::MIN; 2], |gains| {
             [gains.deviation.bits(), gains.uncertainty.bits()]
@@ -79,10 +70,35 @@ impl Sink for ResultNumbers {
     }
 }
 
-/// Of the paper's bead, or of one whose mass and contact stiffness are those times `mass` and `stiff`, and
-/// whose intruder has `part` of its mass and `damped` times its damping; with intruders behind it where a bit
-/// of `behind` is 1.
-fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
+/// A bead with these times the mass and the contact stiffness of the paper's, and an intruder with this part
+/// of its mass and these times the damping.
+type Likeness = [f64; 4];
+/// Force (N), width (scans), acceleration (m/s²) and gain of the wide channels, as [`strikes`] takes them.
+type Pulse = [f64; 4];
+
+const PAPER: Likeness = [1.0, 1.0, 0.0726, 1.0];
+const UNDAMPED: Likeness = [1.0, 1.0, 0.0726, 0.1];
+const DAMPED: Likeness = [1.0, 1.0, 0.0726, 3.0];
+const SMALL: Likeness = [0.003, 0.1, 0.3, 1.0];
+const LIGHT: Likeness = [0.003, 0.1, 0.01, 1.0];
+const HEAVY: Likeness = [0.5, 8.0, 0.5, 1.0];
+const LARGE: Likeness = [40.0, 50.0, 0.4, 1.0];
+const TINY: Likeness = [0.02, 0.1, 0.4, 1.0];
+const FAINT: Pulse = [0.3, 50.0, 2.0, 1.0];
+const SOFT: Pulse = [12.0, 60.0, 150.0, 1.0];
+const NARROW: Pulse = [30.0, 7.0, 300.0, 1.0];
+const MIDDLE: Pulse = [30.0, 50.0, 300.0, 1.0];
+const SHORT: Pulse = [10.0, 30.0, 800.0, 1.0];
+const HARD: Pulse = [30.0, 30.0, 800.0, 1.0];
+const FIRM: Pulse = [80.0, 45.0, 900.0, 1.0];
+const LONG: Pulse = [150.0, 90.0, 900.0, 1.0];
+const LOUD: Pulse = [120.0, 45.0, 1500.0, 1.0];
+const AMPLIFIED: Pulse = [100.0, 45.0, 1500.0, 1.05];
+const RAILED: Pulse = [300.0, 40.0, 6000.0, 1.0];
+const VIOLENT: Pulse = [200.0, 60.0, 5000.0, 1.0];
+
+/// Settings of a bead with intruders behind it where a bit of `behind` is 1.
+fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
     let paper = Bead::paper();
     let mut bead = Bead {
         mass: mass * paper.mass,
@@ -108,7 +124,7 @@ fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
 /// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot
 /// and `force` N high, and an acceleration of `ringing` m/s² that rings and decays. The gain of the wide
 /// channels is `more` times what the settings say, and the noise is up to `noise` codes.
-fn strikes([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) -> Vec<Scan> {
+fn strikes([force, width, ringing, more]: Pulse, noise: u64, samples: usize) -> Vec<Scan> {
     let mut state = 1_u64;
     let mut drawn = |most: u64| {
         state = state
@@ -121,7 +137,8 @@ fn strikes([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) 
     (0..samples)
         .map(|n| {
             let x = ((n % 1500) as f64 - 400.0) / width;
-            let pulse = if (0.0..1.0).contains(&x) {
+            let inside = (0.0..1.0).contains(&x);
+            let pulse = if inside {
                 16.0 * (x * (1.0 - x)) * (x * (1.0 - x))
             } else {
                 0.0
@@ -147,155 +164,39 @@ fn metered(settings: &Settings, scans: &[Scan], call: usize) -> u32 {
         meter.process(settings, (n * call) as u64, some.iter().copied(), &mut told);
     }
     assert_eq!(told.reports, 2, "both strikes are measured");
-    told.checksum()
+    let bytes: Vec<u8> = told
+        .numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect();
+    Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes)
 }
 
 #[test]
 fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
-    // The bead and what is behind it; force in N, width in scans, acceleration in m/s², gain of the wide
-    // channels; codes of noise; the checksum.
-    type Case = (&'static str, [f64; 4], u8, [f64; 4], u64, u32);
-    let paper = [1.0, 1.0, 0.0726, 1.0];
+    // The bead and the intruders behind it, the pulse, codes of noise, the checksum.
+    type Case = (&'static str, Likeness, u8, Pulse, u64, u32);
     let cases: [Case; 20] = [
-        (
-            "within the sensitive range",
-            paper,
-            0,
-            [12.0, 60.0, 150.0, 1.0],
-            1,
-            0xc6b5_0653,
-        ),
-        ("no noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 0, 0xadf7_22ab),
-        ("much noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 9, 0x8783_5a41),
-        ("faint", paper, 0, [0.3, 50.0, 2.0, 1.0], 2, 0x9bfd_ca6c),
-        (
-            "wide channels",
-            paper,
-            0,
-            [120.0, 45.0, 1500.0, 1.0],
-            3,
-            0x690c_1575,
-        ),
-        (
-            "wide channels without noise",
-            paper,
-            0,
-            [120.0, 45.0, 1500.0, 1.0],
-            0,
-            0x020d_7bf0,
-        ),
-        (
-            "wide channels of another gain",
-            paper,
-            0,
-            [100.0, 45.0, 1500.0, 1.05],
-            4,
-            0x5395_575b,
-        ),
-        (
-            "at the rails",
-            paper,
-            0,
-            [300.0, 40.0, 6000.0, 1.0],
-            4,
-            0x2007_d245,
-        ),
-        (
-            "a narrow pulse",
-            paper,
-            0,
-            [30.0, 7.0, 300.0, 1.0],
-            4,
-            0x9417_6f44,
-        ),
-        (
-            "a little damping",
-            [1.0, 1.0, 0.0726, 0.1],
-            0,
-            [30.0, 50.0, 300.0, 1.0],
-            4,
-            0x8de7_f8c4,
-        ),
-        (
-            "much damping",
-            [1.0, 1.0, 0.0726, 3.0],
-            0,
-            [30.0, 50.0, 300.0, 1.0],
-            4,
-            0xef30_0b69,
-        ),
-        (
-            "a small bead",
-            [0.003, 0.1, 0.3, 1.0],
-            0,
-            [10.0, 30.0, 800.0, 1.0],
-            4,
-            0x84bb_eae9,
-        ),
-        (
-            "a small bead with a light intruder",
-            [0.003, 0.1, 0.01, 1.0],
-            0,
-            [10.0, 30.0, 800.0, 1.0],
-            4,
-            0x0a40_1ab8,
-        ),
-        (
-            "a heavy intruder",
-            [0.5, 8.0, 0.5, 1.0],
-            0,
-            [30.0, 30.0, 800.0, 1.0],
-            4,
-            0x6819_57c5,
-        ),
-        (
-            "a large bead",
-            [40.0, 50.0, 0.4, 1.0],
-            0,
-            [150.0, 90.0, 900.0, 1.0],
-            4,
-            0xd714_4812,
-        ),
-        (
-            "one intruder behind",
-            paper,
-            1,
-            [80.0, 45.0, 900.0, 1.0],
-            4,
-            0x3f45_d895,
-        ),
-        (
-            "two intruders behind",
-            paper,
-            0b1010,
-            [80.0, 45.0, 900.0, 1.0],
-            4,
-            0x5d4b_4017,
-        ),
-        (
-            "intruders behind a small bead",
-            [0.003, 0.1, 0.3, 1.0],
-            0b1111,
-            [10.0, 30.0, 800.0, 1.0],
-            4,
-            0x04dc_4917,
-        ),
-        (
-            "heavy intruders behind",
-            [0.5, 8.0, 0.5, 1.0],
-            0b0101,
-            [30.0, 30.0, 800.0, 1.0],
-            4,
-            0xb010_37d1,
-        ),
-        (
-            "out of range",
-            [0.02, 0.1, 0.4, 1.0],
-            0b0100,
-            [200.0, 60.0, 5000.0, 1.0],
-            4,
-            0x89ef_43ea,
-        ),
+        ("within the sensitive range", PAPER, 0, SOFT, 1, 0xc6b5_0653),
+        ("no noise", PAPER, 0, SOFT, 0, 0xadf7_22ab),
+        ("much noise", PAPER, 0, SOFT, 9, 0x8783_5a41),
+        ("faint", PAPER, 0, FAINT, 2, 0x9bfd_ca6c),
+        ("wide channels", PAPER, 0, LOUD, 3, 0x690c_1575),
+        ("wide, no noise", PAPER, 0, LOUD, 0, 0x020d_7bf0),
+        ("of another gain", PAPER, 0, AMPLIFIED, 4, 0x5395_575b),
+        ("at the rails", PAPER, 0, RAILED, 4, 0x2007_d245),
+        ("narrow", PAPER, 0, NARROW, 4, 0x9417_6f44),
+        ("little damping", UNDAMPED, 0, MIDDLE, 4, 0x8de7_f8c4),
+        ("much damping", DAMPED, 0, MIDDLE, 4, 0xef30_0b69),
+        ("small", SMALL, 0, SHORT, 4, 0x84bb_eae9),
+        ("light intruder", LIGHT, 0, SHORT, 4, 0x0a40_1ab8),
+        ("heavy intruder", HEAVY, 0, HARD, 4, 0x6819_57c5),
+        ("large", LARGE, 0, LONG, 4, 0xd714_4812),
+        ("one behind", PAPER, 1, FIRM, 4, 0x3f45_d895),
+        ("two behind", PAPER, 0b1010, FIRM, 4, 0x5d4b_4017),
+        ("behind a small one", SMALL, 0b1111, SHORT, 4, 0x04dc_4917),
+        ("heavy behind", HEAVY, 0b0101, HARD, 4, 0xb010_37d1),
+        ("out of range", TINY, 0b0100, VIOLENT, 4, 0x89ef_43ea),
     ];
     let (mut measured, mut stated) = (Vec::new(), Vec::new());
     for (n, (what, bead, behind, shape, noise, checksum)) in cases.into_iter().enumerate() {

@@ -118,43 +118,37 @@ mod tests {
         state
     }
 
-    fn last_of<const N: usize>(
-        channel: Channel<U30>,
-        state: &mut ChannelState,
-        codes: [u16; N],
-    ) -> SensedForce {
+    fn channel(slope: f64) -> Channel<U30> {
+        Channel {
+            per_code: I2F30::ONE,
+            slope: I2F30::from_num(slope),
+        }
+    }
+
+    /// The last value of these codes.
+    fn last_of<const N: usize>(channel: Channel<U30>, state: &mut ChannelState, codes: [u16; N]) -> f64 {
         let mut values = [SensedForce::ZERO; N];
         channel.process(state, codes.into_iter().map(AdcCode::new), &mut values);
-        values[N - 1]
+        values[N - 1].to_num()
     }
 
     #[test]
     fn a_ramp_behind_the_pole_is_restored() {
         // A one-pole filter delays a ramp by its time constant. The slope of half of it, over the two steps
         // of the central difference, takes the delay out.
-        let channel = Channel {
-            per_code: I2F30::ONE,
-            slope: I2F30::from_num(0.25),
-        };
         let mut state = settled([100; BASELINE as usize].into_iter());
-        assert_eq!(
-            last_of(channel, &mut state, [110, 120, 130]),
-            SensedForce::from_num(20 + 5)
-        );
+        let value = last_of(channel(0.25), &mut state, [110, 120, 130]);
+        assert_eq!(value, 20.0 + 5.0);
     }
 
     #[test]
     fn codes_passed_over_leave_the_state_as_if_they_had_been_looked_at() {
-        let channel = Channel {
-            per_code: I2F30::ONE,
-            slope: I2F30::from_num(0.25),
-        };
         let quiet = settled([100; BASELINE as usize].into_iter());
+        let codes = [110, 125, 119];
         for cut in 0..4 {
-            let codes = [110, 125, 119];
             let (mut looked_at, mut skipped) = (quiet, quiet);
-            last_of(channel, &mut looked_at, codes);
-            for part in [&codes[..cut.min(3)], &codes[cut.min(3)..]] {
+            last_of(channel(0.25), &mut looked_at, codes);
+            for part in [&codes[..cut], &codes[cut..]] {
                 skipped.skip(part.iter().map(|&code| AdcCode::new(code)));
             }
             assert_eq!(skipped, looked_at, "{cut}");
@@ -163,14 +157,7 @@ mod tests {
 
     #[test]
     fn the_zero_is_the_mean_of_the_baseline_to_a_sixty_fourth_of_a_code() {
-        let channel = Channel {
-            per_code: I2F30::ONE,
-            slope: I2F30::ZERO,
-        };
         let mut state = settled((0..BASELINE).map(|i| 100 + u16::from(i == 7)));
-        assert_eq!(
-            last_of(channel, &mut state, [100, 100]),
-            SensedForce::from_num(-1.0 / 64.0)
-        );
+        assert_eq!(last_of(channel(0.0), &mut state, [100, 100]), -1.0 / 64.0);
     }
 }

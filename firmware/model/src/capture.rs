@@ -77,31 +77,29 @@ mod tests {
     #[test]
     fn times_of_a_capture_grow_with_the_pulse_as_far_as_a_window_goes() {
         let (paper, front_end) = (Bead::paper(), FrontEnd::reference());
-        let slower = |times: f64| {
-            let mass = paper.mass * times.powf(2.5);
-            Capture::of(&Bead { mass, ..paper }, &front_end)
+        let close = |found: f64, expected: f64| {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found}, not {expected}");
         };
         let default = Capture::default();
-        assert_eq!(Capture::of(&paper, &front_end), default);
-        assert_eq!(slower(0.5), default, "shorter pulses have the same times");
-        let close =
-            |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-        let a_quarter = slower(1.25);
-        close(a_quarter.history, 1.25 * default.history);
-        close(a_quarter.length, 1.25 * default.length);
-        close(a_quarter.lookback, 1.25 * default.lookback);
-        let much = slower(10.0);
-        close(much.history, 2.56e-3);
-        close(much.length, 10.24e-3);
-        close(much.lookback, 2.55e-3);
+        for (times, [history, length, lookback]) in [
+            // Shorter pulses have the same times.
+            (0.5, [1.6e-3, 6.72e-3, 0.5e-3]),
+            (1.0, [1.6e-3, 6.72e-3, 0.5e-3]),
+            (1.25, [2e-3, 8.4e-3, 0.625e-3]),
+            (10.0, [2.56e-3, 10.24e-3, 2.55e-3]),
+        ] {
+            let mass = paper.mass * f64::powf(times, 2.5);
+            let capture = Capture::of(&Bead { mass, ..paper }, &front_end);
+            close(capture.history, history);
+            close(capture.length, length);
+            close(capture.lookback, lookback);
+            assert_eq!(capture.threshold, default.threshold);
+        }
         // The threshold stays above ten standard deviations of the noise, and above seven codes.
-        let threshold = |noise: f64, per_code: f64| {
+        for (noise, per_code, threshold) in [(0.02, 4e-3, 0.2), (0.0, 0.05, 0.35), (0.0, 4e-3, 0.1)] {
             let mut front_end = front_end;
             (front_end.force.noise, front_end.force.per_code) = (noise, per_code);
-            Capture::of(&paper, &front_end).threshold
-        };
-        close(threshold(0.02, 4e-3), 0.2);
-        close(threshold(0.0, 0.05), 0.35);
-        close(threshold(0.0, 4e-3), 0.1);
+            close(Capture::of(&paper, &front_end).threshold, threshold);
+        }
     }
 }

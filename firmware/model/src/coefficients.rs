@@ -417,21 +417,21 @@ mod tests {
         ] {
             assert_eq!(shift(&[0.1, value], 6), powers, "{value}");
         }
-        let cases = [
+        const LEAST: f64 = 1.0 / 65536.0;
+        for (value, powers) in [
             (0.5, 0),
-            (1.0 / 65536.0, 0),
+            (LEAST, 0),
             (1.0, 1),
             (1.99, 1),
             (2.0, 2),
             (100.0, 7),
             (1e60, 24),
             (f64::INFINITY, 24),
-            (0.99 / 65536.0, -1),
-            (0.49 / 65536.0, -2),
+            (0.99 * LEAST, -1),
+            (0.49 * LEAST, -2),
             (0.0, -24),
-        ];
-        for (value, powers) in cases {
-            assert_eq!(shift_into(value, 1.0 / 65536.0..1.0), powers, "{value}");
+        ] {
+            assert_eq!(shift_into(value, LEAST..1.0), powers, "{value}");
         }
     }
 

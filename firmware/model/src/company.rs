@@ -47,31 +47,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bead_is_alone_if_no_other_holds_an_intruder_near_or_far() {
-        let company = |behind, elsewhere| Company {
-            behind,
-            elsewhere,
-            ..Company::default()
-        };
-        assert!(company(0, false).is_alone());
-        assert!(!company(0, true).is_alone());
-        assert!(!company(4, false).is_alone());
-        assert!(!company(4, true).is_alone());
-    }
-
-    #[test]
-    fn each_bit_stands_for_a_follower() {
+    fn a_bead_is_alone_if_no_other_holds_an_intruder_and_each_bit_stands_for_a_follower() {
         for behind in 0..16 {
-            let company = Company {
-                behind,
-                ..Company::default()
-            };
-            let held = [0, 1, 2, 3].map(|follower| company.holds(follower));
-            assert_eq!(
-                held,
-                [1, 2, 4, 8].map(|bit| behind % (2 * bit) >= bit),
-                "{behind}"
-            );
+            for elsewhere in [false, true] {
+                let company = Company {
+                    behind,
+                    elsewhere,
+                    ..Company::default()
+                };
+                assert_eq!(company.is_alone(), behind == 0 && !elsewhere);
+                let held = [0, 1, 2, 3].map(|follower| company.holds(follower));
+                let stated = [1, 2, 4, 8].map(|bit| behind % (2 * bit) >= bit);
+                assert_eq!(held, stated, "{behind}");
+            }
         }
     }
 }

@@ -146,55 +146,42 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// The square of 1 m/s² in bits of the sums.
-    const ONE: u64 = 1 << (2 * SensedAcceleration::FRAC_NBITS);
-
-    /// A state with a piece of 32 samples whose squares are `mean` (m/s²)² in the mean.
-    fn with_piece(state: ObserverState, mean: u64) -> ObserverState {
-        ObserverState {
-            piece: 32 * mean * ONE,
-            piece_samples: 32,
-            ..state
-        }
-    }
-
-    #[test]
-    fn the_noise_is_the_mean_square_of_the_quiet_pieces() {
+    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies absorbed
+    /// and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
+    fn closed(state: &mut ObserverState, mean: u64, close: impl FnOnce(&mut ObserverState)) -> [i64; 4] {
         let observer = Observer {
             start: I0F32::ZERO,
             end: I0F32::ZERO,
             energy: I2F30::ONE,
         };
-        let mut state = ObserverState::default();
-        assert_eq!(observer.noise_square(&state), 0.0);
-        for (mean, stated) in [(4, 4.0), (2, 3.0), (0, 2.0)] {
-            state = with_piece(state, mean);
-            state.close_noise();
-            assert_eq!(observer.noise_square(&state), stated);
-        }
+        (state.piece, state.piece_samples) = ((32 * mean) << (2 * SensedAcceleration::FRAC_NBITS), 32);
+        let energies = |state: &ObserverState| {
+            [observer.absorbed(0, state), observer.noise(0, state)].map(|energy| energy.bits() >> 24)
+        };
+        let before = energies(state);
+        close(state);
+        let after = energies(state);
+        [before[0], before[1], after[0], after[1]]
     }
 
     #[test]
-    fn a_piece_counts_if_it_has_more_than_twice_the_noise_and_then_the_noise_is_taken_off() {
-        let observer = Observer {
-            start: I0F32::ZERO,
-            end: I0F32::ZERO,
-            energy: I2F30::ONE,
-        };
+    fn a_piece_counts_if_it_has_more_than_twice_the_noise_which_is_taken_off() {
         for noise in [0, 5] {
-            let mut quiet = with_piece(ObserverState::default(), noise);
-            quiet.close_noise();
-            let mut twice = with_piece(quiet, 2 * noise);
-            assert_eq!(observer.absorbed(0, &twice), Energy::default());
-            assert!(!twice.close_piece());
-            let mut more = with_piece(twice, 2 * noise + 1);
-            // In nJ for a scale of 1 nJ/(m/s²)².
-            let nanojoules = |energy: u64| Energy::from_bits((energy << 24) as i64);
-            let stated = nanojoules(32 * (noise + 1));
-            assert_eq!(observer.absorbed(0, &more), stated);
-            assert!(more.close_piece());
-            assert_eq!(observer.absorbed(0, &more), stated);
-            assert_eq!(observer.noise(0, &more), nanojoules(32 * noise));
+            let mut state = ObserverState::default();
+            for mean in [noise + 2, noise] {
+                // The noise is the mean square of the quiet pieces.
+                closed(&mut state, mean, ObserverState::close_noise);
+            }
+            assert_eq!(state.noise, (noise + 1) << (2 * SensedAcceleration::FRAC_NBITS));
+            let noise = noise as i64 + 1;
+            let twice = closed(&mut state, 2 * noise as u64, |state| {
+                assert!(!state.close_piece())
+            });
+            assert_eq!(twice, [0; 4]);
+            let more = closed(&mut state, 2 * noise as u64 + 1, |state| {
+                assert!(state.close_piece())
+            });
+            assert_eq!(more, [32 * (noise + 1), 0, 32 * (noise + 1), 32 * noise]);
         }
     }
 }

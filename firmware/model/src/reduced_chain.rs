@@ -360,44 +360,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_or_an_acceleration_that_leaves_its_range_is_remembered_and_one_within_is_not() {
-        let left = |change: fn(&mut Watch)| {
+    fn a_state_or_an_acceleration_that_leaves_its_range_is_remembered_and_the_acceleration_limited() {
+        // States are in units of which 2^7 are one of an acceleration.
+        for (value, limited, left) in [
+            (0, 0, false),
+            (-1, -1, false),
+            (LIMIT - 1, LIMIT - 1, false),
+            (LIMIT, LIMIT - 1, true),
+            (-LIMIT, -LIMIT, false),
+            (-LIMIT - 1, -LIMIT, true),
+        ] {
             let mut watch = Watch::default();
-            change(&mut watch);
+            assert_eq!(watch.limited(value), limited);
             // What comes after it is small.
             watch.state(1);
-            watch.limited(-1);
-            watch.0 >= LIMIT
-        };
-        // States are in units of which 2^7 are one of an acceleration.
-        assert!(left(|watch| watch.state(LIMIT << 7)));
-        assert!(left(|watch| watch.state(-(LIMIT << 7) - 1)));
-        assert!(!left(|watch| watch.state((LIMIT << 7) - 1)));
-        assert!(!left(|watch| watch.state(-(LIMIT << 7))));
-        assert!(left(|watch| {
-            watch.limited(LIMIT);
-        }));
-        assert!(left(|watch| {
-            watch.limited(-LIMIT - 1);
-        }));
-        assert!(!left(|watch| {
-            watch.limited(LIMIT - 1);
-        }));
-        assert!(!left(|watch| {
-            watch.limited(-LIMIT);
-        }));
-    }
-
-    #[test]
-    fn an_acceleration_is_limited_to_what_the_core_saturates_to() {
-        let mut watch = Watch::default();
-        let limited =
-            [i32::MIN, -LIMIT - 1, -LIMIT, -1, 0, LIMIT - 1, LIMIT, i32::MAX].map(|a| watch.limited(a));
+            assert_eq!(watch.0 >= LIMIT, left, "{value}");
+            for state in [value << 7, (value << 7) + 0x7F] {
+                let mut watch = Watch::default();
+                watch.state(state);
+                watch.limited(-1);
+                assert_eq!(watch.0 >= LIMIT, left, "{state}");
+            }
+        }
         assert_eq!(
-            limited,
-            [-LIMIT, -LIMIT, -LIMIT, -1, 0, LIMIT - 1, LIMIT - 1, LIMIT - 1]
+            [i32::MIN, i32::MAX].map(|a| Watch::default().limited(a)),
+            [-LIMIT, LIMIT - 1]
         );
     }
+
     #[test]
     fn an_overlap_beyond_half_of_what_its_powers_leave_room_for_is_remembered() {
         // No force, so nothing but the overlap is watched.

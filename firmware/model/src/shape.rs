@@ -125,7 +125,7 @@ pub(crate) struct Peaks {
     pub(crate) acceleration: RangeInclusive<SensedAcceleration>,
 }
 
-/// SensedForce and acceleration of the samples of a window. It is too large for a stack.
+/// Force and acceleration of the samples of a window. It is too large for a stack.
 #[derive(Clone)]
 pub struct WindowRecord {
     length: usize,
@@ -183,7 +183,7 @@ impl WindowRecord {
         }
     }
 
-    /// SensedForce and acceleration of the samples so far. A sample is known one sample later, so the last
+    /// Force and acceleration of the samples so far. A sample is known one sample later, so the last
     /// one is missing.
     pub fn samples(&self) -> impl Iterator<Item = (SensedForce, SensedAcceleration)> + '_ {
         let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
@@ -291,14 +291,23 @@ fn ringing(
 mod tests {
     use super::*;
 
-    fn rung(frequency: f64, decay: f64, samples: usize) -> Vec<SensedAcceleration> {
+    const RATE: u32 = 100_000;
+
+    fn sampled(samples: i32, value: impl Fn(f64) -> f64) -> Vec<SensedAcceleration> {
         (0..samples)
-            .map(|n| {
-                let t = n as f64 / 100e3;
-                let value = 80.0 * (-decay * t).exp() * (core::f64::consts::TAU * frequency * t + 0.4).cos();
-                SensedAcceleration::from_num(value)
-            })
+            .map(|n| SensedAcceleration::from_num(value(f64::from(n))))
             .collect()
+    }
+
+    fn rung(frequency: f64, decay: f64, samples: i32) -> Vec<SensedAcceleration> {
+        sampled(samples, |n| {
+            let t = n / f64::from(RATE);
+            80.0 * (-decay * t).exp() * (core::f64::consts::TAU * frequency * t + 0.4).cos()
+        })
+    }
+
+    fn forces(bits: &[i32]) -> Vec<SensedForce> {
+        bits.iter().map(|bits| SensedForce::from_bits(*bits)).collect()
     }
 
     #[test]
@@ -310,121 +319,99 @@ mod tests {
             (4000.0, 100.0),
             (9000.0, 2000.0),
         ] {
-            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000, 0.0, frequency as f32).unwrap();
+            let (f, b) = ringing(&rung(frequency, decay, 400), RATE, 0.0, frequency as f32).unwrap();
             let (f, b) = (f64::from(f), f64::from(b));
             assert!((f / frequency - 1.0).abs() < 2e-4, "{f} for {frequency} Hz");
-            assert!(
-                (b - decay).abs() < 1e-3 * core::f64::consts::TAU * frequency,
-                "{b} for {decay} /s"
-            );
+            let most = 1e-3 * core::f64::consts::TAU * frequency;
+            assert!((b - decay).abs() < most, "{b} for {decay} /s");
         }
     }
 
     #[test]
     fn what_does_not_oscillate_or_is_too_short_has_no_frequency() {
-        assert_eq!(
-            ringing(&[SensedAcceleration::ZERO; 400], 100_000, 0.0, 1700.0),
-            None
-        );
-        assert_eq!(
-            ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000, 0.0, 1700.0),
-            None
-        );
-        let decays: Vec<SensedAcceleration> = (0..400)
-            .map(|n| SensedAcceleration::from_num(80.0 * (-f64::from(n) / 50.0).exp()))
-            .collect();
-        assert_eq!(ringing(&decays, 100_000, 0.0, 1700.0), None);
-        assert_eq!(ringing(&rung(1700.0, 300.0, 400), 100_000, 100.0, 1700.0), None);
-        // Twelve means of eight samples are enough.
-        assert!(ringing(&rung(1700.0, 1700.0, 8 * 12), 100_000, 0.0, 1700.0).is_some());
-        // What grows is not free, and what creeps back does not oscillate.
-        assert_eq!(ringing(&rung(1700.0, -300.0, 400), 100_000, 0.0, 1700.0), None);
-        let creeps: Vec<SensedAcceleration> = (0..400)
-            .map(|n| [20.0, 60.0].map(|time| (-f64::from(n) / time).exp()))
-            .map(|[fast, slow]| SensedAcceleration::from_num(8000.0 * (fast - slow)))
-            .collect();
-        assert_eq!(ringing(&creeps, 100_000, 0.0, 1700.0), None);
+        let exponential = |time: f64| move |n: f64| (-n / time).exp();
+        for (what, samples, noise, found) in [
+            ("rest", sampled(400, |_| 0.0), 0.0, false),
+            // Twelve means of eight samples are enough.
+            ("too short", rung(1700.0, 1700.0, 8 * 11 + 7), 0.0, false),
+            ("long enough", rung(1700.0, 1700.0, 8 * 12), 0.0, true),
+            (
+                "a decay",
+                sampled(400, |n| 80.0 * exponential(50.0)(n)),
+                0.0,
+                false,
+            ),
+            ("noise", rung(1700.0, 300.0, 400), 100.0, false),
+            ("growth, which is not free", rung(1700.0, -300.0, 400), 0.0, false),
+            (
+                "a creep back",
+                sampled(400, |n| 8000.0 * (exponential(20.0)(n) - exponential(60.0)(n))),
+                0.0,
+                false,
+            ),
+        ] {
+            assert_eq!(ringing(&samples, RATE, noise, 1700.0).is_some(), found, "{what}");
+        }
     }
 
     #[test]
     fn the_top_of_a_parabola_between_samples_is_found() {
-        let forces: Vec<SensedForce> = (0..200)
-            .map(|n| {
-                let x = f64::from(n) - 97.3;
-                SensedForce::from_num(6.0 - 0.01 * x * x)
-            })
+        let parabola: Vec<SensedForce> = (0..200)
+            .map(|n| SensedForce::from_num(6.0 - 0.01 * (f64::from(n) - 97.3).powi(2)))
             .collect();
-        let top = summit(&forces, 97, 9);
-        assert!((top - 97.3).abs() < 1e-3, "{top}");
         // Near an end it makes do with what there is.
-        let top = summit(&forces[..100], 97, 9);
-        assert!((top - 97.3).abs() < 1e-3, "{top}");
+        for forces in [&parabola[..], &parabola[..100]] {
+            let top = summit(forces, 97, 9);
+            assert!((top - 97.3).abs() < 1e-3, "{top}");
+        }
         // Where no parabola has its top within them, the highest sample it is.
-        let hollow = [99, 50, 50, 100, 50, 50, 60].map(SensedForce::from_num);
-        assert_eq!(summit(&hollow, 3, 3), 3.0);
-        let shoulder = [0, 0, 0, 100, 99, 99, 99].map(SensedForce::from_num);
-        assert_eq!(summit(&shoulder, 3, 3), 3.0);
-        assert_eq!(summit(&[SensedForce::ONE; 7], 3, 3), 3.0);
+        for bits in [[99, 50, 50, 100, 50, 50, 60], [0, 0, 0, 100, 99, 99, 99], [1; 7]] {
+            assert_eq!(summit(&forces(&bits.map(|force| force << 16)), 3, 3), 3.0);
+        }
     }
 
     #[test]
-    fn half_heights_are_crossed_between_samples_and_a_pulse_cut_off_has_no_width() {
-        let triangle: Vec<SensedForce> = (0..100)
-            .map(|n: i32| SensedForce::from_bits(1000 - 100 * (n - 50).abs().min(10)))
-            .collect();
-        let wide = width(&triangle, 50).unwrap();
-        assert!((wide - 10.0).abs() < 1e-6, "{wide}");
-        assert_eq!(width(&triangle[..53], 50), None);
-        assert_eq!(width(&triangle[47..], 3), None);
-    }
-
-    #[test]
-    fn the_width_goes_to_where_the_force_falls_below_half_and_may_be_a_single_sample() {
-        let width = |forces: &[i32], peak| {
-            let forces: Vec<SensedForce> = forces
-                .iter()
-                .map(|&force| SensedForce::from_bits(force))
-                .collect();
-            width(&forces, peak)
-        };
-        assert_eq!(width(&[0, 0, 1000, 0, 0], 2), Some(1.0));
-        // Shoulders at just half the height belong to it.
-        assert_eq!(width(&[0, 500, 500, 1000, 500, 500, 500, 0], 3), Some(5.0));
-        assert_eq!(
-            width(&[0, 499, 499, 1000, 499, 499, 499, 0], 3).map(f32::round),
-            Some(2.0)
-        );
+    fn the_width_goes_to_where_the_force_falls_below_half_on_both_sides_between_samples() {
+        for (bits, peak, samples) in [
+            (&[0, 0, 1000, 0, 0][..], 2, Some(1.0)),
+            // Shoulders at just half the height belong to it.
+            (&[0, 500, 500, 1000, 500, 500, 500, 0], 3, Some(5.0)),
+            (&[0, 200, 400, 1000, 700, 400, 100], 3, Some(2.5)),
+            (&[700, 800, 1000, 500, 0], 2, None),
+            (&[0, 500, 1000, 800, 700], 2, None),
+        ] {
+            let width = width(&forces(bits), peak).map(|width| (width * 1e4).round() / 1e4);
+            assert_eq!(width, samples, "{bits:?}");
+        }
     }
 
     #[test]
     fn the_first_of_the_highest_forces_is_the_peak_and_the_extremes_include_zero() {
-        let mut record = WindowRecord::new();
-        let forces = [0, 3, 7, 2, 7, 1].map(SensedForce::from_num);
-        let accelerations = [0, 5, -9, 8, 2, 0].map(SensedAcceleration::from_num);
-        record.extend(&forces, &accelerations);
-        let peaks = record.peaks();
-        assert_eq!((peaks.force, peaks.sample), (SensedForce::from_num(7), 2));
-        let stated = [-9, 8].map(SensedAcceleration::from_num);
-        assert_eq!([*peaks.acceleration.start(), *peaks.acceleration.end()], stated);
-        let mut below = WindowRecord::new();
-        below.extend(&[-SensedForce::ONE; 3], &[SensedAcceleration::ONE; 3]);
-        let peaks = below.peaks();
-        assert_eq!((peaks.force, peaks.sample), (SensedForce::ZERO, 0));
-        let stated = SensedAcceleration::ZERO..=SensedAcceleration::ONE;
-        assert_eq!(peaks.acceleration, stated);
+        for (pushes, accelerations, peak, [low, high]) in [
+            (&[0, 3, 7, 2, 7, 1][..], &[0, 5, -9, 8, 2, 0][..], (7, 2), [-9, 8]),
+            (&[-1; 3], &[1; 3], (0, 0), [0, 1]),
+        ] {
+            let mut record = WindowRecord::new();
+            let accelerations: Vec<_> = accelerations
+                .iter()
+                .map(|a| SensedAcceleration::from_num(*a))
+                .collect();
+            record.extend(&forces(pushes), &accelerations);
+            let peaks = record.peaks();
+            assert_eq!((peaks.force.to_bits(), peaks.sample), peak);
+            let [low, high] = [low, high].map(SensedAcceleration::from_num);
+            assert_eq!(peaks.acceleration, low..=high);
+        }
     }
 
     #[test]
     fn a_window_of_nothing_has_no_shape() {
         let mut record = WindowRecord::new();
-        assert_eq!(shape(100_000, &record, 0, 0, 0.0, Fine::ZERO), Shape::default());
+        assert_eq!(shape(RATE, &record, 0, 0, 0.0, Fine::ZERO), Shape::default());
         record.clear();
         for _ in 0..50 {
             record.extend(&[SensedForce::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
-            assert_eq!(
-                shape(100_000, &record, 0, 5000, 0.0, Fine::ZERO),
-                Shape::default()
-            );
+            assert_eq!(shape(RATE, &record, 0, 5000, 0.0, Fine::ZERO), Shape::default());
         }
         assert_eq!(record.samples().count(), RECORD_MAX);
     }
@@ -432,46 +419,30 @@ mod tests {
     #[test]
     fn a_ringing_further_off_than_allowed_is_told_and_one_unheard_is_not() {
         let ringing = Ringing {
-            frequency: Fine::from_num(1650),
-            frequency_tolerance: I16F16::from_num(0.03),
-            decay: Fine::from_num(1750),
-            decay_tolerance: I16F16::from_num(0.25),
-        };
-        let rung = |frequency: f64, decay: f64| Shape {
-            ring_frequency: Frequency::from_bits(Fine::from_num(frequency).to_bits()),
-            ring_decay: Decay::from_bits(Fine::from_num(decay).to_bits()),
-            ..Shape::default()
-        };
-        for (shape, other) in [
-            (rung(1650.0, 1750.0), false),
-            (rung(1690.0, 2100.0), false),
-            (rung(1605.0, 1400.0), false),
-            (rung(1700.0, 1750.0), true),
-            (rung(1590.0, 1750.0), true),
-            (rung(1650.0, 2200.0), true),
-            (rung(1650.0, 1300.0), true),
-            (rung(0.0, 0.0), false),
-        ] {
-            assert_eq!(ringing.is_other_than(&shape), other, "{shape:?}");
-        }
-        // The tolerance itself is allowed.
-        let ringing = Ringing {
             frequency: Fine::from_num(1600),
             frequency_tolerance: I16F16::from_num(0.25),
             decay: Fine::from_num(2000),
             decay_tolerance: I16F16::from_num(0.5),
         };
-        for (frequency, decay) in [
-            (2000.0, 2000.0),
-            (1200.0, 2000.0),
-            (1600.0, 3000.0),
-            (1600.0, 1000.0),
+        for (frequency, decay, other) in [
+            (1600.0, 2000.0, false),
+            (0.0, 0.0, false),
+            // The tolerance itself is allowed.
+            (2000.0, 2000.0, false),
+            (2000.01, 2000.0, true),
+            (1200.0, 2000.0, false),
+            (1199.99, 2000.0, true),
+            (1600.0, 3000.0, false),
+            (1600.0, 3000.01, true),
+            (1600.0, 1000.0, false),
+            (1600.0, 999.99, true),
         ] {
-            let shape = rung(frequency, decay);
-            assert!(!ringing.is_other_than(&shape), "{shape:?}");
-            let more = |value: f64, good: f64| value + (value - good).signum() * 0.01;
-            let shape = rung(more(frequency, 1600.0), more(decay, 2000.0));
-            assert!(ringing.is_other_than(&shape), "{shape:?}");
+            let shape = Shape {
+                ring_frequency: Frequency::from_bits(Fine::from_num(frequency).to_bits()),
+                ring_decay: Decay::from_bits(Fine::from_num(decay).to_bits()),
+                ..Shape::default()
+            };
+            assert_eq!(ringing.is_other_than(&shape), other, "{frequency} Hz, {decay} /s");
         }
     }
 }

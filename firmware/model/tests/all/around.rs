@@ -1,37 +1,26 @@
 //! Windows that are asked for from outside: around an instant that another bead or a host names.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use crate::{paper, replayed};
 use bead_model::meter::REACH;
-use bead_model::{Meter, Origin, Scan, Settings, Window, WindowRecord};
+use bead_model::{Meter, Origin, Scan};
 use bead_testing::Collector;
 
 /// Number of scans that the image hands over at once.
 const BLOCK: usize = 200;
 
-fn settings() -> Settings {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
-}
-
 /// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a
 /// window that is shifted by a scan differs.
 fn scan(index: u64, height: f64) -> Scan {
-    let pulse = match index {
-        2000..2050 => {
-            height
-                * (std::f64::consts::PI * (index - 2000) as f64 / 50.0)
-                    .sin()
-                    .powi(3)
-        }
-        _ => 0.0,
-    };
+    let phase = std::f64::consts::PI * (index as f64 - 2000.0) / 50.0;
+    let inside = (2000..2050).contains(&index);
+    let pulse = if inside { height * phase.sin().powi(3) } else { 0.0 };
     let noise = [0, 1, 3, 1, 2, 0, 2][(index % 7) as usize];
     Scan::new([128 + noise + pulse as u16, 128, 2048 + noise, 2048])
 }
 
 /// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.
 fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Collector {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
+    let (settings, mut meter, mut heard) = (paper(), Meter::new(), Collector::default());
     for first in (0..6000).step_by(BLOCK) {
         if let Some((trigger, at)) = ask(first) {
             meter.keep_around(trigger, at, Origin::Line);
@@ -55,7 +44,7 @@ fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
 
 #[test]
 fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_replays() {
-    let settings = settings();
+    let settings = paper();
     let history = u64::from(settings.window.history);
     // Miri, which takes ten seconds for each, takes one.
     const TOLD_AT: &[u64] = if cfg!(miri) { &[2400] } else { &[2300, 2399, 2400] };
@@ -75,9 +64,7 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
         );
         // The pulse is in it, and the same codes give the same bits.
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");
-        let (mut window, mut record) = (Window::open(0, report.first_index), WindowRecord::new());
-        record.clear();
-        window.process(&settings, &heard.scans(), &mut record);
+        let (window, record) = replayed(&settings, report.first_index, &heard.scans());
         assert_eq!(window.report(&settings, &record), (report, heard.shapes[0]));
     }
 }
@@ -143,7 +130,7 @@ fn scans_are_kept_as_far_back_as_the_reach_whenever_the_instant_is_told_of() {
 
 #[test]
 fn a_window_is_opened_when_the_scan_comes_at_which_it_was_asked_for_and_not_before() {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
+    let (settings, mut meter, mut heard) = (paper(), Meter::new(), Collector::default());
     meter.keep_around(700, 1000, Origin::Request);
     meter.process(
         &settings,
@@ -160,7 +147,7 @@ fn a_window_is_opened_when_the_scan_comes_at_which_it_was_asked_for_and_not_befo
 #[test]
 #[cfg_attr(miri, ignore = "thousands of scans")]
 fn the_scan_after_a_history_of_quiet_is_the_first_around_which_a_window_is_opened() {
-    let history = u64::from(settings().window.history);
+    let history = u64::from(paper().window.history);
     assert_eq!(hear(0.0, told(history - 1, history - 1)).opened, []);
     assert_eq!(
         hear(0.0, told(history, history)).opened,

@@ -1,18 +1,13 @@
 //! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which
 //! are not sent.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use crate::{paper, replayed};
 use bead_model::layout::{BASELINE, PIECE};
-use bead_model::{Chunk, Scan, Settings, Shape, Strike, Window, WindowRecord};
+use bead_model::{Chunk, Scan, Settings, Shape, Strike};
 use bead_testing::Collector;
 
 /// The scan that triggers.
 const TRIGGER: u64 = 500;
-
-fn settings() -> Settings {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
-}
 
 /// Runs a meter on a rise of the force within a quarter of the range, and of a force and an acceleration
 /// `loud` codes above their zeros in four scans from `at` on.
@@ -21,11 +16,7 @@ fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Collector {
         .map(|index| {
             let noise = [0, 1, 3, 1, 2][(index % 5) as usize];
             let rise = if index >= TRIGGER { 100 } else { 0 };
-            let loud = if (at..at + 4).contains(&index) {
-                loud
-            } else {
-                [0; 2]
-            };
+            let loud = loud.map(|codes| if (at..at + 4).contains(&index) { codes } else { 0 });
             let [force, acceleration] = [noise + rise.max(loud[0]), noise + loud[1]];
             Scan::new([
                 128 + force,
@@ -62,20 +53,14 @@ fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool)
             }));
         }
     }
-    let report = heard.reports[0];
-    let (mut window, mut record) = (
-        Window::open(report.strike, report.first_index),
-        WindowRecord::new(),
-    );
-    record.clear();
-    window.process(settings, &scans, &mut record);
+    let (window, record) = replayed(settings, heard.reports[0].first_index, &scans);
     window.report(settings, &record)
 }
 
 #[test]
 #[cfg_attr(miri, ignore = "tens of thousands of scans")]
 fn a_piece_is_loud_in_the_baseline_and_where_a_code_or_one_of_two_before_is_beyond_a_quarter() {
-    let settings = settings();
+    let settings = paper();
     let history = u64::from(settings.window.history);
     for loud in [[1100, 0], [0, 1100], [3500, 1500]] {
         // Wherever the loud scans begin in a piece.
@@ -103,7 +88,7 @@ fn a_piece_is_loud_in_the_baseline_and_where_a_code_or_one_of_two_before_is_beyo
 #[test]
 #[cfg_attr(miri, ignore = "tens of thousands of scans")]
 fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_without_those_of_a_loud_one() {
-    let settings = settings();
+    let settings = paper();
     for loud in [[3950, 0], [0, 2000], [3950, 2000]] {
         for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
             let heard = hear(&settings, loud, at);

@@ -1,11 +1,6 @@
 //! Tests of the model, one program: the simulator beside them is linked once. Those that simulate chains take
 //! Miri, which looks at the model alone, hours.
-
-use bead_model::converter::CONVERSION;
-
-/// A pole whose lag is the delay of the wide channel: that channel then has no slope.
-#[cfg(not(miri))]
-const UNDELAYED: f64 = 1.0 / (std::f64::consts::TAU * CONVERSION);
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 #[cfg(not(miri))]
 mod accuracy;
@@ -14,8 +9,26 @@ mod loudness;
 mod meter;
 #[cfg(not(miri))]
 mod noise;
+#[cfg(not(miri))]
+mod sensed;
 mod settings;
 #[cfg(not(miri))]
 mod shape;
 #[cfg(not(miri))]
 mod spheres;
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::{Scan, Settings, Window, WindowRecord};
+
+/// The paper's bead behind the reference front end.
+fn paper() -> Settings {
+    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
+}
+
+/// Window of the first strike, whose first scan has the index `first`, and the record of its samples.
+fn replayed(settings: &Settings, first: u64, scans: &[Scan]) -> (Window, Box<WindowRecord>) {
+    let (mut window, mut record) = (Window::open(0, first), Box::<WindowRecord>::default());
+    record.clear();
+    window.process(settings, scans, &mut record);
+    (window, record)
+}

@@ -1,16 +1,11 @@
-//! The meter on made-up streams: what triggers, what does not, and that no input makes it panic.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+//! The meter on made-up streams: what triggers, what does not, and that no coefficient makes it panic.
 
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Meter, Scan, Settings, StrikeFlags, Window, WindowRecord};
+use crate::{paper, replayed};
+use bead_model::{Meter, Scan, scans};
 use bead_testing::Collector;
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 use std::sync::atomic::AtomicU32;
-
-fn settings() -> Settings {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
-}
 
 fn scan(force: u16) -> Scan {
     codes_of((force, 2048))
@@ -22,38 +17,49 @@ fn codes_of((force, acceleration): (u16, u16)) -> Scan {
     Scan::new([force, wide(force, 128), acceleration, wide(acceleration, 2048)])
 }
 
-/// Feeds force codes from sample 0.
-fn hear(forces: impl IntoIterator<Item = u16>) -> (Meter, Collector) {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
-    let scans: Vec<Scan> = forces.into_iter().map(scan).collect();
-    meter.process(&settings, 0, scans, &mut heard);
-    (meter, heard)
-}
-
-/// A pulse of 50 samples on a zero of 128.
-fn pulse(sample: usize) -> u16 {
-    128 + (1500.0 * (std::f64::consts::PI * sample as f64 / 50.0).sin().powi(3)) as u16
-}
-
-#[test]
-#[cfg_attr(miri, ignore = "thousands of scans")]
-fn quiet_never_triggers_whatever_its_level() {
-    for level in [0, 128, 4095] {
-        let (meter, heard) = hear(std::iter::repeat_n(level, 5000));
-        assert!(heard.reports.is_empty() && meter.is_armed());
+/// Force codes of a stream with pulses of 50 samples from these on, over a zero of 128.
+fn pulses(starts: &[usize]) -> impl Fn(usize) -> u16 {
+    move |at| {
+        let start = starts.iter().find(|start| (**start..**start + 50).contains(&at));
+        let phase = start.map_or(0.0, |start| std::f64::consts::PI * (at - start) as f64 / 50.0);
+        128 + (1500.0 * phase.sin().powi(3)) as u16
     }
 }
 
 #[test]
 #[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
-fn a_slow_drift_over_the_whole_range_does_not_trigger() {
-    let (meter, heard) = hear((0..400_000).map(|i| (i / 100) as u16));
-    assert!(heard.reports.is_empty() && meter.is_armed());
+fn only_a_rise_in_a_short_time_triggers_and_a_pulse_in_a_window_has_none_of_its_own() {
+    type Stream<'a> = &'a dyn Fn(usize) -> u16;
+    let cases: [(Stream<'_>, usize, &[u64]); 6] = [
+        (&|_| 0, 5000, &[]),
+        (&|_| 4095, 5000, &[]),
+        // A drift over the whole range.
+        (&|at| (at / 100) as u16, 400_000, &[]),
+        (&pulses(&[1000]), 3000, &[1000]),
+        (&pulses(&[1000, 2500]), 4000, &[1000, 2500]),
+        (&pulses(&[1000, 1300]), 4000, &[1000]),
+    ];
+    for (force, length, starts) in cases {
+        let (mut meter, mut heard) = (Meter::new(), Collector::default());
+        let scans: Vec<Scan> = (0..length).map(|at| scan(force(at))).collect();
+        meter.process(&paper(), 0, scans, &mut heard);
+        assert!(meter.is_armed());
+        assert_eq!(heard.reports.len(), starts.len(), "{starts:?}");
+        for ((number, report), start) in (0..).zip(&heard.reports).zip(starts) {
+            assert_eq!(report.strike, number);
+            assert!((*start..start + 20).contains(&report.trigger_index), "{report:?}");
+            assert_eq!(report.trigger_index - report.first_index + 1, 160);
+            assert!(
+                (start + 24..=start + 26).contains(&report.peak_index),
+                "{report:?}"
+            );
+        }
+    }
 }
 
 #[test]
 fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() {
-    let settings = settings();
+    let settings = paper();
     let history = usize::from(settings.window.history);
     // The number of scans after which it is armed.
     let armed = |force: &dyn Fn(usize) -> u16, restart_at: usize| {
@@ -83,7 +89,7 @@ fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() 
 
 #[test]
 fn a_meter_that_passes_over_is_armed_again_after_a_history_from_the_scan_after_the_trigger() {
-    let settings = settings();
+    let settings = paper();
     let history = usize::from(settings.window.history);
     for at in [500, 555] {
         let (mut meter, mut heard) = (Meter::new(), Collector::default());
@@ -105,79 +111,57 @@ fn a_meter_that_passes_over_is_armed_again_after_a_history_from_the_scan_after_t
 }
 
 #[test]
-fn words_of_a_dma_hold_the_high_gain_in_their_lower_half() {
-    use bead_model::scans;
-    let words =
-        [[0x0123_0456, 0x0789_0ABC], [0x0FFF_0000, 0x0000_0FFF]].map(|words| words.map(AtomicU32::new));
-    let codes: Vec<[u16; 4]> = scans(&words).map(Scan::codes).collect();
-    assert_eq!(codes, [[0x456, 0x123, 0xABC, 0x789], [0, 0xFFF, 0xFFF, 0]]);
-    assert_eq!(scans(&words).len(), 2);
-}
-
-#[test]
-#[cfg_attr(miri, ignore = "thousands of scans")]
-fn words_of_a_dma_are_measured_as_the_scans_that_they_hold() {
-    let forces: Vec<u16> = (0..1500)
-        .map(|i| {
-            if (500..550).contains(&i) {
-                pulse(i - 500)
-            } else {
-                128
-            }
-        })
-        .collect();
-    let word = |[low, high]: [u16; 2]| AtomicU32::new(u32::from(low) | u32::from(high) << 16);
-    let words: Vec<[AtomicU32; 2]> = forces
+fn words_of_a_dma_hold_the_high_gain_in_their_lower_half_and_are_measured_as_scans() {
+    let settings = paper();
+    let force = pulses(&[500]);
+    let expected: Vec<Scan> = (0..1500).map(|at| scan(force(at))).collect();
+    let word = |low: u16, high: u16| AtomicU32::new(u32::from(low) | u32::from(high) << 16);
+    let words: Vec<[AtomicU32; 2]> = expected
         .iter()
-        .map(|&force| {
-            let [force, force_wide, acceleration, acceleration_wide] = scan(force).codes();
-            [word([force, force_wide]), word([acceleration, acceleration_wide])]
+        .map(|scan| {
+            let [force, force_wide, acceleration, acceleration_wide] = scan.codes();
+            [word(force, force_wide), word(acceleration, acceleration_wide)]
         })
         .collect();
+    assert_eq!(scans(&words).collect::<Vec<_>>(), expected);
+    assert_eq!(scans(&words).len(), words.len());
     let (mut meter, mut heard) = (Meter::new(), Collector::default());
-    meter.process_words(&settings(), 0, &words, &mut heard);
+    meter.process_words(&settings, 0, &words, &mut heard);
     assert_eq!(heard.reports.len(), 1);
-    let again = hear(forces).1;
-    assert_eq!((&heard.reports, &heard.shapes), (&again.reports, &again.shapes));
-}
-
-#[test]
-#[cfg_attr(miri, ignore = "thousands of scans")]
-fn two_pulses_give_two_reports_and_one_inside_a_window_gives_none_of_its_own() {
-    let stream = |second: usize| {
-        (0..4000).map(move |i| match i {
-            1000..1050 => pulse(i - 1000),
-            i if (second..second + 50).contains(&i) => pulse(i - second),
-            _ => 128,
-        })
-    };
-    let (_, heard) = hear(stream(2500));
-    assert_eq!(heard.reports.iter().map(|r| r.strike).collect::<Vec<_>>(), [0, 1]);
-    let (_, heard) = hear(stream(1300));
-    assert_eq!(heard.reports.len(), 1);
+    assert_eq!(heard, Collector::measure(&settings, 0, &expected));
 }
 
 #[test]
 #[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
-    let settings = settings();
-    let stream: Vec<Scan> = (0..60_000)
-        .map(|i| scan(if i % 900 < 50 { pulse(i % 900) } else { 128 }))
-        .collect();
-    let hear = |piece: usize| {
+    let settings = paper();
+    let force = pulses(&[0]);
+    let stream: Vec<Scan> = (0..60_000).map(|at| scan(force(at % 900))).collect();
+    let hear = |pieces: &[usize]| {
         let (mut meter, mut heard, mut index) = (Meter::new(), Collector::default(), 0);
-        for scans in stream.chunks(piece) {
-            meter.process(&settings, index, scans.iter().copied(), &mut heard);
-            index += scans.len() as u64;
+        for piece in pieces.iter().cycle() {
+            let scans = &stream[index..stream.len().min(index + piece)];
+            meter.process(&settings, index as u64, scans.iter().copied(), &mut heard);
+            index += scans.len();
+            if index == stream.len() {
+                break;
+            }
         }
         // The last strike is complete in either case.
-        meter.process(&settings, index, [scan(128); 3000], &mut heard);
-        (heard.reports.clone(), heard.shapes.clone(), heard.samples())
+        meter.process(&settings, index as u64, [scan(128); 3000], &mut heard);
+        heard
     };
-    let whole = hear(stream.len());
-    assert!(whole.0.len() > 60, "{}", whole.0.len());
-    for piece in [1, 50, 200, 1000, 7000] {
-        assert_eq!(hear(piece), whole, "{piece}");
+    let whole = hear(&[stream.len()]);
+    assert!(whole.reports.len() > 60, "{}", whole.reports.len());
+    for pieces in [
+        &[1][..],
+        &[50],
+        &[200],
+        &[1000],
+        &[7000],
+        &[3, 399, 256, 1, 1, 31],
+    ] {
+        assert_eq!(hear(pieces), whole, "{pieces:?}");
     }
 }
 
@@ -187,11 +171,11 @@ fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
 #[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() {
     for (length, every) in [(129, 130), (672, 900), (1024, 1000), (1024, 1160), (1024, 1200)] {
-        let mut settings = settings();
+        let mut settings = paper();
         settings.window.length = length;
         settings.window.history = 128;
         let (mut meter, mut heard) = (Meter::new(), Collector::default());
-        let stream = |at: usize| if at % every < 50 { pulse(at % every) } else { 128 };
+        let stream = |at: usize| pulses(&[0])(at % every);
         let (mut rested, mut at_rest) = (None, 0);
         for block in 0..400 {
             meter.pass_over(block >= 200);
@@ -220,125 +204,7 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
     }
 }
 
-#[test]
-#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
-fn no_call_measures_more_than_its_share_whatever_the_window_and_wherever_in_a_call_it_begins() {
-    const CALL: usize = 200;
-    for (history, length) in [(160, 672), (256, 1024), (128, 1024), (256, 257)] {
-        let mut settings = settings();
-        (settings.window.history, settings.window.length) = (history, length);
-        for phase in 0..CALL {
-            let at = 1000 + phase;
-            let stream = (0..6000).map(|i| {
-                scan(if (at..at + 50).contains(&i) {
-                    pulse(i - at)
-                } else {
-                    128
-                })
-            });
-            let stream: Vec<Scan> = stream.collect();
-            let (mut meter, mut heard, mut measured) = (Meter::new(), Collector::default(), 0);
-            for (call, scans) in stream.chunks(CALL).enumerate() {
-                meter.process(&settings, (call * CALL) as u64, scans.iter().copied(), &mut heard);
-                // What was measured is told in chunks of 32 scans.
-                let share = CALL * 5 / 8 + 31;
-                assert!(
-                    heard.samples() - measured <= share,
-                    "{} scans in call {call}, history {history}, length {length}, phase {phase}",
-                    heard.samples() - measured
-                );
-                measured = heard.samples();
-            }
-            assert_eq!((heard.reports.len(), measured), (1, usize::from(length)));
-        }
-    }
-}
-
-#[test]
-fn the_history_starts_before_the_trigger_by_the_length_set() {
-    let (_, heard) = hear((0..3000).map(|i| {
-        if (1000..1050).contains(&i) {
-            pulse(i - 1000)
-        } else {
-            128
-        }
-    }));
-    let report = heard.reports[0];
-    assert!(
-        (1000..1020).contains(&report.trigger_index),
-        "{}",
-        report.trigger_index
-    );
-    assert_eq!(report.trigger_index - report.first_index + 1, 160);
-    assert_eq!(heard.samples(), usize::from(report.samples));
-    assert!(
-        (1024..=1026).contains(&report.peak_index),
-        "{}",
-        report.peak_index
-    );
-}
-
-#[test]
-fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_its_zero() {
-    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
-    let stream = |i: usize| {
-        if (1000..1050).contains(&i) {
-            pulse(i - 1000)
-        } else {
-            128
-        }
-    };
-    for i in 0..3000 {
-        if i == 950 {
-            meter.restart();
-        }
-        meter.process(&settings, i as u64, [scan(stream(i))], &mut heard);
-    }
-    assert!(heard.reports.is_empty());
-    assert!(meter.is_armed());
-}
-
-#[test]
-fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
-    let flags = |newtons_per_code: f64| {
-        let mut front_end = FrontEnd::reference();
-        front_end.force.per_code = newtons_per_code;
-        front_end.force.wide_per_code = newtons_per_code;
-        let capture = Capture {
-            threshold: 30.0,
-            ..Capture::default()
-        };
-        let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
-        let (mut meter, mut heard) = (Meter::new(), Collector::default());
-        let quiet = std::iter::repeat_n(128, 1000);
-        let scans: Vec<Scan> = quiet
-            .chain((0..50).map(pulse))
-            .chain(std::iter::repeat_n(128, 1000))
-            .map(|force| Scan::new([force, force, 2048, 2048]))
-            .collect();
-        meter.process(&settings, 0, scans, &mut heard);
-        heard.reports[0].flags
-    };
-    // Peaks of 300 N and of 2.8 kN give overlaps of 80 and 390 µm; half the format is 256 µm. The
-    // acceleration is zero.
-    assert_eq!(flags(0.2), StrikeFlags::ESTIMATES_DIFFER);
-    assert_eq!(flags(1.9), StrikeFlags::CHAIN_RANGE);
-}
-
-/// Scans of a stream that is drawn; under Miri, which is slow, little more than a window.
-const MANY: usize = if cfg!(miri) { 950 } else { 2000 };
-
 proptest! {
-    #[test]
-    fn any_codes_whatever_are_survived(codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], MANY)) {
-        let (settings, mut meter, mut heard) = (settings(), Meter::new(), Collector::default());
-        // A step first, so that the meter measures the noise and does not wait for its end.
-        let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]).map(codes_of);
-        let stream: Vec<Scan> = quiet.chain(codes.into_iter().map(Scan::new)).collect();
-        meter.process(&settings, 0, stream.iter().copied(), &mut heard);
-        prop_assert!(!heard.reports.is_empty());
-    }
-
     #[test]
     fn any_coefficients_are_survived_with_any_codes(
         bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 21),
@@ -347,7 +213,7 @@ proptest! {
         let mut bits = bits.into_iter();
         // Any value from the upper part of the range of a coefficient.
         let mut next = |most: i32| bits.next().unwrap().rem_euclid(most) + 1;
-        let mut settings = settings();
+        let mut settings = paper();
         // 65 km/s² over 4095 codes, a third for each of the three sums. The format holds all forces.
         for channel in [&mut settings.force.sensitive, &mut settings.force.wide] {
             let most = next(i32::MAX - 1) + 1;
@@ -375,55 +241,9 @@ proptest! {
         }
         chain.relaxation = I2F30::from_bits(next(i32::MAX));
         chain.energy = I16F16::from_bits(next(i32::MAX));
-        for channel in [settings.force.sensitive, settings.force.wide] {
-            prop_assert!(channel.is_bounded());
-        }
-        for channel in [settings.acceleration.sensitive, settings.acceleration.wide] {
-            prop_assert!(channel.is_bounded());
-        }
-
         // In a build with overflow checks a sum that leaves its format panics.
-        let (mut window, mut record) = (Window::open(0, 0), Box::<WindowRecord>::default());
-        record.clear();
         let scans: Vec<Scan> = codes.into_iter().map(Scan::new).collect();
-        window.process(&settings, &scans, &mut record);
+        let (window, record) = replayed(&settings, 0, &scans);
         window.report(&settings, &record);
-    }
-
-    #[test]
-    #[cfg_attr(miri, ignore = "thousands of scans")]
-    fn how_the_stream_is_cut_into_calls_changes_nothing(
-        cuts in prop::collection::vec(1usize..400, 1..40),
-        noise in prop::collection::vec(0u16..8, 2 * MANY),
-    ) {
-        let settings = settings();
-        let stream: Vec<Scan> = (0..)
-            .zip(noise)
-            .map(|(i, noise)| {
-                let force = if (1000..1050).contains(&i) { pulse(i - 1000) } else { 128 };
-                codes_of((force + noise, 1920 + force + 7 * noise))
-            })
-            .collect();
-        let (mut whole, mut heard) = (Meter::new(), Collector::default());
-        whole.process(&settings, 0, stream.iter().copied(), &mut heard);
-        let (mut meter, mut in_pieces, mut start) = (Meter::new(), Collector::default(), 0);
-        for cut in cuts.into_iter().cycle() {
-            let end = (start + cut).min(stream.len());
-            meter.process(&settings, start as u64, stream[start..end].iter().copied(), &mut in_pieces);
-            start = end;
-            if start == stream.len() {
-                break;
-            }
-        }
-        prop_assert_eq!(heard.reports.len(), 1);
-        prop_assert_eq!((&heard.reports, &heard.shapes), (&in_pieces.reports, &in_pieces.shapes));
-        prop_assert_eq!(heard.samples(), in_pieces.samples());
-    }
-
-    #[test]
-    fn any_bytes_whatever_are_no_settings_or_valid_ones(bytes in prop::collection::vec(any::<u8>(), 0..256)) {
-        if let Ok(settings) = Settings::decode(&bytes) {
-            prop_assert_eq!(Settings::new(settings.description()), Ok(settings));
-        }
     }
 }

@@ -1,21 +1,20 @@
 //! The effect of noise on both estimates, with and without their measures against it.
 //!
 //! `cargo test --release -p bead-model noise -- --nocapture` prints the table of `docs/estimators.md`.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
-use crate::UNDELAYED;
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use crate::replayed;
+use crate::sensed::{HOST, felt, front_end, scan};
+use bead_model::design::{Bead, Capture, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
-use bead_model::{Scan, Settings, Window, WindowRecord};
+use bead_model::{Scan, Settings};
 use bead_testing::Collector;
 use hertz_chain::{Options, Scenario, Solution, simulate_with};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-const HOST: usize = 8;
 const STRIKES: u64 = 40;
 /// Quiet before the strike, samples.
 const LEAD: f64 = 500.0;
@@ -33,13 +32,8 @@ fn strike(speed: f64) -> (Solution, f64) {
 /// Mean and standard deviation of the errors of each estimate: A, A without the noise subtracted, B, B with a
 /// gate for single samples.
 fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4] {
-    let mut front_end = FrontEnd::reference();
-    front_end.force.noise = noise[0];
-    for sensor in [&mut front_end.force, &mut front_end.acceleration] {
-        sensor.pole = 0.0;
-        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
-    }
-    let calibration = [&front_end.force, &front_end.acceleration].map(|sensor| sensor.per_code);
+    let mut front_end = front_end([16.0, 500.0]);
+    [front_end.force.noise, front_end.acceleration.noise] = noise;
     let capture = Capture::of(&Bead::paper(), &front_end);
     let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
     let [force_noise, acceleration_noise] = noise.map(|rms| Normal::new(0.0, rms).unwrap());
@@ -47,28 +41,20 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
         .map(|seed| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let phase = seed as f64 / STRIKES as f64;
-            let scans: Vec<Scan> = (0..1600)
-                .map(|sample| {
-                    let time = (f64::from(sample) - LEAD + phase) / 100e3;
-                    let (force, acceleration) = match time {
-                        ..0.0 => (0.0, 0.0),
-                        _ => (
-                            solution.at(time).force(HOST),
-                            solution.at(time).intruder_acceleration(HOST).unwrap(),
-                        ),
-                    };
-                    let code = |value: f64, per_code: f64, zero: f64| {
-                        (value / per_code + zero).round().clamp(0.0, 4095.0) as u16
-                    };
-                    let force = code(force + force_noise.sample(&mut random), calibration[0], 128.3);
-                    let acceleration = acceleration + acceleration_noise.sample(&mut random);
-                    let acceleration = code(acceleration, calibration[1], 2048.2);
-                    Scan::new([force, force, acceleration, acceleration])
-                })
-                .collect();
+            let sensed = (0..1600).map(|sample| {
+                let time = (f64::from(sample) - LEAD + phase) / 100e3;
+                let [force, acceleration] = felt(solution, time);
+                let force = force + force_noise.sample(&mut random);
+                scan(
+                    &front_end,
+                    [force, acceleration + acceleration_noise.sample(&mut random)],
+                )
+            });
+            let scans: Vec<Scan> = sensed.collect();
             let report = Collector::measure(&settings, 0, &scans).reports[0];
             let window = &scans[report.first_index as usize..][..usize::from(report.samples)];
-            let gate = (3.0 * noise[0].hypot(calibration[0] / 12f64.sqrt()) / calibration[0]) as u16;
+            let per_code = front_end.force.per_code;
+            let gate = (3.0 * noise[0].hypot(per_code / 12f64.sqrt()) / per_code) as u16;
             let gated: Vec<Scan> = window
                 .iter()
                 .map(|scan| {
@@ -96,9 +82,7 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
 
 /// Estimate A of a window as a plain sum to its end, with the noise.
 fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
-    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
-    record.clear();
-    window.process(settings, scans, &mut record);
+    let (_, record) = replayed(settings, 0, scans);
     let accelerations: Vec<SensedAcceleration> = record.samples().map(|(_, a)| a).collect();
     let mut state = ObserverState::default();
     for piece in accelerations.chunks(PIECE) {
@@ -109,9 +93,7 @@ fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
 
 /// Estimate B of a window.
 fn predicted(settings: &Settings, scans: &[Scan]) -> f64 {
-    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
-    record.clear();
-    window.process(settings, scans, &mut record);
+    let (window, _) = replayed(settings, 0, scans);
     1e9 * window.absorbed_predicted(settings).joules()
 }
 

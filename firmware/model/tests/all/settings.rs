@@ -1,8 +1,8 @@
 //! The settings block: what it holds, which blocks are refused, and which settings.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use crate::paper;
 use bead_model::company::Company;
-use bead_model::design::{Bead, Capture, Description, FrontEnd, LEAST_WIDTH, Neighbours, derive};
+use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::{BLOCK_MAX, VERSION};
@@ -27,10 +27,6 @@ fn block(version: u16, body: &[u8]) -> Vec<u8> {
 
 fn body() -> &'static [u8] {
     &PAPER[HEADER..PAPER.len() - 4]
-}
-
-fn paper() -> Settings {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
 }
 
 /// The paper's bead with the same intruder in two beads behind it.
@@ -90,57 +86,51 @@ fn the_longest_settings_have_room_in_a_block() {
 
 #[test]
 fn blocks_of_other_versions_are_refused_by_their_number() {
-    for version in [2, 3, 6] {
+    for version in [0, 2, 3, 6, 7, 0xFFFF] {
         let error = Settings::decode(&block(version, body())).unwrap_err();
-        assert_eq!(error, SettingsError::Unreleased(version));
-        assert!(
-            error.to_string().starts_with(&format!(
-                "settings block of version {version}, unreleased: `bead settings make` makes it anew of"
-            )),
-            "{error}"
-        );
-    }
-    for version in [0, 7, 0xFFFF] {
-        let error = Settings::decode(&block(version, body())).unwrap_err();
-        assert_eq!(error, SettingsError::Version(version));
+        let (expected, advice) = if matches!(version, 2..=6) {
+            (
+                SettingsError::Unreleased(version),
+                ", unreleased: `bead settings make` makes it anew of its bead.toml",
+            )
+        } else {
+            (SettingsError::Version(version), ", this program knows 1")
+        };
+        assert_eq!(error, expected);
         assert_eq!(
             error.to_string(),
-            format!("settings block of version {version}, this program knows 1")
+            format!("settings block of version {version}{advice}")
         );
     }
 }
 
 #[test]
-fn a_body_of_another_length_is_refused() {
+fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refused() {
     let longer = [body(), &[5]].concat();
     for body in [&longer[..], &body()[..body().len() - 1]] {
         assert_eq!(Settings::decode(&block(VERSION, body)), Err(SettingsError::Body));
     }
-}
-
-#[test]
-fn a_name_that_no_terminal_should_show_is_refused_in_a_block() {
     for name in [&b"a\x1b]52;c;"[..], b"\xff\xfe", b"bell\x07", b"a\0b"] {
         // Postcard writes the sixteen bytes of the name first.
-        let mut bytes = body().to_vec();
-        bytes[..name.len()].copy_from_slice(name);
-        let expected = Violation {
+        let body = [name, &body()[name.len()..]].concat();
+        let expected = SettingsError::Invalid(Violation {
             key: Key::Name,
             bound: Bound::Text,
-        };
+        });
         assert_eq!(
-            Settings::decode(&block(VERSION, &bytes)),
-            Err(SettingsError::Invalid(expected)),
+            Settings::decode(&block(VERSION, &body)),
+            Err(expected),
             "{name:?}"
         );
     }
 }
 
-/// The violation of the paper's bead in company after a change.
-fn refused(change: impl FnOnce(&mut Description)) -> Violation {
+/// Key and bound that the paper's bead in company violates after a change.
+fn refused(change: impl FnOnce(&mut Description)) -> (Key, Bound) {
     let mut description = in_company();
     change(&mut description);
-    Settings::new(&description).unwrap_err()
+    let Violation { key, bound } = Settings::new(&description).unwrap_err();
+    (key, bound)
 }
 
 type Number = fn(&mut Description) -> &mut f64;
@@ -179,21 +169,17 @@ const NOT_NEGATIVE: [(Key, Number); 8] = [
 fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() {
     for (key, number) in POSITIVE {
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let found = refused(|one| *number(one) = value);
-            assert_eq!(found.key, key, "{value}");
-            assert!(
-                matches!(found.bound, Bound::Positive | Bound::NotNegative),
-                "{found}"
-            );
+            let (found, bound) = refused(|one| *number(one) = value);
+            assert_eq!(found, key, "{value}");
+            assert!(matches!(bound, Bound::Positive | Bound::NotNegative), "{bound:?}");
         }
     }
     for (key, number) in NOT_NEGATIVE {
         for value in [-1e-9, f64::NAN, f64::INFINITY] {
-            let bound = Bound::NotNegative;
-            assert_eq!(refused(|one| *number(one) = value), Violation { key, bound });
+            assert_eq!(refused(|one| *number(one) = value), (key, Bound::NotNegative));
         }
     }
-    let found = refused(|one| one.capture.sample_rate_hz = 0);
+    let found = paper().with(|one| one.capture.sample_rate_hz = 0).unwrap_err();
     assert_eq!((found.key, found.bound), (Key::SampleRate, Bound::Positive));
     assert_eq!(found.to_string(), "capture.sample_rate must be above 0");
 }
@@ -213,56 +199,49 @@ fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
 }
 
 #[test]
-fn masses_are_parts_of_one_another() {
+fn masses_address_places_flag_and_noise_have_their_limits() {
+    type Change = fn(&mut Description);
     let host = |one: &Description| one.bead.mass - one.intruder.mass;
-    let cases = [
+    let refusals: [(Change, Key, Bound); 8] = [
         (
-            refused(|one| one.intruder.mass = one.bead.mass),
+            |one| one.intruder.mass = one.bead.mass,
             Key::IntruderMass,
             Bound::BelowBead,
         ),
         (
-            refused(|one| one.bead.front_mass = -1e-9),
-            Key::FrontMass,
-            Bound::BelowHost,
-        ),
-        (
-            refused(|one| one.bead.front_mass = host(one)),
-            Key::FrontMass,
-            Bound::BelowHost,
-        ),
-        (
-            refused(|one| one.company.mass = one.bead.mass),
+            |one| one.company.mass = one.bead.mass,
             Key::CompanyMass,
             Bound::BelowBead,
         ),
-    ];
-    for (found, key, bound) in cases {
-        assert_eq!(found, Violation { key, bound });
-    }
-    assert!(paper().with(|one| one.bead.front_mass = 0.5 * host(one)).is_ok());
-}
-
-#[test]
-fn address_places_flag_and_noise_have_their_limits() {
-    let cases = [
-        (refused(|one| one.address = 255), Key::Address, Bound::OneBead),
-        (refused(|one| one.company.behind = 15), Key::Behind, Bound::Places),
         (
-            refused(|one| one.company.elsewhere = 2),
-            Key::Elsewhere,
-            Bound::Flag,
+            |one| one.bead.front_mass = -1e-9,
+            Key::FrontMass,
+            Bound::BelowHost,
+        ),
+        (
+            |one| one.bead.front_mass = one.bead.mass - one.intruder.mass,
+            Key::FrontMass,
+            Bound::BelowHost,
+        ),
+        (|one| one.address = 255, Key::Address, Bound::OneBead),
+        (|one| one.company.behind = 15, Key::Behind, Bound::Places),
+        (|one| one.company.elsewhere = 2, Key::Elsewhere, Bound::Flag),
+        (
+            |one| one.capture.threshold = 0.4 * one.force.per_code,
+            Key::Threshold,
+            Bound::Codes,
         ),
     ];
-    for (found, key, bound) in cases {
-        assert_eq!(found, Violation { key, bound });
+    for (change, key, bound) in refusals {
+        assert_eq!(refused(change), (key, bound));
     }
+    assert!(paper().with(|one| one.bead.front_mass = 0.5 * host(one)).is_ok());
     assert!(paper().with(|one| one.address = 254).is_ok());
     assert!(paper().with(|one| one.company.elsewhere = 1).is_ok());
     for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
-        assert_eq!(refused(|one| one.force.noise = noise).key, Key::ForceNoise);
+        assert_eq!(refused(|one| one.force.noise = noise).0, Key::ForceNoise);
         let found = refused(|one| one.acceleration.noise = noise);
-        assert_eq!(found.key, Key::AccelerationNoise);
+        assert_eq!(found.0, Key::AccelerationNoise);
     }
 }
 
@@ -290,8 +269,6 @@ fn each_time_and_the_threshold_are_allowed_up_to_their_limits_and_not_beyond() {
         });
         assert_eq!(found.is_ok(), (2..=4095).contains(&codes), "{codes}");
     }
-    let found = refused(|one| one.capture.threshold = 0.4 * one.force.per_code);
-    assert_eq!((found.key, found.bound), (Key::Threshold, Bound::Codes));
 }
 
 #[test]
@@ -333,30 +310,23 @@ fn poles_and_units_have_their_limits() {
     ] {
         let pole = NOT_NEGATIVE.iter().find(|(other, _)| *other == key).unwrap().1;
         // The slope is as great as the unit at a lag of two samples: f_s/4π.
-        let delay = if key.path().ends_with("wide_pole") {
-            27.0 / 21e6
-        } else {
-            0.0
-        };
+        let is_wide = key.path().ends_with("wide_pole");
+        let delay = if is_wide { 27.0 / 21e6 } else { 0.0 };
         let slowest = 1.0 / (std::f64::consts::TAU * (2e-5 + delay));
         assert!(
             paper().with(|one| *pole(one) = 1.0001 * slowest).is_ok(),
             "{key:?}"
         );
-        let bound = Bound::Pole;
-        assert_eq!(
-            refused(|one| *pole(one) = 0.9999 * slowest),
-            Violation { key, bound }
-        );
-        assert_eq!(refused(|one| *pole(one) = 1e-300), Violation { key, bound });
+        for pole_hz in [0.9999 * slowest, 1e-300] {
+            assert_eq!(refused(|one| *pole(one) = pole_hz), (key, Bound::Pole));
+        }
         // The codes of both channels, with their slopes, stay below the range of the sums.
         let is_force = matches!(unit, Key::ForcePerCode | Key::WideForcePerCode);
-        let found = refused(|one| *number(one) = if is_force { 2.0 } else { 32.0 });
-        assert!(matches!(found.bound, Bound::Unit { .. }), "{found:?}");
-        assert_eq!(found.key, unit);
+        let (found, bound) = refused(|one| *number(one) = if is_force { 2.0 } else { 32.0 });
+        assert!(matches!(bound, Bound::Unit { .. }), "{bound:?}");
+        assert_eq!(found, unit);
         if !is_force {
-            let found = refused(|one| *number(one) = 16.1);
-            assert_eq!((found.key, found.bound), (unit, Bound::Reach));
+            assert_eq!(refused(|one| *number(one) = 16.1), (unit, Bound::Reach));
         }
     }
     // A small bead has less room for its force.
@@ -395,40 +365,43 @@ fn a_wave_that_is_too_short_is_refused_with_its_width() {
 
 #[test]
 fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
-    type Edit = fn(&mut Description);
-    let cases: [(Edit, Key, Coefficient); 5] = [
+    for (number, value, key, expected) in [
         (
-            |one| one.intruder.stiffness = 1e12,
+            POSITIVE[2].1,
+            1e12,
             Key::IntruderStiffness,
             Coefficient::Stiffness,
         ),
         (
-            |one| one.contact.relaxation = 1e-12,
+            NOT_NEGATIVE[0].1,
+            1e-12,
             Key::ContactRelaxation,
             Coefficient::Relaxation,
         ),
         (
-            |one| one.company.stiffness = 1e12,
+            POSITIVE[11].1,
+            1e12,
             Key::CompanyStiffness,
             Coefficient::CompanyStiffness,
         ),
         (
-            |one| one.company.damping = 1e9,
+            POSITIVE[12].1,
+            1e9,
             Key::CompanyDamping,
             Coefficient::CompanyDamping,
         ),
         (
-            |one| one.company.mass = 0.999_99 * one.bead.mass,
+            POSITIVE[10].1,
+            0.999_99 * Bead::paper().mass,
             Key::CompanyMass,
             Coefficient::CompanyRatio,
         ),
-    ];
-    for (change, key, expected) in cases {
-        let found = refused(change);
-        let Bound::Format { coefficient, .. } = found.bound else {
-            panic!("{found:?}");
+    ] {
+        let (found, bound) = refused(|one| *number(one) = value);
+        let Bound::Format { coefficient, .. } = bound else {
+            panic!("{bound:?}");
         };
-        assert_eq!((found.key, coefficient), (key, expected));
+        assert_eq!((found, coefficient), (key, expected));
     }
 }
 
@@ -455,13 +428,9 @@ fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
             assert_eq!(found.to_bits(), bits, "{key:?} {value}");
         }
         for value in [0.0, -0.25, 9e-4, 2e4, f64::INFINITY, f64::NAN] {
+            let (least, most) = (1e-3, 1e4);
             let found = refused(|one| *limit(&mut one.capture) = value);
-            let [least, most] = [1e-3, 1e4];
-            assert_eq!(
-                (found.key, found.bound),
-                (key, Bound::Range { least, most }),
-                "{value}"
-            );
+            assert_eq!(found, (key, Bound::Range { least, most }), "{value}");
         }
     }
 }

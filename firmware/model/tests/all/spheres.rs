@@ -1,20 +1,18 @@
 //! Both estimates for spheres of other materials and sizes:
 //! `cargo test --release -p bead-model spheres -- --nocapture` prints the errors.
 //!
-//! The intruders are like the paper's: the same frequency and damping in units of the wave's time. The codes
-//! are made in the simplest way: 12-bit rounding over a span that the strike fills, no noise, no filter.
-#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+//! The intruders are like the paper's: the same frequency and damping in units of the wave's time. The
+//! strike fills the spans of the sensors.
 
 use std::f64::consts::PI;
 
-use crate::UNDELAYED;
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use crate::sensed::{HOST, felt, front_end, scan};
+use bead_model::design::{Bead, Capture, derive};
 use bead_model::violation::{Bound, Violation};
-use bead_model::{Energy, Scan, Settings, StrikeFlags};
+use bead_model::{Energy, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Material, Scenario, Solution, simulate};
 
-const HOST: usize = 8;
 /// Quiet before the strike, samples.
 const LEAD: usize = 400;
 const RATE: f64 = 100e3;
@@ -80,24 +78,10 @@ fn chain(material: Material, relaxation: f64, diameter: f64, part: f64) -> (Scen
 /// Errors of A and B, in per cent, and the flags of the first report; or why there are no settings.
 fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), Violation> {
     let samples = (solution.end() * RATE) as usize;
-    let felt: Vec<(f64, f64)> = (0..samples)
-        .map(|n| {
-            let now = solution.at(n as f64 / RATE);
-            (now.force(HOST), now.intruder_acceleration(HOST).unwrap())
-        })
-        .collect();
-    let most = |part: fn(&(f64, f64)) -> f64| felt.iter().map(|felt| part(felt).abs()).fold(0.0, f64::max);
-    let (force, acceleration) = (most(|felt| felt.0), most(|felt| felt.1));
-    let mut front_end = FrontEnd::reference();
-    for (sensor, span) in [
-        (&mut front_end.force, 1.5 * force),
-        (&mut front_end.acceleration, 2.6 * acceleration),
-    ] {
-        sensor.per_code = span / 4096.0;
-        sensor.noise = 0.0;
-        sensor.pole = 0.0;
-        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
-    }
+    let felt: Vec<[f64; 2]> = (0..samples).map(|n| felt(solution, n as f64 / RATE)).collect();
+    let [force, acceleration] =
+        [0, 1].map(|part| felt.iter().map(|felt| felt[part].abs()).fold(0.0, f64::max));
+    let front_end = front_end([1.5 * force, 2.6 * acceleration]);
     let capture = Capture {
         threshold: force / 60.0,
         ..Capture::of(bead, &front_end)
@@ -110,17 +94,9 @@ fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), V
         Ok(settings),
         "settings survive their block"
     );
-    let scans = std::iter::repeat_n((0.0, 0.0), LEAD)
-        .chain(felt)
-        .map(|(force, acceleration)| {
-            let code = |value: f64, per_code: f64, zero: f64| {
-                (value / per_code + zero).round().clamp(0.0, 4095.0) as u16
-            };
-            let force = code(force, front_end.force.per_code, 128.3);
-            let acceleration = code(acceleration, front_end.acceleration.per_code, 2048.2);
-            Scan::new([force, force, acceleration, acceleration])
-        });
-    let collected = Collector::measure(&settings, 0, &scans.collect::<Vec<_>>());
+    let scans = std::iter::repeat_n([0.0; 2], LEAD).chain(felt);
+    let scans: Vec<_> = scans.map(|felt| scan(&front_end, felt)).collect();
+    let collected = Collector::measure(&settings, 0, &scans);
     let [report, ..] = &collected.reports[..] else {
         panic!("no report of {force} N");
     };
@@ -150,16 +126,8 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                 );
                 let found = errors(&simulate(&scenario).unwrap(), &bead);
                 if width < 2.5 {
-                    assert!(
-                        matches!(
-                            found,
-                            Err(Violation {
-                                bound: Bound::Width { .. },
-                                ..
-                            })
-                        ),
-                        "{what}: {found:?}"
-                    );
+                    let bound = found.err().map(|violation| violation.bound);
+                    assert!(matches!(bound, Some(Bound::Width { .. })), "{what}: {bound:?}");
                     refused += 1;
                     continue;
                 }

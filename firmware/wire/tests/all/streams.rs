@@ -182,7 +182,8 @@ fn each_frame_follows_the_earlier_ones_as_its_boot_and_number_say() {
     const FAR: u32 = 500 - REORDER - 1;
     use Arrival::{Duplicate, First, Late, Next, Restart};
     // The frames of a stream, as boot and number; 0 stands for an opening.
-    let rows: [(&str, &[(u8, u32)], &[Arrival]); 7] = [
+    type Case<'a> = (&'a str, &'a [(u8, u32)], &'a [Arrival]);
+    let cases: [Case<'_>; 7] = [
         (
             "the wrap of the sequence is no restart",
             &[(0, u32::MAX - 1), (0, u32::MAX), (0, 1)],
@@ -219,7 +220,7 @@ fn each_frame_follows_the_earlier_ones_as_its_boot_and_number_say() {
             &[First, Restart { lost: 3 }, Late, Duplicate],
         ),
     ];
-    for (what, frames, expected) in rows {
+    for (what, frames, expected) in cases {
         let frame = |&(boot, number): &(u8, u32)| match number {
             0 => opening(boot),
             _ => filler(boot, number),

@@ -1,0 +1,46 @@
+//! Codes of simulated strikes, made in the simplest way: 12-bit rounding and no filter, so that the errors of
+//! a result are those of the fixed-point estimators.
+
+use std::f64::consts::TAU;
+
+use bead_model::Scan;
+use bead_model::converter::CONVERSION;
+use bead_model::design::FrontEnd;
+use hertz_chain::Solution;
+
+/// Bead with the intruder in the paper's chain.
+pub(crate) const HOST: usize = 8;
+/// A pole whose lag is the delay of the wide channel: that channel then has no slope.
+const UNDELAYED: f64 = 1.0 / (TAU * CONVERSION);
+
+/// Sensors with these spans of force (N) and acceleration (m/s², both signs together) and no noise. The low
+/// gain does not widen them.
+pub(crate) fn front_end(spans: [f64; 2]) -> FrontEnd {
+    let mut front_end = FrontEnd::reference();
+    for (sensor, span) in [&mut front_end.force, &mut front_end.acceleration]
+        .into_iter()
+        .zip(spans)
+    {
+        (sensor.per_code, sensor.pole, sensor.noise) = (span / 4096.0, 0.0, 0.0);
+        (sensor.wide_per_code, sensor.wide_pole) = (sensor.per_code, UNDELAYED);
+    }
+    front_end
+}
+
+/// Codes of a force (N) and an acceleration (m/s²) over zeros of 128.3 and 2048.2.
+pub(crate) fn scan(front_end: &FrontEnd, [force, acceleration]: [f64; 2]) -> Scan {
+    let code = |code: f64| code.round().clamp(0.0, 4095.0) as u16;
+    let force = code(force / front_end.force.per_code + 128.3);
+    let acceleration = code(acceleration / front_end.acceleration.per_code + 2048.2);
+    Scan::new([force, force, acceleration, acceleration])
+}
+
+/// Force (N) at the incoming contact of [`HOST`] and acceleration (m/s²) of its intruder; zeros before the
+/// strike.
+pub(crate) fn felt(solution: &Solution, time: f64) -> [f64; 2] {
+    if time < 0.0 {
+        return [0.0; 2];
+    }
+    let now = solution.at(time);
+    [now.force(HOST), now.intruder_acceleration(HOST).unwrap()]
+}
