@@ -24,6 +24,8 @@ use bead_recording::clock::CRYSTAL_PPM;
 const SYNC_LEAST: f64 = 0.02;
 /// Greatest time from the first bead's start to the last one's, s.
 const START_SPREAD_MOST: f64 = 60.0;
+/// Paces of a bead that listens.
+const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Greatest `shift`.
 const SHIFT_MOST: u8 = 10;
 
@@ -197,6 +199,9 @@ pub struct ClockTable {
     pub start_spread: f64,
     /// Time between edges at the sync input (PA15), which all beads share, s.
     pub sync_period: Option<f64>,
+    /// Seconds of the bead's time in one of this computer's, for a bead that listens. Without it its time
+    /// passes as fast as it can while a program is connected.
+    pub pace: Option<f64>,
     /// Time of an instruction, as QEMU's -icount counts it: 2^`shift` ns.
     pub shift: Option<u8>,
 }
@@ -233,6 +238,10 @@ impl ClockTable {
                 period,
                 format!("give s, at least {SYNC_LEAST}"),
             )?;
+        }
+        if let Some(pace) = self.pace {
+            let advice = "give a number from 0.001 to 1000; 1 is real time".to_owned();
+            ensure(PACES.contains(&pace), "clock", "pace", pace, advice)?;
         }
         if let Some(shift) = self.shift {
             let advice = format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns");
@@ -317,6 +326,7 @@ mod tests {
                 "clock.shift",
                 "11 is out of range; give 0 to 10",
             ),
+            ("[clock]\npace = 0.0", "clock.pace", "from 0.001 to 1000"),
             ("[clock]\nstart_spread = 61.0", "clock.start_spread", "at most 60"),
         ];
         for (tables, key, why) in refused {

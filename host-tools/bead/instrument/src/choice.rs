@@ -36,12 +36,12 @@ impl Choice {
     }
 }
 
-/// The option that names the column of a quantity.
+/// Beginning of the option that names the column of a quantity.
 pub(super) const fn option(quantity: Quantity) -> &'static str {
     match quantity {
-        Quantity::Time => "--time-column",
-        Quantity::Force => "--force-column",
-        _ => "--acceleration-column",
+        Quantity::Time => "--read time=",
+        Quantity::Force => "--read force=",
+        _ => "--read acceleration=",
     }
 }
 

@@ -200,7 +200,7 @@ impl Table<'_> {
             Address::Either(_) => match (by_name(), by_number()) {
                 (Some(name), Some(number)) if name.place != number.place => {
                     return self.unfit(format!(
-                        "{} {text}: it is the name of column {} and the number of column `{}`; give name={text} or \
+                        "{}{text}: it is the name of column {} and the number of column `{}`; give name={text} or \
                          number={text}",
                         option(quantity),
                         name.place + 1,
@@ -212,7 +212,7 @@ impl Table<'_> {
         };
         found.ok_or_else(|| {
             let what = format!(
-                "{} {}: it has no such column of numbers; there are {}",
+                "{}{}: it has no such column of numbers; there are {}",
                 option(quantity),
                 wanted.column,
                 self.shown()
@@ -236,7 +236,7 @@ impl Table<'_> {
             Some((Quantity::Voltage, _)) => format!("is in {}", header.written_unit().unwrap_or("V")),
             Some((of, _)) => {
                 return self.unfit(format!(
-                    "{} {column}: its unit is one of {}; give one of {}",
+                    "{}{column}: its unit is one of {}; give one of {}",
                     option(quantity),
                     of.name(),
                     quantity.name()
@@ -257,7 +257,7 @@ impl Table<'_> {
             _ => "98m/s2",
         };
         self.unfit(format!(
-            "column {column} {why}; say what 1 of it is: {} {column}:{example}",
+            "column {column} {why}; say what 1 of it is: {}{column}:{example}",
             option(quantity)
         ))
     }
@@ -291,7 +291,7 @@ impl Table<'_> {
             }
             (None, several) => {
                 return self.unfit(format!(
-                    "has {} columns of {}: {}; say which with {}",
+                    "has {} columns of {}: {}; say which with {}COLUMN",
                     several.len(),
                     quantity.name(),
                     few(several.iter().copied()),
@@ -318,8 +318,8 @@ impl Table<'_> {
         };
         let Some(header) = self.headers.iter().find(is_time) else {
             return self.unfit(format!(
-                "has no column of time among {}; say which with --time-column, or give the rate of its rows in Hz with \
-                 --sample-rate",
+                "has no column of time among {}; say which with --read time=COLUMN, or give the rate of its rows in Hz with \
+                 --read rate=HZ",
                 self.shown()
             ));
         };
@@ -340,7 +340,7 @@ impl Table<'_> {
             if let Some((other, _)) = twin {
                 let column = self.at(picked.place).map_or_else(String::new, Header::numbered);
                 return self.unfit(format!(
-                    "{column} is taken for the {} and for the {}; give each its own with {} and {}",
+                    "{column} is taken for the {} and for the {}; give each its own with {}COLUMN and {}COLUMN",
                     quantity.name(),
                     other.name(),
                     option(quantity),
@@ -369,7 +369,7 @@ impl Table<'_> {
             self.path,
             format!(
                 "has no column of force or acceleration with a unit among {}; say which, and what 1 of it is: \
-                 --force-column CH1:8.9N or --acceleration-column CH2:98m/s2",
+                 --read force=CH1:8.9N or --read acceleration=CH2:98m/s2",
                 self.shown()
             ),
         )
@@ -431,7 +431,7 @@ mod tests {
     fn a_number_that_is_another_column_s_name_is_refused_and_can_be_told_apart() {
         let keysight = ["x-axis", "1", "2"];
         let error = picked(&keysight, &force("2:N")).unwrap_err();
-        let wanted = "--force-column 2: it is the name of column 3 and the number of column `1`; give name=2 or number=2";
+        let wanted = "--read force=2: it is the name of column 3 and the number of column `1`; give name=2 or number=2";
         assert!(error.ends_with(wanted), "{error}");
         for (wanted, place) in [("name=2:N", 2), ("number=2:N", 1), ("3:N", 2), ("name=1:N", 1)] {
             let found = picked(&keysight, &force(wanted)).unwrap();
@@ -475,7 +475,7 @@ mod tests {
             (&names[..], [&beginning[..], ", CH1 and 299980 more; say which"]),
             (
                 &["t (s)", &named],
-                ["column 2 has no unit", "what 1 of it is: --force-column 2:8.9N"],
+                ["column 2 has no unit", "what 1 of it is: --read force=2:8.9N"],
             ),
             (&["t (s)", &of_unit], ["column 2 is in `nnn", "what 1 of it is"]),
             (
@@ -498,7 +498,7 @@ mod tests {
             (
                 &["TIME", "CH1", "CH2"][..],
                 &none,
-                "TIME, CH1, CH2; say which, and what 1 of it is: --force-column CH1:8.9N",
+                "TIME, CH1, CH2; say which, and what 1 of it is: --read force=CH1:8.9N",
             ),
             (&["t (s)", "mass_g"], &none, "no column of force or acceleration"),
             (
@@ -509,13 +509,13 @@ mod tests {
             (
                 &["t (s)", "force"],
                 &none,
-                "column force has no unit; say what 1 of it is: --force-column force:8.9N",
+                "column force has no unit; say what 1 of it is: --read force=force:8.9N",
             ),
             (&["t (s)", "Force (V)"], &none, "is in V; say what 1"),
             (
                 &["F (N)"],
                 &none,
-                "no column of time among F (N); say which with --time-column",
+                "no column of time among F (N); say which with --read time=COLUMN",
             ),
             (
                 &["t (s)", "F1 (N)", "F2 (N)"],

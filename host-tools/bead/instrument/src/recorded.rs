@@ -14,7 +14,7 @@ use bead_recording::signal::Signal;
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
     if choice.names_a_column() || choice.rate_hz.is_some() {
-        return unfit("is a recording and has its units; leave columns and --sample-rate out".to_owned());
+        return unfit("is a recording and has its units; leave columns and --read rate out".to_owned());
     }
     let mut received = Received::open(path)?;
     let beads = &received.recording.beads;
@@ -34,14 +34,14 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
         return match all {
             0 => Err(received.no_strike(strikes.frames()).into()),
             _ => unfit(format!(
-                "has {all} strikes, from 0 on, and none is number {wanted}; --waveform-strike chooses"
+                "has {all} strikes, from 0 on, and none is number {wanted}; --read strike=N chooses"
             )),
         };
     };
     let number = strike.said.strike;
     if strike.missing() > 0 {
         return unfit(format!(
-            "strike {wanted} misses {} of its {} samples; choose another with --waveform-strike",
+            "strike {wanted} misses {} of its {} samples; choose another with --read strike=N",
             strike.missing(),
             strike.said.samples
         ));
@@ -61,7 +61,7 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
     }
     if choice.strike.is_none() && strikes.next().is_some() {
         rows.remarks.push(format!(
-            "it has several strikes, and the first is taken, which its bead counts as {number}; --waveform-strike chooses"
+            "it has several strikes, and the first is taken, which its bead counts as {number}; --read strike=N chooses"
         ));
     }
     rows.end()

@@ -118,7 +118,7 @@ impl<'a> Rows<'a> {
                 let (before, time) = (before + self.since, time + self.since);
                 return self.unfit(format!(
                     "time {what} at {row} {number}, from {before} to {time} s; sort the rows, or give their true rate with \
-                     --sample-rate"
+                     --read rate=HZ"
                 ));
             }
             self.time.push(time);
@@ -280,16 +280,16 @@ impl Strikes {
         match (self.has_column, self.wanted) {
             (false, Some(_)) => {
                 return rows.unfit(
-                    "has no column `id` that tells strikes apart; leave --waveform-strike out".to_owned(),
+                    "has no column `id` that tells strikes apart; leave --read strike out".to_owned(),
                 );
             }
             (true, Some(wanted)) if rows.count == 0 => {
                 return rows.unfit(format!(
-                    "has {found} strikes, and none has the id {wanted}; --waveform-strike chooses"
+                    "has {found} strikes, and none has the id {wanted}; --read strike=N chooses"
                 ));
             }
             (true, None) if found > 1 => rows.remarks.push(format!(
-                "it has {found} strikes, and that of id 0 is taken; --waveform-strike chooses"
+                "it has {found} strikes, and that of id 0 is taken; --read strike=N chooses"
             )),
             _ => {}
         }

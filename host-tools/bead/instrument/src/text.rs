@@ -72,7 +72,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let picks = pick(path, &layout.headers, choice).map_err(|error| {
         let why = layout.misnamed.map(|(head, rows)| {
             format!(
-                "its head has {head} and its rows {rows} columns, so give them by number, as in --force-column 2:N"
+                "its head has {head} and its rows {rows} columns, so give them by number, as in --read force=2:N"
             )
         });
         error.also(why.as_deref())
@@ -426,7 +426,7 @@ mod tests {
             for force in ["", "force_n"] {
                 let why = waveform(text, &choice("", force)).unwrap_err();
                 let wanted =
-                    format!("its head {counts} columns, so give them by number, as in --force-column 2:N");
+                    format!("its head {counts} columns, so give them by number, as in --read force=2:N");
                 assert!(why.ends_with(&wanted), "{why}");
             }
         }
@@ -516,6 +516,6 @@ mod tests {
             ..Choice::default()
         };
         let error = waveform(one(12, "0.002,0.4\n"), &strike).unwrap_err();
-        assert!(error.contains("--waveform-strike"), "{error}");
+        assert!(error.contains("--read strike"), "{error}");
     }
 }

@@ -30,15 +30,15 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     }
     if choice.strike.is_some() {
         return Err(unfit(
-            "is a WAV file, whose strikes have no numbers; leave --waveform-strike out",
+            "is a WAV file, whose strikes have no numbers; leave --read strike out",
         ));
     }
     if choice.force.is_none() && choice.acceleration.is_none() {
         return Err(WaveformError::unfit(
             path,
             format!(
-                "is a WAV file, which has no units; say for a channel (it has {channels}) what full scale is: {} 1:500N or \
-                 {} 1:5000m/s2",
+                "is a WAV file, which has no units; say for a channel (it has {channels}) what full scale is: {}1:500N or \
+                 {}1:5000m/s2",
                 option(Quantity::Force),
                 option(Quantity::Acceleration)
             ),
@@ -229,7 +229,7 @@ mod tests {
         let says = |choice: &Choice| refused(&[chunk(b"fmt ", &form), chunk(b"data", &samples)], choice);
         let why = says(&Choice::default());
         assert!(
-            why.contains("(it has 1) what full scale is: --force-column 1:500N"),
+            why.contains("(it has 1) what full scale is: --read force=1:500N"),
             "{why}"
         );
         assert!(says(&of("3:500N")).contains("no such column of numbers; there are 1"));

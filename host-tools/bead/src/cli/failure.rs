@@ -24,40 +24,43 @@ use hertz_sweep::time_series::TimeSeriesError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
+#[error("{0:#}")]
 pub enum Failure {
     /// The command ran to its end and a check said no: exit status 1.
-    #[error("{0}")]
-    Verdict(String),
+    Verdict(anyhow::Error),
     /// The command line, a file it names, or the place to write to is wrong: exit status 2.
-    #[error("{0:#}")]
     Input(anyhow::Error),
     /// The device or the emulator failed: exit status 3.
-    #[error("{0:#}")]
     Device(anyhow::Error),
 }
 
+/// A [`Failure`] of a kind, with a message as for `format!`.
+macro_rules! failure {
+    ($kind:ident, $($message:tt)+) => {
+        $crate::cli::failure::Failure::$kind(anyhow::anyhow!($($message)+))
+    };
+}
+
+/// Ends a function with a [`Failure`] of a kind, with a message as for `format!`.
+macro_rules! bail {
+    ($kind:ident, $($message:tt)+) => {
+        return Err(failure!($kind, $($message)+))
+    };
+}
+
 impl Failure {
-    /// An input error with nothing beneath it.
+    /// An input error without a cause beneath it.
     pub fn input(message: impl Display) -> Self {
-        Self::Input(anyhow::anyhow!("{message}"))
+        failure!(Input, "{message}")
     }
 
-    /// A device failure with nothing beneath it.
-    pub fn device(message: impl Display) -> Self {
-        Self::Device(anyhow::anyhow!("{message}"))
-    }
-
-    /// The process's exit status.
-    pub fn exit_status(&self) -> u8 {
-        match self {
-            Self::Verdict(_) => 1,
-            Self::Input(_) => 2,
-            Self::Device(_) => 3,
-        }
+    /// A verdict of a check.
+    pub fn verdict(message: impl Display) -> Self {
+        failure!(Verdict, "{message}")
     }
 }
 
-/// Errors of the library whose cause is the command's input: exit status 2.
+/// Errors of the crates below whose cause is the command's input: exit status 2.
 macro_rules! input_errors {
     ($($error:ty),*) => {
         $(impl From<$error> for Failure {
@@ -80,15 +83,20 @@ input_errors!(
     WriteError
 );
 
+impl From<anyhow::Error> for Failure {
+    fn from(error: anyhow::Error) -> Self {
+        Self::Input(error)
+    }
+}
+
 impl From<BenchError> for Failure {
     fn from(error: BenchError) -> Self {
         use RunError::{ImageMissing, Input, NoSymbols, NotArmElf};
         match error {
-            BenchError::Mute(_) => Self::device(error),
             BenchError::Emulator(ImageMissing { .. } | NotArmElf { .. } | NoSymbols { .. } | Input(_)) => {
                 Self::input(error)
             }
-            BenchError::Emulator(_) => Self::device(error),
+            BenchError::Mute(_) | BenchError::Emulator(_) => failure!(Device, "{error}"),
             _ => Self::input(error),
         }
     }
@@ -97,36 +105,18 @@ impl From<BenchError> for Failure {
 impl From<LineError> for Failure {
     fn from(error: LineError) -> Self {
         match error {
-            LineError::Refused(why) => Self::Verdict(why),
-            _ => Self::device(error),
+            LineError::Refused(why) => failure!(Verdict, "{why}"),
+            _ => failure!(Device, "{error}"),
         }
     }
 }
 
 impl From<&Failure> for ExitCode {
     fn from(failure: &Failure) -> Self {
-        Self::from(failure.exit_status())
-    }
-}
-
-/// Says whether the input or the device is at fault.
-pub trait Blame<T> {
-    /// The input is at fault.
-    fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure>;
-    /// The device or the emulator is at fault.
-    fn or_device<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C)
-    -> Result<T, Failure>;
-}
-
-impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
-    fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure> {
-        self.map_err(|error| Failure::Input(error.into().context(context())))
-    }
-
-    fn or_device<C: Display + Send + Sync + 'static>(
-        self,
-        context: impl FnOnce() -> C,
-    ) -> Result<T, Failure> {
-        self.map_err(|error| Failure::Device(error.into().context(context())))
+        Self::from(match failure {
+            Failure::Verdict(_) => 1,
+            Failure::Input(_) => 2,
+            Failure::Device(_) => 3,
+        })
     }
 }

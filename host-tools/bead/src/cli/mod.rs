@@ -1,13 +1,17 @@
 //! The command line: the command tree, and below it the commands, their options and their output.
 
+// First, as the others use their macros.
+#[macro_use]
+pub mod failure;
+#[macro_use]
+pub mod output;
+
 mod beads;
 mod bench_options;
 mod commands;
-pub mod failure;
 mod frame_schemas;
 pub mod interrupt;
 mod line_options;
-pub mod output;
 pub mod place;
 mod printer;
 mod provenance;
@@ -15,13 +19,14 @@ pub mod schemas;
 mod waveform_options;
 mod words;
 
+use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, proof, record,
     recover, replay, settings, simulate, sweep,
 };
-use failure::{Blame, Failure};
+use failure::Failure;
 
 const AFTER_HELP: &str = "\
 Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure. Results go to \
@@ -103,7 +108,7 @@ impl Cli {
     /// # Errors
     /// [`Failure`], which carries the exit status.
     pub fn run(self) -> Result<(), Failure> {
-        interrupt::watch().or_input(|| "cannot listen for signals")?;
+        interrupt::watch().context("cannot listen for signals")?;
         match self.command {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),

@@ -5,11 +5,12 @@ use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use anyhow::Context;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use bead_compare::report::aligned;
 use bead_recording::json::SCHEMA_VERSION;
 pub use bead_recording::note::note;
@@ -21,6 +22,13 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 /// Reserves standard output for one result. False if another has it.
 pub(crate) fn take_standard_output() -> bool {
     !TAKEN.swap(true, Ordering::Relaxed)
+}
+
+/// Prints a line for people to standard error, with a message as for `format!`.
+macro_rules! note {
+    ($($message:tt)+) => {
+        $crate::cli::output::note(format_args!($($message)+))
+    };
 }
 
 /// The shape of a result on standard output.
@@ -50,8 +58,8 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
 /// # Errors
 /// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let failed = || "cannot write the result as JSON";
-    let mut document = serde_json::to_value(value).or_input(failed)?;
+    let failed = "cannot write the result as JSON";
+    let mut document = serde_json::to_value(value).context(failed)?;
     let objects = match &mut document {
         Value::Array(items) => &mut items[..],
         one => std::slice::from_mut(one),
@@ -59,7 +67,7 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     for entries in objects.iter_mut().filter_map(Value::as_object_mut) {
         entries.shift_insert(0, "schema_version".to_owned(), SCHEMA_VERSION.into());
     }
-    print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)
+    print_line(&serde_json::to_string_pretty(&document).context(failed)?)
 }
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
@@ -78,8 +86,18 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
 pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.or_input(|| "cannot write to standard output"),
+        other => Ok(other.context("cannot write to standard output")?),
     }
+}
+
+/// A number above 0 on the command line.
+///
+/// # Errors
+/// The text is not one.
+pub fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "give a number above 0".to_owned())
 }
 
 /// A duration on the command line.

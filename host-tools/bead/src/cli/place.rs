@@ -8,13 +8,15 @@
 
 use std::fs::{self, File};
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::Context;
 use clap::Args;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output;
-use bead_tables::whole::{STANDARD_OUTPUT, Target};
+use bead_recording::file::{Finished, RecordingError, Writer};
+use bead_tables::whole::{STANDARD_OUTPUT, Target, Unfinished};
 
 /// `--overwrite`.
 #[derive(Debug, Clone, Copy, Default, Args)]
@@ -22,6 +24,21 @@ pub struct Overwrite {
     /// Replace outputs of the same kind. Inputs and other files are never replaced.
     #[arg(long)]
     pub overwrite: bool,
+}
+
+impl Overwrite {
+    /// As [`target()`] for an output that may not have been asked for.
+    ///
+    /// # Errors
+    /// As [`target()`].
+    pub fn optional(
+        self,
+        path: Option<&Path>,
+        kind: Kind,
+        inputs: &[&Path],
+    ) -> Result<Option<Target>, Failure> {
+        path.map(|path| target(path, kind, inputs, self)).transpose()
+    }
 }
 
 /// The kinds of files that commands read and write.
@@ -44,25 +61,33 @@ pub enum Kind {
     Json,
 }
 
+/// Each kind as messages name it, with the first bytes of its files and the endings of their names.
+const KINDS: [(Kind, &str, &[&[u8]], &str); 14] = [
+    (
+        Kind::Recording,
+        "a recording",
+        &[b"\x89MCAP0\r\n"],
+        "mcap partial",
+    ),
+    (Kind::Parquet, "a Parquet file", &[b"PAR1"], "parquet"),
+    (Kind::Universal, "a UFF file", &[], "uff unv"),
+    (Kind::Page, "a web page", &[b"<!doctype html"], "html"),
+    (Kind::Drawing, "an SVG picture", &[b"<svg"], "svg"),
+    (Kind::Picture, "a picture", &[b"\x89PNG", b"GIF8"], "png gif jpg"),
+    (Kind::Program, "a program", &[b"\x7fELF"], "elf"),
+    (Kind::Archive, "an archive", &[b"\x1f\x8b", b"PK\x03\x04"], ""),
+    (Kind::Settings, "a settings block", &[b"BEAD"], "settings"),
+    (Kind::Key, "a key", &[], "key"),
+    (Kind::Table, "a CSV table", &[], "csv"),
+    (Kind::Text, "a text", &[], "md txt"),
+    (Kind::Scenario, "a TOML file", &[], "toml"),
+    (Kind::Json, "a JSON file", &[], "json"),
+];
+
 impl Kind {
-    /// As messages name it.
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Recording => "a recording",
-            Self::Parquet => "a Parquet file",
-            Self::Universal => "a UFF file",
-            Self::Page => "a web page",
-            Self::Drawing => "an SVG picture",
-            Self::Picture => "a picture",
-            Self::Program => "a program",
-            Self::Archive => "an archive",
-            Self::Settings => "a settings block",
-            Self::Key => "a key",
-            Self::Table => "a CSV table",
-            Self::Text => "a text",
-            Self::Scenario => "a TOML file",
-            Self::Json => "a JSON file",
-        }
+    fn name(self) -> &'static str {
+        let described = KINDS.iter().find(|(kind, ..)| *kind == self);
+        described.map_or("", |(_, name, ..)| name)
     }
 
     /// The kind of a file that is there: by its first bytes, else by its name. None if nothing tells, or if
@@ -71,42 +96,21 @@ impl Kind {
         let mut head = Vec::new();
         // What cannot be read is judged by its name.
         let _ = File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
-        const HEADS: [(&[u8], Kind); 10] = [
-            (b"\x89MCAP0\r\n", Kind::Recording),
-            (b"PAR1", Kind::Parquet),
-            (b"\x7fELF", Kind::Program),
-            (b"\x89PNG", Kind::Picture),
-            (b"GIF8", Kind::Picture),
-            (b"BEAD", Kind::Settings),
-            (b"\x1f\x8b", Kind::Archive),
-            (b"PK\x03\x04", Kind::Archive),
-            (b"<!doctype html", Kind::Page),
-            (b"<svg", Kind::Drawing),
-        ];
-        let lower = head.to_ascii_lowercase();
-        let starts = |start: &[u8]| head.starts_with(start) || lower.starts_with(start);
-        if let Some((_, kind)) = HEADS.iter().find(|(start, _)| starts(start)) {
-            return Some(*kind);
-        }
         if head.is_empty() && path.metadata().is_ok_and(|found| found.len() == 0) {
             return None;
         }
-        Some(match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "mcap" | "partial" => Self::Recording,
-            "parquet" => Self::Parquet,
-            "uff" | "unv" => Self::Universal,
-            "html" => Self::Page,
-            "svg" => Self::Drawing,
-            "png" | "gif" | "jpg" => Self::Picture,
-            "elf" => Self::Program,
-            "settings" => Self::Settings,
-            "key" => Self::Key,
-            "csv" => Self::Table,
-            "md" | "txt" => Self::Text,
-            "toml" => Self::Scenario,
-            "json" => Self::Json,
-            _ => return None,
-        })
+        let begins = |start: &&[u8]| {
+            let begin = head.get(..start.len());
+            begin.is_some_and(|begin| begin.eq_ignore_ascii_case(start))
+        };
+        let by_head = KINDS.iter().find(|(_, _, heads, _)| heads.iter().any(begins));
+        let by_name = || {
+            let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+            KINDS
+                .iter()
+                .find(|(.., endings)| endings.split_whitespace().any(|end| end == ending))
+        };
+        by_head.or_else(by_name).map(|(kind, ..)| *kind)
     }
 }
 
@@ -121,41 +125,14 @@ pub fn target(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -
     Ok(target)
 }
 
-/// [`target`] for an output that may not have been asked for.
-///
-/// # Errors
-/// As [`target`].
-pub fn optional(
-    path: Option<&Path>,
-    kind: Kind,
-    inputs: &[&Path],
-    overwrite: Overwrite,
-) -> Result<Option<Target>, Failure> {
-    path.map(|path| target(path, kind, inputs, overwrite)).transpose()
-}
-
 /// Files in a directory that need not be there yet, each with its kind. Make the directory with
 /// [`make_directory`] when there is something to write.
 ///
 /// # Errors
 /// As [`target`]; `directory` is no directory, or it can neither be written to nor made.
-pub fn targets<const N: usize>(
+pub fn targets<N: AsRef<str>>(
     directory: &Path,
-    files: [(&str, Kind); N],
-    inputs: &[&Path],
-    overwrite: Overwrite,
-) -> Result<[Target; N], Failure> {
-    let found = targets_of(directory, &files, inputs, overwrite)?;
-    Ok(found.try_into().expect("one target for each file"))
-}
-
-/// [`targets`] for any number of files.
-///
-/// # Errors
-/// As [`targets`].
-pub fn targets_of<N: AsRef<str>>(
-    directory: &Path,
-    files: &[(N, Kind)],
+    files: impl IntoIterator<Item = (N, Kind)>,
     inputs: &[&Path],
     overwrite: Overwrite,
 ) -> Result<Vec<Target>, Failure> {
@@ -163,18 +140,18 @@ pub fn targets_of<N: AsRef<str>>(
     let there = there.filter(|there| !there.as_os_str().is_empty());
     let there = there.unwrap_or(Path::new("."));
     if !there.is_dir() {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "cannot make the directory {}: {} is a file; give another directory",
             directory.display(),
             there.display()
-        )));
+        );
     }
     Target::new(there.join("result")).try_out()?;
-    let mut found = Vec::new();
-    for (name, kind) in files {
-        found.push(allowed(&directory.join(name.as_ref()), *kind, inputs, overwrite)?);
-    }
-    Ok(found)
+    let files = files.into_iter();
+    files
+        .map(|(name, kind)| allowed(&directory.join(name.as_ref()), kind, inputs, overwrite))
+        .collect()
 }
 
 /// Makes the directory of [`targets`].
@@ -182,68 +159,96 @@ pub fn targets_of<N: AsRef<str>>(
 /// # Errors
 /// It cannot be made.
 pub fn make_directory(directory: &Path) -> Result<(), Failure> {
-    fs::create_dir_all(directory)
-        .or_input(|| format!("cannot make the directory {}; give another", directory.display()))
+    let made = fs::create_dir_all(directory);
+    Ok(made.with_context(|| format!("cannot make the directory {}; give another", directory.display()))?)
+}
+
+/// Fills a recording and completes it. One that fails is removed, as its source is there.
+///
+/// # Errors
+/// It cannot be written.
+pub(crate) fn record(
+    mut writer: Writer,
+    fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
+) -> Result<Finished, Failure> {
+    let partial = writer.partial_path().to_owned();
+    let _listed = Unfinished::list(&partial);
+    let finished = fill(&mut writer).and_then(|()| writer.finish());
+    finished.map_err(|error| {
+        // It may never have come into being.
+        let _ = fs::remove_file(&partial);
+        error.into()
+    })
 }
 
 fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
     let shown = path.display();
-    let refused = |why: String| Err(Failure::input(why));
     if path == Path::new(STANDARD_OUTPUT) {
         if kind == Kind::Recording {
-            return refused("a recording goes to a file; give the output a name in place of -".to_owned());
+            bail!(
+                Input,
+                "a recording goes to a file; give the output a name in place of -"
+            );
         }
         if output::take_standard_output() {
             return Ok(Target::standard_output());
         }
-        return refused("standard output takes one result; give the others names of files".to_owned());
+        bail!(
+            Input,
+            "standard output takes one result; give the others names of files"
+        );
     }
     let same = |one: &Path, other: &Path| {
         fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
     };
     if path.file_name().is_none() {
-        return refused(format!("{shown} is no name of a file; give the output one"));
+        bail!(Input, "{shown} is no name of a file; give the output one");
     }
     if inputs.iter().any(|input| same(path, input)) {
-        return refused(format!(
+        bail!(
+            Input,
             "{shown} is an input of this command and would be lost; give the output another name"
-        ));
+        );
     }
     if fs::symlink_metadata(path).is_err() {
         return Ok(Target::new(path));
     }
     let Ok(found) = fs::metadata(path) else {
-        return refused(format!(
+        bail!(
+            Input,
             "{shown} is a link that leads nowhere; remove it, or give the output another name"
-        ));
+        );
     };
     if found.is_dir() {
-        return refused(format!("{shown} is a directory; give the output a file's name"));
+        bail!(Input, "{shown} is a directory; give the output a file's name");
     }
     if !found.is_file() {
-        return refused(format!(
+        bail!(
+            Input,
             "{shown} is a device, a pipe or a socket, and a result goes to a file; give the output another name"
-        ));
+        );
     }
     if let Some(other) = Kind::of(path).filter(|other| *other != kind) {
-        return refused(format!(
-            "{shown} is {}, and {} would take its place; give the output another name",
-            other.name(),
-            kind.name()
-        ));
+        let (other, new) = (other.name(), kind.name());
+        bail!(
+            Input,
+            "{shown} is {other}, and {new} would take its place; give the output another name"
+        );
     }
     if !overwrite.overwrite {
-        return refused(format!(
+        bail!(
+            Input,
             "{shown} is there already; give another name, or --overwrite to replace it"
-        ));
+        );
     }
     if found.permissions().readonly() {
-        return refused(format!(
+        bail!(
+            Input,
             "{shown} may not be written to; give the output another name"
-        ));
+        );
     }
     // A link stays, and what it leads to is replaced.
-    let path: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     Ok(Target::new(path).replacing(true))
 }
 
@@ -331,9 +336,9 @@ mod tests {
         let said = targets(&below, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap_err();
         assert!(said.to_string().contains("file is a file"), "{said}");
         let new = folder.path().join("new/below");
-        let [target] = targets(&new, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap();
+        let targets = targets(&new, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap();
         assert!(!new.exists());
         make_directory(&new).unwrap();
-        target.write_bytes("<svg/>").unwrap();
+        targets[0].write_bytes("<svg/>").unwrap();
     }
 }

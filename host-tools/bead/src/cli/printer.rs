@@ -81,9 +81,9 @@ impl Printer {
         }
         let paused = !self.thread.is_finished();
         if self.left_out > 0 || paused {
-            output::note(format_args!(
+            note!(
                 "the reader of standard output was too slow: lines are missing there, and the recording has all"
-            ));
+            );
         }
         match paused {
             // It ends with the program.

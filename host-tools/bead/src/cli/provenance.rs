@@ -6,22 +6,28 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
+use anyhow::Context;
 use chrono::{DateTime, Utc};
 use sha2::{Digest, Sha256};
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use bead_compare::report::Fact;
 use bead_recording::json::hex;
+
+/// The command line, as it was typed.
+pub(crate) fn command() -> String {
+    let words: Vec<_> = env::args().skip(1).collect();
+    format!("bead {}", words.join(" "))
+}
 
 /// The command line, the recording, what it was compared with, program and time.
 ///
 /// # Errors
 /// The recording cannot be read.
 pub(crate) fn made(recording: &Path, compared: Fact) -> Result<Vec<Fact>, Failure> {
-    let command: Vec<_> = env::args().skip(1).collect();
     let now = DateTime::<Utc>::from(SystemTime::now());
     Ok(vec![
-        ("command", format!("bead {}", command.join(" "))),
+        ("command", command()),
         ("recording, SHA-256", sha256_of(recording)?),
         compared,
         ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
@@ -41,6 +47,6 @@ pub(crate) fn scenario(text: &str) -> Fact {
 pub(crate) fn sha256_of(path: &Path) -> Result<String, Failure> {
     let mut digest = Sha256::new();
     let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut digest));
-    read.or_input(|| format!("cannot read {}", path.display()))?;
+    read.with_context(|| format!("cannot read {}", path.display()))?;
     Ok(hex(&digest.finalize()))
 }

@@ -41,16 +41,19 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
         ("emulate", of::<RunReport>("emulate")),
         (
             "emulate-several",
-            of::<emulate::SeveralBeads<'_>>("emulate of several beads"),
+            of::<emulate::SeveralBeads>("emulate of several beads"),
         ),
         ("fetch", of::<fetch::Fetched<'_>>("fetch --out")),
         ("fetch-list", of::<fetch::KeptStrikes<'_>>("fetch")),
-        ("optimise", of::<optimise::Report<'_>>("optimise")),
+        ("optimise", of::<optimise::SearchReport>("optimise")),
         (
             "proof-accuracy",
-            of::<Vec<proof::accuracy::Cell>>("proof accuracy"),
+            of::<Vec<proof::accuracy::StrikerCell>>("proof accuracy"),
         ),
-        ("proof-spheres", of::<Vec<proof::spheres::Cell>>("proof spheres")),
+        (
+            "proof-spheres",
+            of::<Vec<proof::spheres::SphereCell>>("proof spheres"),
+        ),
         (
             "record",
             frame_schemas::of_lines("record", &[Kind::Strike, Kind::Fault]),

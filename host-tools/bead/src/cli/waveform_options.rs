@@ -1,68 +1,82 @@
-//! Which columns of a waveform's file are meant: options that `bead emulate` and `bead compare` share.
+//! How the file of a waveform is read: an option that `bead emulate` and `bead compare` share.
 
 use std::path::Path;
 
 use clap::Args;
 
 use crate::cli::failure::Failure;
+use crate::cli::output::positive;
 use bead_instrument::{Choice, Wanted, Waveform};
 
-/// Options that say what is in a file with a waveform.
+/// Option that says what is in a file with a waveform.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Columns of the waveform's file")]
 pub(crate) struct WaveformOptions {
-    /// The force: a column by name or number, a channel of a WAV file by number; behind a colon what 1 of it
-    /// is, if the file does not say: force_n, CH1:8.9N, 2:500N [default: the column with a unit of force].
-    #[arg(long, value_name = "COLUMN[:UNIT]")]
-    force_column: Option<Wanted>,
-    /// The acceleration, in the same way: CH2:98m/s2, 3:10g [default: the column with a unit of
-    /// acceleration].
-    #[arg(long, value_name = "COLUMN[:UNIT]")]
-    acceleration_column: Option<Wanted>,
-    /// The time, in the same way: t:ms [default: the first column of time; without a unit it is in seconds].
-    #[arg(long, value_name = "COLUMN[:UNIT]")]
-    time_column: Option<Wanted>,
-    /// Rows a second, in place of a column of time.
-    #[arg(long, value_name = "HZ", conflicts_with = "time_column")]
-    sample_rate: Option<f64>,
-    /// Which strike of a recording, or of a table that `bead export` wrote, counted from 0 in the file
-    /// [default: 0].
-    #[arg(long, value_name = "N")]
-    waveform_strike: Option<usize>,
+    /// Where the waveform's file does not say itself what is in it; again for each item. force=COLUMN[:UNIT]
+    /// and acceleration=…: a column by name or number, a channel of a WAV file by number; behind a colon what
+    /// 1 of it is: force=force_n, force=CH1:8.9N, acceleration=3:10g. time=t:ms: the time, in seconds without
+    /// a unit; or rate=HZ: rows a second. strike=N: which strike of a recording, or of a table that `bead
+    /// export` wrote, counted from 0 [default: the columns with such units, the first of time, strike 0].
+    #[arg(long, value_name = "ITEM=VALUE", value_parser = item)]
+    read: Vec<Item>,
+}
+
+/// An item of `--read`.
+#[derive(Debug, Clone)]
+enum Item {
+    Time(Wanted),
+    Force(Wanted),
+    Acceleration(Wanted),
+    /// In Hz.
+    Rate(f64),
+    Strike(usize),
+}
+
+fn item(text: &str) -> Result<Item, String> {
+    let odd = || "give force=, acceleration=, time=, rate= or strike=, as in force=CH1:8.9N".to_owned();
+    let (item, value) = text.split_once('=').ok_or_else(odd)?;
+    match item {
+        "time" => value.parse().map(Item::Time),
+        "force" => value.parse().map(Item::Force),
+        "acceleration" => value.parse().map(Item::Acceleration),
+        "rate" => positive(value).map(Item::Rate),
+        "strike" => value
+            .parse()
+            .map(Item::Strike)
+            .map_err(|_| "give a whole number, 0 or more".to_owned()),
+        _ => Err(odd()),
+    }
 }
 
 impl WaveformOptions {
-    /// Refuses options that nothing would look at, since `file` is not given.
+    /// Refuses items that nothing would look at, since `file` is not given.
     pub(crate) fn without(&self, file: &str) -> Result<(), Failure> {
-        let given = [
-            ("--force-column", self.force_column.is_some()),
-            ("--acceleration-column", self.acceleration_column.is_some()),
-            ("--time-column", self.time_column.is_some()),
-            ("--sample-rate", self.sample_rate.is_some()),
-            ("--waveform-strike", self.waveform_strike.is_some()),
-        ];
-        match given.iter().find(|(_, given)| *given) {
-            Some((option, _)) => Err(Failure::input(format!(
-                "{option} is of the file of {file}; give that too"
-            ))),
-            None => Ok(()),
+        if self.read.is_empty() {
+            return Ok(());
         }
+        bail!(Input, "--read is of the file of {file}; give that too")
     }
 
     /// Reads a waveform. `bead` is the one that is meant, if the file is a recording of several.
     pub(crate) fn read(&self, path: &Path, bead: Option<usize>) -> Result<Waveform, Failure> {
-        if let Some(rate) = self.sample_rate.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
-            return Err(Failure::input(format!(
-                "--sample-rate {rate}: give more than 0, in Hz"
-            )));
+        let mut choice = Choice::default();
+        for item in &self.read {
+            let is_twice = match item.clone() {
+                Item::Time(column) => choice.time.replace(column).is_some(),
+                Item::Force(column) => choice.force.replace(column).is_some(),
+                Item::Acceleration(column) => choice.acceleration.replace(column).is_some(),
+                Item::Rate(hz) => choice.rate_hz.replace(hz).is_some(),
+                Item::Strike(strike) => choice.strike.replace(strike).is_some(),
+            };
+            if is_twice {
+                bail!(Input, "--read gives an item twice; give each once");
+            }
         }
-        let choice = Choice {
-            time: self.time_column.clone(),
-            force: self.force_column.clone(),
-            acceleration: self.acceleration_column.clone(),
-            rate_hz: self.sample_rate,
-            strike: self.waveform_strike,
-        };
+        if choice.time.is_some() && choice.rate_hz.is_some() {
+            bail!(
+                Input,
+                "--read gives time and rate; the rate takes the place of a column of time"
+            );
+        }
         Ok(Waveform::read(path, &choice, bead)?)
     }
 }

@@ -205,14 +205,14 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
         keys(&found),
         [
             "aim",
+            "beads",
             "compared",
-            "damping",
-            "hosts",
-            "mass",
+            "damping_n_s_per_m",
+            "mass_kg",
             "optimum",
             "schema_version",
-            "stiffness",
-            "total_mass",
+            "stiffness_n_per_m",
+            "total_mass_kg",
         ]
     );
     let share = found["optimum"]["share"].as_f64().unwrap();

@@ -96,7 +96,7 @@ fn every_command_of_the_page_works() {
     let report = fs::read_to_string(folder.join("against.html")).unwrap();
     assert!(report.contains("residual (N)") && report.contains("scope.csv"));
     // The oscilloscope and the bead that it was played to agree, as far as eight bits do.
-    let against = "bead compare mine/bead-8.mcap --reference scope.csv --force-column CH1:8.9N --format json";
+    let against = "bead compare mine/bead-8.mcap --reference scope.csv --read force=CH1:8.9N --format json";
     let against: Value = serde_json::from_str(&typed(folder, against)).unwrap();
     let force = &against["against"]["force"];
     let number = |key: &str| force[key].as_f64().unwrap();
@@ -117,7 +117,7 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
     typed(folder, "bead export run/bead-8.mcap --out tables --format csv");
     let first = strikes(&folder.join("run/bead-8.mcap")).swap_remove(0);
     drop_rig(&folder.join("drop.wav"), &first);
-    let wav = "drop.wav --force-column 1:16N --acceleration-column 2:500m/s2";
+    let wav = "drop.wav --read force=1:16N --read acceleration=2:500m/s2";
     for (name, file) in [
         ("mcap", "run/bead-8.mcap"),
         ("csv", "tables/samples.csv"),

@@ -6,7 +6,7 @@ mod pixels;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use bead::cli::failure::{Blame, Failure};
+use bead::cli::failure::Failure;
 use bead::cli::interrupt;
 use bead::cli::output::{self, Format};
 use bead::cli::place::{self, Kind, Overwrite};
@@ -64,13 +64,13 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    interrupt::watch().or_input(|| "cannot listen for signals")?;
+    interrupt::watch().map_err(|why| Failure::input(format!("cannot listen for signals: {why}")))?;
     let plans = catalogue::chosen(&arguments.names).map_err(Failure::input)?;
     if arguments.list {
         return list(&plans, arguments.format);
     }
     let place = |name: &str, kind| {
-        place::targets(&arguments.out, [(name, kind)], &[], arguments.overwrite).map(|[target]| target)
+        place::targets(&arguments.out, [(name, kind)], &[], arguments.overwrite).map(|mut one| one.remove(0))
     };
     let index = place("index.html", Kind::Page)?;
     for plan in &plans {
@@ -79,7 +79,9 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     place::make_directory(&arguments.out)?;
-    let table_file = place::optional(arguments.table.as_deref(), Kind::Text, &[], arguments.overwrite)?;
+    let table_file = arguments
+        .overwrite
+        .optional(arguments.table.as_deref(), Kind::Text, &[])?;
     let progress = output::progress(plans.len() as u64);
     let lab = Lab::default();
     let mut outcomes = Vec::new();
@@ -121,7 +123,7 @@ fn verdict(outcomes: &[FigureOutcome], check: bool) -> Result<(), Failure> {
     if !check || failed.is_empty() {
         return Ok(());
     }
-    Err(Failure::Verdict(format!(
+    Err(Failure::verdict(format_args!(
         "{} of {} figures out of tolerance: {}; the table says which check",
         failed.len(),
         outcomes.len(),

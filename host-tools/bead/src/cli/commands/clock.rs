@@ -35,11 +35,11 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
     for what in &report.left_out {
-        output::note(format_args!("left out: {what}"));
+        note!("left out: {what}");
     }
     for clock in report.clocks.iter().filter(|clock| !clock.in_real_time) {
         let times = times_as_fast(clock.drift_ppm.unwrap_or(0.0));
-        output::note(format_args!("{}: {times}", named(&clock.place)));
+        note!("{}: {times}", named(&clock.place));
     }
     output::print(arguments.format, &report, || table(&report))
 }
@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 pub(crate) fn times_as_fast(ppm: f64) -> String {
     format!(
         "the bead's time passed {:.2} times as fast as the host's, so this tells nothing of its crystal (an emulated \
-         bead keeps time with --pace)",
+         bead keeps time with pace = 1.0 under [clock])",
         1.0 + ppm * 1e-6
     )
 }

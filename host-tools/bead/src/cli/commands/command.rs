@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::place::{Kind, Overwrite};
 use bead_line::conversation::{Answer, Conversation};
 use bead_recording::frames::Frame;
 use bead_tables::printable::one_line;
@@ -103,11 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             overwrite,
         } => {
             let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
-            raw(
-                common,
-                *duration,
-                place::optional(out, Kind::Table, &[], *overwrite)?,
-            )
+            raw(common, *duration, overwrite.optional(out, Kind::Table, &[])?)
         }
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {
@@ -240,10 +236,11 @@ fn self_test(common: &Common) -> Result<(), Failure> {
     if failed.is_empty() {
         return Ok(());
     }
-    Err(Failure::Verdict(format!(
+    Err(failure!(
+        Verdict,
         "the self-test failed: {}; docs/protocol.md says what each check looks at",
         failed.join(", ")
-    )))
+    ))
 }
 
 /// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for
@@ -264,9 +261,10 @@ fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
             return Ok(checks.into_values().collect());
         }
     }
-    Err(Failure::device(format!(
+    Err(failure!(
+        Device,
         "the bead tested itself {TESTS} times, and each time a part of what it found was lost on the way; ask again"
-    )))
+    ))
 }
 
 /// Finding of a check in words.
@@ -333,7 +331,7 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
     );
     let Some(out) = out else {
         output::written(write(&mut std::io::stdout().lock()))?;
-        output::note(format_args!("{text}"));
+        note!("{text}");
         return Ok(());
     };
     out.write(|file| Ok(write(file)?))?;
@@ -382,8 +380,9 @@ fn stream(
     }
     match after {
         Some(after) => Ok((pieces, after)),
-        None => Err(Failure::device(
-            "the bead began its raw stream and did not say that it ended; ask again",
+        None => Err(failure!(
+            Device,
+            "the bead began its raw stream and did not say that it ended; ask again"
         )),
     }
 }

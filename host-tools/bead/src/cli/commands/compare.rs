@@ -10,12 +10,13 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::beads::Beads;
-use crate::cli::commands::compare_reference;
-use crate::cli::commands::compare_row::{self, Wanted};
-use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
+use crate::cli::commands::compared::{
+    Velocity, draw, echoes_left_out, figures, made, publish, scenario, set_velocity, shown,
+};
+use crate::cli::commands::{compare_reference, compare_row};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::place::{Kind, Overwrite};
 use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_compare::emulated::{EmulatorReport, RunTruth};
@@ -25,7 +26,7 @@ use bead_compare::sensed::{only_host, simulate_with_ring_down};
 use bead_compare::spread::{Deviations, Spread};
 use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
-use bead_compare::velocity::{self, FittedVelocity};
+use bead_compare::velocity::FittedVelocity;
 use bead_compare::verdict::{Echoes, Soundness, failure, other_length, overruns};
 use bead_recording::file::{Bead, Part};
 use bead_recording::received::Received;
@@ -63,18 +64,17 @@ Examples:
   bead compare run/bead-8.mcap --figures figures
   bead compare run/chain.mcap --report row.html
   bead compare run/chain.mcap --bead 9
-  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N \\
+  bead compare run/bead-8.mcap --reference scope.csv --read force=CH1:8.9N \\
       --report report.html";
 
-/// Arguments of `bead compare`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     /// The recording.
-    recording: PathBuf,
+    pub(super) recording: PathBuf,
     /// The scenario that was recorded [default: the one that the recording carries, if it was emulated].
     #[arg(long, value_name = "S.toml")]
-    scenario: Option<PathBuf>,
+    pub(super) scenario: Option<PathBuf>,
     /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a
     /// recording of several, all of them]. Several side by side: 7-9, 7,9 or all.
     #[arg(long, value_name = "N")]
@@ -82,27 +82,39 @@ pub(crate) struct Arguments {
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded
     /// forces.
     #[arg(long, value_name = "V|fit")]
-    velocity: Option<Velocity>,
+    pub(super) velocity: Option<Velocity>,
     /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
     reference: Option<PathBuf>,
     /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
     #[arg(long, value_name = "N", requires = "reference")]
-    strike: Option<usize>,
+    pub(super) strike: Option<usize>,
     /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
     /// Write the figures as SVG files into this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
-    figures: Option<PathBuf>,
+    pub(super) figures: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: Overwrite,
+    pub(super) overwrite: Overwrite,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
-    format: Format,
+    pub(super) format: Format,
     #[command(flatten)]
-    columns: WaveformOptions,
+    pub(super) columns: WaveformOptions,
+}
+
+impl Arguments {
+    /// The files that are read.
+    pub(super) fn inputs(&self) -> Vec<&Path> {
+        let files = [
+            Some(&self.recording),
+            self.scenario.as_ref(),
+            self.reference.as_ref(),
+        ];
+        files.into_iter().flatten().map(PathBuf::as_path).collect()
+    }
 }
 
 /// The result as JSON.
@@ -126,18 +138,11 @@ pub(crate) struct Report<'a> {
 const STRIKES_MOST: usize = 10_000;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (scenario_file, reference) = (arguments.scenario.as_ref(), arguments.reference.as_ref());
-    if reference.is_none() {
+    if arguments.reference.is_none() {
         arguments.columns.without("--reference")?;
     }
-    let inputs = [Some(&arguments.recording), scenario_file, reference];
-    let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-    let report = place::optional(
-        arguments.report.as_deref(),
-        Kind::Page,
-        &inputs,
-        arguments.overwrite,
-    )?;
+    let (page, overwrite) = (arguments.report.as_deref(), arguments.overwrite);
+    let page = overwrite.optional(page, Kind::Page, &arguments.inputs())?;
     let mut received = Received::open(&arguments.recording)?;
     let of_several = received.recording.beads.len() > 1;
     let (only, row) = match &arguments.bead {
@@ -148,54 +153,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         Some(Beads::All) | None => (None, of_several),
     };
-    if row && reference.is_none() {
-        return compare_row::run(
-            &received,
-            &Wanted {
-                scenario: arguments.scenario.as_deref(),
-                velocity: arguments.velocity,
-                report,
-                figures: arguments.figures.as_deref(),
-                inputs: &inputs,
-                overwrite: arguments.overwrite,
-                format: arguments.format,
-            },
-        );
+    if row && arguments.reference.is_none() {
+        return compare_row::run(&received, arguments, page);
     }
     if row {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "{} has several beads; say with --bead which one is held against the reference",
             received.path.display()
-        )));
+        );
     }
-    let figures = arguments.figures.as_deref().map(|directory| {
-        let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
-        place::targets(directory, names, &inputs, arguments.overwrite)
-    });
-    let figures = figures.transpose()?;
+    let figures = figures(arguments, ["strike.svg", "residuals.svg"])?;
     let (received, place) = of_one_bead(received, only)?;
-    if let Some(reference) = reference {
-        return compare_reference::run(&compare_reference::Request {
-            received: &received,
-            reference,
-            bead: only.or(place),
-            strike: arguments.strike,
-            columns: &arguments.columns,
-            report,
-            format: arguments.format,
-        });
+    match &arguments.reference {
+        Some(reference) => compare_reference::run(arguments, &received, only.or(place), reference, page),
+        None => compare(arguments, &received, (only, place), page, figures),
     }
-    let outputs = Outputs {
-        report,
-        figures: arguments.figures.as_deref().zip(figures),
-    };
-    compare(arguments, &received, only, place, outputs)
-}
-
-/// The places of report and figures.
-struct Outputs<'a> {
-    report: Option<Target>,
-    figures: Option<(&'a Path, [Target; 2])>,
 }
 
 /// The strikes of a recording beside the simulation.
@@ -213,39 +186,28 @@ struct Compared {
     settings: Option<Settings>,
 }
 
-/// Compares the strikes of one bead with the simulation.
+/// Compares the strikes of one bead with the simulation. `asked` is the bead's number on the command line,
+/// `place` the one in the recording.
 fn compare(
     arguments: &Arguments,
     received: &Received,
-    asked: Option<usize>,
-    place: Option<usize>,
-    outputs: Outputs<'_>,
+    (asked, place): (Option<usize>, Option<usize>),
+    page: Option<Target>,
+    figures: Option<Vec<Target>>,
 ) -> Result<(), Failure> {
     let given = scenario(arguments.scenario.as_deref(), received)?;
-    let (mut scenario, text) = (given.scenario.clone(), &given.text);
+    let mut scenario = given.scenario.clone();
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
     let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
     let bead = bead.map_or_else(|| only_host(&scenario), Ok)?;
     let echoes = Echoes::of(&scenario, truth);
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let fitted = match arguments.velocity {
-        None => None,
-        Some(Velocity::Given(velocity)) => {
-            scenario.striker.velocity = velocity;
-            None
-        }
-        Some(Velocity::Fit) => {
-            let strikes = velocity::first_strikes(received.strikes()?, echoes.clone());
-            let fitted = velocity::fit(&scenario, bead, &strikes)?;
-            scenario.striker.velocity = fitted.velocity;
-            Some(fitted)
-        }
-    };
+    let fitted = set_velocity(&mut scenario, arguments.velocity, [(bead, received)])?;
     let solution = Arc::new(simulate_with_ring_down(&scenario)?);
     let chain = FullChain::of(&scenario, &solution, bead)?;
     if let Some(note) = chain.note() {
-        progress.suspend(|| output::note(format_args!("{note}")));
+        progress.suspend(|| note!("{note}"));
     }
     let mut recorded = received.strikes()?;
     let mut compared = beside(&chain, recorded.by_ref(), echoes, fitted.as_ref(), &progress);
@@ -258,21 +220,16 @@ fn compare(
     let length = settings.and_then(|of| other_length(&scenario, &solution, &chain, bead, of.window));
     let left = (compared.echoes > 0).then(|| echoes_left_out(&compared.echoes.to_string()));
     for note in length.into_iter().chain(left) {
-        output::note(format_args!("{note}"));
+        note!("{note}");
     }
     if compared.strikes.len() > 1 || fitted.is_some() {
-        compared.strikes = compared
-            .strikes
-            .into_iter()
-            .map(StrikeComparison::among_others)
-            .collect();
+        let strikes = compared.strikes.into_iter();
+        compared.strikes = strikes.map(StrikeComparison::among_others).collect();
     }
     let spread = compared.deviations.spread();
     let soundness = Soundness::of(frames.counters(), overruns(received)?, emulator.as_ref());
     let failure = failure(compared.first_difference.as_deref(), &soundness, &spread);
-    let made = outputs.report.as_ref().map_or(Ok(Vec::new()), |_| {
-        provenance::made(&received.path, provenance::scenario(text))
-    })?;
+    let compared_with = provenance::scenario(&given.text);
     let report = ComparedStrikes {
         title: &scenario.title,
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
@@ -288,15 +245,19 @@ fn compare(
         status: frames.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
-        made: &made,
-        scenario: text,
+        made: &made(page.as_ref(), received, compared_with)?,
+        scenario: &given.text,
     };
-    let shown = report.report();
-    if let Some(target) = &outputs.report {
-        target.write_bytes(shown.page()?)?;
-    }
-    if let Some((directory, figures)) = &outputs.figures {
-        write_figures(directory, figures, &compared.strikes)?;
+    if let Some(figures) = figures {
+        match compared.strikes.iter().find_map(|strike| strike.traces.as_ref()) {
+            Some(traces) => draw(&figures, [strike_chart(traces), residual_chart(traces)])?,
+            // Its replay is impossible, too, and so the comparison says no.
+            None => {
+                note!(
+                    "no strike came with its settings and all of its samples: --figures has nothing to draw"
+                );
+            }
+        }
     }
     let result = Report {
         bead,
@@ -311,7 +272,7 @@ fn compare(
         pass: failure.is_none(),
         failure: failure.as_deref(),
     };
-    output::print(arguments.format, &result, || shown.terminal())?;
+    publish(arguments.format, page.as_ref(), &report.report(), &result)?;
     given.end(failure)
 }
 
@@ -370,17 +331,16 @@ fn beside(
 /// # Errors
 /// One of them is not in the recording.
 fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
-    let places: Vec<usize> = received.recording.beads.iter().map(Bead::place).collect();
+    let of_recording = &mut received.recording.beads;
+    let places: Vec<usize> = of_recording.iter().map(Bead::place).collect();
     if let Some(missing) = beads.iter().find(|bead| !places.contains(bead)) {
-        return Err(Failure::input(format!(
-            "{}: bead {missing} is not in it; its beads are {places:?}",
-            received.path.display()
-        )));
+        let path = received.path.display();
+        bail!(
+            Input,
+            "{path}: bead {missing} is not in it; its beads are {places:?}"
+        );
     }
-    received
-        .recording
-        .beads
-        .retain(|bead| beads.contains(&bead.place()));
+    of_recording.retain(|bead| beads.contains(&bead.place()));
     Ok(())
 }
 
@@ -393,30 +353,12 @@ fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Op
         return Ok((received, None));
     }
     let asked_for = |place: &usize| asked.is_none_or(|asked| asked == *place);
-    match places.iter().position(asked_for) {
-        Some(at) => Ok((received.of(&beads[at]), Some(places[at]))),
-        None => Err(Failure::input(format!(
+    let Some(at) = places.iter().position(asked_for) else {
+        bail!(
+            Input,
             "{} has the beads {places:?}; give --bead one of them, or leave it out to compare them all",
-            received.path.display(),
-        ))),
-    }
-}
-
-fn write_figures(
-    directory: &Path,
-    figures: &[Target; 2],
-    strikes: &[StrikeComparison],
-) -> Result<(), Failure> {
-    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
-        // Its replay is impossible, too, and so the comparison says no.
-        output::note(format_args!(
-            "no strike came with its settings and all of its samples: --figures has nothing to draw"
-        ));
-        return Ok(());
+            received.path.display()
+        );
     };
-    place::make_directory(directory)?;
-    for (figure, chart) in figures.iter().zip([strike_chart(traces), residual_chart(traces)]) {
-        figure.write_bytes(chart.standalone_svg()?)?;
-    }
-    Ok(())
+    Ok((received.of(&beads[at]), Some(places[at])))
 }

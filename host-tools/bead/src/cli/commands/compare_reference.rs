@@ -5,30 +5,19 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::cli::commands::compare::Arguments;
+use crate::cli::commands::compared::{made, publish};
 use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
-use crate::cli::provenance::{made, sha256_of};
-use crate::cli::waveform_options::WaveformOptions;
+use crate::cli::output;
+use crate::cli::provenance::sha256_of;
 use bead_compare::emulated::RunTruth;
 use bead_compare::reference::{AgainstReference, compare};
 use bead_compare::reference_report::ComparedReference;
 use bead_compare::replay::replay;
 use bead_recording::file::Part;
 use bead_recording::received::Received;
+use bead_recording::strikes::RecordedStrike;
 use bead_tables::whole::Target;
-
-/// A strike and its reference, and the places of the results.
-pub(super) struct Request<'a> {
-    pub(super) received: &'a Received,
-    pub(super) reference: &'a Path,
-    /// The bead, if it is named.
-    pub(super) bead: Option<usize>,
-    /// The strike, from 0 in the recording; the first that is whole, if it is not named.
-    pub(super) strike: Option<usize>,
-    pub(super) columns: &'a WaveformOptions,
-    pub(super) report: Option<Target>,
-    pub(super) format: Format,
-}
 
 /// Correlation below which a note asks whether it is the same strike.
 const LITTLE: f64 = 0.5;
@@ -55,73 +44,58 @@ struct ReferenceFile {
     was_played: Option<bool>,
 }
 
-pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
-    let Request {
-        received, reference, ..
-    } = request;
+/// Compares a strike with `reference`. `bead` is its bead, if that is named.
+pub(super) fn run(
+    arguments: &Arguments,
+    received: &Received,
+    bead: Option<usize>,
+    reference: &Path,
+    page: Option<Target>,
+) -> Result<(), Failure> {
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
-    let bead = request.bead.or(truth.as_ref().map(|truth| truth.bead));
-    let progress = output::spinner(format!("reading {}", reference.display()));
-    let waveform = request.columns.read(reference, bead)?;
+    let bead = bead.or(truth.as_ref().map(|truth| truth.bead));
+    let (path, of_reference) = (received.path.display(), reference.display());
+    let progress = output::spinner(format!("reading {of_reference}"));
+    let waveform = arguments.columns.read(reference, bead)?;
 
     let mut strikes = received.strikes()?;
-    let wanted = |(number, strike): &(usize, _)| {
-        let strike: &bead_recording::strikes::RecordedStrike = strike;
-        request
-            .strike
-            .map_or(strike.missing() == 0, |wanted| *number == wanted)
+    let is_wanted = |(number, strike): &(usize, RecordedStrike)| match arguments.strike {
+        Some(wanted) => *number == wanted,
+        None => strike.missing() == 0,
     };
-    let found = strikes.by_ref().enumerate().find(wanted);
-    let Some((_, strike)) = found else {
-        let all = received.strikes()?.count();
-        return Err(match (all, request.strike) {
-            (0, _) => received.no_strike(strikes.frames()).into(),
-            (_, Some(wanted)) => Failure::input(format!(
-                "--strike {wanted}: {} has {all} strikes, counted from 0",
-                received.path.display()
-            )),
-            (_, None) => Failure::input(format!("{}: no strike of it is whole", received.path.display())),
-        });
+    let Some((_, strike)) = strikes.by_ref().enumerate().find(is_wanted) else {
+        match (received.strikes()?.count(), arguments.strike) {
+            (0, _) => return Err(received.no_strike(strikes.frames()).into()),
+            (all, Some(wanted)) => bail!(
+                Input,
+                "--strike {wanted}: {path} has {all} strikes, counted from 0"
+            ),
+            (_, None) => bail!(Input, "{path}: no strike of it is whole"),
+        }
     };
-    let others = request.strike.is_none() && strikes.next().is_some();
-    let against = compare(&strike, &waveform)
-        .map_err(|why| Failure::input(format!("{}: {why}", reference.display())))?;
+    let others = arguments.strike.is_none() && strikes.next().is_some();
+    let against = compare(&strike, &waveform).map_err(|why| failure!(Input, "{of_reference}: {why}"))?;
     progress.finish_and_clear();
     for remark in &waveform.remarks {
-        output::note(format_args!("{}: {remark}", reference.display()));
+        note!("{of_reference}: {remark}");
     }
     if others {
-        output::note(format_args!(
-            "{} has several strikes, and the first that is whole is compared; --strike chooses",
-            received.path.display()
-        ));
+        note!("{path} has several strikes, and the first that is whole is compared; --strike chooses");
     }
-    let quantities = [&against.force, &against.acceleration].into_iter().flatten();
-    if quantities
-        .into_iter()
-        .any(|aligned| aligned.correlation.abs() < LITTLE)
-    {
-        output::note(format_args!(
-            "the two have little in common: is it the same strike? --strike and --waveform-strike choose"
-        ));
+    let mut quantities = [&against.force, &against.acceleration].into_iter().flatten();
+    if quantities.any(|aligned| aligned.correlation.abs() < LITTLE) {
+        note!("the two have little in common: is it the same strike? --strike and --read strike=N choose");
     }
 
     let differs = replay(&strike).first_difference;
     let failure = differs.map(|what| format!("replay differs: {what}"));
     let sha256 = sha256_of(reference)?;
-    let played = truth
-        .and_then(|truth| truth.stimulus)
-        .map(|file| file.sha256 == sha256);
-    let made = match &request.report {
-        None => Vec::new(),
-        Some(_) => {
-            let mut made = made(&received.path, ("reference, SHA-256", sha256.clone()))?;
-            if played == Some(true) {
-                made.push(("reference", "the waveform that was played to the bead".to_owned()));
-            }
-            made
-        }
-    };
+    let stimulus = truth.and_then(|truth| truth.stimulus);
+    let was_played = stimulus.map(|file| file.sha256 == sha256);
+    let mut made = made(page.as_ref(), received, ("reference, SHA-256", sha256.clone()))?;
+    if page.is_some() && was_played == Some(true) {
+        made.push(("reference", "the waveform that was played to the bead".to_owned()));
+    }
     let name = |path: &Path| {
         path.file_name()
             .unwrap_or_default()
@@ -136,24 +110,20 @@ pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
         failure: failure.as_deref(),
         made: &made,
     };
-    let shown = compared.report();
-    if let Some(target) = &request.report {
-        target.write_bytes(shown.page()?)?;
-    }
     let result = Report {
         bead,
         strike: strike.said.strike,
         sample_index: strike.said.trigger_index,
         reference: ReferenceFile {
-            file: reference.display().to_string(),
+            file: of_reference.to_string(),
             sha256,
-            was_played: played,
+            was_played,
         },
         against: &against,
         replay_identical: failure.is_none(),
         pass: failure.is_none(),
         failure: failure.as_deref(),
     };
-    output::print(request.format, &result, || shown.terminal())?;
-    failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+    publish(arguments.format, page.as_ref(), &compared.report(), &result)?;
+    failure.map_or(Ok(()), |what| Err(failure!(Verdict, "{what}")))
 }

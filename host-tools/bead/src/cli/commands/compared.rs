@@ -1,17 +1,24 @@
-//! The scenario and the striker's velocity, which all comparisons with a simulation begin with.
+//! Shared by all comparisons: the scenario and the striker's velocity before, the report and figures after.
 
 use std::path::Path;
 use std::str::FromStr;
 
 use hertz_chain::Scenario;
+use hertz_charts::Chart;
+use serde::Serialize;
 
+use crate::cli::commands::compare::Arguments;
 use crate::cli::failure::Failure;
-use crate::cli::output;
-use bead_compare::report::count;
+use crate::cli::output::{self, Format, positive};
+use crate::cli::place::{self, Kind};
+use crate::cli::provenance;
+use bead_compare::report::{Fact, Report, count};
 use bead_compare::sensed::load_scenario;
-use bead_compare::velocity::FittedVelocity;
+use bead_compare::velocity::{FittedVelocity, first_strikes, fit};
+use bead_compare::verdict::Echoes;
 use bead_recording::file::Part;
 use bead_recording::received::Received;
+use bead_tables::whole::Target;
 
 /// The striker's velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,18 +33,46 @@ impl FromStr for Velocity {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let given = || {
-            text.parse()
-                .ok()
-                .filter(|velocity: &f64| *velocity > 0.0 && velocity.is_finite())
-        };
         match text {
             "fit" => Ok(Self::Fit),
-            _ => given()
+            _ => positive(text)
                 .map(Self::Given)
-                .ok_or_else(|| "give m/s, above 0, or fit".to_owned()),
+                .map_err(|_| "give m/s, above 0, or fit".to_owned()),
         }
     }
+}
+
+/// Gives the striker the velocity that is wanted: of those that the forces of the beads tell, the first
+/// bead's.
+pub(super) fn set_velocity<'a>(
+    scenario: &mut Scenario,
+    velocity: Option<Velocity>,
+    beads: impl IntoIterator<Item = (usize, &'a Received)>,
+) -> Result<Option<FittedVelocity>, Failure> {
+    match velocity {
+        None => return Ok(None),
+        Some(Velocity::Given(velocity)) => {
+            scenario.striker.velocity = velocity;
+            return Ok(None);
+        }
+        Some(Velocity::Fit) => {}
+    }
+    let mut failed = None;
+    for (bead, received) in beads {
+        let echoes = Echoes::of(scenario, received.json(Part::Truth)?);
+        let strikes = first_strikes(received.strikes()?, echoes);
+        if strikes.is_empty() {
+            continue;
+        }
+        match fit(scenario, bead, &strikes) {
+            Ok(fitted) => {
+                scenario.striker.velocity = fitted.velocity;
+                return Ok(Some(fitted));
+            }
+            Err(why) => failed = failed.or(Some(why)),
+        }
+    }
+    failed.map_or(Ok(None), |why| Err(why.into()))
 }
 
 /// A fitted velocity in one line.
@@ -76,14 +111,12 @@ impl Given {
     /// Ends a comparison: with its failure, or with a note where the scenario is not the recording's.
     pub(super) fn end(&self, failure: Option<String>) -> Result<(), Failure> {
         match (failure, &self.other) {
-            (None, None) => Ok(()),
-            (None, Some(note)) => {
-                output::note(format_args!("{note}"));
-                Ok(())
-            }
-            (Some(what), None) => Err(Failure::Verdict(what)),
-            (Some(what), Some(note)) => Err(Failure::Verdict(format!("{what}; {note}"))),
+            (None, None) => {}
+            (None, Some(note)) => note!("{note}"),
+            (Some(what), None) => bail!(Verdict, "{what}"),
+            (Some(what), Some(note)) => bail!(Verdict, "{what}; {note}"),
         }
+        Ok(())
     }
 }
 
@@ -122,4 +155,40 @@ pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Give
         text,
         other,
     })
+}
+
+/// Facts about a page, if one is written: how it was made, of a recording and of `compared`.
+pub(super) fn made(page: Option<&Target>, received: &Received, compared: Fact) -> Result<Vec<Fact>, Failure> {
+    page.map_or(Ok(Vec::new()), |_| provenance::made(&received.path, compared))
+}
+
+/// Writes a report as a page, if one is wanted, and prints it, or `result` as JSON.
+pub(super) fn publish(
+    format: Format,
+    page: Option<&Target>,
+    report: &Report,
+    result: &impl Serialize,
+) -> Result<(), Failure> {
+    if let Some(page) = page {
+        page.write_bytes(report.page()?)?;
+    }
+    output::print(format, result, || report.terminal())
+}
+
+/// The places of the figures, if they are wanted.
+pub(super) fn figures(arguments: &Arguments, names: [&str; 2]) -> Result<Option<Vec<Target>>, Failure> {
+    let Some(directory) = &arguments.figures else {
+        return Ok(None);
+    };
+    let files = names.map(|name| (name, Kind::Drawing));
+    place::targets(directory, files, &arguments.inputs(), arguments.overwrite).map(Some)
+}
+
+/// Draws the figures.
+pub(super) fn draw(figures: &[Target], charts: [Chart; 2]) -> Result<(), Failure> {
+    for (figure, chart) in figures.iter().zip(charts) {
+        place::make_directory(figure.path().parent().unwrap_or(Path::new(".")))?;
+        figure.write_bytes(chart.standalone_svg()?)?;
+    }
+    Ok(())
 }

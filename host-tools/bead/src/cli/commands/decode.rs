@@ -5,13 +5,13 @@ use std::io::{self, BufWriter, Read, Write};
 use std::iter;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use bead_wire::Kind;
 use clap::Args;
 use serde_json::Value;
 
 use super::clock::rfc3339;
-use crate::cli::failure::{Blame, Failure};
-use crate::cli::output;
+use crate::cli::failure::Failure;
 use bead_recording::clock::{Fit, Segments, Tracker};
 use bead_recording::frames::{Frame, Frames, Item, Piece};
 use bead_recording::received::Received;
@@ -71,14 +71,14 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
     let mut input: Box<dyn Read> = if path.as_os_str() == "-" {
         Box::new(io::stdin().lock())
     } else {
-        Box::new(File::open(path).or_input(context)?)
+        Box::new(File::open(path).with_context(context)?)
     };
     let mut head = Vec::new();
     input
         .by_ref()
         .take(MCAP.len() as u64)
         .read_to_end(&mut head)
-        .or_input(context)?;
+        .with_context(context)?;
     if head != MCAP {
         let mut failed = None;
         let mut input = io::Cursor::new(head).chain(input);
@@ -105,22 +105,20 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
             }
         });
         print(arguments, path, Frames::new(pieces), &[])?;
-        return failed.map_or(Ok(()), Err).or_input(context);
+        return Ok(failed.map_or(Ok(()), Err).with_context(context)?);
     }
     if path.as_os_str() == "-" {
-        return Err(Failure::input(
-            "standard input is an MCAP file, which is read from its end as well; give its name instead of -",
-        ));
+        bail!(
+            Input,
+            "standard input is an MCAP file, which is read from its end as well; give its name instead of -"
+        );
     }
     let recording = Received::open(path)?.recording;
     let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
     print(arguments, path, recording.frames()?, &fits)?;
     if tracker.left_out {
-        output::note(format_args!(
-            "boots of beads after the first {} have no host_time",
-            fits.len()
-        ));
+        note!("boots of beads after the first {} have no host_time", fits.len());
     }
     Ok(())
 }
@@ -159,12 +157,10 @@ fn print(
             Item::Rejected(reject) => {
                 rejects += 1;
                 if rejects <= REJECTS_MOST {
-                    output::note(format_args!("{reject}"));
+                    note!("{reject}");
                 }
                 if rejects == REJECTS_MOST + 1 {
-                    output::note(format_args!(
-                        "more than {REJECTS_MOST} runs of bytes are refused; the others are only counted"
-                    ));
+                    note!("more than {REJECTS_MOST} runs of bytes are refused; the others are only counted");
                 }
                 Ok(())
             }
@@ -173,18 +169,19 @@ fn print(
         match written.and_then(|()| if frames.is_empty() { out.flush() } else { Ok(()) }) {
             // No program reads the output any more.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
-            other => other.or_input(|| "cannot write to standard output")?,
+            other => other.context("cannot write to standard output")?,
         }
     }
     let counters = frames.counters();
     if counters.frames == 0 {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "{}: no frame in {} bytes; give a recording, or the bytes that a bead sent",
             path.display(),
             counters.bytes
-        )));
+        );
     }
-    output::note(format_args!(
+    note!(
         "{} frames in {} bytes; {} lost, {} refused, {} late, {} twice, {} restarts{}",
         counters.frames,
         counters.bytes,
@@ -197,9 +194,9 @@ fn print(
             0 => String::new(),
             bytes => format!("; {bytes} bytes of a frame cut short at the end"),
         }
-    ));
+    );
     if let Some(who) = from_the_future {
-        output::note(format_args!("{who}"));
+        note!("{who}");
     }
     Ok(())
 }

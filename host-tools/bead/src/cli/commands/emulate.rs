@@ -1,22 +1,23 @@
 //! `bead emulate`: the flash image in QEMU on what a bead would sense.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{bail, ensure};
+use anyhow::Context;
 use bead_wire::Message;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::BoolishValueParser;
 use hertz_chain::{Scenario, Solution};
 use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::cli::beads::Beads;
 use crate::cli::commands::emulated::{table, table_of_several};
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::interrupt;
-use crate::cli::output::{self, Format};
+use crate::cli::output::{self, Format, positive};
 use crate::cli::place::{self, Kind, Overwrite};
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
@@ -39,7 +40,7 @@ use bead_compare::verdict::other_length;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
 use bead_recording::file::{About, Origin, Part, Writer};
-use bead_tables::whole::{Target, Unfinished};
+use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
@@ -59,8 +60,9 @@ waveform: docs/waveforms.md.
 
 Two tables of the scenario file say how beads differ from the reference: [front_end] has sensors (weak or \
 strong), force_span, acceleration_span, wide_force_span, wide_acceleration_span, force_noise, \
-acceleration_noise and pole; [clock] has ppm (of each crystal), spread, start_spread, sync_period and shift. \
-docs/front-end.md and docs/time.md explain them.
+acceleration_noise and pole; [clock] has ppm (of each crystal), spread, start_spread, sync_period and shift, \
+and pace, the seconds of the bead's time in one of this computer's for --listen. docs/front-end.md and \
+docs/time.md explain them.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay \
 differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
@@ -77,12 +79,11 @@ Examples:
   bead emulate docs/scenarios/ten-intruders.toml --bead all --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --velocity 1.5
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
-      --stimulus scope.csv --force-column CH1:8.9N --out run
+      --stimulus scope.csv --read force=CH1:8.9N --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock";
 
-/// Arguments of `bead emulate`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -108,28 +109,25 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
     /// Time from strike to strike, s.
-    #[arg(long, value_name = "S", default_value_t = 0.1)]
+    #[arg(long, value_name = "S", default_value = "0.1", value_parser = positive)]
     interval: f64,
     /// Velocity of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S", value_parser = positive)]
     velocity: Option<f64>,
-    /// Switch the noise of sensors, conditioner and converter on or off.
-    #[arg(long, value_enum, default_value_t)]
-    noise: Noise,
+    /// Noise of sensors, conditioner and converter: as of the real ones, or off.
+    #[arg(long, value_name = "on|off", default_value = "on", action = clap::ArgAction::Set,
+        value_parser = BoolishValueParser::new(), hide_possible_values = true)]
+    noise: bool,
     /// Seed of the noise, and of what else is left to chance: the same seed gives the same codes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
-    /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
+    /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C. Its
+    /// time passes as fast as it can while a program is connected, or as `pace` under [clock] says.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
-    /// With --listen: let the bead's time follow this computer's, also while no program is connected: `real`,
-    /// or how many seconds it has in one of this computer's. [default: as fast as it can while a program is
-    /// connected]
-    #[arg(long, value_name = "FACTOR", requires = "listen", value_parser = pace)]
-    pace: Option<f64>,
     /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
@@ -138,16 +136,6 @@ pub(crate) struct Arguments {
     format: Format,
     #[command(flatten)]
     waveform: WaveformOptions,
-}
-
-/// Noise of the front end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-enum Noise {
-    /// As noisy as the real one.
-    #[default]
-    On,
-    /// Ideal, except for its filter and its twelve bits.
-    Off,
 }
 
 /// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a
@@ -160,88 +148,64 @@ const SYNC_OF_LISTENING: f64 = 3600.0;
 /// Quiet time before the first strike, s, in which the image starts and arms its detector.
 const LEAD_IN: f64 = 0.02;
 
-/// A number above 0.
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok();
-    number
-        .filter(|number: &f64| number.is_finite() && *number > 0.0)
-        .ok_or_else(|| "give a number above 0".to_owned())
-}
-
-/// A pace: `real` is 1.
-fn pace(text: &str) -> Result<f64, String> {
-    let factor = match text {
-        "real" => Some(1.0),
-        _ => text.parse().ok(),
-    };
-    factor
-        .filter(|factor: &f64| (1e-3..=1e3).contains(factor))
-        .ok_or_else(|| "give `real`, or a number from 0.001 to 1000".to_owned())
-}
-
 impl Arguments {
-    /// The recording, and a settings block for each bead, if they are wanted.
-    fn outputs(&self, beads: &[usize]) -> Result<Option<Vec<Target>>, Failure> {
-        let inputs = [Some(&self.scenario), self.faults.as_ref(), self.stimulus.as_ref()];
-        let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-        let recording = match self.bead {
-            Beads::One(bead) => format!("bead-{bead}.mcap"),
-            _ => "chain.mcap".to_owned(),
-        };
-        let settings = beads
-            .iter()
-            .map(|bead| (format!("bead-{bead}.settings"), Kind::Settings));
-        let files: Vec<_> = std::iter::once((recording, Kind::Recording))
-            .chain(settings)
-            .collect();
-        let targets = |out: &PathBuf| place::targets_of(out, &files, &inputs, self.overwrite);
-        self.out.as_ref().map(targets).transpose()
+    /// The number of the bead, if there is one bead alone.
+    fn one(&self) -> Option<usize> {
+        match self.bead {
+            Beads::One(bead) => Some(bead),
+            _ => None,
+        }
     }
 
-    /// Refuses values that no run can have.
-    fn check(&self) -> anyhow::Result<()> {
-        let interval = self.interval;
-        ensure!(
-            interval.is_finite() && interval > 0.0,
-            "--interval {interval}: give a time in s"
-        );
-        let seconds = interval * f64::from(self.strikes - 1);
-        ensure!(
-            seconds <= LONGEST,
-            "--strikes {} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike less often, \
-             or sooner",
-            self.strikes
-        );
-        if !matches!(self.bead, Beads::One(_)) {
-            let alone = [
-                ("--listen", self.listen.is_some()),
-                ("--faults", self.faults.is_some()),
-                ("--gdb", self.gdb.is_some()),
-                ("--stimulus", self.stimulus.is_some()),
-            ];
-            if let Some((option, _)) = alone.iter().find(|(_, given)| *given) {
-                bail!("{option} is for one bead; give --bead one number");
-            }
+    /// Refuses options that do not go together, and more time than fits in memory.
+    fn check(&self, tables: &BenchTables, beads: usize) -> Result<(), Failure> {
+        let (strikes, interval) = (self.strikes, self.interval);
+        let seconds = interval * f64::from(strikes - 1);
+        if seconds > LONGEST {
+            bail!(
+                Input,
+                "--strikes {strikes} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike \
+                 less often, or sooner"
+            );
+        }
+        let seconds = tables.clock.start_spread + seconds;
+        let all = seconds * beads as f64;
+        if beads > 1 && all > LONGEST {
+            bail!(
+                Input,
+                "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
+                 fewer beads or --strikes, or a shorter --interval"
+            );
+        }
+        let alone = [
+            ("--listen", self.listen.is_some()),
+            ("--faults", self.faults.is_some()),
+            ("--gdb", self.gdb.is_some()),
+            ("--stimulus", self.stimulus.is_some()),
+        ];
+        if let Some((option, _)) = alone.iter().find(|(_, given)| *given && self.one().is_none()) {
+            bail!(Input, "{option} is for one bead; give --bead one number");
+        }
+        if self.stimulus.is_none() {
+            self.waveform.without("--stimulus")?;
         }
         Ok(())
     }
 
-    /// The seed of the noise, `None` without noise.
-    fn seed_of_noise(&self) -> Option<u64> {
-        (self.noise == Noise::On).then_some(self.seed)
+    /// The recording, and behind it a settings block for each bead, if they are wanted.
+    fn outputs(&self, beads: &[usize]) -> Result<Option<Vec<Target>>, Failure> {
+        let Some(out) = &self.out else { return Ok(None) };
+        let inputs = [Some(&self.scenario), self.faults.as_ref(), self.stimulus.as_ref()];
+        let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
+        let recording = self
+            .one()
+            .map_or("chain.mcap".to_owned(), |bead| format!("bead-{bead}.mcap"));
+        let settings = beads
+            .iter()
+            .map(|bead| (format!("bead-{bead}.settings"), Kind::Settings));
+        let files = iter::once((recording, Kind::Recording)).chain(settings);
+        place::targets(out, files, &inputs, self.overwrite).map(Some)
     }
-}
-
-/// Refuses more time of all beads together than fits in memory.
-fn check_memory(arguments: &Arguments, tables: &BenchTables, beads: usize) -> anyhow::Result<()> {
-    let seconds = tables.clock.start_spread + arguments.interval * f64::from(arguments.strikes - 1);
-    let all = seconds * beads as f64;
-    ensure!(
-        all <= LONGEST || beads == 1,
-        "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
-         fewer beads or --strikes, or a shorter --interval"
-    );
-    Ok(())
 }
 
 /// The scenario with the striker's velocity that is asked for, the tables of the bench, and the text of both.
@@ -251,157 +215,127 @@ fn load(arguments: &Arguments) -> Result<(Scenario, BenchTables, String), Failur
     let tables = BenchTables::from_toml(&text, &file)?;
     if let Some(velocity) = arguments.velocity {
         scenario.striker.velocity = velocity;
-        text = format!(
-            "{}\n{}",
-            scenario.to_toml(),
-            BenchTables::text_in(&text, &file)?.trim()
-        );
+        let of_bench = BenchTables::text_in(&text, &file)?;
+        text = format!("{}\n{}", scenario.to_toml(), of_bench.trim());
     }
     Ok((scenario, tables, text))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    arguments.check().map_err(Failure::Input)?;
     let (scenario, tables, text) = load(arguments)?;
-    let beads = match arguments.bead {
-        Beads::One(bead) => vec![bead],
-        _ => arguments.bead.of(&scenario)?,
+    let beads = match arguments.one() {
+        Some(bead) => vec![bead],
+        None => arguments.bead.of(&scenario)?,
     };
-    if arguments.stimulus.is_none() {
-        arguments.waveform.without("--stimulus")?;
-    }
-    check_memory(arguments, &tables, beads.len()).map_err(Failure::Input)?;
+    arguments.check(&tables, beads.len())?;
     let outputs = arguments.outputs(&beads)?;
     // Before the work, which an address that does not do would waste.
     let door = arguments.listen.as_ref().map(Door::open).transpose()?;
     let bench = Bench::of(arguments, &scenario, &tables, &beads)?;
     if let (Some(address), Some(door)) = (&arguments.listen, &door) {
-        return listen(arguments, &bench, address, door);
+        return listen(&bench, address, door);
     }
+    let progress = &bench.progress;
     if let Some(port) = arguments.gdb {
-        bench.progress.suspend(|| {
-            output::note(format_args!(
-                "the image waits for a debugger: target remote :{port}"
-            ));
-        });
+        progress.suspend(|| note!("the image waits for a debugger: target remote :{port}"));
     }
     let count = bench.placed.len();
-    bench.progress.set_message(match count {
+    progress.set_message(match count {
         1 => "running the image in QEMU".to_owned(),
         _ => format!("running {count} beads in QEMU"),
     });
-    let prepare = |placed| bench.prepare(placed);
-    let done = |done| {
-        bench
-            .progress
-            .set_message(format!("{done} of {count} beads are done"))
-    };
-    let ran = several::run(&bench.placed, prepare, done)?;
-    bench.progress.finish_and_clear();
+    let done = |done| progress.set_message(format!("{done} of {count} beads are done"));
+    let ran = several::run(&bench.placed, |placed| bench.prepare(placed), done)?;
+    progress.finish_and_clear();
     bench.print_remarks();
 
     // A disk that is full must not cost the result as well: it is printed all the same.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
     let recording = recorded.as_ref().and_then(|recorded| recorded.as_ref().ok());
+    let mut result = SeveralBeads { beads: Vec::new() };
     let mut failures = Vec::new();
-    let reports: Vec<_> = ran
-        .into_iter()
-        .map(|(emulation, mut ran)| {
-            failures.push(ran.failure.take());
-            let report = RunReport::of(&emulation, ran, recording.cloned());
-            (emulation.truth, report)
-        })
-        .collect();
-    match (&arguments.bead, &reports[..]) {
-        (Beads::One(_), [(_, report)]) => output::print(arguments.format, report, || table(report))?,
-        _ => {
-            let beads = reports.iter().map(|(truth, report)| OfBead {
-                bead: truth.bead,
-                clock_ppm: truth.clock_ppm,
-                began_s: truth.began,
-                report,
-            });
-            let result = SeveralBeads {
-                beads: beads.collect(),
-            };
-            output::print(arguments.format, &result, || table_of_several(&reports))?;
-        }
-    }
-    for (truth, report) in &reports {
-        for note in beyond_the_range(report, truth.bead) {
-            output::note(format_args!("{note}"));
-        }
-    }
-    recorded.transpose()?;
-    for ((truth, report), failure) in reports.iter().zip(failures) {
+    for (emulation, mut ran) in ran {
+        let (truth, failure) = (&emulation.truth, ran.failure.take());
+        let (bead, clock_ppm, began_s) = (truth.bead, truth.clock_ppm, truth.began);
+        let report = RunReport::of(&emulation, ran, recording.cloned());
         // An image that failed explains whatever else is missing.
-        let verdict = match failure {
-            Some(why) => Err(why),
-            None => report.verdict(arguments.strikes).map_err(|why| why.to_string()),
-        };
-        verdict.map_err(|why| match arguments.bead {
-            Beads::One(_) => Failure::Verdict(why),
-            _ => Failure::Verdict(format!("bead {}: {why}", truth.bead)),
-        })?;
+        let failure = failure.map_or_else(
+            || report.verdict(arguments.strikes),
+            |why| Err(anyhow::anyhow!(why)),
+        );
+        failures.extend(failure.err().map(|why| match arguments.one() {
+            Some(_) => failure!(Verdict, "{why}"),
+            None => failure!(Verdict, "bead {bead}: {why}"),
+        }));
+        result.beads.push(EmulatedBead {
+            bead,
+            clock_ppm,
+            began_s,
+            report,
+        });
     }
-    Ok(())
+    match (arguments.one(), &result.beads[..]) {
+        (Some(_), [one]) => output::print(arguments.format, &one.report, || table(&one.report))?,
+        (_, beads) => output::print(arguments.format, &result, || table_of_several(beads))?,
+    }
+    result.beads.iter().for_each(note_ranges);
+    recorded.transpose()?;
+    failures.into_iter().next().map_or(Ok(()), Err)
+}
+
+/// The result of several beads as JSON.
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct SeveralBeads {
+    beads: Vec<EmulatedBead>,
+}
+
+/// A bead among several, as in the JSON.
+#[derive(Serialize, schemars::JsonSchema)]
+pub(crate) struct EmulatedBead {
+    pub(super) bead: usize,
+    pub(super) clock_ppm: f64,
+    pub(super) began_s: f64,
+    #[serde(flatten)]
+    pub(super) report: RunReport,
 }
 
 /// Advice where a signal leaves the range of its sensor.
 const WIDER_RANGES: &str =
     "write sensors = \"strong\" under [front_end] of the scenario, or give wider spans there";
 
-/// A note for each sensor whose range a strike left: the estimates are then too low.
-fn beyond_the_range(report: &RunReport, bead: usize) -> Vec<String> {
-    let notes = [("force_railed", "force"), ("acceleration_railed", "acceleration")].map(|(flag, sensor)| {
-        let strike = report.measured().find(|strike| strike.flags.contains(&flag))?;
-        Some(format!(
-            "bead {bead}: the strike at sample {} leaves the range of the {sensor} at the low gain, so what is measured of \
-             it is too low; {WIDER_RANGES}",
-            strike.sample_index
-        ))
-    });
-    notes.into_iter().flatten().collect()
-}
-
-/// The result of several beads as JSON.
-#[derive(Serialize, schemars::JsonSchema)]
-pub(crate) struct SeveralBeads<'a> {
-    beads: Vec<OfBead<'a>>,
-}
-
-/// A bead among several, as in the JSON.
-#[derive(Serialize, schemars::JsonSchema)]
-struct OfBead<'a> {
-    bead: usize,
-    clock_ppm: f64,
-    began_s: f64,
-    #[serde(flatten)]
-    report: &'a RunReport,
+/// Prints a note for each sensor whose range a strike left: the estimates are then too low.
+fn note_ranges(of: &EmulatedBead) {
+    for (flag, sensor) in [("force_railed", "force"), ("acceleration_railed", "acceleration")] {
+        if let Some(strike) = of.report.measured().find(|strike| strike.flags.contains(&flag)) {
+            note!(
+                "bead {}: the strike at sample {} leaves the range of the {sensor} at the low gain, so what is measured of it \
+                 is too low; {WIDER_RANGES}",
+                of.bead,
+                strike.sample_index
+            );
+        }
+    }
 }
 
 /// Serves a bead at an address until Ctrl-C.
-fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
+fn listen(bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
     bench.print_remarks();
     let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
-    let passes = match arguments.pace {
+    let clock = &bench.tables.clock;
+    let passes = match clock.pace {
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
         None => "passes while somebody is connected".to_owned(),
     };
-    if let Some(port) = arguments.gdb {
-        output::note(format_args!("it waits for a debugger: target remote :{port}"));
+    if let Some(port) = bench.arguments.gdb {
+        note!("it waits for a debugger: target remote :{port}");
     }
-    if bench.tables.clock.sync_period.is_some() {
-        output::note(format_args!(
-            "there are edges at its sync input for an hour of its time"
-        ));
+    if clock.sync_period.is_some() {
+        note!("there are edges at its sync input for an hour of its time");
     }
-    let mut bridge = Bridge::new(&emulation, arguments.pace)?;
-    output::note(format_args!(
-        "a bead is at {address} until Ctrl-C; its time {passes}"
-    ));
+    let mut bridge = Bridge::new(&emulation, clock.pace)?;
+    note!("a bead is at {address} until Ctrl-C; its time {passes}");
     Ok(bridge::serve(&mut bridge, door, &stop)?)
 }
 
@@ -430,28 +364,16 @@ impl<'a> Bench<'a> {
     ) -> Result<Self, Failure> {
         let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
         let mut front_end = tables.front_end.front_end()?;
-        if arguments.noise == Noise::Off {
+        if !arguments.noise {
             for channel in front_end.channels_mut() {
                 channel.noise_rms = 0.0;
             }
         }
-        let faults = match &arguments.faults {
-            Some(path) => faults::load(path)?,
-            None => Vec::new(),
-        };
-        let noise = arguments.seed_of_noise();
-        let several = !matches!(arguments.bead, Beads::One(_));
-        let mut placed = several::placed(
-            beads,
-            &tables.clock.crystals(),
-            tables.clock.start_spread,
-            arguments.seed,
-            noise.is_some(),
-        )?;
-        if !several {
-            for one in &mut placed {
-                (one.address, one.seed) = (0, noise);
-            }
+        let faults = arguments.faults.as_deref().map_or(Ok(Vec::new()), faults::load)?;
+        let (clocks, spread) = (tables.clock.crystals(), tables.clock.start_spread);
+        let mut placed = several::placed(beads, &clocks, spread, arguments.seed, arguments.noise)?;
+        if let ([one], Some(_)) = (&mut placed[..], arguments.one()) {
+            (one.address, one.seed) = (0, arguments.noise.then_some(arguments.seed));
         }
         let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
@@ -459,21 +381,14 @@ impl<'a> Bench<'a> {
         for one in &placed {
             let bead = one.bead;
             bead_of(&solution, bead)?;
-            let length = match played.is_some() || arguments.listen.is_some() {
-                // Nothing is held against the scenario.
-                true => None,
-                false => {
-                    let window = settings_of(&solution, *one, &front_end)?.window;
-                    let chain = FullChain::of(scenario, &solution, bead)?;
-                    other_length(scenario, &solution, &chain, bead, window)
-                }
-            };
-            for note in unlike_the_reduced_chain(&solution, bead)
-                .into_iter()
-                .chain(length)
-            {
-                progress.suspend(|| output::note(format_args!("{note}")));
+            let mut remarks = Vec::from_iter(unlike_the_reduced_chain(&solution, bead));
+            // A waveform, or a bead that listens, is not held against the scenario.
+            if played.is_none() && arguments.listen.is_none() {
+                let window = settings_of(&solution, *one, &front_end)?.window;
+                let chain = FullChain::of(scenario, &solution, bead)?;
+                remarks.extend(other_length(scenario, &solution, &chain, bead, window));
             }
+            progress.suspend(|| remarks.iter().for_each(|remark| note!("{remark}")));
         }
         progress.set_message("digitising what the bead senses");
         Ok(Self {
@@ -492,41 +407,35 @@ impl<'a> Bench<'a> {
 
     /// Prepares a bead's run: settings, stimulus, faults, clock and sync edges.
     fn prepare(&self, placed: Placed) -> Result<Emulation, BenchError> {
-        let arguments = self.arguments;
+        let (arguments, clock) = (self.arguments, &self.tables.clock);
         let timing = Timing {
-            lead_in: LEAD_IN + self.tables.clock.start_spread,
+            lead_in: LEAD_IN + clock.start_spread,
             strikes: arguments.strikes,
             interval: arguments.interval,
         };
-        let (front_end, image) = (&self.front_end, &self.image);
+        let (solution, front_end, image) = (&self.solution, &self.front_end, &self.image);
         let mut emulation = match &self.played {
-            None => Emulation::place(self.scenario, &self.solution, placed, front_end, timing, image)?,
+            None => Emulation::place(self.scenario, solution, placed, front_end, timing, image)?,
             Some(Played { waveform, file, .. }) => {
-                let settings = settings_of(&self.solution, placed, front_end)?;
+                let settings = settings_of(solution, placed, front_end)?;
                 let truth = Given::around_its_peak(waveform, &settings).truth();
                 let waveform = waveform.clone();
                 let mut emulation =
-                    Emulation::play(&self.solution, placed, front_end, timing, image, waveform, truth)?;
+                    Emulation::play(solution, placed, front_end, timing, image, waveform, truth)?;
                 emulation.truth.stimulus = Some(file.clone());
                 emulation
             }
         };
-        self.check_faults(emulation.seconds())?;
+        check_faults(&self.faults, emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
-        emulation.shift = self.tables.clock.shift;
+        emulation.shift = clock.shift;
         emulation.gdb = arguments.gdb;
-        let several = !matches!(arguments.bead, Beads::One(_));
-        if let Some(period) = self
-            .tables
-            .clock
-            .sync_period
-            .or(several.then_some(SYNC_OF_SEVERAL))
-        {
-            let until = if arguments.listen.is_some() {
-                SYNC_OF_LISTENING
-            } else {
-                emulation.seconds()
-            };
+        let of_several = arguments.one().is_none().then_some(SYNC_OF_SEVERAL);
+        if let Some(period) = clock.sync_period.or(of_several) {
+            let until = arguments
+                .listen
+                .as_ref()
+                .map_or(emulation.seconds(), |_| SYNC_OF_LISTENING);
             emulation.sync_until((1..).map(|number| f64::from(number) * period), until);
         }
         Ok(emulation)
@@ -535,32 +444,30 @@ impl<'a> Bench<'a> {
     /// Prints the remarks on the waveform.
     fn print_remarks(&self) {
         for remark in self.played.iter().flat_map(|played| &played.remarks) {
-            output::note(format_args!("{remark}"));
+            note!("{remark}");
         }
     }
+}
 
-    /// Refuses faults that come too late for a run of this length, s.
-    fn check_faults(&self, seconds: f64) -> Result<(), BenchError> {
-        if let Some(late) = self.faults.iter().find(|fault| fault.at >= seconds) {
-            return Err(BenchError::Unfit(format!(
-                "--faults: {} at {} s comes after the end of the run at {seconds} s; make it earlier, or strike more often",
-                late.kind.name(),
-                late.at,
-            )));
-        }
-        let untold =
-            |fault: &&Planned| fault.cause().is_some() && fault.at + fault.reported_within() > seconds;
-        if let Some(early) = self.faults.iter().find(untold) {
-            return Err(BenchError::Unfit(format!(
-                "--faults: the run ends at {seconds} s, before the bead can tell of {} at {} s, which takes up to {} s; \
-                 give more --strikes or a longer --interval",
-                early.kind.name(),
-                early.at,
-                early.reported_within(),
-            )));
-        }
-        Ok(())
+/// Refuses faults that come too late for a run of this length, s.
+fn check_faults(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
+    for fault in faults {
+        let (name, at, within) = (fault.kind.name(), fault.at, fault.reported_within());
+        let why = if at >= seconds {
+            format!(
+                "{name} at {at} s comes after the end of the run at {seconds} s; make it earlier, or strike more often"
+            )
+        } else if fault.cause().is_some() && at + within > seconds {
+            format!(
+                "the run ends at {seconds} s, before the bead can tell of {name} at {at} s, which takes up to {within} s; give \
+                 more --strikes or a longer --interval"
+            )
+        } else {
+            continue;
+        };
+        return Err(BenchError::Unfit(format!("--faults: {why}")));
     }
+    Ok(())
 }
 
 /// A waveform that is played in place of the scenario's strike.
@@ -577,18 +484,19 @@ impl Played {
         let Some(path) = &arguments.stimulus else {
             return Ok(None);
         };
+        let shown = path.display();
         let mut waveform = arguments.waveform.read(path, beads.first().copied())?;
         let seconds = waveform.seconds();
         if seconds > LONGEST {
-            let what = format!(
-                "it is {seconds:.3e} s long, and a run {LONGEST} s at most; cut the strike out of it"
+            bail!(
+                Input,
+                "{shown}: it is {seconds:.3e} s long, and a run {LONGEST} s at most; cut the strike out of it"
             );
-            return Err(Failure::input(format!("{}: {what}", path.display())));
         }
         let mut remarks = std::mem::take(&mut waveform.remarks);
-        let acceleration = front_end.acceleration.wide.range();
+        let (force, acceleration) = (front_end.force.wide.range(), front_end.acceleration.wide.range());
         for (trace, name, si, (low, high)) in [
-            (&waveform.force, "force", "N", front_end.force.wide.range()),
+            (&waveform.force, "force", "N", force),
             (&waveform.acceleration, "acceleration", "m/s²", acceleration),
         ] {
             let Some(trace) = trace else {
@@ -603,131 +511,96 @@ impl Played {
                 ));
             }
         }
+        let name = path.file_name().unwrap_or_default();
         let file = StimulusFile {
-            name: path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
+            name: name.to_string_lossy().into_owned(),
             sha256: sha256_of(path)?,
             force: waveform.force.is_some(),
             acceleration: waveform.acceleration.is_some(),
         };
         let remarks = remarks
-            .into_iter()
-            .map(|remark| format!("{}: {remark}", path.display()));
+            .iter()
+            .map(|remark| format!("{shown}: {remark}"))
+            .collect();
         Ok(Some(Self {
             waveform,
             file,
-            remarks: remarks.collect(),
+            remarks,
         }))
     }
 }
 
-/// Writes everything that belongs to the run to one file.
+/// Writes everything that belongs to the run to one file, and the settings blocks beside it.
 fn record(
     arguments: &Arguments,
     outputs: &[Target],
     scenario: &str,
     ran: &[(Emulation, Ran)],
 ) -> Result<PathBuf, Failure> {
-    let [recording, settings @ ..] = outputs else {
-        unreachable!("the recording is always wanted, as `Arguments::outputs` says");
-    };
-    let path = recording.path();
-    if let Some(directory) = path.parent() {
+    let recording = &outputs[0];
+    if let Some(directory) = recording.path().parent() {
         place::make_directory(directory)?;
     }
-    let firmware = ran
-        .iter()
-        .flat_map(|(_, ran)| &ran.frames)
-        .find_map(|frame| match &frame.message {
-            Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
-            _ => None,
-        });
+    let mut frames = ran.iter().flat_map(|(_, ran)| &ran.frames);
+    let firmware = frames.find_map(|frame| match &frame.message {
+        Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
+        _ => None,
+    });
     let mut notes = BTreeMap::from([("scenario".to_owned(), arguments.scenario.display().to_string())]);
-    if let Beads::One(bead) = arguments.bead {
-        notes.insert("bead".to_owned(), bead.to_string());
-    }
-    if let Some(stimulus) = &arguments.stimulus {
-        notes.insert("stimulus".to_owned(), stimulus.display().to_string());
-    }
+    notes.extend(arguments.one().map(|bead| ("bead".to_owned(), bead.to_string())));
+    let stimulus = arguments.stimulus.as_ref();
+    notes.extend(stimulus.map(|stimulus| ("stimulus".to_owned(), stimulus.display().to_string())));
     let about = About {
         source: "bead emulate".to_owned(),
         firmware,
         sample_rate_hz: SAMPLE_RATE_HZ,
         notes,
     };
-    let json = |part: Part, result: serde_json::Result<String>| {
-        result.or_input(|| format!("cannot write {} of {}", part.name(), path.display()))
-    };
     let mut parts = Vec::new();
     for (emulation, ran) in ran {
-        let truth = json(Part::Truth, serde_json::to_string_pretty(&emulation.truth))?;
-        let report = json(Part::EmulatorReport, serde_json::to_string_pretty(&ran.report))?;
+        let failed = || format!("cannot write {}", recording.path().display());
+        let truth = serde_json::to_vec_pretty(&emulation.truth).with_context(failed)?;
+        let report = serde_json::to_vec_pretty(&ran.report).with_context(failed)?;
+        let block = emulation.block.clone();
         parts.push([
-            (Part::Settings, emulation.block.clone()),
-            (Part::Truth, truth.into_bytes()),
-            (Part::EmulatorReport, report.into_bytes()),
+            (Part::Settings, block),
+            (Part::Truth, truth),
+            (Part::EmulatorReport, report),
         ]);
     }
-    let write = || {
-        let several = !matches!(arguments.bead, Beads::One(_));
-        let mut writer = if several {
-            Writer::create_for_several(recording, &about)?
-        } else {
-            Writer::create(recording, &about)?
-        };
-        let partial = Remove(
-            writer.partial_path().to_owned(),
-            Unfinished::list(writer.partial_path()),
-        );
-        if several {
-            writer.attach(Part::Scenario, scenario.as_bytes())?;
-            let mut lanes = Vec::new();
+    let scenario = (Part::Scenario, scenario.as_bytes());
+    let written = match (arguments.one(), ran, &parts[..]) {
+        (Some(_), [(emulation, ran)], [[settings, others @ ..]]) => {
+            place::record(Writer::create(recording, &about)?, |writer| {
+                writer.attach(settings.0, &settings.1)?;
+                writer.attach(scenario.0, scenario.1)?;
+                others
+                    .iter()
+                    .try_for_each(|(part, data)| writer.attach(*part, data))?;
+                ran.write(writer, (emulation.truth.began * 1e9).round() as u64)
+            })?
+        }
+        _ => place::record(Writer::create_for_several(recording, &about)?, |writer| {
+            writer.attach(scenario.0, scenario.1)?;
+            let mut of_beads = Vec::new();
             for ((emulation, ran), parts) in ran.iter().zip(&parts) {
-                let lane = writer.join(&Origin {
+                let bead = writer.join(&Origin {
                     address: emulation.settings.description().address,
                     bead: Some(emulation.truth.bead),
                     port: None,
                     clock: Some("emulator".to_owned()),
                 })?;
-                for (part, data) in parts {
-                    writer.attach_to(lane, *part, data)?;
-                }
-                lanes.push((lane, ran, emulation.truth.began));
+                parts
+                    .iter()
+                    .try_for_each(|(part, data)| writer.attach_to(bead, *part, data))?;
+                of_beads.push((bead, ran, emulation.truth.began));
             }
-            several::write(&lanes, &mut writer)?;
-        }
-        if let ([(emulation, ran)], [[settings, truth, report]], false) = (ran, &parts[..], several) {
-            writer.attach(settings.0, &settings.1)?;
-            writer.attach(Part::Scenario, scenario.as_bytes())?;
-            writer.attach(truth.0, &truth.1)?;
-            writer.attach(report.0, &report.1)?;
-            ran.write(&mut writer, (emulation.truth.began * 1e9).round() as u64)?;
-        }
-        let finished = writer.finish();
-        drop(partial);
-        finished
+            several::write(&of_beads, writer)
+        })?,
     };
-    let written = write()?;
-    for (target, (emulation, _)) in settings.iter().zip(ran) {
-        target
-            .beside(recording.path(), &written.path)
-            .write_bytes(&emulation.block)?;
+    for (target, (emulation, _)) in outputs[1..].iter().zip(ran) {
+        let target = target.beside(recording.path(), &written.path);
+        target.write_bytes(&emulation.block)?;
     }
     Ok(written.path)
-}
-
-/// A recording that is not complete. It is removed: the run can be repeated.
-struct Remove(
-    PathBuf,
-    #[expect(dead_code, reason = "it is in a list until it is dropped")] Unfinished,
-);
-
-impl Drop for Remove {
-    fn drop(&mut self) {
-        // Finished, it has another name.
-        let _ = fs::remove_file(&self.0);
-    }
 }

@@ -1,8 +1,8 @@
 //! Tables of `bead emulate`: of one bead, and of several.
 
+use crate::cli::commands::emulate::EmulatedBead;
 use crate::cli::output;
 use bead_bench::run::{MeasuredStrike, RunReport};
-use bead_compare::emulated::RunTruth;
 use bead_compare::given::Given;
 use bead_compare::report::{DASH, EnergyUnit, percent, signed};
 use bead_compare::sensed::Truth;
@@ -101,25 +101,21 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
     row
 }
 
-/// The table of several beads: each with its truth and its report.
-pub(super) fn table_of_several(beads: &[(RunTruth, RunReport)]) -> String {
-    let unit = energy_unit(beads.iter().flat_map(|(_, report)| report.measured()));
-    let strikes = beads.iter().flat_map(|(truth, report)| {
-        let bead = truth.bead.to_string();
-        report.measured().map(move |strike| {
-            let mut cells = vec![bead.clone()];
-            cells.extend(row(strike, unit, report.played));
-            cells
-        })
+/// The tables of several beads.
+pub(super) fn table_of_several(beads: &[EmulatedBead]) -> String {
+    let unit = energy_unit(beads.iter().flat_map(|of| of.report.measured()));
+    let strikes = beads.iter().flat_map(|of| {
+        let row = |strike| [vec![of.bead.to_string()], row(strike, unit, of.report.played)].concat();
+        of.report.measured().map(row)
     });
     let header = format!("bead | {}", headings(unit, false));
-    let rows = beads.iter().map(|(truth, report)| {
-        let frames = &report.frames;
+    let rows = beads.iter().map(|of| {
+        let (report, frames) = (&of.report, &of.report.frames);
         let busiest = report.instructions_per_sample.worst_block;
         [
-            truth.bead.to_string(),
-            signed(truth.clock_ppm, 3),
-            format!("{:.6}", truth.began),
+            of.bead.to_string(),
+            signed(of.clock_ppm, 3),
+            format!("{:.6}", of.began_s),
             frames.received.to_string(),
             frames.lost.to_string(),
             frames.corrupt.to_string(),
@@ -131,7 +127,7 @@ pub(super) fn table_of_several(beads: &[(RunTruth, RunReport)]) -> String {
     let counts = "bead | crystal ppm | first scan at s | frames received | lost | corrupt | overruns | resets \
                   | instructions a sample in the busiest block";
     let mut parts = vec![output::table(&header, strikes), output::table(counts, rows)];
-    let recording = beads.iter().find_map(|(_, report)| report.recording.as_ref());
+    let recording = beads.iter().find_map(|of| of.report.recording.as_ref());
     parts.extend(recording.map(|path| format!("recording: {}", path.display())));
     parts.join("\n\n")
 }

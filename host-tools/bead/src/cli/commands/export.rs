@@ -6,12 +6,14 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
+use bead_compare::report::count;
 use bead_recording::export::strikes::Strikes;
 use bead_recording::export::{samples, uff};
 use bead_recording::file::RecordingError;
@@ -63,39 +65,33 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recordings = open(&arguments.recordings)?;
-    let out = arguments.out.as_path();
+    let (out, form) = (arguments.out.as_path(), arguments.format);
     let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
-    let mut tally = Tally::new(recordings.len());
-    let write = |files: [(&str, Kind); 2]| -> Result<_, Failure> {
-        let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
-        place::make_directory(out)?;
-        Ok(targets)
+    let files = match form {
+        Form::Parquet => vec![
+            ("strikes.parquet", Kind::Parquet),
+            ("samples.parquet", Kind::Parquet),
+        ],
+        Form::Csv => vec![("strikes.csv", Kind::Table), ("samples.csv", Kind::Table)],
+        Form::Uff => vec![("strikes.uff", Kind::Universal)],
     };
-    match arguments.format {
-        Form::Parquet | Form::Csv => {
-            let (names, kind) = match arguments.format {
-                Form::Csv => (["strikes.csv", "samples.csv"], Kind::Table),
-                _ => (["strikes.parquet", "samples.parquet"], Kind::Parquet),
-            };
-            let [strikes, samples] = write(names.map(|name| (name, kind)))?;
-            let form = arguments.format;
-            strikes.write(|strikes| {
-                Ok(samples.write(|samples| tables(form, &recordings, strikes, samples, &mut tally))?)
-            })?;
-        }
-        Form::Uff => {
-            let [target] = place::targets(
-                out,
-                [("strikes.uff", Kind::Universal)],
-                &inputs,
-                arguments.overwrite,
-            )?;
-            place::make_directory(out)?;
-            target.write(|file| universal(&recordings, file, &mut tally))?;
-        }
+    let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
+    place::make_directory(out)?;
+    let mut tally = Tally {
+        recordings: &recordings,
+        strikes: 0,
+        samples: 0,
+        without_settings: 0,
+        left_out: 0,
+        progress: output::spinner("reading"),
+    };
+    match &targets[..] {
+        [strikes, samples] => strikes
+            .write(|strikes| Ok(samples.write(|samples| tables(form, strikes, samples, &mut tally))?))?,
+        one => one[0].write(|file| universal(file, &mut tally))?,
     }
     tally.end(out);
-    output::print_line(&opened_by(arguments.format, out))
+    output::print_line(&opened_by(form, out))
 }
 
 /// Opens all recordings before anything is written.
@@ -103,19 +99,19 @@ fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
     let mut seen = HashSet::new();
     let mut recordings = Vec::new();
     for path in paths {
-        let place = fs::canonicalize(path).or_input(|| format!("cannot read {}", path.display()))?;
+        let shown = path.display();
+        let place = fs::canonicalize(path).with_context(|| format!("cannot read {shown}"))?;
         if !seen.insert(place) {
-            let what = format!("{} is given twice; its strikes would count twice", path.display());
-            return Err(Failure::input(what));
+            bail!(Input, "{shown} is given twice; its strikes would count twice");
         }
         recordings.push(Received::open(path)?);
     }
     Ok(recordings)
 }
 
-/// Counts of the written strikes, and the progress.
-struct Tally {
-    recordings: usize,
+/// The recordings, counts of the written strikes, and the progress.
+struct Tally<'a> {
+    recordings: &'a [Received],
     strikes: u64,
     samples: u64,
     /// Strikes without settings, whose samples have codes alone.
@@ -125,26 +121,15 @@ struct Tally {
     progress: ProgressBar,
 }
 
-impl Tally {
-    fn new(recordings: usize) -> Self {
-        Self {
-            recordings,
-            strikes: 0,
-            samples: 0,
-            without_settings: 0,
-            left_out: 0,
-            progress: output::spinner("reading"),
-        }
-    }
-
+impl Tally<'_> {
     /// Calls `write` for every strike with its number and the name of its recording. `write` returns true if
     /// it wrote the strike; only those are counted.
     fn each(
         &mut self,
-        recordings: &[Received],
         mut write: impl FnMut(u64, &Arc<str>, &RecordedStrike) -> anyhow::Result<bool>,
     ) -> anyhow::Result<()> {
-        for (number, received) in (1..).zip(recordings) {
+        let all = self.recordings.len();
+        for (number, received) in (1..).zip(self.recordings) {
             let name: Arc<str> = received.path.display().to_string().into();
             let (mut strikes, before) = (received.strikes()?, self.strikes + self.left_out);
             for strike in strikes.by_ref() {
@@ -155,17 +140,13 @@ impl Tally {
                 } else {
                     self.left_out += 1;
                 }
-                self.progress.set_message(format!(
-                    "recording {number} of {}: {} strikes",
-                    self.recordings, self.strikes
-                ));
+                let status = format!("recording {number} of {all}: {} strikes", self.strikes);
+                self.progress.set_message(status);
             }
             if self.strikes + self.left_out == before {
                 match received.no_strike(strikes.frames()) {
                     future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
-                    _ => self
-                        .progress
-                        .suspend(|| output::note(format_args!("{name}: no strike in it"))),
+                    _ => self.progress.suspend(|| note!("{name}: no strike in it")),
                 }
             }
         }
@@ -174,43 +155,33 @@ impl Tally {
 
     fn end(&self, out: &Path) {
         self.progress.finish_and_clear();
-        let Self {
-            recordings,
-            strikes,
-            samples,
-            without_settings,
-            left_out,
-            ..
-        } = self;
-        output::note(format_args!(
-            "{strikes} {} with {samples} samples, of {recordings} {}, now in {}",
-            output::either(*strikes == 1, "strike", "strikes"),
-            output::either(*recordings == 1, "recording", "recordings"),
+        let (recordings, strikes) = (self.recordings.len() as u64, self.strikes);
+        note!(
+            "{} with {} samples, of {}, now in {}",
+            count(strikes, "strike"),
+            self.samples,
+            count(recordings, "recording"),
             out.display()
-        ));
-        if *without_settings > 0 {
-            output::note(format_args!(
-                "{without_settings} of them came without settings, so their samples are codes and not in SI units"
-            ));
+        );
+        if self.without_settings > 0 {
+            note!(
+                "{} of them came without settings, so their samples are codes and not in SI units",
+                self.without_settings
+            );
         }
-        if *left_out > 0 {
-            output::note(format_args!(
-                "{left_out} more {} not written: without settings and a quiet start nothing is in SI units; \
-                 --format parquet and csv have the codes",
-                output::either(*left_out == 1, "strike is", "strikes are"),
-            ));
+        if self.left_out > 0 {
+            note!(
+                "{} more {} not written: without settings and a quiet start nothing is in SI units; --format parquet and csv have \
+                 the codes",
+                self.left_out,
+                output::either(self.left_out == 1, "strike is", "strikes are"),
+            );
         }
     }
 }
 
 /// Writes the two tables.
-fn tables(
-    form: Form,
-    recordings: &[Received],
-    strikes: &mut File,
-    samples: &mut File,
-    tally: &mut Tally,
-) -> anyhow::Result<()> {
+fn tables(form: Form, strikes: &mut File, samples: &mut File, tally: &mut Tally<'_>) -> anyhow::Result<()> {
     const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
     let table = |file, name, columns: &[Column]| match form {
         Form::Csv => Writer::csv(file, columns),
@@ -219,7 +190,7 @@ fn tables(
     let mut rows = Strikes::default();
     let mut strike_table = table(strikes, "strikes", rows.columns())?;
     let mut sample_table = table(samples, "samples", &samples::columns())?;
-    tally.each(recordings, |id, recording, strike| {
+    tally.each(|id, recording, strike| {
         strike_table.push(rows.row(id, recording, strike))?;
         samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;
         Ok(true)
@@ -229,12 +200,10 @@ fn tables(
 }
 
 /// Writes a UFF file.
-fn universal(recordings: &[Received], file: &mut File, tally: &mut Tally) -> anyhow::Result<()> {
+fn universal(file: &mut File, tally: &mut Tally<'_>) -> anyhow::Result<()> {
     let mut out = BufWriter::new(file);
     uff::begin(&mut out)?;
-    tally.each(recordings, |_, recording, strike| {
-        Ok(uff::strike(&mut out, recording, strike)?)
-    })?;
+    tally.each(|_, recording, strike| Ok(uff::strike(&mut out, recording, strike)?))?;
     Ok(out.flush()?)
 }
 

@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::place::{Kind, Overwrite};
 use bead_line::conversation::Conversation;
 use bead_recording::assembly::{Assembly, Event};
 use bead_recording::file::{About, Writer};
@@ -74,12 +74,9 @@ pub(crate) struct Fetched<'a> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let target = place::optional(
-        arguments.out.as_deref(),
-        Kind::Recording,
-        &[],
-        arguments.overwrite,
-    )?;
+    let target = arguments
+        .overwrite
+        .optional(arguments.out.as_deref(), Kind::Recording, &[])?;
     let mut bead = arguments.line.open()?;
     // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
     // missed.
@@ -88,9 +85,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();
     let missing = |number: &&u32| !chosen.iter().any(|kept| kept.strike == **number);
     if let Some(number) = arguments.strikes.iter().find(missing) {
-        return Err(Failure::Verdict(format!(
+        bail!(
+            Verdict,
             "the bead does not keep strike {number}: `bead fetch` without numbers lists those that it keeps"
-        )));
+        );
     }
     let Some(target) = target else {
         let rows = chosen.iter().map(|kept| {
@@ -101,9 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         });
     };
     if chosen.is_empty() {
-        return Err(Failure::Verdict(
-            "the bead keeps no strike: nothing is written".to_owned(),
-        ));
+        bail!(Verdict, "the bead keeps no strike: nothing is written");
     }
     let mut frames: Vec<Frame> = identity.frames;
     let (mut strikes, mut failed) = (0, None);
@@ -163,9 +159,10 @@ fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
         match answer.reply.outcome {
             Outcome::Done => {}
             Outcome::Kind => {
-                return Err(Failure::Verdict(
-                    "the firmware of this bead keeps no strikes: flash a newer one".to_owned(),
-                ));
+                bail!(
+                    Verdict,
+                    "the firmware of this bead keeps no strikes: flash a newer one"
+                );
             }
             _ => return Err(answer.refusal().into()),
         }
@@ -182,9 +179,10 @@ fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
             .filter(|kept| named.insert((kept.boot, kept.strike)))
             .collect());
     }
-    Err(Failure::device(format!(
+    Err(failure!(
+        Device,
         "the list of what the bead keeps did not come whole in {LISTS} attempts: is the line noisy?"
-    )))
+    ))
 }
 
 /// Fetches a strike. Gives its frames, each at least once.
@@ -197,9 +195,10 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
         match answer.reply.outcome {
             Outcome::Done | Outcome::Busy => {}
             Outcome::NotKept => {
-                return Err(Failure::Verdict(format!(
+                bail!(
+                    Verdict,
                     "strike {strike} of boot {boot} gave way to newer ones meanwhile: list again"
-                )));
+                );
             }
             _ => return Err(answer.refusal().into()),
         }
@@ -220,7 +219,8 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
             }
         }
     }
-    Err(Failure::device(format!(
+    Err(failure!(
+        Device,
         "strike {strike} of boot {boot} did not come whole in {ATTEMPTS} attempts: is the line noisy?"
-    )))
+    ))
 }

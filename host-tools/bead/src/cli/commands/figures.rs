@@ -4,9 +4,10 @@ use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
+use anyhow::Context;
 use clap::Args;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 
 /// Arguments of `bead figures`: those of `bead-figures`.
 #[derive(Debug, Args)]
@@ -17,16 +18,19 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let here = std::env::current_exe().or_device(|| "where is this program?")?;
+    let here = std::env::current_exe()
+        .context("where is this program?")
+        .map_err(Failure::Device)?;
     let program = here.with_file_name("bead-figures");
     if !program.exists() {
-        return Err(Failure::device(format!(
+        bail!(
+            Device,
             "{} is not there; to build it: cargo build --release -p bead-figures (installed: cargo install --path \
              host-tools/hertz/figures-command)",
             program.display()
-        )));
+        );
     }
     // The program takes the place of this process, so that its exit status is the command's.
     let error = Command::new(&program).args(&arguments.arguments).exec();
-    Err(error).or_device(|| format!("cannot run {}", program.display()))
+    bail!(Device, "cannot run {}: {error}", program.display())
 }

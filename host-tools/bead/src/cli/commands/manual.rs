@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::{Args, Command};
 use clap_complete::Shell;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
 
@@ -50,44 +51,36 @@ pub(crate) struct Manual {
 
 /// Writes a manual page for `command` and for each of its commands.
 pub(crate) fn manual(arguments: &Manual, command: Command) -> Result<(), Failure> {
-    let pages = pages(command);
-    let out = arguments.out.as_path();
-    let mut targets = Vec::new();
-    for (name, page) in pages {
-        let file = format!("{name}.1");
-        let [target] = place::targets(out, [(file.as_str(), Kind::Text)], &[], arguments.overwrite)?;
-        targets.push((target, page));
-    }
+    let (pages, out) = (pages(command), arguments.out.as_path());
+    let files = pages.iter().map(|(name, _)| (format!("{name}.1"), Kind::Text));
+    let targets = place::targets(out, files, &[], arguments.overwrite)?;
     place::make_directory(out)?;
-    for (target, page) in &targets {
+    for (target, (_, page)) in targets.iter().zip(&pages) {
         let mut text = Vec::new();
         page.render(&mut text)
-            .or_input(|| format!("cannot write {}", target.path().display()))?;
+            .with_context(|| format!("cannot write {}", target.path().display()))?;
         target.write_bytes(text)?;
     }
-    output::note(format_args!("{} pages are in {}", targets.len(), out.display()));
+    note!("{} pages are in {}", targets.len(), out.display());
     Ok(())
 }
 
-/// The pages of a command and of those below it, each with its name. `help` has none, and no page refers to
-/// it.
+/// The pages of a command and of those below it, each with its name: `bead`, `bead-settings`,
+/// `bead-settings-make`. `help` has none, and no page refers to it.
 fn pages(command: Command) -> Vec<(String, clap_mangen::Man)> {
+    fn collect(command: &Command, above: &str, pages: &mut Vec<(String, clap_mangen::Man)>) {
+        let name = format!("{above}{}", command.get_name());
+        for inner in command.get_subcommands() {
+            collect(inner, &format!("{name}-"), pages);
+        }
+        pages.push((name, clap_mangen::Man::new(command.clone())));
+    }
     // Building adds the help commands.
     let mut command = command.disable_help_subcommand(true);
     command.build();
     let mut pages = Vec::new();
     collect(&command, "", &mut pages);
     pages
-}
-
-/// The pages of a command and of those below it: `bead`, `bead-settings`, `bead-settings-make`.
-fn collect(command: &Command, above: &str, pages: &mut Vec<(String, clap_mangen::Man)>) {
-    let name = format!("{above}{}", command.get_name());
-    let below = format!("{name}-");
-    for inner in command.get_subcommands() {
-        collect(inner, &below, pages);
-    }
-    pages.push((name, clap_mangen::Man::new(command.clone())));
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
@@ -17,7 +16,7 @@ use crate::cli::beads::Beads;
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::place::{Kind, Overwrite};
 
 const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
@@ -48,14 +47,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "KG")]
     total_mass: f64,
     /// Least and greatest mass of each, kg [default: up to half the lightest host].
-    #[arg(long, value_name = "LOW:HIGH")]
-    mass: Option<Bounds>,
+    #[arg(long, value_name = "LOW:HIGH", value_parser = bounds)]
+    mass: Option<Limits>,
     /// Least and greatest stiffness, N/m [default: five decades about the stiffness that fits the strike].
-    #[arg(long, value_name = "LOW:HIGH")]
-    stiffness: Option<Bounds>,
+    #[arg(long, value_name = "LOW:HIGH", value_parser = bounds)]
+    stiffness: Option<Limits>,
     /// Least and greatest damping, N·s/m [default: three decades about the damping that fits the strike].
-    #[arg(long, value_name = "LOW:HIGH")]
-    damping: Option<Bounds>,
+    #[arg(long, value_name = "LOW:HIGH", value_parser = bounds)]
+    damping: Option<Limits>,
     /// Velocities of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
     velocity: Vec<f64>,
@@ -78,19 +77,16 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-/// LOW:HIGH.
-#[derive(Debug, Clone)]
-struct Bounds([f64; 2]);
+/// Least and greatest value.
+type Limits = [f64; 2];
 
-impl FromStr for Bounds {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |part: &str| part.trim().parse::<f64>().ok();
-        text.split_once(':')
-            .and_then(|(low, high)| Some(Self([number(low)?, number(high)?])))
-            .ok_or_else(|| "write the bounds as LOW:HIGH, such as 1e4:1e6".to_owned())
-    }
+/// Parses LOW:HIGH.
+fn bounds(text: &str) -> Result<Limits, String> {
+    let number = |part: &str| part.trim().parse::<f64>().ok();
+    let bounds = text
+        .split_once(':')
+        .and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    bounds.ok_or_else(|| "write the bounds as LOW:HIGH, such as 1e4:1e6".to_owned())
 }
 
 /// Intruders of the paper, for comparison: as measured, and with the stiffness that the paper finds best (its
@@ -100,37 +96,33 @@ const PAPER: [(&str, f64); 2] = [
     ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
 ];
 
-/// The result as JSON, in SI units.
+/// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Report<'a> {
-    hosts: &'a Vec<usize>,
-    total_mass: f64,
-    mass: [f64; 2],
-    stiffness: [f64; 2],
-    damping: [f64; 2],
+pub(crate) struct SearchReport {
+    beads: Vec<usize>,
+    total_mass_kg: f64,
+    mass_kg: Limits,
+    stiffness_n_per_m: Limits,
+    damping_n_s_per_m: Limits,
     aim: Aim,
-    optimum: &'a Optimum,
-    compared: &'a Vec<Compared>,
+    optimum: Optimum,
+    compared: Vec<OtherIntruders>,
 }
 
 /// Other intruders under the same strikes.
 #[derive(Serialize, JsonSchema)]
-struct Compared {
+struct OtherIntruders {
     name: &'static str,
-    /// Together, kg.
-    mass: f64,
+    /// Together.
+    mass_kg: f64,
     share: f64,
     strikes: Vec<Remaining>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    let out = place::optional(
-        arguments.out.as_deref(),
-        Kind::Scenario,
-        &[&arguments.scenario],
-        arguments.overwrite,
-    )?;
+    let (out, inputs) = (arguments.out.as_deref(), [arguments.scenario.as_path()]);
+    let out = arguments.overwrite.optional(out, Kind::Scenario, &inputs)?;
     let search = search(arguments, &scenario)?;
     search.check(&scenario).map_err(refusal)?;
     // What cannot be run is told before the search.
@@ -140,11 +132,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let watch = |sofar: SearchProgress| {
         bar.set_position(sofar.evaluations as u64);
         if let Some(best) = sofar.best {
-            bar.set_message(format!(
-                "designs; {:.4} % remains, descent {}",
-                100.0 * best,
-                sofar.descents
-            ));
+            let (best, descents) = (100.0 * best, sofar.descents);
+            bar.set_message(format!("designs; {best:.4} % remains, descent {descents}"));
         }
         if stop.load(Ordering::Relaxed) {
             return ControlFlow::Break(());
@@ -154,40 +143,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let optimum = optimise(&scenario, &search, Some(&watch)).map_err(refusal)?;
     bar.finish_and_clear();
     if let Some(out) = &out {
-        let text = format!(
-            "# Found by bead optimise: {}.\n{}",
-            found(&search, &optimum),
-            optimum.scenario(&scenario).to_toml()
-        );
-        out.write_bytes(text)?;
+        let text = optimum.scenario(&scenario).to_toml();
+        out.write_bytes(format!(
+            "# Found by bead optimise: {}.\n{text}",
+            found(search.aim, &optimum)
+        ))?;
     }
-    let report = Report {
-        hosts: &search.hosts,
-        total_mass: search.total_mass,
-        mass: search.mass,
-        stiffness: search.stiffness,
-        damping: search.damping,
+    let report = SearchReport {
+        beads: search.hosts,
+        total_mass_kg: search.total_mass,
+        mass_kg: search.mass,
+        stiffness_n_per_m: search.stiffness,
+        damping_n_s_per_m: search.damping,
         aim: search.aim,
-        optimum: &optimum,
-        compared: &compared,
+        optimum,
+        compared,
     };
-    output::print(arguments.format, &report, || {
-        table(&scenario, &search, &optimum, &compared)
-    })
+    output::print(arguments.format, &report, || report.table(&scenario.title))
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
     let hosts = arguments.bead.listed(scenario)?;
     let mut search = Search::new(scenario, hosts, arguments.total_mass).map_err(refusal)?;
-    for (given, bounds) in [
-        (&arguments.mass, &mut search.mass),
-        (&arguments.stiffness, &mut search.stiffness),
-        (&arguments.damping, &mut search.damping),
-    ] {
-        if let Some(Bounds(given)) = given {
-            *bounds = *given;
-        }
-    }
+    search.mass = arguments.mass.unwrap_or(search.mass);
+    search.stiffness = arguments.stiffness.unwrap_or(search.stiffness);
+    search.damping = arguments.damping.unwrap_or(search.damping);
     search.hosts.sort_unstable();
     search.speeds.clone_from(&arguments.velocity);
     search.aim = if arguments.worst { Aim::Worst } else { Aim::Mean };
@@ -197,22 +177,19 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
 }
 
 /// The search of a result, as a comment in its file.
-fn found(search: &Search, optimum: &Optimum) -> String {
-    let share = percent(optimum.share);
-    match (&optimum.strikes[..], search.aim) {
-        ([strike], _) => format!("{share} % of the injected energy remains at {} m/s", strike.speed),
-        (strikes, aim) => {
-            let speeds: Vec<_> = strikes.iter().map(|strike| strike.speed.to_string()).collect();
-            let of = match aim {
-                Aim::Worst => "at most",
-                Aim::Mean => "on the average",
-            };
-            format!(
-                "{of} {share} % of the injected energy remains at {} m/s",
-                speeds.join(", ")
-            )
-        }
-    }
+fn found(aim: Aim, optimum: &Optimum) -> String {
+    let speeds: Vec<_> = optimum
+        .strikes
+        .iter()
+        .map(|strike| strike.speed.to_string())
+        .collect();
+    let of = match (&speeds[..], aim) {
+        ([_], _) => "",
+        (_, Aim::Worst) => "at most ",
+        (_, Aim::Mean) => "on the average ",
+    };
+    let (share, speeds) = (percent(optimum.share), speeds.join(", "));
+    format!("{of}{share} % of the injected energy remains at {speeds} m/s")
 }
 
 /// Names the option in place of the search's field.
@@ -226,23 +203,23 @@ fn refusal(error: OptimiseError) -> Failure {
                 "speeds" => "velocity".to_owned(),
                 key => key.replace('_', "-"),
             };
-            Failure::input(format!("--{option}: {what}; {advice}"))
+            failure!(Input, "--{option}: {what}; {advice}")
         }
         other => Failure::input(other),
     }
 }
 
-fn compare(scenario: &Scenario, search: &Search) -> Result<Vec<Compared>, Failure> {
+fn compare(scenario: &Scenario, search: &Search) -> Result<Vec<OtherIntruders>, Failure> {
     let speeds = search.strikes(scenario);
-    let compared = |name, other: &Scenario| -> Result<Compared, SimulateError> {
+    let compared = |name, other: &Scenario| -> Result<_, SimulateError> {
         let strikes = speeds
             .iter()
             .map(|&speed| remaining(other, speed, Accuracy::REFERENCE));
         let strikes = strikes.collect::<Result<Vec<_>, _>>()?;
         let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
-        Ok(Compared {
+        Ok(OtherIntruders {
             name,
-            mass: total_mass(&other.intruders),
+            mass_kg: total_mass(&other.intruders),
             share: search.aim.of(&shares),
             strikes,
         })
@@ -273,77 +250,87 @@ fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
-fn table(scenario: &Scenario, search: &Search, optimum: &Optimum, compared: &[Compared]) -> String {
-    let mut parts = Vec::new();
-    if !scenario.title.is_empty() {
-        parts.push(scenario.title.clone());
+impl SearchReport {
+    fn table(&self, title: &str) -> String {
+        let range = |[low, high]: Limits, unit: f64| format!("{:.3} to {:.3}", low / unit, high / unit);
+        let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
+        parts.push(format!(
+            "Searched: m {} g, {} g together; k {} kN/m; c {} N·s/m. * is at such a bound.",
+            range(self.mass_kg, 1e-3),
+            self.total_mass_kg * 1e3,
+            range(self.stiffness_n_per_m, 1e3),
+            range(self.damping_n_s_per_m, 1.0),
+        ));
+        parts.push(self.intruders());
+        let optimum = &self.optimum;
+        let strikes = optimum.strikes.iter().map(|strike| {
+            let mut row = vec![strike.speed.to_string(), format!("{:.4}", strike.injected * 1e6)];
+            let shares = [
+                strike.share,
+                strike.before,
+                strike.within,
+                strike.after,
+                strike.contacts,
+            ];
+            row.extend(shares.map(percent));
+            row
+        });
+        let header =
+            "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
+        parts.push(output::table(header, strikes));
+
+        let remains = match (self.aim, optimum.strikes.len()) {
+            (_, 1) => "remains (%)",
+            (Aim::Worst, _) => "remains, worst (%)",
+            _ => "remains, mean (%)",
+        };
+        let grams = |mass: f64| format!("{:.3}", mass * 1e3);
+        let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
+        let others = self
+            .compared
+            .iter()
+            .map(|other| row(other.name, grams(other.mass_kg), other.share));
+        let best = [
+            row("best that are all alike", String::new(), optimum.share_alike),
+            row("best", grams(total_mass(&optimum.intruders)), optimum.share),
+        ];
+        parts.push(output::table(
+            &format!("intruders | together (g) | {remains}"),
+            others.chain(best),
+        ));
+        parts.push(remarks(optimum).join("\n"));
+        parts.join("\n\n")
     }
-    let range = |[low, high]: [f64; 2], unit: f64| format!("{:.3} to {:.3}", low / unit, high / unit);
-    parts.push(format!(
-        "Searched: m {} g, {} g together; k {} kN/m; c {} N·s/m. * is at such a bound.",
-        range(search.mass, 1e-3),
-        search.total_mass * 1e3,
-        range(search.stiffness, 1e3),
-        range(search.damping, 1.0),
-    ));
-    parts.push(intruders(search, optimum));
 
-    let strikes = optimum.strikes.iter().map(|strike| {
-        [
-            strike.speed.to_string(),
-            format!("{:.4}", strike.injected * 1e6),
-            percent(strike.share),
-            percent(strike.before),
-            percent(strike.within),
-            percent(strike.after),
-            percent(strike.contacts),
-        ]
-    });
-    let header =
-        "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
-    parts.push(output::table(header, strikes));
-
-    let remains = match (search.aim, optimum.strikes.len()) {
-        (_, 1) => "remains (%)",
-        (Aim::Worst, _) => "remains, worst (%)",
-        _ => "remains, mean (%)",
-    };
-    let grams = |mass: f64| format!("{:.3}", mass * 1e3);
-    let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
-    let others = compared.iter();
-    let mut rows: Vec<_> = others
-        .map(|other| row(other.name, grams(other.mass), other.share))
-        .collect();
-    rows.push(row("best that are all alike", String::new(), optimum.share_alike));
-    rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
-    let header = format!("intruders | together (g) | {remains}");
-    parts.push(output::table(&header, rows));
-    parts.push(remarks(optimum).join("\n"));
-    parts.join("\n\n")
-}
-
-fn intruders(search: &Search, optimum: &Optimum) -> String {
-    let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
-        let bound = value < low * 1.001 || value > high * 0.999;
-        format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
-    };
-    let rows = optimum.intruders.iter().enumerate().map(|(index, intruder)| {
-        let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
-        let strikes = optimum.strikes.iter();
-        let of_injected = strikes.map(|strike| strike.intruders[index].of_injected);
-        let absorbed = of_injected.sum::<f64>() / optimum.strikes.len() as f64;
-        [
-            search.hosts[index].to_string(),
-            figure(mass, 1e-3, search.mass),
-            figure(stiffness, 1e3, search.stiffness),
-            figure(damping, 1.0, search.damping),
-            format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
-            format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
-            percent(absorbed),
-        ]
-    });
-    let header = "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)";
-    output::table(header, rows)
+    fn intruders(&self) -> String {
+        let figure = |value: f64, unit: f64, [low, high]: Limits| {
+            let bound = value < low * 1.001 || value > high * 0.999;
+            format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
+        };
+        let strikes = &self.optimum.strikes;
+        let rows = self
+            .optimum
+            .intruders
+            .iter()
+            .enumerate()
+            .map(|(index, intruder)| {
+                let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
+                let of_injected = strikes.iter().map(|strike| strike.intruders[index].of_injected);
+                [
+                    self.beads[index].to_string(),
+                    figure(mass, 1e-3, self.mass_kg),
+                    figure(stiffness, 1e3, self.stiffness_n_per_m),
+                    figure(damping, 1.0, self.damping_n_s_per_m),
+                    format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
+                    format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
+                    percent(of_injected.sum::<f64>() / strikes.len() as f64),
+                ]
+            });
+        output::table(
+            "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
+            rows,
+        )
+    }
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {

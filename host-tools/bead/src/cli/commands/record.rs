@@ -135,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         format: arguments.format,
         printer: Printer::new(format!("listening to {}", names.join(", "))),
     };
-    let note = |line: String| output::note(format_args!("{line}"));
+    let note = |line: String| note!("{line}");
     let options = arguments.options();
     let recorder = loop {
         let notes = arguments.notes(started, &addresses);
@@ -165,10 +165,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
-        return Err(Failure::device(format!(
+        bail!(
+            Device,
             "{}: all that came before is in {summary}; plug it in or start it again, and record to another file",
             gone.join(", ")
-        )));
+        );
     }
     for line in gone.iter().chain(&away) {
         note(format!("{line} and was not back at the end"));
@@ -177,7 +178,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let lines = [Some(summary), clocks, recorded.from_the_future];
     lines.into_iter().flatten().for_each(note);
     printed?;
-    advice(&recorded.counters).map_or(Ok(()), |advice| Err(Failure::device(advice)))
+    advice(&recorded.counters).map_or(Ok(()), |advice| Err(failure!(Device, "{advice}")))
 }
 
 /// Prints the strikes and faults of a recording. If standard output fails or pauses, the recording goes on.
@@ -263,26 +264,27 @@ impl Arguments {
                 if !addresses.iter().any(|other| other.is_same(&address)) {
                     addresses.push(address);
                 } else if self.port.contains(&Choice::One(address.clone())) {
-                    output::note(format_args!("{address} is named twice; it is recorded once"));
+                    note!("{address} is named twice; it is recorded once");
                 }
             }
         }
         if addresses.is_empty() {
-            return Err(Failure::device(
-                "this computer has no serial port: plug the adapters in, or name a port",
-            ));
+            bail!(
+                Device,
+                "this computer has no serial port: plug the adapters in, or name a port"
+            );
         }
         let one = addresses.len() == 1;
         let mut open = Vec::new();
         for address in addresses {
             match address.open(self.baud) {
                 Ok(port) => open.push((address, port)),
-                Err(error) if one => return Err(Failure::device(error)),
-                Err(error) => output::note(format_args!("{error}; the others are recorded")),
+                Err(error) if one => bail!(Device, "{error}"),
+                Err(error) => note!("{error}; the others are recorded"),
             }
         }
         if open.is_empty() {
-            return Err(Failure::device("none of the ports opens"));
+            bail!(Device, "none of the ports opens");
         }
         Ok(open)
     }

@@ -16,7 +16,7 @@ use crate::cli::place::{self, Kind, Overwrite};
 use bead_recording::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
 use bead_recording::frames::Item;
 use bead_recording::raw;
-use bead_tables::whole::{Target, Unfinished};
+use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \
@@ -69,11 +69,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Ok(recording) => recover(&recording, &target)?,
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
         Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => {
-            return Err(Failure::input(format!(
+            bail!(
+                Input,
                 "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a \
                  bead sent",
                 file.display()
-            )));
+            );
         }
         Err(error) => return Err(error.into()),
     };
@@ -207,7 +208,7 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
     } else {
         Writer::create
     };
-    let finished = write(begin(target, &about)?, |writer| {
+    let finished = place::record(begin(target, &about)?, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
@@ -244,7 +245,7 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         ..About::default()
     };
     let mut open = OpenStrikes::default();
-    let finished = write(Writer::create(target, &about)?, |writer| {
+    let finished = place::record(Writer::create(target, &about)?, |writer| {
         raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;
     let other = Some("it has raw bytes, without times of receipt".to_owned());
@@ -256,21 +257,6 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
             ..Damage::default()
         }),
         open,
-    })
-}
-
-/// Writes a recording; one that fails is removed, as its source is there.
-fn write(
-    mut writer: Writer,
-    fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
-) -> Result<Finished, Failure> {
-    let partial = writer.partial_path().to_owned();
-    let _listed = Unfinished::list(&partial);
-    let finished = fill(&mut writer).and_then(|()| writer.finish());
-    finished.map_err(|error| {
-        // It may never have come into being.
-        let _ = std::fs::remove_file(&partial);
-        error.into()
     })
 }
 

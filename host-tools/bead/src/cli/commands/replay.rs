@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(arguments.format, &report, || table(&strikes))?;
     match strikes.first_difference {
         None => Ok(()),
-        Some(what) => Err(Failure::Verdict(format!("replay differs: {what}"))),
+        Some(what) => Err(failure!(Verdict, "replay differs: {what}")),
     }
 }
 

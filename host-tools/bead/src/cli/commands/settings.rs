@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use bead_model::converter::CONVERSION;
 use bead_model::design::{Description, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
@@ -13,11 +14,11 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::commands::settings_file;
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::place::{Kind, Overwrite};
 use bead_line::conversation::{Answer, Conversation, LineError};
 use bead_line::key;
 use bead_tables::whole::Target;
@@ -146,7 +147,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             overwrite,
             format,
         } => {
-            let out = place::optional(out.as_deref(), Kind::Settings, &[], *overwrite)?;
+            let out = overwrite.optional(out.as_deref(), Kind::Settings, &[])?;
             read(line, out.as_ref(), *format)
         }
         Action::Make(arguments) => settings_file::make(arguments),
@@ -158,9 +159,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let block = settings_file::load(file, *new_address)?;
             store(&mut line.open()?, &block)?;
             let (length, file) = (block.len(), file.display());
-            output::note(format_args!(
-                "the {length} bytes of {file} are stored and in force"
-            ));
+            note!("the {length} bytes of {file} are stored and in force");
             Ok(())
         }
         Action::Show { file, format } => {
@@ -174,7 +173,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         } => set(changes, *dry_run, line),
         Action::Reset { line } => {
             let answer = line.open()?.request_done(&Request::EraseSettings)?;
-            output::note(format_args!("settings {}", answer.reply.detail));
+            note!("settings {}", answer.reply.detail);
             Ok(())
         }
         Action::Key { new, give, line, .. } => set_key(new.as_deref(), give.as_deref(), line),
@@ -225,15 +224,15 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
                 }
                 return Err(error.into());
             }
-            (_, Some(path)) => return Err(Failure::device(format!("{error}; {}", may_have(path)))),
+            (_, Some(path)) => bail!(Device, "{error}; {}", may_have(path)),
             (_, None) => return Err(error.into()),
         }
     }
     match shown {
-        Some(path) => output::note(format_args!(
+        Some(path) => note!(
             "the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
-        )),
-        None => output::note(format_args!("the bead has no key any more")),
+        ),
+        None => note!("the bead has no key any more"),
     }
     Ok(())
 }
@@ -260,22 +259,21 @@ fn set(changes: &[String], dry_run: bool, line: &LineOptions) -> Result<(), Fail
     let mut bead = line.open()?;
     let block = ask(&mut bead)?;
     let settings = Settings::decode(block.bytes()).map_err(|error| {
-        Failure::input(format!(
+        failure!(
+            Input,
             "the bead has a {error}; give it one by `bead settings write`"
-        ))
+        )
     })?;
     let changed = settings_file::changed(&settings, changes)?;
     for change in &changed.changes {
         output::print_line(&change.to_string())?;
     }
     match (changed.changes.is_empty(), dry_run) {
-        (true, _) => output::note(format_args!(
-            "the bead has these settings already; nothing is sent"
-        )),
-        (_, true) => output::note(format_args!("nothing is sent: --dry-run")),
+        (true, _) => note!("the bead has these settings already; nothing is sent"),
+        (_, true) => note!("nothing is sent: --dry-run"),
         _ => {
             store(&mut bead, &changed.block)?;
-            output::note(format_args!("stored and in force"));
+            note!("stored and in force");
         }
     }
     Ok(())
@@ -284,7 +282,7 @@ fn set(changes: &[String], dry_run: bool, line: &LineOptions) -> Result<(), Fail
 /// Gives a bead a block.
 fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
     let request = Request::WriteSettings {
-        block: Block::try_from(block).or_input(|| "this is not a settings block")?,
+        block: Block::try_from(block).context("this is not a settings block")?,
     };
     let mut answer = bead.request(&request)?;
     if answer.reply.outcome == Outcome::StoreFull {
@@ -298,9 +296,7 @@ fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
 
 /// A bead makes room in a full store when it starts.
 fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Answer, Failure> {
-    output::note(format_args!(
-        "its flash has no room for another block; resetting it, which makes some and takes a few seconds"
-    ));
+    note!("its flash has no room for another block; resetting it, which makes some and takes a few seconds");
     bead.reboot()?;
     Ok(bead.request(request)?)
 }
@@ -322,7 +318,7 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             SettingsError::Version(_) => "; take the tools that were built with the image",
             _ => "",
         };
-        Failure::input(format!("{}{error}{advice}", whose()))
+        failure!(Input, "{}{error}{advice}", whose())
     })?;
     let report = Report {
         version: VERSION,

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
@@ -11,8 +12,7 @@ use clap::Args;
 use hertz_chain::read_text;
 
 use crate::cli::beads::one_bead;
-use crate::cli::failure::{Blame, Failure};
-use crate::cli::output;
+use crate::cli::failure::Failure;
 use crate::cli::place::{self, Kind, Overwrite};
 use bead_compare::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use bead_recording::physical::{self, Change};
@@ -64,10 +64,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         let target = place::target(file, Kind::Scenario, &inputs, arguments.overwrite)?;
         let text = physical::to_toml(&template(arguments)?);
         target.write_bytes(text)?;
-        output::note(format_args!(
-            "wrote {0}; edit it, then: bead settings make {0}",
-            file.display()
-        ));
+        note!("wrote {0}; edit it, then: bead settings make {0}", file.display());
         return Ok(());
     }
     let out = arguments
@@ -76,12 +73,10 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         .unwrap_or_else(|| file.with_extension("settings"));
     let target = place::target(&out, Kind::Settings, &[file], arguments.overwrite)?;
     let settings = read_toml(file)?;
-    let block = block(&settings).or_input(|| file.display().to_string())?;
+    let block = block(&settings).with_context(|| file.display().to_string())?;
     target.write_bytes(&block)?;
     let (length, out) = (block.len(), out.display());
-    output::note(format_args!(
-        "wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P"
-    ));
+    note!("wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P");
     Ok(())
 }
 
@@ -89,7 +84,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
 fn template(arguments: &MakeArguments) -> Result<Description, Failure> {
     if let Some(from) = &arguments.from {
         let settings = Settings::decode(&load(from, None)?);
-        let settings = settings.map_err(|error| Failure::input(format!("{}: {error}", from.display())))?;
+        let settings = settings.map_err(|error| failure!(Input, "{}: {error}", from.display()))?;
         return Ok(*settings.description());
     }
     let (bead, neighbours) = match &arguments.scenario {
@@ -132,12 +127,13 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     };
     File::open(file)
         .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
-        .or_input(|| format!("cannot read {name}"))?;
+        .with_context(|| format!("cannot read {name}"))?;
     if bytes.is_empty() || bytes.len() > MAX_BLOCK {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "{name}: this is no settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
              `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
-        )));
+        );
     }
     Ok(bytes)
 }
@@ -149,7 +145,7 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
 /// A file that is neither.
 pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure> {
     let name = file.display();
-    let refused = |error| Failure::input(format!("{name}: {error}"));
+    let refused = |error| failure!(Input, "{name}: {error}");
     let is_toml = file.extension().is_some_and(|ending| ending == "toml");
     let bytes = if is_toml {
         block(&read_toml(file)?).map_err(refused)?

@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         output::set_part(&progress, part);
         let remark = long_run(begun.elapsed(), part, fewest, scenario.duration);
         if let Some(remark) = remark.filter(|_| !remarked.swap(true, Ordering::Relaxed)) {
-            progress.suspend(|| output::note(format_args!("{remark}")));
+            progress.suspend(|| note!("{remark}"));
         }
     };
     let options = Options::default().with_progress(&show);
@@ -89,7 +89,7 @@ fn output_file(path: &Path, arguments: &Arguments) -> Result<(TimeSeriesForm, Ta
     let target = place::target(path, kind, &[&arguments.scenario], arguments.overwrite)?;
     let form = form.ok_or_else(|| {
         let what = "ends neither with .parquet nor with .csv; give the time series one of these endings";
-        Failure::input(format!("{} {what}", path.display()))
+        failure!(Input, "{} {what}", path.display())
     })?;
     Ok((form, target))
 }

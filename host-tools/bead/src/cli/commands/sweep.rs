@@ -121,9 +121,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let here = &arguments.here;
             // clap requires both, but not beside a subcommand.
             let (Some(file), Some(out)) = (&here.sweep, &here.out) else {
-                return Err(Failure::input(
-                    "give a SWEEP.toml and --out F.parquet; see bead sweep --help",
-                ));
+                bail!(
+                    Input,
+                    "give a SWEEP.toml and --out F.parquet; see bead sweep --help"
+                );
             };
             here.threads.pool()?.install(|| sweep(here, file, out))
         }
@@ -140,7 +141,9 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let plan = Plan::load(file)?;
     let inputs = [file];
     let out = place::target(result, Kind::Parquet, &inputs, here.overwrite)?;
-    let picture = place::optional(here.plot.as_deref(), Kind::Drawing, &inputs, here.overwrite)?;
+    let picture = here
+        .overwrite
+        .optional(here.plot.as_deref(), Kind::Drawing, &inputs)?;
     if picture.is_some() {
         sweep_plot::check(&here.choice, &plan)?;
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -10,7 +11,7 @@ use serde::Serialize;
 use super::sweep_work::{
     Consent, Threads, axes, compute_missing, grouped, measured, merge as merge_into, summary, time,
 };
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Kind, Overwrite};
@@ -173,10 +174,11 @@ pub(crate) fn plan(planning: &Planning) -> Result<(), Failure> {
         .chunks
         .filter(|asked| (*asked).min(plan.points()) != chunks)
     {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "the plan in {} is there already, in {chunks} chunks; leave --chunks {others} out, or give another --dir",
             planning.dir.display()
-        )));
+        );
     }
     let of_chunk = work / chunks as f64;
     let report = PlanReport {
@@ -215,11 +217,12 @@ pub(crate) fn run(running: &Running) -> Result<(), Failure> {
         ));
     };
     if of != folder.chunks() {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "--chunk {chunk}/{of}: the plan in {} has {} chunks; was the chunk of another plan meant?",
             folder.path().display(),
             folder.chunks()
-        )));
+        );
     }
     if folder.finished(chunk)? {
         return output::print_line(&format!("chunk {chunk}/{of} is finished already"));
@@ -248,16 +251,19 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
         ));
     }
     let whole = |path: &Path| -> Result<String, Failure> {
-        let path = std::path::absolute(path).or_input(|| format!("{}: no path", path.display()))?;
+        let path = std::path::absolute(path).with_context(|| format!("{}: no path", path.display()))?;
         let text = path.into_os_string().into_string();
         text.map_err(|path| {
-            Failure::input(format!(
+            failure!(
+                Input,
                 "{}: Slurm takes paths in UTF-8; give another",
                 path.display()
-            ))
+            )
         })
     };
-    let program = std::env::current_exe().or_device(|| "where is this program?")?;
+    let program = std::env::current_exe()
+        .context("where is this program?")
+        .map_err(Failure::Device)?;
     let (program, dir, out) = (whole(&program)?, whole(folder.path())?, whole(&submitting.out)?);
     let plan = slurm_name(&folder);
     let jobs = Jobs {
@@ -277,11 +283,12 @@ pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
     }
     let waiting = slurm::queued(plan);
     if !waiting.is_empty() {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "job {} of this plan is still in the queue; wait for it, or end it with: scancel {}",
             waiting.join(" and "),
             waiting.join(" ")
-        )));
+        );
     }
     let array = slurm::submit(&jobs.array()).map_err(Failure::Device)?;
     let merge = slurm::submit(&jobs.merge(&array)).map_err(Failure::Device)?;
@@ -342,10 +349,11 @@ pub(crate) fn merge(merging: &Merging) -> Result<(), Failure> {
 /// The merged table, which replaces no part.
 fn result(folder: &Folder, out: &Path, overwrite: Overwrite) -> Result<Target, Failure> {
     if folder.has_within(out) {
-        return Err(Failure::input(format!(
+        bail!(
+            Input,
             "{} lies among the parts of the plan; give the table another folder",
             out.display()
-        )));
+        );
     }
     place::target(out, Kind::Parquet, &[], overwrite)
 }

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::Args;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
 use bead_tables::whole::Target;
@@ -89,7 +90,7 @@ pub(crate) fn check(choice: &Choice, plan: &Plan) -> Result<(), Failure> {
 }
 
 pub(crate) fn draw(table: &Path, choice: &Choice, out: &Target) -> Result<(), Failure> {
-    let chart = picture::chart(table, &choice.view()).or_input(|| table.display().to_string())?;
+    let chart = picture::chart(table, &choice.view()).with_context(|| table.display().to_string())?;
     out.write_bytes(chart.standalone_svg()?)?;
     Ok(())
 }

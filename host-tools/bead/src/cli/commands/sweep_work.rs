@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use anyhow::Context;
 use clap::Args;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use bead_tables::whole::Target;
 use hertz_sweep::axis::SweepAxis;
@@ -26,7 +27,7 @@ impl Threads {
     pub(crate) fn pool(self) -> Result<rayon::ThreadPool, Failure> {
         let threads = self.threads.unwrap_or(0) as usize;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.or_device(|| "cannot start threads")
+        pool.context("cannot start threads").map_err(Failure::Device)
     }
 }
 
@@ -49,15 +50,16 @@ impl Consent {
         }
         let bytes = plan.points() as f64 * plan.columns().len() as f64 * 8.0;
         let make = if plan.axes().len() == 1 { "makes" } else { "make" };
-        Err(Failure::input(format!(
+        Err(failure!(
+            Input,
             "{} {make} {} points, about {} on {} threads here, and {} of table; if that is meant, give --yes, or --limit with a \
              higher number",
             axes(plan),
             grouped(plan.points()),
             time(seconds * plan.points() as f64),
             rayon::current_num_threads(),
-            size(bytes),
-        )))
+            size(bytes)
+        ))
     }
 }
 
@@ -127,11 +129,11 @@ pub(crate) fn summary(
     format: Format,
 ) -> Result<(), Failure> {
     if let Some(why) = &merged.first {
-        output::note(format_args!(
+        note!(
             "{} of {} points could not be computed, and the column `error` says why; the first: {why}",
             grouped(merged.failed),
-            grouped(plan.points()),
-        ));
+            grouped(plan.points())
+        );
     }
     let index: Vec<String> = plan.axes().iter().map(SweepAxis::index).collect();
     let report = Report {

@@ -13,10 +13,13 @@ use crate::scenario::{InputError, Scenario};
 #[non_exhaustive]
 pub struct Remaining {
     /// Speed of the striker, m/s.
+    #[serde(rename = "velocity_mps")]
     pub speed: f64,
     /// End of the run, s.
+    #[serde(rename = "time_s")]
     pub time: f64,
     /// Energy that the striker has given by then, and that beads had at t = 0, J.
+    #[serde(rename = "injected_j")]
     pub injected: f64,
     /// The share that the intruders have not dissipated.
     pub share: f64,
