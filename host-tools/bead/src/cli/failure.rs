@@ -54,6 +54,15 @@ impl Failure {
         failure!(Input, "{message}")
     }
 
+    /// The process's exit status.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Verdict(_) => 1,
+            Self::Input(_) => 2,
+            Self::Device(_) => 3,
+        }
+    }
+
     /// A verdict of a check.
     pub fn verdict(message: impl Display) -> Self {
         failure!(Verdict, "{message}")
@@ -113,10 +122,6 @@ impl From<LineError> for Failure {
 
 impl From<&Failure> for ExitCode {
     fn from(failure: &Failure) -> Self {
-        Self::from(match failure {
-            Failure::Verdict(_) => 1,
-            Failure::Input(_) => 2,
-            Failure::Device(_) => 3,
-        })
+        Self::from(failure.exit_status())
     }
 }
