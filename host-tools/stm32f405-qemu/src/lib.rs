@@ -6,7 +6,7 @@ mod given;
 pub mod machine;
 mod memory;
 mod outcome;
-pub mod peripherals;
+mod peripherals;
 mod plugin;
 mod run;
 mod vcd;

@@ -11,25 +11,25 @@
 //! A register that a model lacks gives [`NoRegister`]. It never reads as zero without a report. Firmware may
 //! ask a modelled register for a feature that is not modelled: this goes to the model's [`Notes`].
 
-pub mod adc;
-pub mod adc_common;
-pub mod clock;
-pub mod core;
-pub mod dbgmcu;
-pub mod dma;
-pub mod dwt;
-pub mod exti;
-pub mod flash;
-pub mod gpio;
-pub mod iwdg;
+pub(crate) mod adc;
+pub(crate) mod adc_common;
+pub(crate) mod clock;
+pub(crate) mod core;
+pub(crate) mod dbgmcu;
+pub(crate) mod dma;
+pub(crate) mod dwt;
+pub(crate) mod exti;
+pub(crate) mod flash;
+pub(crate) mod gpio;
+pub(crate) mod iwdg;
 mod peripheral;
-pub mod pwr;
-pub mod rcc;
+pub(crate) mod pwr;
+pub(crate) mod rcc;
 mod register;
-pub mod signature;
-pub mod syscfg;
-pub mod systick;
-pub mod tim;
-pub mod usart;
+pub(crate) mod signature;
+pub(crate) mod syscfg;
+pub(crate) mod systick;
+pub(crate) mod tim;
+pub(crate) mod usart;
 
-pub use peripheral::{NoRegister, Notes, Peripheral};
+pub(crate) use peripheral::{NoRegister, Peripheral};

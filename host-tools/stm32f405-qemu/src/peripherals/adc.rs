@@ -56,7 +56,7 @@ struct ScanProgress {
 
 /// The registers of one converter.
 #[derive(Debug, Clone, Default)]
-pub struct Adc {
+pub(crate) struct Adc {
     pclk2: u32,
     sr: u32,
     cr1: u32,
@@ -68,32 +68,32 @@ pub struct Adc {
     jsqr: u32,
     dr: u32,
     /// Divider of PCLK2 (CCR.ADCPRE, section 13.13.16).
-    pub divider: u32,
+    pub(crate) divider: u32,
     scan: Option<ScanProgress>,
     /// True if SWSTART starts a scan while EXTEN selects a trigger.
-    pub software_scan_under_trigger: bool,
+    pub(crate) software_scan_under_trigger: bool,
     /// The converter starts a scan without a trigger as soon as it waits for one.
     extra: bool,
     /// It misses the next trigger.
     misses: bool,
     /// A scan has started. Whoever looks clears it.
-    pub scan_started: bool,
+    pub(crate) scan_started: bool,
     /// DR holds data that was not read yet.
     unread: bool,
     /// A DMA request stands.
-    pub request: bool,
+    pub(crate) request: bool,
     /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
     /// Number of times that OVR was set.
-    pub overruns: u64,
+    pub(crate) overruns: u64,
     /// Triggers that started nothing.
-    pub triggers_ignored: u64,
+    pub(crate) triggers_ignored: u64,
     notes: Notes,
 }
 
 impl Adc {
     /// After reset, on an APB2 clock of `pclk2`.
-    pub fn new(pclk2: u32) -> Self {
+    pub(crate) fn new(pclk2: u32) -> Self {
         Self {
             pclk2,
             divider: 2,
@@ -104,23 +104,23 @@ impl Adc {
     }
 
     /// External trigger of regular scans: CR2.EXTSEL (section 13.13.3). `None` if nothing does.
-    pub fn external_trigger(&self) -> Option<u32> {
+    pub(crate) fn external_trigger(&self) -> Option<u32> {
         let listens = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
         listens.then(|| field(self.cr2, 24, 4))
     }
 
     /// Returns `true` if a scan is under way or could be started from outside.
-    pub fn is_in_use(&self) -> bool {
+    pub(crate) fn is_in_use(&self) -> bool {
         self.scan.is_some() || self.external_trigger().is_some()
     }
 
     /// SR as CSR shows it.
-    pub fn flags(&self) -> u32 {
+    pub(crate) fn flags(&self) -> u32 {
         self.sr & 0x3f
     }
 
     /// The trigger came.
-    pub fn trigger(&mut self, now: u64) {
+    pub(crate) fn trigger(&mut self, now: u64) {
         let waits = self.external_trigger().is_some();
         if waits && std::mem::take(&mut self.misses) || self.scan.is_some() || self.blocked() {
             self.triggers_ignored += 1;
@@ -130,7 +130,7 @@ impl Adc {
     }
 
     /// Starts a scan without a trigger, now or as soon as the converter waits for one and has none under way.
-    pub fn start_extra(&mut self, now: u64) {
+    pub(crate) fn start_extra(&mut self, now: u64) {
         self.extra = true;
         self.start_if_extra(now);
     }
@@ -143,12 +143,12 @@ impl Adc {
     }
 
     /// Misses the next trigger.
-    pub fn miss_trigger(&mut self) {
+    pub(crate) fn miss_trigger(&mut self) {
         self.misses = true;
     }
 
     /// An overrun under DMA: no conversion until OVR is cleared.
-    pub fn blocked(&self) -> bool {
+    pub(crate) fn blocked(&self) -> bool {
         self.sr & OVR != 0 && self.cr2 & DMA != 0
     }
 
@@ -168,7 +168,7 @@ impl Adc {
     }
 
     /// Conversions in a scan: SQR1.L + 1, or one without CR1.SCAN.
-    pub fn scan_length(&self) -> u32 {
+    pub(crate) fn scan_length(&self) -> u32 {
         match self.cr1 & SCAN {
             0 => 1,
             _ => field(self.sqr[0], 20, 4) + 1,
@@ -201,19 +201,19 @@ impl Adc {
     }
 
     /// When the conversion under way ends.
-    pub fn next_conversion(&self) -> Option<u64> {
+    pub(crate) fn next_conversion(&self) -> Option<u64> {
         self.scan
             .map(|s| s.started_ns.saturating_add(self.cycles_ns(u64::from(s.cycles))))
     }
 
     /// The channel under conversion.
-    pub fn converting(&self) -> Option<u32> {
+    pub(crate) fn converting(&self) -> Option<u32> {
         self.scan.map(|s| self.channel_at(s.rank))
     }
 
     /// When the `n`-th conversion from now (1 is the next) ends: maybe too early, never too late. `trigger`
     /// gives the time of the `i`-th trigger from now (0 is the next).
-    pub fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
+    pub(crate) fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
         debug_assert!(n > 0);
         let length = self.scan_length();
         let cycles = |ranks: std::ops::Range<u32>| -> u64 {
@@ -247,7 +247,7 @@ impl Adc {
     }
 
     /// Ends the conversion under way. `code` is what it found, in 12 bits.
-    pub fn finish(&mut self, code: u16, now: u64) {
+    pub(crate) fn finish(&mut self, code: u16, now: u64) {
         let Some(scan) = self.scan else { return };
         let lost = self.unread && self.cr2 & (DMA | EOCS) != 0;
         let last = scan.rank + 1 >= self.scan_length();
@@ -284,7 +284,7 @@ impl Adc {
     }
 
     /// A conversion is lost. Under DMA the scan is aborted and the request withdrawn.
-    pub fn overrun(&mut self) {
+    pub(crate) fn overrun(&mut self) {
         self.sr |= OVR;
         self.overruns += 1;
         if self.blocked() {
@@ -294,12 +294,12 @@ impl Adc {
     }
 
     /// Returns `true` if each conversion makes a DMA request.
-    pub fn requests_dma(&self) -> bool {
+    pub(crate) fn requests_dma(&self) -> bool {
         self.cr2 & DMA != 0 && !self.requests_ended
     }
 
     /// DR is read, by the processor or the DMA: the data is fetched and EOC clears (section 13.13.1).
-    pub fn take_data(&mut self) -> u32 {
+    pub(crate) fn take_data(&mut self) -> u32 {
         self.unread = false;
         self.request = false;
         self.sr &= !EOC;
@@ -307,13 +307,13 @@ impl Adc {
     }
 
     /// The DMA stream made its last transfer. Without DDS no request follows (section 13.8.1).
-    pub fn dma_ended(&mut self) {
+    pub(crate) fn dma_ended(&mut self) {
         self.requests_ended = self.cr2 & DDS == 0;
     }
 
     /// Returns `true` if a conversion that no DMA fetches would raise the line: at its end by EOC, or at the
     /// end of the next one by OVR.
-    pub fn interrupts_on_conversion(&self) -> bool {
+    pub(crate) fn interrupts_on_conversion(&self) -> bool {
         self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt(0)
     }
 

@@ -9,16 +9,16 @@ const UNMODELLED: [(u32, u32, &str); 1] = [(0x04, 0x1f, "CCR.MULTI: dual and tri
 
 /// ADC1, ADC2 and ADC3.
 #[derive(Debug, Clone)]
-pub struct Adcs {
+pub(crate) struct Adcs {
     /// In this order.
-    pub converters: [Adc; 3],
+    pub(crate) converters: [Adc; 3],
     ccr: u32,
     notes: Notes,
 }
 
 impl Adcs {
     /// After reset, on an APB2 clock of `pclk2`.
-    pub fn new(pclk2: u32) -> Self {
+    pub(crate) fn new(pclk2: u32) -> Self {
         Self {
             converters: std::array::from_fn(|_| Adc::new(pclk2)),
             ccr: 0,
@@ -28,13 +28,13 @@ impl Adcs {
 
     /// Returns `true` if the temperature sensor and the internal reference voltage are on (CCR.TSVREFE).
     /// Otherwise their channels float.
-    pub fn sensors_on(&self) -> bool {
+    pub(crate) fn sensors_on(&self) -> bool {
         bit(self.ccr, 23)
     }
 
     /// Returns `true` if the divider of the battery voltage is on (CCR.VBATE). It hides the temperature
     /// sensor in parts where both share a channel; in this one they do not.
-    pub fn battery_on(&self) -> bool {
+    pub(crate) fn battery_on(&self) -> bool {
         bit(self.ccr, 22)
     }
 

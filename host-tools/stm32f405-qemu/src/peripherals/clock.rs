@@ -6,30 +6,30 @@
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// Frequency of the internal oscillator (section 7.2.2), in Hz.
-pub const HSI_HZ: u32 = 16_000_000;
+pub(crate) const HSI_HZ: u32 = 16_000_000;
 /// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
-pub const LSI_HZ: u32 = 32_000;
+pub(crate) const LSI_HZ: u32 = 32_000;
 
 /// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ClockTree {
+pub(crate) struct ClockTree {
     /// System clock.
-    pub sysclk: u32,
+    pub(crate) sysclk: u32,
     /// AHB and processor.
-    pub hclk: u32,
+    pub(crate) hclk: u32,
     /// APB1.
-    pub pclk1: u32,
+    pub(crate) pclk1: u32,
     /// APB2.
-    pub pclk2: u32,
+    pub(crate) pclk2: u32,
     /// Timers on APB1: TIM2-7, 12-14.
-    pub timers1: u32,
+    pub(crate) timers1: u32,
     /// Timers on APB2: TIM1, 8-11.
-    pub timers2: u32,
+    pub(crate) timers2: u32,
 }
 
 /// One of the two slower buses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Apb {
+pub(crate) enum Apb {
     /// APB1.
     One,
     /// APB2.
@@ -38,7 +38,7 @@ pub enum Apb {
 
 impl ClockTree {
     /// After a reset: the internal oscillator, undivided.
-    pub const HSI: Self = Self {
+    pub(crate) const HSI: Self = Self {
         sysclk: HSI_HZ,
         hclk: HSI_HZ,
         pclk1: HSI_HZ,
@@ -48,7 +48,7 @@ impl ClockTree {
     };
 
     /// Clock of the peripherals on a bus, Hz.
-    pub fn of_bus(&self, apb: Apb) -> u32 {
+    pub(crate) fn of_bus(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.pclk1,
             Apb::Two => self.pclk2,
@@ -56,7 +56,7 @@ impl ClockTree {
     }
 
     /// Clock of the timers on a bus, Hz.
-    pub fn of_timers(&self, apb: Apb) -> u32 {
+    pub(crate) fn of_timers(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.timers1,
             Apb::Two => self.timers2,
@@ -65,7 +65,7 @@ impl ClockTree {
 }
 
 /// Number of edges of a clock of `hz` within `ns`.
-pub fn ticks(ns: u64, hz: u32) -> u64 {
+pub(crate) fn ticks(ns: u64, hz: u32) -> u64 {
     match ns.checked_mul(u64::from(hz)) {
         Some(product) => product / NS_PER_S,
         None => (u128::from(ns) * u128::from(hz) / u128::from(NS_PER_S)) as u64,
@@ -73,7 +73,7 @@ pub fn ticks(ns: u64, hz: u32) -> u64 {
 }
 
 /// Time until edge `n` of a clock of `hz`, ns. `u64::MAX` for a clock that stands still.
-pub fn edge(n: u64, hz: u32) -> u64 {
+pub(crate) fn edge(n: u64, hz: u32) -> u64 {
     if hz == 0 {
         return u64::MAX;
     }

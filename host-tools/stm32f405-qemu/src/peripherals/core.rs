@@ -11,14 +11,14 @@ const TRCENA: u32 = 1 << 24;
 
 /// The system control register.
 #[derive(Debug, Clone, Default)]
-pub struct Scr {
+pub(crate) struct Scr {
     scr: u32,
     notes: Notes,
 }
 
 impl Scr {
     /// Returns `true` if a sleep is a deep one: STOP or STANDBY, as PWR says.
-    pub fn sleeps_deep(&self) -> bool {
+    pub(crate) fn sleeps_deep(&self) -> bool {
         self.scr & SLEEPDEEP != 0
     }
 }
@@ -52,19 +52,19 @@ impl Peripheral for Scr {
 
 /// The debug registers DHCSR, DCRSR, DCRDR and DEMCR. No debugger is attached.
 #[derive(Debug, Clone, Default)]
-pub struct Debug {
+pub(crate) struct Debug {
     demcr: u32,
     notes: Notes,
 }
 
 impl Debug {
     /// Returns `true` if DWT and ITM run.
-    pub fn traces(&self) -> bool {
+    pub(crate) fn traces(&self) -> bool {
         self.demcr & TRCENA != 0
     }
 
     /// The power came back.
-    pub fn power_up(&mut self) {
+    pub(crate) fn power_up(&mut self) {
         self.demcr = 0;
     }
 }

@@ -8,7 +8,7 @@ const IDCODE: u32 = 0x1001_6413;
 
 /// DBGMCU's registers.
 #[derive(Debug, Clone, Default)]
-pub struct Dbgmcu {
+pub(crate) struct Dbgmcu {
     cr: u32,
     freeze: [u32; 2],
 }

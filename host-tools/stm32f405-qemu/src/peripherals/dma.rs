@@ -30,11 +30,11 @@ const TCIF: u32 = 1 << 5;
 const FLAGS_AT: [u32; 4] = [0, 6, 16, 22];
 
 /// Streams of a controller.
-pub const STREAMS: usize = 8;
+pub(crate) const STREAMS: usize = 8;
 
 /// Which way a stream moves data (SxCR.DIR).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
+pub(crate) enum Direction {
     /// From the peripheral port to the memory port.
     ToMemory,
     /// From the memory port to the peripheral port.
@@ -45,25 +45,25 @@ pub enum Direction {
 
 /// One item to move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beat {
+pub(crate) struct Beat {
     /// Address on the peripheral port.
-    pub peripheral: u32,
+    pub(crate) peripheral: u32,
     /// Address on the memory port.
-    pub memory: u32,
+    pub(crate) memory: u32,
     /// 1, 2 or 4.
-    pub bytes: u32,
+    pub(crate) bytes: u32,
     /// Which of the two is read.
-    pub direction: Direction,
+    pub(crate) direction: Direction,
 }
 
 /// Part of a transfer that a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
+pub(crate) struct Progress {
     /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
     /// TCIE.
-    pub block: bool,
+    pub(crate) block: bool,
     /// The stream has stopped.
-    pub ended: bool,
+    pub(crate) ended: bool,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -80,18 +80,18 @@ struct StreamRegisters {
 
 /// One controller.
 #[derive(Debug, Clone)]
-pub struct Dma {
+pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
     streams: [StreamRegisters; STREAMS],
     /// Streams that were just enabled, a bit for each. Whoever looks clears them.
-    pub started: u32,
+    pub(crate) started: u32,
     notes: Notes,
 }
 
 impl Dma {
     /// After reset: DMA1 is 0, DMA2 is 1.
-    pub fn new(number: usize) -> Self {
+    pub(crate) fn new(number: usize) -> Self {
         let stream = StreamRegisters {
             fcr: 0x21,
             ..StreamRegisters::default()
@@ -110,7 +110,7 @@ impl Dma {
     }
 
     /// The channel whose requests a stream listens to, if it is enabled and needs requests.
-    pub fn listens_to(&self, stream: usize) -> Option<u32> {
+    pub(crate) fn listens_to(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
         let listens = s.running() && s.direction() != Direction::MemoryToMemory;
         listens.then(|| field(s.cr, 25, 3))
@@ -118,7 +118,7 @@ impl Dma {
 
     /// The stream that serves a request: the first of these that is enabled and listens to its channel. The
     /// pairs of stream and channel are from the request mapping (tables 42 and 43).
-    pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
+    pub(crate) fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
         let listens = |(stream, channel): &&(usize, u32)| {
             let s = &self.streams[*stream];
             s.running() && field(s.cr, 25, 3) == *channel
@@ -127,7 +127,7 @@ impl Dma {
     }
 
     /// Returns the next beat of the stream, `None` if the stream is stopped.
-    pub fn beat(&self, stream: usize) -> Option<Beat> {
+    pub(crate) fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];
         if !s.running() {
             return None;
@@ -144,7 +144,7 @@ impl Dma {
     }
 
     /// The beat was moved.
-    pub fn moved(&mut self, stream: usize) -> Progress {
+    pub(crate) fn moved(&mut self, stream: usize) -> Progress {
         let s = &mut self.streams[stream];
         let Some(left) = s.ndtr.checked_sub(1) else {
             // The beat itself has reset this controller, by a write to RCC.
@@ -178,7 +178,7 @@ impl Dma {
     }
 
     /// The beat met a bus error: the stream stops (section 10.3.18).
-    pub fn failed(&mut self, stream: usize) {
+    pub(crate) fn failed(&mut self, stream: usize) {
         let s = &mut self.streams[stream];
         s.flags |= TEIF;
         s.cr &= !EN;
@@ -186,7 +186,7 @@ impl Dma {
 
     /// After how many more beats the stream's line will rise. `None` if its interrupts are off or the line is
     /// up.
-    pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
+    pub(crate) fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
         if !s.running() || self.interrupt(stream) {
             return None;

@@ -13,7 +13,7 @@ const NUMCOMP: u32 = 4 << 28;
 
 /// DWT's registers, as far as the counter goes.
 #[derive(Debug, Clone, Default)]
-pub struct Dwt {
+pub(crate) struct Dwt {
     hclk: u32,
     ctrl: u32,
     /// The counter's value at `since_ns`.
@@ -26,7 +26,7 @@ pub struct Dwt {
 
 impl Dwt {
     /// Stopped, on this clock.
-    pub fn new(hclk: u32) -> Self {
+    pub(crate) fn new(hclk: u32) -> Self {
         Self {
             hclk,
             ctrl: NUMCOMP,
@@ -35,7 +35,7 @@ impl Dwt {
     }
 
     /// DEMCR.TRCENA lets the unit run, or not.
-    pub fn enable(&mut self, traces: bool, now: u64) {
+    pub(crate) fn enable(&mut self, traces: bool, now: u64) {
         if self.traces != traces {
             self.settle(now);
             self.traces = traces;

@@ -29,7 +29,7 @@ const SHARED: [u32; 14] = [
 
 /// EXTI's registers.
 #[derive(Debug, Clone, Default)]
-pub struct Exti {
+pub(crate) struct Exti {
     imr: u32,
     emr: u32,
     rtsr: u32,
@@ -39,27 +39,27 @@ pub struct Exti {
     /// The inputs of the edge detectors. Not known while no edge is asked for.
     inputs: Option<u32>,
     /// An enabled edge has come. Whoever looks clears it.
-    pub edge_came: bool,
+    pub(crate) edge_came: bool,
 }
 
 impl Exti {
     /// The interrupts of the outputs (table 61): EXTI0 to EXTI4, EXTI9_5, EXTI15_10, the voltage detector,
     /// RTC alarm, USB FS, Ethernet and USB HS wake-up, tamper, RTC wake-up.
-    pub const INTERRUPTS: [usize; 14] = [6, 7, 8, 9, 10, 23, 40, 1, 41, 42, 62, 76, 2, 3];
+    pub(crate) const INTERRUPTS: [usize; 14] = [6, 7, 8, 9, 10, 23, 40, 1, 41, 42, 62, 76, 2, 3];
 
     /// Lines on which an edge is asked for.
-    pub fn watched(&self) -> u32 {
+    pub(crate) fn watched(&self) -> u32 {
         self.rtsr | self.ftsr
     }
 
     /// Returns `true` if an edge on a line would raise an interrupt, or wake from STOP.
-    pub fn listens(&self, line: usize, rising: bool) -> bool {
+    pub(crate) fn listens(&self, line: usize, rising: bool) -> bool {
         let edges = if rising { self.rtsr } else { self.ftsr };
         edges & (self.imr & !self.pr | self.emr) & 1 << line != 0
     }
 
     /// The levels at the inputs of the watched lines. `None` if no line is watched.
-    pub fn input(&mut self, levels: Option<u32>) {
+    pub(crate) fn input(&mut self, levels: Option<u32>) {
         if let (Some(before), Some(now)) = (self.inputs, levels) {
             let edges = (now & !before & self.rtsr) | (before & !now & self.ftsr);
             self.pr |= edges & self.imr;
@@ -69,7 +69,7 @@ impl Exti {
     }
 
     /// Returns `true` if an interrupt of a line is pending.
-    pub fn pending(&self) -> bool {
+    pub(crate) fn pending(&self) -> bool {
         self.pr & self.imr != 0
     }
 }

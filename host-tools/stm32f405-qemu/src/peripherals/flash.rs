@@ -103,7 +103,7 @@ struct PlannedCut {
 
 /// An event that needs no access to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FlashEvent {
+pub(crate) enum FlashEvent {
     /// The operation ends: see [`FlashController::finish`].
     Finished,
     /// The power goes in the middle of it.
@@ -112,7 +112,7 @@ pub enum FlashEvent {
 
 /// FLASH's registers, and the bytes of [`WRITABLE`].
 #[derive(Debug, Clone, Default)]
-pub struct FlashController {
+pub(crate) struct FlashController {
     hclk: u32,
     acr: u32,
     cr: u32,
@@ -131,7 +131,7 @@ pub struct FlashController {
 
 impl FlashController {
     /// After power-up, erased.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             hclk: HSI_HZ,
             cr: LOCK,
@@ -142,7 +142,7 @@ impl FlashController {
     }
 
     /// The bytes of [`WRITABLE`].
-    pub fn contents(&self) -> &[u8] {
+    pub(crate) fn contents(&self) -> &[u8] {
         &self.contents
     }
 
@@ -150,29 +150,29 @@ impl FlashController {
     ///
     /// # Panics
     /// There are more or fewer bytes than [`WRITABLE`] has.
-    pub fn set_contents(&mut self, contents: Vec<u8>) {
+    pub(crate) fn set_contents(&mut self, contents: Vec<u8>) {
         assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
         self.contents = contents;
     }
 
     /// Program and erase operations that have begun.
-    pub fn operations(&self) -> &[FlashOperation] {
+    pub(crate) fn operations(&self) -> &[FlashOperation] {
         &self.operations
     }
 
     /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
     /// it is over when the power goes, 0 to 100.
-    pub fn cut_power_in(&mut self, after: u32, percent: u8) {
+    pub(crate) fn cut_power_in(&mut self, after: u32, percent: u8) {
         self.cuts.push(PlannedCut { after, percent });
     }
 
     /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
-    pub fn busy(&self) -> bool {
+    pub(crate) fn busy(&self) -> bool {
         self.running.is_some()
     }
 
     /// Returns the next event and its time, ns.
-    pub fn next_event(&self) -> Option<(u64, FlashEvent)> {
+    pub(crate) fn next_event(&self) -> Option<(u64, FlashEvent)> {
         let running = self.running?;
         Some(match running.power_goes_ns {
             Some(at) => (at, FlashEvent::PowerGone),
@@ -181,7 +181,7 @@ impl FlashController {
     }
 
     /// The operation under way ends. Returns the addresses in [`WRITABLE`] that it has written.
-    pub fn finish(&mut self) -> Range<u32> {
+    pub(crate) fn finish(&mut self) -> Range<u32> {
         let Some(running) = self.running.take() else {
             return WRITABLE.start..WRITABLE.start;
         };
@@ -235,7 +235,7 @@ impl FlashController {
     }
 
     /// A DMA stream reads flash.
-    pub fn fetched_by_dma(&mut self) {
+    pub(crate) fn fetched_by_dma(&mut self) {
         self.notes.note_if(
             self.busy(),
             "a DMA stream read flash while BSY: silicon holds it up, here it does not wait",
@@ -243,7 +243,7 @@ impl FlashController {
     }
 
     /// The processor stores to flash (section 3.6.4).
-    pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) {
+    pub(crate) fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) {
         let psize = field(self.cr, 8, 2);
         if self.busy() {
             self.notes

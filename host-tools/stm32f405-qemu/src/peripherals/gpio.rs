@@ -24,7 +24,7 @@ enum LockKey {
 
 /// One port of 16 pins.
 #[derive(Debug, Clone, Default)]
-pub struct Gpio {
+pub(crate) struct Gpio {
     port: usize,
     moder: u32,
     otyper: u32,
@@ -42,11 +42,11 @@ pub struct Gpio {
     /// Levels that the timers behind the pins' alternate functions give. `None` where none does.
     by_timer: [Option<bool>; 16],
     /// Number of changes of each pin's level as an output.
-    pub edges: [u64; 16],
+    pub(crate) edges: [u64; 16],
     /// True if the times of these changes are recorded.
-    pub records: bool,
+    pub(crate) records: bool,
     /// When each pin changed its level as an output, in ns, and the level from then on.
-    pub changes: [Vec<(u64, bool)>; 16],
+    pub(crate) changes: [Vec<(u64, bool)>; 16],
     /// Number of recorded changes of the whole port.
     recorded: usize,
     notes: Notes,
@@ -54,7 +54,7 @@ pub struct Gpio {
 
 impl Gpio {
     /// A port after reset: 0 is A, 8 is I. The debug pins of A and B are in use (section 8.4.1).
-    pub fn new(port: usize) -> Self {
+    pub(crate) fn new(port: usize) -> Self {
         let (moder, ospeedr, pupdr) = match port {
             0 => (0xa800_0000, 0, 0x6400_0000),
             1 => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
@@ -70,13 +70,13 @@ impl Gpio {
     }
 
     /// Puts a level on a pin from outside.
-    pub fn drive(&mut self, pin: usize, level: bool) {
+    pub(crate) fn drive(&mut self, pin: usize, level: bool) {
         self.wired[pin] = Some(level);
     }
 
     /// The level that an output at the other end of a wire puts on a pin. `None` if nothing drives the wire.
     /// Returns the pin's new level if that changed.
-    pub fn drive_by_wire(&mut self, pin: usize, level: Option<bool>) -> Option<bool> {
+    pub(crate) fn drive_by_wire(&mut self, pin: usize, level: Option<bool>) -> Option<bool> {
         let before = self.level_at(pin);
         self.by_wire[pin] = level;
         let after = self.level_at(pin);
@@ -90,7 +90,7 @@ impl Gpio {
     }
 
     /// The level that a pin drives as an output. An open drain drives low only.
-    pub fn driven(&self, pin: usize) -> Option<bool> {
+    pub(crate) fn driven(&self, pin: usize) -> Option<bool> {
         let level = match field(self.moder, 2 * pin as u32, 2) {
             0b01 => bit(self.odr, pin as u32),
             0b10 => self.by_timer[pin]?,
@@ -100,20 +100,20 @@ impl Gpio {
     }
 
     /// Gives a pin the level of the timer behind its alternate function.
-    pub fn move_by_timer(&mut self, pin: usize, level: Option<bool>, now: u64) {
+    pub(crate) fn move_by_timer(&mut self, pin: usize, level: Option<bool>, now: u64) {
         let before = self.outputs();
         self.by_timer[pin] = level;
         self.count(before ^ self.outputs(), now);
     }
 
     /// The alternate function that a pin is set to (section 8.3.2). `None` if it has another mode.
-    pub fn alternate(&self, pin: usize) -> Option<u32> {
+    pub(crate) fn alternate(&self, pin: usize) -> Option<u32> {
         let function = field(self.afr[pin / 8], 4 * (pin as u32 % 8), 4);
         (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
     }
 
     /// The levels of the port as IDR has them.
-    pub fn input(&self) -> u32 {
+    pub(crate) fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
             let n = pin as usize;
             let wired = self.by_wire[n].or(self.wired[n]).is_some();

@@ -9,7 +9,7 @@ const UNLOCK: u32 = 0x5555;
 
 /// IWDG's registers.
 #[derive(Debug, Clone)]
-pub struct Iwdg {
+pub(crate) struct Iwdg {
     prescaler: u32,
     reload: u32,
     unlocked: bool,

@@ -9,7 +9,7 @@ use super::clock::ClockTree;
 ///
 /// An offset is the distance of a word from the first address of the peripheral. Times are virtual, in ns
 /// since power-up, and never go back.
-pub trait Peripheral {
+pub(crate) trait Peripheral {
     /// Reads a register, as the processor or the DMA does.
     ///
     /// # Errors
@@ -49,11 +49,11 @@ pub trait Peripheral {
 
 /// There is no such register in the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NoRegister;
+pub(crate) struct NoRegister;
 
 /// Requests to a peripheral that its model does not carry out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Notes(BTreeSet<Cow<'static, str>>);
+pub(crate) struct Notes(BTreeSet<Cow<'static, str>>);
 
 impl Notes {
     /// Takes a note. The same note is kept once.
@@ -84,7 +84,7 @@ impl Notes {
     }
 
     /// In alphabetical order.
-    pub fn iter(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &str> {
         self.0.iter().map(AsRef::as_ref)
     }
 }

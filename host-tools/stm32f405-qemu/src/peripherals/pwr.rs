@@ -37,7 +37,7 @@ const GOOD_MV: u32 = 3300;
 
 /// PWR's registers.
 #[derive(Debug, Clone)]
-pub struct Pwr {
+pub(crate) struct Pwr {
     cr: u32,
     csr: u32,
     supply_mv: u32,
@@ -65,38 +65,38 @@ impl Default for Pwr {
 
 impl Pwr {
     /// The supply has this voltage from now on, in mV.
-    pub fn set_supply(&mut self, millivolts: u32) {
+    pub(crate) fn set_supply(&mut self, millivolts: u32) {
         self.supply_mv = millivolts;
         self.compare();
     }
 
     /// The supply, in mV.
-    pub fn supply(&self) -> u32 {
+    pub(crate) fn supply(&self) -> u32 {
         self.supply_mv
     }
 
     /// The detector finds the supply low: EXTI line 16.
-    pub fn supply_low(&self) -> bool {
+    pub(crate) fn supply_low(&self) -> bool {
         self.below
     }
 
     /// A deep sleep is STANDBY, not STOP.
-    pub fn chooses_standby(&self) -> bool {
+    pub(crate) fn chooses_standby(&self) -> bool {
         self.cr & PDDS != 0
     }
 
     /// A rising edge on WKUP (PA0) ends STANDBY.
-    pub fn wakes_by_pin(&self) -> bool {
+    pub(crate) fn wakes_by_pin(&self) -> bool {
         self.csr & EWUP != 0
     }
 
     /// The power came back.
-    pub fn power_up(&mut self) {
+    pub(crate) fn power_up(&mut self) {
         self.flags = 0;
     }
 
     /// STANDBY has ended, by the pin.
-    pub fn woken(&mut self) {
+    pub(crate) fn woken(&mut self) {
         self.flags = SBF | WUF;
     }
 
@@ -114,7 +114,7 @@ impl Pwr {
     }
 
     /// The backup domain may be written (CR.DBP).
-    pub fn backup_domain_open(&self) -> bool {
+    pub(crate) fn backup_domain_open(&self) -> bool {
         self.cr & DBP != 0
     }
 }

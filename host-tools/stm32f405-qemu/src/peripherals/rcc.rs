@@ -61,7 +61,7 @@ const CLEAR_AT: u32 = 16;
 
 /// A bus with its own enable and reset registers: their number within each row of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bus {
+pub(crate) enum Bus {
     /// AHB1.
     Ahb1 = 0,
     /// APB1.
@@ -72,7 +72,7 @@ pub enum Bus {
 
 /// RCC's registers.
 #[derive(Debug, Clone, Default)]
-pub struct Rcc {
+pub(crate) struct Rcc {
     hse_hz: u32,
     cr: u32,
     pllcfgr: u32,
@@ -92,13 +92,13 @@ pub struct Rcc {
     /// STOP or STANDBY: no oscillator runs.
     asleep: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
-    pub backup_domain_open: bool,
+    pub(crate) backup_domain_open: bool,
     notes: Notes,
 }
 
 impl Rcc {
     /// After power-up, with a crystal of `hse_hz`.
-    pub fn new(hse_hz: u32) -> Self {
+    pub(crate) fn new(hse_hz: u32) -> Self {
         Self {
             hse_hz,
             cr: HSICAL | 0x83,
@@ -113,7 +113,7 @@ impl Rcc {
 
     /// Sets the flags by which firmware finds out why it was reset. The device pulls its own reset pin low,
     /// so the flag of the pin is set too.
-    pub fn set_reset_cause(&mut self, cause: ResetCause) {
+    pub(crate) fn set_reset_cause(&mut self, cause: ResetCause) {
         match cause {
             // The backup domain is reset too: VBAT is taken to come from the same supply.
             ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
@@ -125,7 +125,7 @@ impl Rcc {
     }
 
     /// The crystal stops, or can start again.
-    pub fn set_crystal(&mut self, works: bool) {
+    pub(crate) fn set_crystal(&mut self, works: bool) {
         let ready = self.ready();
         self.crystal_stopped = !works;
         if !works && ready & HSEON != 0 && self.cr & CSSON != 0 {
@@ -152,12 +152,12 @@ impl Rcc {
     }
 
     /// STOP or STANDBY begins: every oscillator stops.
-    pub fn sleep(&mut self) {
+    pub(crate) fn sleep(&mut self) {
         self.asleep = true;
     }
 
     /// STOP ends: the processor goes on with HSI, all else is off (section 5.3.4).
-    pub fn wake(&mut self) {
+    pub(crate) fn wake(&mut self) {
         self.asleep = false;
         self.cr = (self.cr | HSION) & !(HSEON | PLLON | PLLI2SON);
         self.cfgr &= !3;
@@ -188,7 +188,7 @@ impl Rcc {
     }
 
     /// The clock tree as programmed. A clock that has stopped has 0 Hz.
-    pub fn clocks(&self) -> ClockTree {
+    pub(crate) fn clocks(&self) -> ClockTree {
         let sysclk = match self.system_source {
             _ if self.asleep => 0,
             0 => HSI_HZ,
@@ -233,13 +233,13 @@ impl Rcc {
     }
 
     /// Returns `true` if one of these bits in the bus's enable register is set.
-    pub fn enabled(&self, bus: Bus, bits: u32) -> bool {
+    pub(crate) fn enabled(&self, bus: Bus, bits: u32) -> bool {
         self.enable[bus as usize] & bits != 0
     }
 
     /// Returns `true` if the firmware holds a peripheral in reset: one of these bits in the bus's reset
     /// register is set.
-    pub fn held_in_reset(&self, bus: Bus, bits: u32) -> bool {
+    pub(crate) fn held_in_reset(&self, bus: Bus, bits: u32) -> bool {
         self.reset[bus as usize] & bits != 0
     }
 

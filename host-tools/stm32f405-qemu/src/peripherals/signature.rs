@@ -6,13 +6,13 @@ use super::peripheral::{NoRegister, Peripheral};
 const FLASH_KIB: u32 = 1024;
 /// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
 /// internal reference voltage calibration values).
-pub const REFERENCE_CODE: u32 = 1502;
+pub(crate) const REFERENCE_CODE: u32 = 1502;
 
 /// The factory's words.
 #[derive(Debug, Clone)]
-pub struct Signature {
+pub(crate) struct Signature {
     /// 96-bit unique identifier, as bytes in address order.
-    pub uid: [u8; 12],
+    pub(crate) uid: [u8; 12],
 }
 
 impl Peripheral for Signature {

@@ -6,7 +6,7 @@ use super::register::field;
 
 /// SYSCFG's registers.
 #[derive(Debug, Clone, Default)]
-pub struct Syscfg {
+pub(crate) struct Syscfg {
     memrmp: u32,
     pmc: u32,
     exticr: [u32; 4],
@@ -15,7 +15,7 @@ pub struct Syscfg {
 
 impl Syscfg {
     /// The port (A is 0) that an EXTI line from 0 to 15 listens to (section 9.2.3).
-    pub fn port(&self, line: usize) -> usize {
+    pub(crate) fn port(&self, line: usize) -> usize {
         field(self.exticr[line / 4], 4 * (line as u32 % 4), 4) as usize
     }
 }

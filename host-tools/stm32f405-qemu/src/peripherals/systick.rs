@@ -20,7 +20,7 @@ const CALIBRATION: u32 = 18_750;
 
 /// The four registers.
 #[derive(Debug, Clone)]
-pub struct SysTick {
+pub(crate) struct SysTick {
     hclk: u32,
     control: u32,
     reload: u32,
@@ -31,12 +31,12 @@ pub struct SysTick {
     seen: u64,
     counted: bool,
     /// The counter reached 0 with its interrupt on. Whoever passes it on clears this.
-    pub fired: bool,
+    pub(crate) fired: bool,
 }
 
 impl SysTick {
     /// After reset.
-    pub fn new(hclk: u32) -> Self {
+    pub(crate) fn new(hclk: u32) -> Self {
         Self {
             hclk,
             control: 0,
@@ -82,7 +82,7 @@ impl SysTick {
     }
 
     /// Fills in what has happened up to `now`.
-    pub fn advance(&mut self, now: u64) {
+    pub(crate) fn advance(&mut self, now: u64) {
         let ticks = self.ticks(now);
         if self.zero_after(self.seen).is_some_and(|zero| zero <= ticks) {
             self.counted = true;

@@ -18,7 +18,7 @@ use super::clock::ClockTree;
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
 use counter::{BufferedRegister, Counter};
-pub use kind::TimerKind;
+pub(crate) use kind::TimerKind;
 
 const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;
@@ -53,7 +53,7 @@ const UNMODELLED: [(u32, u32, &str); 5] = [
 
 /// One timer.
 #[derive(Debug, Clone)]
-pub struct Tim {
+pub(crate) struct Tim {
     kind: TimerKind,
     cr1: u32,
     cr2: u32,
@@ -70,13 +70,13 @@ pub struct Tim {
     /// Flags have been filled in up to this tick from the counter's origin.
     seen: u64,
     /// UG or an enable was written, and TRGO passes it on at once. Whoever passes it on clears this.
-    pub trigger_now: bool,
+    pub(crate) trigger_now: bool,
     notes: Notes,
 }
 
 impl Tim {
     /// A timer of a kind, on a clock of `hz`.
-    pub fn new(kind: TimerKind, hz: u32) -> Self {
+    pub(crate) fn new(kind: TimerKind, hz: u32) -> Self {
         Self {
             kind,
             cr1: 0,
@@ -97,7 +97,7 @@ impl Tim {
     }
 
     /// Fills in what has happened up to `now`.
-    pub fn advance(&mut self, now: u64) {
+    pub(crate) fn advance(&mut self, now: u64) {
         while self.counter.counts() {
             let ticks = self.counter.ticks(now);
             if ticks <= self.seen {
@@ -123,13 +123,13 @@ impl Tim {
 
     /// The internal trigger (ITR0 to ITR3) that starts this timer: in slave mode *trigger* (section 18.4.3),
     /// while it does not run yet.
-    pub fn waits_for(&self) -> Option<u32> {
+    pub(crate) fn waits_for(&self) -> Option<u32> {
         let waits = field(self.smcr, 0, 3) == 0b110 && field(self.smcr, 4, 3) < 4 && !self.counter.enabled;
         waits.then(|| field(self.smcr, 4, 3))
     }
 
     /// The trigger that it waited for comes.
-    pub fn start(&mut self, at: u64) {
+    pub(crate) fn start(&mut self, at: u64) {
         self.advance(at);
         self.counter.go_on(at);
         self.counter.enabled = true;
@@ -138,7 +138,7 @@ impl Tim {
     }
 
     /// An edge comes at an input: TI1 to TI4 are 0 to 3.
-    pub fn edge(&mut self, input: usize, rising: bool, at: u64) {
+    pub(crate) fn edge(&mut self, input: usize, rising: bool, at: u64) {
         self.advance(at);
         for channel in 0..self.kind.channels {
             if self.captures(channel, input, rising) {
@@ -151,13 +151,13 @@ impl Tim {
     }
 
     /// Returns `true` if an edge at this input would raise an interrupt line.
-    pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
+    pub(crate) fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
         let raises = |channel: usize| self.captures(channel, input, rising) && self.would_raise(2 << channel);
         (0..self.kind.channels).any(raises)
     }
 
     /// Returns `true` if an edge at any input could raise an interrupt line.
-    pub fn captures_interrupt(&self) -> bool {
+    pub(crate) fn captures_interrupt(&self) -> bool {
         let waits = |channel: usize| self.is_input(channel) && self.would_raise(2 << channel);
         (0..self.kind.channels).any(waits)
     }
@@ -187,7 +187,7 @@ impl Tim {
 
     /// The level that a compare output puts on its pin. `None` if it drives none: the channel is an input, is
     /// off, or the main output of an advanced timer is off.
-    pub fn output(&self, channel: usize) -> Option<bool> {
+    pub(crate) fn output(&self, channel: usize) -> Option<bool> {
         let nibble = field(self.ccer, 4 * channel as u32, 4);
         let is_on = nibble & 1 == 1 && (self.kind.bdtr == 0 || self.bdtr & MOE != 0);
         let inverts = nibble & 2 != 0;
@@ -195,12 +195,12 @@ impl Tim {
     }
 
     /// Returns `true` if a channel is on: most timers have none.
-    pub fn drives(&self) -> bool {
+    pub(crate) fn drives(&self) -> bool {
         self.ccer & 0x1111 != 0
     }
 
     /// When a compare will next move an output by itself.
-    pub fn next_output(&self) -> Option<u64> {
+    pub(crate) fn next_output(&self) -> Option<u64> {
         if !self.drives() || !self.counter.counts() {
             return None;
         }
@@ -263,7 +263,7 @@ impl Tim {
 
     /// When the trigger output TRGO will pulse by itself for the `n`-th time from now (0 is the next), as
     /// CR2.MMS selects (section 18.4.2). If an update in between loads a new period, only the first is known.
-    pub fn trigger(&self, n: u64) -> Option<u64> {
+    pub(crate) fn trigger(&self, n: u64) -> Option<u64> {
         if !self.counter.counts() {
             return None;
         }

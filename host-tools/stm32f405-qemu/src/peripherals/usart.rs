@@ -48,7 +48,7 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
 
 /// Features of a USART: registers are masks of the bits that exist.
 #[derive(Debug, Clone, Copy)]
-pub struct UsartFeatures {
+pub(crate) struct UsartFeatures {
     apb: Apb,
     cr2: u32,
     cr3: u32,
@@ -57,19 +57,19 @@ pub struct UsartFeatures {
 
 impl UsartFeatures {
     /// USART1, USART6 on APB2.
-    pub const USART: Self = Self {
+    pub(crate) const USART: Self = Self {
         apb: Apb::Two,
         cr2: 0x7f6f,
         cr3: 0xfff,
         gtpr: 0xffff,
     };
     /// USART2, USART3.
-    pub const USART_ON_APB1: Self = Self {
+    pub(crate) const USART_ON_APB1: Self = Self {
         apb: Apb::One,
         ..Self::USART
     };
     /// UART4, UART5: no clock, no flow control, no smartcard (section 30.5).
-    pub const UART: Self = Self {
+    pub(crate) const UART: Self = Self {
         apb: Apb::One,
         cr2: 0x706f,
         cr3: 0x8cf,
@@ -79,11 +79,11 @@ impl UsartFeatures {
 
 /// A frame that has left a transmitter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SentFrame {
+pub(crate) struct SentFrame {
     /// Its 7, 8 or 9 data bits.
-    pub data: u16,
+    pub(crate) data: u16,
     /// Time that it took without a stall, ns.
-    pub frame_ns: u64,
+    pub(crate) frame_ns: u64,
 }
 
 /// A frame in the transmitter's shift register.
@@ -103,7 +103,7 @@ struct Incoming {
 
 /// The registers of a USART and its two lines.
 #[derive(Debug, Clone)]
-pub struct Usart {
+pub(crate) struct Usart {
     kind: UsartFeatures,
     pclk: u32,
     sr: u32,
@@ -123,7 +123,7 @@ pub struct Usart {
     /// The flags that stood when SR was read: an access to DR then clears them.
     armed: u32,
     /// Time that the DMA takes to fetch a received byte, ns.
-    pub dma_latency_ns: u64,
+    pub(crate) dma_latency_ns: u64,
     /// When the DMA will fetch the byte that was received. Nothing once that time has come.
     fetch_at: Option<u64>,
     notes: Notes,
@@ -131,7 +131,7 @@ pub struct Usart {
 
 impl Usart {
     /// After reset, on a bus clock of `pclk`.
-    pub fn new(kind: UsartFeatures, pclk: u32) -> Self {
+    pub(crate) fn new(kind: UsartFeatures, pclk: u32) -> Self {
         Self {
             kind,
             pclk,
@@ -159,7 +159,7 @@ impl Usart {
     }
 
     /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
-    pub fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
+    pub(crate) fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
         self.input.extend(bytes.iter().map(|byte| Incoming {
             byte: *byte,
             not_before_ns: at_ns,
@@ -167,22 +167,22 @@ impl Usart {
     }
 
     /// When the DMA is about to fetch the byte that was received.
-    pub fn next_fetch(&self) -> Option<u64> {
+    pub(crate) fn next_fetch(&self) -> Option<u64> {
         self.fetch_at.filter(|_| self.cr[2] & DMAR != 0)
     }
 
     /// Marks the time of a fetch as reached.
-    pub fn fetch_is_due(&mut self) {
+    pub(crate) fn fetch_is_due(&mut self) {
         self.fetch_at = None;
     }
 
     /// The receiver had no clock until now: what the other side has begun to send is lost.
-    pub fn missed(&mut self, now: u64) {
+    pub(crate) fn missed(&mut self, now: u64) {
         self.input.retain(|incoming| incoming.not_before_ns >= now);
     }
 
     /// Number of bytes that the other side has still to send.
-    pub fn bytes_to_come(&self) -> usize {
+    pub(crate) fn bytes_to_come(&self) -> usize {
         self.input.len()
     }
 
@@ -229,7 +229,7 @@ impl Usart {
     }
 
     /// Ends no frame before `until_ns`. What is being sent waits, and so does what comes after it.
-    pub fn stall(&mut self, until_ns: u64) {
+    pub(crate) fn stall(&mut self, until_ns: u64) {
         self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
         if let Some(frame) = &mut self.shifting {
             frame.ends_ns = frame.ends_ns.max(until_ns);
@@ -237,17 +237,17 @@ impl Usart {
     }
 
     /// When the frame being sent ends.
-    pub fn next_sent(&self) -> Option<u64> {
+    pub(crate) fn next_sent(&self) -> Option<u64> {
         self.shifting.map(|f| f.ends_ns)
     }
 
     /// Returns `true` if a frame is on the line.
-    pub fn is_sending(&self) -> bool {
+    pub(crate) fn is_sending(&self) -> bool {
         self.shifting.is_some()
     }
 
     /// Ends the frame that is being sent.
-    pub fn sent(&mut self) -> Option<SentFrame> {
+    pub(crate) fn sent(&mut self) -> Option<SentFrame> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
         if self.shifting.is_none() {
@@ -262,12 +262,12 @@ impl Usart {
     }
 
     /// Returns `true` if the transmitter asks the DMA for data.
-    pub fn dma_transmit_request(&self) -> bool {
+    pub(crate) fn dma_transmit_request(&self) -> bool {
         self.cr[2] & DMAT != 0 && self.sr & TXE != 0 && self.on(TE)
     }
 
     /// When the `n`-th request from now (1 is the next) will be made, if each is served at once.
-    pub fn transmit_request(&self, n: u64) -> Option<u64> {
+    pub(crate) fn transmit_request(&self, n: u64) -> Option<u64> {
         (self.cr[2] & DMAT != 0).then_some(())?;
         let more = (n - 1).saturating_mul(self.frame_ns());
         self.shifting.map(|f| f.ends_ns.saturating_add(more))
@@ -276,7 +276,7 @@ impl Usart {
     // The receiver.
 
     /// When the next byte has come, or the receiver finds the line idle.
-    pub fn next_received(&self) -> Option<u64> {
+    pub(crate) fn next_received(&self) -> Option<u64> {
         self.next_byte().into_iter().chain(self.idle_at).min()
     }
 
@@ -288,7 +288,7 @@ impl Usart {
 
     /// Receives the frame that [`Self::next_received`] announced. `connected`: a pin is the receiver's.
     /// `busy`: another frame is on the line.
-    pub fn receive(&mut self, now: u64, connected: bool, busy: bool) {
+    pub(crate) fn receive(&mut self, now: u64, connected: bool, busy: bool) {
         if self.idle_at.is_some_and(|at| at <= now) {
             self.idle_at = None;
             self.sr |= if busy { 0 } else { IDLE };
@@ -306,7 +306,7 @@ impl Usart {
     }
 
     /// A frame comes over a wire.
-    pub fn arrive(&mut self, frame: SentFrame, now: u64) {
+    pub(crate) fn arrive(&mut self, frame: SentFrame, now: u64) {
         // Section 30.3.5, table 142: the receiver stands up to some 3 % in all.
         let off = self.frame_ns().abs_diff(frame.frame_ns);
         let framing = 100 * off > 3 * self.frame_ns();
@@ -335,12 +335,12 @@ impl Usart {
     }
 
     /// Returns `true` if the receiver asks the DMA to fetch data.
-    pub fn dma_receive_request(&self) -> bool {
+    pub(crate) fn dma_receive_request(&self) -> bool {
         self.cr[2] & DMAR != 0 && self.sr & RXNE != 0 && self.fetch_at.is_none()
     }
 
     /// DR is read, by the processor or the DMA.
-    pub fn take_data(&mut self) -> u32 {
+    pub(crate) fn take_data(&mut self) -> u32 {
         self.sr &= !(RXNE | (self.armed & (FE | ORE | IDLE)));
         self.armed &= TC;
         self.fetch_at = None;
@@ -348,7 +348,7 @@ impl Usart {
     }
 
     /// DR is written, by the processor or the DMA.
-    pub fn put_data(&mut self, value: u32, now: u64) {
+    pub(crate) fn put_data(&mut self, value: u32, now: u64) {
         self.sr &= !(TXE | (self.armed & TC));
         self.armed &= !TC;
         if self.cr[0] & TE != 0 {

@@ -5,7 +5,7 @@ use super::super::clock::Apb;
 
 /// A kind of timer. Registers are masks of the bits that exist; a register without bits does not exist.
 #[derive(Debug, Clone, Copy)]
-pub struct TimerKind {
+pub(crate) struct TimerKind {
     /// The bus that it lies on.
     pub(super) apb: Apb,
     /// The highest value of its counter.
@@ -25,7 +25,7 @@ pub struct TimerKind {
 
 impl TimerKind {
     /// Four channels and 16 bits: TIM3, TIM4.
-    pub const GENERAL: Self = Self {
+    pub(crate) const GENERAL: Self = Self {
         apb: Apb::One,
         max: 0xffff,
         channels: 4,
@@ -40,13 +40,13 @@ impl TimerKind {
         lines: &[0x5f],
     };
     /// Four channels and 32 bits: TIM2, TIM5.
-    pub const GENERAL_32: Self = Self {
+    pub(crate) const GENERAL_32: Self = Self {
         max: u32::MAX,
         ..Self::GENERAL
     };
     /// With complementary outputs, a break and a repetition counter: TIM1, TIM8. Break, update, trigger and
     /// commutation, and capture and compare have a line each.
-    pub const ADVANCED: Self = Self {
+    pub(crate) const ADVANCED: Self = Self {
         apb: Apb::Two,
         cr2: 0x7ffd,
         dier: 0x7fff,
@@ -58,7 +58,7 @@ impl TimerKind {
         ..Self::GENERAL
     };
     /// Two channels: TIM12, and TIM9 on APB2.
-    pub const TWO_CHANNELS: Self = Self {
+    pub(crate) const TWO_CHANNELS: Self = Self {
         channels: 2,
         cr1: 0x38f,
         cr2: 0,
@@ -69,7 +69,7 @@ impl TimerKind {
         ..Self::GENERAL
     };
     /// One channel: TIM13, TIM14, and TIM10, TIM11 on APB2.
-    pub const ONE_CHANNEL: Self = Self {
+    pub(crate) const ONE_CHANNEL: Self = Self {
         channels: 1,
         smcr: 0,
         dier: 0x3,
@@ -78,7 +78,7 @@ impl TimerKind {
         ..Self::TWO_CHANNELS
     };
     /// No channels: TIM6, TIM7.
-    pub const BASIC: Self = Self {
+    pub(crate) const BASIC: Self = Self {
         channels: 0,
         cr1: 0x8f,
         cr2: 0x70,
@@ -90,7 +90,7 @@ impl TimerKind {
 
     /// This kind, on APB2.
     #[must_use]
-    pub const fn on_apb2(self) -> Self {
+    pub(crate) const fn on_apb2(self) -> Self {
         Self {
             apb: Apb::Two,
             ..self
