@@ -28,16 +28,15 @@ pub(crate) struct ClockTree {
 }
 
 /// One of the two slower buses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) enum Apb {
-    /// APB1.
+    #[default]
     One,
-    /// APB2.
     Two,
 }
 
 impl ClockTree {
-    /// After a reset: the internal oscillator, undivided.
+    /// After reset: the internal oscillator, undivided.
     pub(crate) const HSI: Self = Self {
         sysclk: HSI_HZ,
         hclk: HSI_HZ,

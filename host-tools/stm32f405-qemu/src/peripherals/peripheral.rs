@@ -68,12 +68,12 @@ impl Notes {
     }
 
     /// Keeps a note for as long as it holds.
-    pub(crate) fn keep_while(&mut self, holds: bool, what: &'static str) {
+    pub(crate) fn keep_while(&mut self, holds: bool, what: String) {
         if holds {
-            self.0.insert(what.into())
+            self.note(what);
         } else {
-            self.0.remove(what)
-        };
+            self.0.remove(what.as_str());
+        }
     }
 
     /// Takes notes from a table of registers, bits and notes: those for which one of the bits is written.

@@ -52,7 +52,7 @@ const UNMODELLED: [(u32, u32, &str); 5] = [
 ];
 
 /// One timer.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Tim {
     kind: TimerKind,
     cr1: u32,
@@ -77,22 +77,11 @@ pub(crate) struct Tim {
 impl Tim {
     /// A timer of a kind, on a clock of `hz`.
     pub(crate) fn new(kind: TimerKind, hz: u32) -> Self {
+        let counter = Counter::new(kind.max, hz);
         Self {
             kind,
-            cr1: 0,
-            cr2: 0,
-            smcr: 0,
-            dier: 0,
-            sr: 0,
-            ccmr: [0; 2],
-            ccer: 0,
-            bdtr: 0,
-            ccr: [BufferedRegister::default(); CHANNELS],
-            references: [false; CHANNELS],
-            counter: Counter::new(kind.max, hz),
-            seen: 0,
-            trigger_now: false,
-            notes: Notes::default(),
+            counter,
+            ..Self::default()
         }
     }
 
@@ -205,20 +194,27 @@ impl Tim {
             return None;
         }
         let moves = |channel: &usize| {
-            let reference = self.references[*channel];
-            self.output(*channel).is_some() && self.matched(*channel) != reference
+            self.output(*channel).is_some() && self.matched(*channel) != self.references[*channel]
         };
         let matches = (0..self.kind.channels).filter(moves);
-        let soonest = matches.map(|channel| self.counter.compare_after(self.ccr[channel].active, self.seen));
-        // A load at the next update may move everything after it.
-        let update = self
-            .has_pending_load()
-            .then(|| self.counter.update_after(self.seen));
-        let soonest = soonest.min()?;
-        Some(
-            self.counter
-                .time_of(update.map_or(soonest, |update| update.min(soonest))),
-        )
+        let soonest = matches.map(|channel| self.next_match(channel)).min()?;
+        Some(self.time_of_event(soonest))
+    }
+
+    /// The tick of the next match of a channel.
+    fn next_match(&self, channel: usize) -> u64 {
+        self.counter.compare_after(self.ccr[channel].active, self.seen)
+    }
+
+    /// The time of an event. A load at the next update may move everything after it: then look again at that
+    /// time.
+    fn time_of_event(&self, tick: u64) -> u64 {
+        let update = self.counter.update_after(self.seen);
+        self.counter.time_of(if self.has_pending_load() {
+            tick.min(update)
+        } else {
+            tick
+        })
     }
 
     /// OCxREF of an output after a match, as OCxM says (section 18.4.7).
@@ -271,10 +267,7 @@ impl Tim {
             0b010 if self.cr1 & UDIS == 0 => {
                 (self.counter.update_after(self.seen), self.counter.update_period())
             }
-            0b011 => (
-                self.counter.compare_after(self.ccr[0].active, self.seen),
-                self.counter.period(),
-            ),
+            0b011 => (self.next_match(0), self.counter.period()),
             _ => return None,
         };
         if n > 0 && (self.has_pending_load() || self.cr1 & OPM != 0) {
@@ -338,8 +331,7 @@ impl Tim {
             self.sr |= UPDATE;
         }
         for channel in 0..self.kind.channels {
-            let compare = self.ccr[channel].active;
-            if !self.is_input(channel) && self.counter.compare_after(compare, self.seen) <= to {
+            if !self.is_input(channel) && self.next_match(channel) <= to {
                 self.sr |= 2 << channel;
                 self.references[channel] = self.matched(channel);
             }
@@ -369,10 +361,9 @@ impl Tim {
         let mask = if self.kind.channels == 1 { 0xff } else { 0xffff };
         self.ccmr[n] = (self.ccmr[n] & locked) | (value & mask & !locked);
         for half in [value, value >> 8] {
-            self.notes.note_if(
-                half & 3 != 0 && half & 0xfc != 0,
-                "CCMR: input filters and prescalers are not modelled",
-            );
+            let filtered = half & 3 != 0 && half & 0xfc != 0;
+            self.notes
+                .note_if(filtered, "CCMR: input filters and prescalers are not modelled");
             self.notes.note_if(
                 half & 3 == 3,
                 "CCMR: capture on the trigger input is not modelled",
@@ -402,23 +393,22 @@ impl Tim {
 
 impl Peripheral for Tim {
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
+        self.kind.check(offset)?;
         self.advance(now);
         Ok(match offset {
             0x00 => self.cr1 | u32::from(self.counter.enabled),
-            0x04 if self.kind.cr2 != 0 => self.cr2,
-            0x08 if self.kind.smcr != 0 => self.smcr,
+            0x04 => self.cr2,
+            0x08 => self.smcr,
             0x0c => self.dier,
             0x10 => self.sr,
             0x14 => 0,
-            0x18 | 0x1c if index(offset, 0x18) < self.kind.channels.div_ceil(2) => {
-                self.ccmr[index(offset, 0x18)]
-            }
-            0x20 if self.kind.ccer != 0 => self.ccer,
+            0x18 | 0x1c => self.ccmr[index(offset, 0x18)],
+            0x20 => self.ccer,
             0x24 => self.counter.count(now),
             0x28 => self.counter.prescaler.written,
             0x2c => self.counter.reload.written,
-            0x30 if self.kind.rcr != 0 => self.counter.repetition.written,
-            0x34..=0x40 if offset.is_multiple_of(4) && index(offset, 0x34) < self.kind.channels => {
+            0x30 => self.counter.repetition.written,
+            0x34..=0x40 => {
                 let channel = index(offset, 0x34);
                 // Reading what was captured clears its flag (section 18.4.5).
                 if self.is_input(channel) {
@@ -426,17 +416,18 @@ impl Peripheral for Tim {
                 }
                 self.ccr[channel].written
             }
-            0x44 if self.kind.bdtr != 0 => self.bdtr,
+            0x44 => self.bdtr,
             _ => return Err(NoRegister),
         })
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.kind.check(offset)?;
         self.advance(now);
         match offset {
             0x00 => self.write_cr1(value, now),
-            0x04 if self.kind.cr2 != 0 => self.write_cr2(value),
-            0x08 if self.kind.smcr != 0 => {
+            0x04 => self.write_cr2(value),
+            0x08 => {
                 self.smcr = value & self.kind.smcr;
                 let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
                 self.notes.note_if(
@@ -448,10 +439,8 @@ impl Peripheral for Tim {
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
             0x10 => self.sr &= value,
             0x14 => self.generate(value, now),
-            0x18 | 0x1c if index(offset, 0x18) < self.kind.channels.div_ceil(2) => {
-                self.write_ccmr(index(offset, 0x18), value);
-            }
-            0x20 if self.kind.ccer != 0 => self.write_ccer(value),
+            0x18 | 0x1c => self.write_ccmr(index(offset, 0x18), value),
+            0x20 => self.write_ccer(value),
             0x24 => {
                 self.counter.set_count(value, now);
                 self.seen = 0;
@@ -465,8 +454,8 @@ impl Peripheral for Tim {
                     self.counter.reload.load();
                 }
             }
-            0x30 if self.kind.rcr != 0 => self.counter.repetition.written = value & self.kind.rcr,
-            0x34..=0x40 if offset.is_multiple_of(4) && index(offset, 0x34) < self.kind.channels => {
+            0x30 => self.counter.repetition.written = value & self.kind.rcr,
+            0x34..=0x40 => {
                 let channel = index(offset, 0x34);
                 // What was captured cannot be written (section 18.4.13).
                 if !self.is_input(channel) {
@@ -474,7 +463,7 @@ impl Peripheral for Tim {
                     self.load_unbuffered();
                 }
             }
-            0x44 if self.kind.bdtr != 0 => self.write_bdtr(value),
+            0x44 => self.write_bdtr(value),
             _ => return Err(NoRegister),
         }
         self.notes.note_bits(&UNMODELLED, offset, value);
@@ -500,19 +489,13 @@ impl Peripheral for Tim {
         if !self.counter.counts() {
             return None;
         }
-        let update = || self.counter.update_after(self.seen);
-        let updates = (self.cr1 & UDIS == 0 && self.would_raise(UPDATE)).then(update);
+        let update = self.counter.update_after(self.seen);
+        let updates = (self.cr1 & UDIS == 0 && self.would_raise(UPDATE)).then_some(update);
         let compares = (0..self.kind.channels)
             .filter(|channel| self.would_raise(2 << channel) && !self.is_input(*channel))
-            .map(|channel| self.counter.compare_after(self.ccr[channel].active, self.seen));
+            .map(|channel| self.next_match(channel));
         let soonest = updates.into_iter().chain(compares).min()?;
-        // A load at the next update may move everything after it: look again at that time.
-        let tick = if self.has_pending_load() {
-            soonest.min(update())
-        } else {
-            soonest
-        };
-        Some(self.counter.time_of(tick))
+        Some(self.time_of_event(soonest))
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {

@@ -47,7 +47,7 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
 ];
 
 /// Features of a USART: registers are masks of the bits that exist.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct UsartFeatures {
     apb: Apb,
     cr2: u32,
@@ -94,17 +94,10 @@ struct ShiftedFrame {
     frame_ns: u64,
 }
 
-/// A byte on its way to the receiver.
-#[derive(Debug, Clone, Copy)]
-struct Incoming {
-    byte: u8,
-    not_before_ns: u64,
-}
-
 /// The registers of a USART and its two lines.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Usart {
-    kind: UsartFeatures,
+    features: UsartFeatures,
     pclk: u32,
     sr: u32,
     received: u32,
@@ -115,7 +108,8 @@ pub(crate) struct Usart {
     shifting: Option<ShiftedFrame>,
     /// No frame ends before this time.
     stalled_until_ns: u64,
-    input: VecDeque<Incoming>,
+    /// Bytes on their way to the receiver, each with the time before which it does not come, ns.
+    input: VecDeque<(u64, u8)>,
     /// When the last received frame ended.
     input_seen_ns: u64,
     /// When the receiver will call the line idle.
@@ -131,25 +125,12 @@ pub(crate) struct Usart {
 
 impl Usart {
     /// After reset, on a bus clock of `pclk`.
-    pub(crate) fn new(kind: UsartFeatures, pclk: u32) -> Self {
+    pub(crate) fn new(features: UsartFeatures, pclk: u32) -> Self {
         Self {
-            kind,
+            features,
             pclk,
             sr: TXE | TC,
-            received: 0,
-            brr: 0,
-            cr: [0; 3],
-            gtpr: 0,
-            waiting: None,
-            shifting: None,
-            stalled_until_ns: 0,
-            input: VecDeque::new(),
-            input_seen_ns: 0,
-            idle_at: None,
-            armed: 0,
-            dma_latency_ns: 0,
-            fetch_at: None,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
@@ -160,10 +141,7 @@ impl Usart {
 
     /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
     pub(crate) fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
-        self.input.extend(bytes.iter().map(|byte| Incoming {
-            byte: *byte,
-            not_before_ns: at_ns,
-        }));
+        self.input.extend(bytes.iter().map(|byte| (at_ns, *byte)));
     }
 
     /// When the DMA is about to fetch the byte that was received.
@@ -178,7 +156,7 @@ impl Usart {
 
     /// The receiver had no clock until now: what the other side has begun to send is lost.
     pub(crate) fn missed(&mut self, now: u64) {
-        self.input.retain(|incoming| incoming.not_before_ns >= now);
+        self.input.retain(|(at_ns, _)| *at_ns >= now);
     }
 
     /// Number of bytes that the other side has still to send.
@@ -281,7 +259,7 @@ impl Usart {
     }
 
     fn next_byte(&self) -> Option<u64> {
-        let starts = self.input.front()?.not_before_ns.max(self.input_seen_ns);
+        let starts = self.input.front()?.0.max(self.input_seen_ns);
         // Without a baud rate a frame takes no time: the receiver loses bytes at once.
         Some(starts.saturating_add(self.frame_ns()))
     }
@@ -294,12 +272,12 @@ impl Usart {
             self.sr |= if busy { 0 } else { IDLE };
             return;
         }
-        let Some(incoming) = self.input.pop_front() else {
+        let Some((_, byte)) = self.input.pop_front() else {
             return;
         };
         self.input_seen_ns = now;
         if connected {
-            self.take_in(incoming.byte.into(), now);
+            self.take_in(byte.into(), now);
         } else if self.on(RE) {
             self.note("CR1.RE: bytes came, and no pin is its receiver");
         }
@@ -329,7 +307,7 @@ impl Usart {
             self.fetch_at = (self.dma_latency_ns > 0).then(|| now.saturating_add(self.dma_latency_ns));
         }
         self.idle_at = Some(now.saturating_add(self.frame_ns()));
-        if self.input.front().is_some_and(|next| next.not_before_ns <= now) {
+        if self.input.front().is_some_and(|(at_ns, _)| *at_ns <= now) {
             self.idle_at = None;
         }
     }
@@ -389,9 +367,9 @@ impl Peripheral for Usart {
                 self.cr[0] = value & 0xbfff;
                 self.load_shift_register(now);
             }
-            0x10 => self.cr[1] = value & self.kind.cr2,
-            0x14 => self.cr[2] = value & self.kind.cr3,
-            0x18 => self.gtpr = value & self.kind.gtpr,
+            0x10 => self.cr[1] = value & self.features.cr2,
+            0x14 => self.cr[2] = value & self.features.cr3,
+            0x18 => self.gtpr = value & self.features.gtpr,
             _ => return Err(NoRegister),
         }
         Ok(())
@@ -405,7 +383,7 @@ impl Peripheral for Usart {
             input_seen_ns: self.input_seen_ns,
             stalled_until_ns: self.stalled_until_ns,
             dma_latency_ns: self.dma_latency_ns,
-            ..Self::new(self.kind, self.pclk)
+            ..Self::new(self.features, self.pclk)
         };
     }
 
@@ -425,19 +403,16 @@ impl Peripheral for Usart {
         if self.interrupt(0) {
             return None;
         }
-        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
-        let receiving = self
-            .next_byte()
-            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
-        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
-        [sending, receiving, self.next_fetch(), idle]
-            .into_iter()
-            .flatten()
-            .min()
+        let [cr1, _, cr3] = self.cr;
+        let sending = self.next_sent().filter(|_| cr1 & (TXEIE | TCIE) != 0);
+        let receiving = self.next_byte().filter(|_| cr1 & RXNEIE != 0 || cr3 & DMAR != 0);
+        let idle = self.next_received().filter(|_| cr1 & IDLEIE != 0);
+        let events = [sending, receiving, self.next_fetch(), idle];
+        events.into_iter().flatten().min()
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
-        self.pclk = clocks.of_bus(self.kind.apb);
+        self.pclk = clocks.of_bus(self.features.apb);
     }
 
     fn notes(&self) -> &Notes {

@@ -2,9 +2,11 @@
 //! (basic).
 
 use super::super::clock::Apb;
+use super::super::peripheral::NoRegister;
+use super::super::register::index;
 
 /// A kind of timer. Registers are masks of the bits that exist; a register without bits does not exist.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct TimerKind {
     /// The bus that it lies on.
     pub(super) apb: Apb,
@@ -89,11 +91,23 @@ impl TimerKind {
     };
 
     /// This kind, on APB2.
-    #[must_use]
     pub(crate) const fn on_apb2(self) -> Self {
-        Self {
-            apb: Apb::Two,
-            ..self
-        }
+        let apb = Apb::Two;
+        Self { apb, ..self }
+    }
+
+    /// Checks that it has a register.
+    pub(super) fn check(&self, offset: u32) -> Result<(), NoRegister> {
+        let has = match offset {
+            0x04 => self.cr2 != 0,
+            0x08 => self.smcr != 0,
+            0x18 | 0x1c => index(offset, 0x18) < self.channels.div_ceil(2),
+            0x20 => self.ccer != 0,
+            0x30 => self.rcr != 0,
+            0x34..=0x40 => index(offset, 0x34) < self.channels,
+            0x44 => self.bdtr != 0,
+            _ => offset < 0x44,
+        };
+        (has && offset.is_multiple_of(4)).then_some(()).ok_or(NoRegister)
     }
 }
