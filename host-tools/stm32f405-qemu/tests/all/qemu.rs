@@ -223,11 +223,8 @@ fn every_row_of_the_stimulus_comes_out_of_the_uart_in_order() {
     let outcome = run_acquiring(|_| {});
     assert_eq!(outcome.uart, bytes_of_rows(80));
     // A full ring is sent back to back: at 1 Mbit/s a byte takes 10 us.
-    assert!(
-        outcome.uart_ns[..32]
-            .windows(2)
-            .all(|pair| pair[1] - pair[0] == 10_000)
-    );
+    let mut apart = outcome.uart_ns[..32].windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(apart.all(|ns| ns == 10_000));
     assert_eq!(outcome.uart_ns.len(), outcome.uart.len());
     // 8 ms of rows and 0.7 ms of tail, both ends included.
     assert_eq!(outcome.sampling.unwrap().scans, 88);
@@ -237,20 +234,16 @@ fn every_row_of_the_stimulus_comes_out_of_the_uart_in_order() {
     assert_eq!(noted(&outcome), [""; 0]);
     let again = run_acquiring(|_| {});
     assert_eq!((again.uart, again.uart_ns), (outcome.uart, outcome.uart_ns));
-    assert_eq!(
-        (again.instructions, again.virtual_ns),
-        (outcome.instructions, outcome.virtual_ns)
-    );
+    assert_eq!(again.instructions, outcome.instructions);
+    assert_eq!(again.virtual_ns, outcome.virtual_ns);
 }
 
 #[test]
 fn instructions_are_counted_by_function_and_by_block() {
     let counted = |function: &str, pattern: &str, work: &str| {
         let outcome = run_acquiring(|run| {
-            run.functions = vec![
-                (function.into(), pattern.into()),
-                ("none".into(), "no_such".into()),
-            ];
+            let functions = [(function, pattern), ("none", "no_such")];
+            run.functions = functions.map(|(label, part)| (label.into(), part.into())).into();
             run.work = vec![work.into()];
         });
         outcome.instructions.unwrap()
@@ -270,10 +263,8 @@ fn instructions_are_counted_by_function_and_by_block() {
     assert_eq!((worst.scans, worst.instructions), (8, one_handler + 2));
     // Every block has the handler in it, and the last handler is in none.
     let working = instructions.working.unwrap();
-    assert_eq!(
-        (working.scans, working.instructions),
-        (9 * 8, 9 * (one_handler + 2))
-    );
+    assert_eq!(working.scans, 9 * 8);
+    assert_eq!(working.instructions, 9 * (one_handler + 2));
     assert_eq!(instructions.idle, None);
     // To an image without such a function every block is an idle one.
     assert_eq!(counted("other", "no_such", "none").idle, instructions.working);
@@ -313,10 +304,8 @@ fn a_fault_handler_that_is_a_loop_takes_no_longer_than_other_code_and_the_watchd
         run.timeout = Duration::from_secs(20);
     });
     let resets: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
-    assert_eq!(
-        (&resets[..], outcome.exceptions.len()),
-        (&[ResetCause::Watchdog][..], 2)
-    );
+    assert_eq!(resets, [ResetCause::Watchdog]);
+    assert_eq!(outcome.exceptions.len(), 2);
 }
 
 #[test]
@@ -340,10 +329,8 @@ fn a_qemu_that_its_debugger_ends_is_no_timeout_and_what_it_said_is_passed_on() {
     });
     let ended = error(|run| run.gdb = Some(port));
     debugger.join().unwrap();
-    assert!(
-        matches!(&ended, RunError::QemuEnded(how, _) if how.contains("GDBstub")),
-        "{ended}"
-    );
+    let said = matches!(&ended, RunError::QemuEnded(how, _) if how.contains("GDBstub"));
+    assert!(said, "{ended}");
 }
 
 #[test]
@@ -360,16 +347,12 @@ fn images_qemus_and_overlays_that_are_missing_and_files_that_are_none_are_told_a
     assert!(matches!(missing, RunError::QemuMissing { .. }), "{missing}");
     let other = error(|run| run.qemu = Some("true".into()));
     assert!(matches!(other, RunError::QemuVersion { .. }), "{other}");
+    let unusable =
+        |error: &RunError, part: &str| matches!(error, RunError::QemuUnusable(_, why) if why.contains(part));
     let folder = error(|run| run.qemu = Some(std::env::temp_dir()));
-    assert!(
-        matches!(&folder, RunError::QemuUnusable(_, why) if why.contains("denied")),
-        "{folder}"
-    );
+    assert!(unusable(&folder, "denied"), "{folder}");
     let old = error(|run| run.qemu = Some(script(run, "echo QEMU emulator version 6.2.0")));
-    assert!(
-        matches!(&old, RunError::QemuUnusable(_, why) if why.contains("6.2.0")),
-        "{old}"
-    );
+    assert!(unusable(&old, "6.2.0"), "{old}");
 
     let missing = error(|run| run.overlay = Some("/no/such/overlay.so".into()));
     assert!(matches!(missing, RunError::OverlayMissing { .. }), "{missing}");
@@ -409,15 +392,9 @@ fn what_a_qemu_that_fails_says_is_passed_on() {
         error(|run| run.qemu = Some(qemu_of(run, "7.2.0", &otherwise)))
     };
     let odd = error("no such machine", 1);
-    assert!(
-        matches!(&odd, RunError::Qemu(_, line) if line == "no such machine"),
-        "{odd}"
-    );
+    assert!(matches!(&odd, RunError::Qemu(_, line) if line == "no such machine"));
     let misfit = error("stm32f405-qemu: FLASH_ACR is odd", 86);
-    assert!(
-        matches!(&misfit, RunError::SelfTest(line) if line == "FLASH_ACR is odd"),
-        "{misfit}"
-    );
+    assert!(matches!(&misfit, RunError::SelfTest(line) if line == "FLASH_ACR is odd"));
     let refused = error("stm32f405-qemu: this QEMU does not export timer_mod", 1);
     assert!(matches!(refused, RunError::OverlayRefused { .. }), "{refused}");
 }
@@ -462,9 +439,9 @@ fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end(
     assert_eq!(programmed.uart, b"flashed!");
     assert_eq!(noted(&programmed), [""; 0]);
     assert_eq!(sector_10(&programmed)[..9], *b"flashed!\xff");
-    let [first, second, _] = programmed.flash_operations[..] else {
-        panic!("three operations: {:?}", programmed.flash_operations)
-    };
+    let operations = &programmed.flash_operations;
+    assert_eq!(operations.len(), 3);
+    let [first, second] = [0, 1].map(|n| operations[n]);
     // 16 us, and the five instructions of the loop from one store to the next.
     assert_eq!(second.at_ns - first.at_ns, 16_000 + 5 * 8);
     assert_eq!((first.address, first.bytes, first.erase), (WRITABLE, 4, false));
@@ -524,27 +501,21 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
     // It samples, and programs one word of sector 10 after the other.
     let words: Vec<_> = (0..40).map(|n| (WRITABLE + 4 * n, 0)).collect();
     let main = [&UNLOCK[..], &CONVERTER, &TRIGGERS, &[PROGRAM], &words].concat();
-    let cut = FaultKind::PowerCutInFlash {
-        after: 3,
-        percent: 50,
-    };
+    let (after, percent) = (3, 50);
+    let cut = FaultKind::PowerCutInFlash { after, percent };
     let [a, b] = [(); 2].map(|()| {
         outcome(&image(&main, SLEEP, &[]), |run| {
             zeros(run, 20);
             run.faults = vec![Fault::after_first_scan(0, cut)];
         })
     });
-    let [reset] = a.resets[..] else {
-        panic!("{:?}", a.resets)
-    };
-    let [.., cut_short, next] = &a.flash_operations[..a.flash_operations.len() - 39] else {
-        panic!("operations before and after the cut")
-    };
+    assert_eq!(a.resets.len(), 1);
+    let reset = a.resets[0];
+    let next = a.flash_operations.len() - 40;
+    let (cut_short, next) = (a.flash_operations[next - 1], a.flash_operations[next]);
     assert_eq!(next.address, WRITABLE, "from the start again");
-    assert_eq!(
-        (reset.cause, reset.at_ns),
-        (ResetCause::PowerCut, cut_short.at_ns + 8_000)
-    );
+    assert_eq!(reset.cause, ResetCause::PowerCut);
+    assert_eq!(reset.at_ns, cut_short.at_ns + 8_000);
     assert_eq!((a.resets, a.flash_operations), (b.resets, b.flash_operations));
     assert_eq!((a.instructions, a.virtual_ns), (b.instructions, b.virtual_ns));
 }
@@ -555,25 +526,13 @@ fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
     // What stands in RAM is sent at once, and then replaced by a word that the next start will find.
     let sent_after = |faults: Vec<Fault>, watchdog: Writes<'_>| {
         let sending = [&TRANSMITTER[..], &send(WORD, 4), &[(WORD, 0x0403_0201)]].concat();
-        let main = [
-            &sending[..],
-            &CONVERTER[..1],
-            &CONVERTER[2..],
-            &TRIGGERS,
-            watchdog,
-        ]
-        .concat();
+        let converting = [&CONVERTER[..1], &CONVERTER[2..], &TRIGGERS].concat();
+        let main = [sending, converting, watchdog.to_vec()].concat();
         let outcome = outcome(&image(&main, SLEEP, &[]), |run| {
             zeros(run, 7);
             run.faults = faults;
         });
-        assert_eq!(
-            outcome.resets.len(),
-            1,
-            "{:?} {}",
-            outcome.sampling,
-            outcome.virtual_ns
-        );
+        assert_eq!(outcome.resets.len(), 1);
         outcome.uart[4..].to_vec()
     };
     let power_cut = Fault::after_first_scan(500_000, FaultKind::PowerCut);
@@ -642,18 +601,8 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
         assert_eq!(resets, [ResetCause::Watchdog]);
         outcome
     });
-    assert_eq!(
-        (edges(&safe), noted(&safe).len()),
-        (1, 0),
-        "{:?}",
-        safe.unmodelled
-    );
-    assert_eq!(
-        (edges(&bare), noted(&bare).len()),
-        (0, 1),
-        "{:?}",
-        bare.unmodelled
-    );
+    assert_eq!((edges(&safe), noted(&safe).len()), (1, 0));
+    assert_eq!((edges(&bare), noted(&bare).len()), (0, 1));
     // 1.2 ms of `b .` but for the time between the crystal's end and the watchdog's, half a millisecond.
     let [safe, bare] = [safe, bare].map(|outcome| outcome.instructions.unwrap().total);
     assert!((149_900..=150_010).contains(&safe), "{safe}");
@@ -664,10 +613,8 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
 fn the_shift_says_how_long_an_instruction_takes() {
     let image = image(&[], BRANCH_TO_SELF, &[]);
     let total = |shift: Option<u8>| {
-        outcome(&image, |run| run.shift = shift)
-            .instructions
-            .unwrap()
-            .total
+        let outcome = outcome(&image, |run| run.shift = shift);
+        outcome.instructions.unwrap().total
     };
     let [eight, sixteen, thirty_two] = [3, 4, 5].map(|shift| total(Some(shift)));
     assert_eq!(total(None), eight, "8 ns if nothing is said");
@@ -680,13 +627,10 @@ fn the_shift_says_how_long_an_instruction_takes() {
 fn the_functions_of_an_image_are_found_by_a_part_of_their_name() {
     let bench = bench(&image(&[], SLEEP, &[]));
     let found = functions(&bench.run.elf, "andle").unwrap();
-    let [function] = &found[..] else {
-        panic!("{found:?}")
-    };
-    assert_eq!(
-        (&*function.name, function.address, function.bytes),
-        ("handler", HANDLER_AT, 20)
-    );
+    assert_eq!(found.len(), 1);
+    let function = &found[0];
+    assert_eq!((function.address, function.bytes), (HANDLER_AT, 20));
+    assert_eq!(function.name, "handler");
     assert_eq!(functions(&bench.run.elf, "nothing").unwrap(), []);
 }
 
@@ -745,10 +689,7 @@ fn a_live_run_gives_the_same_bytes_times_and_counts_wherever_it_stops() {
     for step_ns in [33_333, 1_000_000, 1_000_000_000] {
         let (sent, instructions, outcome) = live(&bench.run, step_ns, whole.virtual_ns, &rows);
         assert!(sent.bytes == whole.uart && sent.ns == whole.uart_ns, "{step_ns}");
-        assert_eq!(
-            outcome.instructions.as_ref().map(|all| all.total),
-            Some(instructions)
-        );
+        assert_eq!(outcome.instructions.as_ref().unwrap().total, instructions);
         assert_eq!(outcome.instructions, whole.instructions);
         assert_eq!((outcome.sampling, outcome.end), (whole.sampling, RunEnd::Over));
         assert!(outcome.uart.is_empty(), "what was handed over is kept nowhere");
@@ -767,11 +708,7 @@ fn what_comes_too_late_for_a_live_run_is_refused_and_no_time_passes() {
     row.codes.push([0; 4]);
     for (to_ns, inputs, what) in [
         (600_000, byte, "a byte for USART1 is to come at 49"),
-        (
-            600_000,
-            edge,
-            "an edge on PA15 is to come at 3 ns, and the image is at 50",
-        ),
+        (600_000, edge, "an edge on PA15 is to come at 3 ns, and"),
         (600_000, row, "the next row of codes is to come"),
         (400_000, Inputs::default(), "time does not go back to 400000 ns"),
     ] {

@@ -163,10 +163,8 @@ fn every_register_has_the_value_after_reset_that_st_describes() {
         let found = chip.read(register.address);
         let name = register.to_string();
         if unexplained(found ^ register.reset, &name, RESETS, &mut needed) != 0 {
-            wrong.push(format!(
-                "{name} is {found:#x} after reset, not {:#x}",
-                register.reset
-            ));
+            let expected = register.reset;
+            wrong.push(format!("{name} is {found:#x} after reset, not {expected:#x}"));
         }
     }
     assert_eq!(wrong, [""; 0]);
@@ -213,10 +211,8 @@ fn a_modelled_peripheral_has_every_register_but_those_that_are_reported() {
     let (absent, forgotten): (Vec<_>, Vec<_>) = lacking.into_iter().partition(expected);
     assert_eq!(forgotten, [""; 0]);
     for pattern in ABSENT {
-        assert!(
-            absent.iter().any(|name| fits(pattern, name)),
-            "{pattern} is not absent"
-        );
+        let is_absent = absent.iter().any(|name| fits(pattern, name));
+        assert!(is_absent, "{pattern}");
     }
     // Most of the table of the part, so that this test looks at something.
     assert!(modelled(&mut chip).len() > 300);

@@ -54,11 +54,9 @@ pub(crate) struct TestBoard {
 
 impl TestBoard {
     pub(crate) fn new() -> Self {
-        let sram = vec![0; 0x2_0000];
-        Self {
-            sram,
-            ..Self::default()
-        }
+        let mut board = Self::default();
+        board.sram.resize(0x2_0000, 0);
+        board
     }
 }
 
@@ -124,25 +122,17 @@ impl MachineBench {
     pub(crate) fn with(change: impl FnOnce(&mut Run)) -> Self {
         let mut run = Run::new("none");
         change(&mut run);
-        let (machine, board) = (Machine::new(run), TestBoard::new());
         let mut bench = Self {
-            machine,
-            board,
+            machine: Machine::new(run),
+            board: TestBoard::new(),
             wakes: 0,
         };
         // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; all clocks on.
         bench.write(FLASH, 0x705);
-        bench.set(
-            RCC,
-            [(0x00, 1 << 16 | 0x83), (0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24)],
-        );
-        bench.set(
-            RCC,
-            [
-                (0x00, 1 << 24 | 1 << 16 | 0x83),
-                (0x08, 2 | 0b101 << 10 | 0b100 << 13),
-            ],
-        );
+        bench.write(RCC, 1 << 16 | 0x83);
+        bench.write(RCC + 0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24);
+        bench.write(RCC, 1 << 24 | 1 << 16 | 0x83);
+        bench.write(RCC + 0x08, 2 | 0b101 << 10 | 0b100 << 13);
         bench.set(RCC, [0x30, 0x40, 0x44].map(|enable| (enable, u32::MAX)));
         // PB6 and PB7 are USART1's (AF7).
         bench.set(GPIOB, [(0x00, 0x0280 | 0b1010 << 12), (0x20, 0x77 << 24)]);
@@ -197,10 +187,8 @@ impl MachineBench {
 
     /// CR open, to program by words.
     pub(crate) fn open_flash(&mut self) {
-        self.set(
-            FLASH,
-            [(0x04, 0x4567_0123), (0x04, 0xcdef_89ab), (0x10, 0b10 << 8 | 1)],
-        );
+        self.set(FLASH, [0x4567_0123, 0xcdef_89ab].map(|key| (0x04, key)));
+        self.write(FLASH + 0x10, 0b10 << 8 | 1);
     }
 
     pub(crate) fn store(&mut self, address: u32, value: u32) {
@@ -238,15 +226,8 @@ impl MachineBench {
     /// Scans of channels 0 and 1 by TIM3.
     pub(crate) fn start_scans(&mut self, adc: u32) {
         self.write(ADC_CCR, 1 << 16);
-        self.set(
-            adc,
-            [
-                (0x10, 0b011_011),
-                (0x2c, 1 << 20),
-                (0x34, 1 << 5),
-                (0x08, ADON_DMA_BY_TIM3),
-            ],
-        );
+        self.set(adc, [(0x10, 0b011_011), (0x2c, 1 << 20), (0x34, 1 << 5)]);
+        self.write(adc + 0x08, ADON_DMA_BY_TIM3);
         self.start_tim3();
     }
 

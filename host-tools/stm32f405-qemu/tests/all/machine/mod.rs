@@ -40,10 +40,8 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
     assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
     assert_eq!(bench.board.blocks, [32; 6]);
-    assert_eq!(
-        bench.wakes, 7,
-        "one for the first scan and one an interrupt, none a sample"
-    );
+    // One for the first scan and one an interrupt, none a sample.
+    assert_eq!(bench.wakes, 7);
     let outcome = bench.outcome();
     assert_eq!(outcome.sampling.unwrap().first_ns, 10_000);
     assert_eq!((outcome.overruns, outcome.triggers_ignored), (0, 0));
@@ -81,10 +79,8 @@ fn what_is_played_in_one_stretch_is_what_is_played_event_by_event() {
     for (memory, two) in [(SRAM + 0x100, false), (SRAM + 0x100, true), (GPIOB + 0x14, false)] {
         let each = played(memory, two, 200);
         for stretch in [10_000, 250_000, 2_000_000] {
-            assert!(
-                played(memory, two, stretch) == each,
-                "{memory:#x} {two} {stretch}"
-            );
+            let equal = played(memory, two, stretch) == each;
+            assert!(equal, "{memory:#x} {two} {stretch}");
         }
     }
 }
@@ -106,11 +102,8 @@ fn a_ring_whose_stream_is_stopped_overruns_and_sleeps_until_ovr_is_cleared() {
     bench.wakes = 0;
     bench.pass(995_000);
     let outcome = bench.outcome();
-    assert_eq!(
-        (outcome.overruns, outcome.triggers_ignored),
-        (1, 95),
-        "from 50 µs on"
-    );
+    // From 50 µs on.
+    assert_eq!((outcome.overruns, outcome.triggers_ignored), (1, 95));
     assert_eq!(bench.read(ADC1) & OVR, OVR);
     // The interrupt of the overrun, perhaps a conversion before it, and nothing at the triggers that follow.
     assert!(bench.has_line(18) && bench.wakes <= 2, "{} wakes", bench.wakes);
@@ -130,11 +123,8 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
     fail(&mut bench, FaultKind::AdcOverrun);
     bench.pass(95_000);
     assert_eq!((bench.read(ADC1) & OVR, bench.outcome().overruns), (OVR, 1));
-    assert_eq!(
-        bench.read(STREAM0 + 0x04),
-        128 - 5,
-        "the scan of 30 µs was aborted half way"
-    );
+    // The scan of 30 µs was aborted half way.
+    assert_eq!(bench.read(STREAM0 + 0x04), 128 - 5);
 
     let mut bench = acquiring();
     bench.pass(35_000);
@@ -158,10 +148,8 @@ fn a_crash_on_demand_overwrites_the_vector_of_the_stream_that_serves_the_adc() {
     let to_handler = (VECTOR, vec![0xf1, 0xff, 0x0f, 0x08]);
     let hang = (0x080f_fff0, vec![0xfe, 0xe7]);
     let push = (0x080f_fff0, vec![0x0f, 0xb4, 0xfd, 0xe7]);
-    assert_eq!(
-        written(FaultKind::WildJump),
-        [(VECTOR, vec![0xf1, 0xff, 0xff, 0xef])]
-    );
+    let nowhere = (VECTOR, vec![0xf1, 0xff, 0xff, 0xef]);
+    assert_eq!(written(FaultKind::WildJump), [nowhere]);
     assert_eq!(written(FaultKind::Hang), [hang, to_handler.clone()]);
     assert_eq!(written(FaultKind::RunawayStack), [push, to_handler]);
 }
@@ -313,15 +301,8 @@ fn capturing(changes_ns: Vec<u64>) -> MachineBench {
         }];
     });
     bench.set(GPIOA, [(0x24, 1 << 28), (0x00, 0xa800_0000)]);
-    bench.set(
-        TIM2,
-        [
-            (0x08, 0b010 << 4 | 0b110),
-            (0x18, 0b01),
-            (0x20, 1),
-            (0x0c, 1 << 1),
-        ],
-    );
+    bench.write(TIM2 + 0x08, 0b010 << 4 | 0b110);
+    bench.set(TIM2, [(0x18, 0b01), (0x20, 1), (0x0c, 1 << 1)]);
     bench.start_acquisition(SRAM, 64);
     bench
 }
@@ -446,8 +427,6 @@ fn the_time_of_each_clock_adds_up_to_the_run() {
     bench.pass(1_000_000);
     bench.write(RCC + 0x08, 0);
     bench.pass(1_500_000);
-    assert_eq!(
-        bench.outcome().hclk_ns,
-        [(16_000_000, 500_000), (168_000_000, 1_000_000)]
-    );
+    let expected = [(16_000_000, 500_000), (168_000_000, 1_000_000)];
+    assert_eq!(bench.outcome().hclk_ns, expected);
 }
