@@ -7,5 +7,5 @@ mod strike;
 
 pub use collector::Collector;
 pub use flash::{FlashFailure, PowerCutFlash};
-pub use speaker::{Speaker, block_of};
-pub use strike::one_sample_strike;
+pub use speaker::{Speaker, block_of, paper_settings};
+pub use strike::{fetched, one_sample_strike, xorshift};

@@ -1,9 +1,13 @@
 //! A bead that speaks: messages in, frames out.
 
+use std::mem;
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink};
 use bead_wire::{
-    Block, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, Shape, Strike, Waveform, encode,
+    Block, Header, Heard, Identity, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, ResetCauses,
+    Settings, Shape, Strike, Waveform, encode,
 };
 
 /// A bead's end of a line. Its frames are numbered one after another.
@@ -19,6 +23,8 @@ pub struct Speaker {
     pub sequence: u32,
     /// Frames that were said, with their delimiters.
     pub bytes: Vec<u8>,
+    /// Decoder of the requests to this bead and to others.
+    pub decoder: RequestDecoder,
 }
 
 impl Speaker {
@@ -50,6 +56,29 @@ impl Speaker {
         self.bytes.extend(frame);
     }
 
+    /// Takes bytes from the line, passes each request in them to `answer`, and returns the frames said.
+    pub fn answer(&mut self, bytes: &[u8], mut answer: impl FnMut(&mut Self, &Heard)) -> Vec<u8> {
+        for byte in bytes {
+            if let Some(Ok(request)) = self.decoder.push(*byte) {
+                answer(self, &request);
+            }
+        }
+        mem::take(&mut self.bytes)
+    }
+
+    /// Says a reply without detail to the request with this number.
+    pub fn reply(&mut self, request: u16, outcome: Outcome) {
+        let detail = "".into();
+        self.say(
+            0,
+            Reply {
+                request,
+                outcome,
+                detail,
+            },
+        );
+    }
+
     /// The identity of this bead: 100 000 scans a second, a UID of which every byte is the address.
     pub fn identity(&self) -> Identity {
         Identity {
@@ -77,6 +106,15 @@ impl Speaker {
         meter.process(settings, 1, scans, self);
         meter.strikes()
     }
+}
+
+/// Settings of the paper's bead behind the reference front end.
+///
+/// # Panics
+/// Never: the coefficients of this bead are in range.
+pub fn paper_settings() -> bead_model::Settings {
+    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default());
+    settings.expect("settings of the paper's bead")
 }
 
 /// The message with a settings block.

@@ -1,6 +1,6 @@
-//! The frames of a strike that has one sample.
+//! Frames of strikes, and numbers to draw messages from.
 
-use bead_wire::{Codes, Energy, Kind, Message, Shape, Strike, Waveform};
+use bead_wire::{Codes, Energy, Fetched, Inner, Kind, Message, Packed, Shape, Strike, Waveform};
 
 /// Returns the window of one sample, the result and the shape of a strike that begins at this index.
 ///
@@ -32,4 +32,42 @@ pub fn one_sample_strike(number: u32, first_index: u64) -> [Message; 3] {
         ..shape
     };
     [waveform.into(), strike.into(), shape.into()]
+}
+
+/// Wraps the frames of a strike as a bead sends them again on request.
+///
+/// # Panics
+/// A message is longer than a frame holds.
+pub fn fetched(boot: u32, strike: u32, frames: &[Message]) -> Vec<Message> {
+    let parts = frames.len() as u8;
+    let wrap = |(part, message): (u8, &Message)| {
+        let mut packed = Packed::new();
+        packed.pack(0, 0, message).expect("a message that fits a frame");
+        let (frame_kind, content) = packed.content();
+        let body = Inner::filled_by(|room| {
+            room[..content.len()].copy_from_slice(content);
+            content.len()
+        });
+        Fetched {
+            boot,
+            strike,
+            part,
+            parts,
+            frame_kind,
+            body,
+        }
+        .into()
+    };
+    (0..).zip(frames).map(wrap).collect()
+}
+
+/// Numbers of a xorshift64 generator (Marsaglia 2003), the same in every run. The seed is not 0.
+pub fn xorshift(seed: u64) -> impl FnMut() -> u64 + Send {
+    let mut state = seed;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    }
 }

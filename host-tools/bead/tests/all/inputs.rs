@@ -7,164 +7,140 @@
 //! there is as it was, if the row has no `--overwrite`; and a command that fails leaves no new file.
 //!
 //! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte.
-//! `@gone` is a port whose other end hangs up at once, `@noise` one that sends what are no frames.
+//! `@gone` is a port whose other end hangs up at once, `@noise` one that sends what are no frames, `@silent`
+//! one that sends nothing.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::os::unix::ffi::OsStringExt;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::process::{Command, Output, Stdio};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use crate::program::{PROGRAM, ROOT, assert_says};
 use clap::CommandFactory;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 const TABLE: &str = include_str!("../inputs.txt");
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-/// A command that takes longer than this hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-struct Row<'a> {
+/// A row of the table.
+struct InputCase {
     /// Line in the table.
     number: usize,
     status: i32,
-    part: &'a str,
-    words: &'a str,
+    part: &'static str,
+    words: &'static str,
 }
 
-fn rows() -> Vec<Row<'static>> {
+fn cases() -> Vec<InputCase> {
     let lines = (1..).zip(TABLE.lines());
-    let told = lines.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-    told.map(|(number, line)| {
-        let mut fields = line.splitn(3, " | ");
-        let mut field = || {
-            fields
-                .next()
-                .unwrap_or_else(|| panic!("inputs.txt:{number}: status | part | command"))
+    let rows = lines.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let case = |(number, line): (usize, &'static str)| {
+        let fields: Vec<_> = line.splitn(3, " | ").map(str::trim).collect();
+        let [status, part, words] = fields[..] else {
+            panic!("inputs.txt:{number}: status | part | command");
         };
-        Row {
+        let status = status.parse().unwrap();
+        InputCase {
             number,
-            status: field().trim().parse().unwrap(),
-            part: field().trim(),
-            words: field().trim(),
+            status,
+            part,
+            words,
         }
-    })
-    .collect()
+    };
+    rows.map(case).collect()
 }
 
 /// Files that are there when a command runs.
 fn fixture(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.join(name), bytes).unwrap();
-    let copy = |name: &str, of: &str| write(name, &fs::read(format!("{ROOT}/{of}")).unwrap());
-    copy("s.toml", "docs/scenarios/paper-strike.toml");
-    copy("ten.toml", "docs/scenarios/ten-intruders.toml");
-    copy("faults.toml", "docs/scenarios/faults.toml");
-    write("late.toml", b"[[fault]]\nat = 0.03\nkind = \"hang\"\n");
-    write("latin.toml", b"title = \"Sto\xdf\"");
-    copy("x.mcap", "tests/data/recording-v1.mcap");
-    copy("bead.settings", "tests/data/settings-v1.bin");
-    copy("future.bin", "tests/data/frame-of-the-future.bin");
-    write("empty", b"");
-    write("empty.toml", b"");
-    write("empty.mcap", b"");
-    write("text.txt", b"this is no bead\n");
-    write("page.html", b"<!doctype html>\n");
-    write("table.csv", b"a,b\n");
+    let read = |of: &str| fs::read(format!("{ROOT}/{of}")).unwrap();
+    fs::create_dir(folder.join("folder")).unwrap();
+    fs::create_dir(folder.join("run")).unwrap();
+    for (name, of) in [
+        ("s.toml", "docs/scenarios/paper-strike.toml"),
+        ("ten.toml", "docs/scenarios/ten-intruders.toml"),
+        ("faults.toml", "docs/scenarios/faults.toml"),
+        ("x.mcap", "tests/data/recording-v1.mcap"),
+        ("run/bead-8.mcap", "tests/data/recording-v1.mcap"),
+        ("bead.settings", "tests/data/settings-v1.bin"),
+        ("future.bin", "tests/data/frame-of-the-future.bin"),
+    ] {
+        write(name, &read(of));
+    }
     let noise: Vec<u8> = (1..4000_u32)
         .map(|n| (n.wrapping_mul(0x9E37_79B9) >> 24) as u8)
         .collect();
-    write("noise", &noise);
-    // A recording that was cut, one with a hole as a card's erased flash, and one of a version to come.
-    let recording = fs::read(folder.join("x.mcap")).unwrap();
-    write("cut.mcap", &recording[..9000]);
+    let wav = b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\xbb\0\0\0\x77\x01\0\x02\0\x10\0data\0\0\0\0";
+    let (recording, future) = (
+        read("tests/data/recording-v1.mcap"),
+        read("tests/data/frame-of-the-future.bin"),
+    );
+    // One recording was cut, one has a hole as a card's erased flash.
     let mut hole = recording.clone();
     hole[2000..2512].fill(0xFF);
-    write("hole.mcap", &hole);
-    // Waveforms, most with one thing wrong.
-    let wave = |head: &str, row: &dyn Fn(i32) -> String| -> String {
-        head.to_owned() + &(0..60).map(|n| row(n) + "\n").collect::<String>()
-    };
+    for (name, bytes) in [
+        ("late.toml", &b"[[fault]]\nat = 0.03\nkind = \"hang\"\n"[..]),
+        ("latin.toml", b"title = \"Sto\xdf\""),
+        ("empty", b""),
+        ("empty.toml", b""),
+        ("empty.mcap", b""),
+        ("text.txt", b"this is no bead\n"),
+        ("page.html", b"<!doctype html>\n"),
+        ("table.csv", b"a,b\n"),
+        ("noise", &noise),
+        ("cut.mcap", &recording[..9000]),
+        ("hole.mcap", &hole),
+        ("cut.bin", &future[..future.len() - 5]),
+        ("nothing.wav", wav),
+        ("cut.wav", &wav[..30]),
+        ("cut.parquet", b"PAR1 and no more"),
+    ] {
+        write(name, bytes);
+    }
+    // Waveforms of 60 rows, most with one thing wrong.
     let force = |n: i32| 5.0 * (-f64::from(n - 30).powi(2) / 40.0).exp();
     let line = |n: i32| format!("{:.6},{:.6}", f64::from(n) * 1e-5, force(n));
-    let volts = wave("TIME,CH1,CH2\n", &|n| line(n) + ",0.5");
-    write("volts.csv", volts.as_bytes());
-    for (name, at, is) in [
-        ("hole", 20, "0.00020,"),
-        ("nan", 20, "0.00020,nan"),
-        ("twice", 20, "0.00019,0.3"),
-        ("back", 20, "-1,0.3"),
-        ("steers", 20, "0.0002,\u{1b}]52;c;eA==\u{7}"),
-    ] {
-        let text = wave("time_s,force_n\n", &|n| {
-            if n == at { is.to_owned() } else { line(n) }
-        });
-        write(&format!("{name}.csv"), text.as_bytes());
-    }
-    let late = |n: i32| {
-        format!(
-            "{:.6},{:.6}",
-            f64::from(n + 3 * i32::from(n > 20)) * 1e-5,
-            force(n)
-        )
+    let wave = |name: &str, head: &str, row: &dyn Fn(i32) -> String| {
+        let rows: String = (0..60).map(|n| row(n) + "\n").collect();
+        write(name, format!("{head}\n{rows}").as_bytes());
     };
-    write("gap.csv", wave("time_s,force_n\n", &late).as_bytes());
-    write("wave.csv", wave("time_s,force_n\n", &line).as_bytes());
-    write(
-        "long.csv",
-        wave("time_s,force_n\n", &|n| format!("{n}00,{}", force(n))).as_bytes(),
-    );
-    write("unitless.csv", wave("time_s,force\n", &line).as_bytes());
-    write(
-        "both.csv",
-        wave("time_s,a_n,b_n\n", &|n| line(n) + ",1").as_bytes(),
-    );
-    write("wave.wav", wave("time_s,force_n\n", &line).as_bytes());
-    let mut wav =
-        b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\xbb\0\0\0\x77\x01\0\x02\0\x10\0data\0\0\0\0"
-            .to_vec();
-    write("nothing.wav", &wav);
-    wav.truncate(30);
-    write("cut.wav", &wav);
-    write("cut.parquet", b"PAR1 and no more");
+    wave("wave.csv", "time_s,force_n", &line);
+    wave("volts.csv", "TIME,CH1,CH2", &|n| line(n) + ",0.5");
+    wave("long.csv", "time_s,force_n", &|n| format!("{n}00,{}", force(n)));
+    let row_20 = |n, is: &str| if n == 20 { is.to_owned() } else { line(n) };
+    wave("steers.csv", "time_s,force_n", &|n| {
+        row_20(n, "0.0002,\u{1b}]52;c;eA==\u{7}")
+    });
+    // Behind a gap the times are later.
+    wave("gap.csv", "time_s,force_n", &|n| line(n + 3 * i32::from(n > 20)));
     // Scenarios with one thing wrong.
     let scenario = fs::read_to_string(folder.join("s.toml")).unwrap();
     for (name, was, is) in [
         ("key", "radius = 0.019 ", "radios = 0.019 "),
-        ("word", "velocity = 0.45", "velocity = \"fast\""),
         ("nan", "velocity = 0.45", "velocity = nan"),
-        ("inf", "velocity = 0.45", "velocity = inf"),
-        ("negative", "velocity = 0.45", "velocity = -0.45"),
         ("stuck", "relaxation = 4.2e-6", "relaxation = 1e6"),
         ("dust", "radius = 0.0045", "radius = 1e-20"),
         ("slow", "velocity = 0.45", "velocity = 1e-30"),
         ("years", "duration = 0.006", "duration = 1e30"),
         ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
-        ("beyond", "velocity = 0.45", "velocity = 1e31"),
-        ("zero", "radius = 0.019 ", "radius = 0.0 "),
         ("many", "beads = 16", "beads = 1000000000000"),
-        ("none", "beads = 16", "beads = 0"),
-        ("far", "beads = [8]", "beads = [17]"),
         (
             "control",
             "title = \"",
             "title = \"\\u001b]52;c;eA==\\u0007\\u009b2J",
         ),
     ] {
-        assert!(scenario.contains(was), "{was}");
+        assert_says(&scenario, was);
         write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
     }
     let bench = |tables: &str| format!("{scenario}\n{tables}\n").into_bytes();
     write("bench.toml", &bench("[front_end]\nforce_span = 0.0"));
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
-    fs::create_dir(folder.join("folder")).unwrap();
-    fs::create_dir(folder.join("run")).unwrap();
-    copy("run/bead-8.mcap", "tests/data/recording-v1.mcap");
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
     // Its listener is dropped: nobody is there any more.
@@ -178,14 +154,17 @@ fn fixture(folder: &Path) {
 /// Names and contents of all files below a folder.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let (path, kind) = entry
-            .map(|entry| (entry.path(), entry.file_type().unwrap()))
-            .unwrap();
-        match (kind.is_dir(), kind.is_file()) {
-            (true, _) => found.extend(contents(&path)),
-            (_, true) => drop(found.insert(path.clone(), fs::read(&path).unwrap())),
-            _ => drop(found.insert(path, Vec::new())),
+    for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let (path, kind) = (entry.path(), entry.file_type().unwrap());
+        if kind.is_dir() {
+            found.extend(contents(&path));
+        } else {
+            let bytes = if kind.is_file() {
+                fs::read(&path).unwrap()
+            } else {
+                Vec::new()
+            };
+            found.insert(path, bytes);
         }
     }
     found
@@ -205,109 +184,86 @@ fn word(text: &str, ports: &Path) -> OsString {
     OsString::from_vec(bytes)
 }
 
-/// Runs a row. What is wrong with what it did, if anything.
-fn tried(row: &Row<'_>, ports: &Path) -> Result<(), String> {
+/// Runs a command line. One that takes longer than a minute hangs, and gets the status 124.
+fn run(words: &str, folder: &Path, ports: &Path) -> Output {
+    let (line, is_full) = (
+        words.trim_end_matches(" > /dev/full"),
+        words.ends_with(" > /dev/full"),
+    );
+    let (line, is_head) = (line.trim_end_matches(" | head -1"), line.ends_with(" | head -1"));
+    let (line, input) = line.split_once(" < ").unwrap_or((line, "/dev/null"));
+    let mut command = Command::new("timeout");
+    command.current_dir(folder).args(["60", PROGRAM]);
+    command.args(line.split_whitespace().map(|text| word(text, ports)));
+    command.stdin(File::open(folder.join(input)).unwrap());
+    if is_full {
+        command.stdout(File::create("/dev/full").unwrap());
+    }
+    if !is_head {
+        return command.output().unwrap();
+    }
+    let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().unwrap();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    stdout.read_until(b'\n', &mut Vec::new()).unwrap();
+    drop(stdout);
+    child.wait_with_output().unwrap()
+}
+
+/// Runs a case. The error says what is wrong with what the command did.
+fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
     let folder = tempfile::tempdir().unwrap();
     fixture(folder.path());
     let before = contents(folder.path());
-    let (mut words, mut input, mut output) = (row.words, Stdio::null(), Stdio::piped());
-    let mut head = false;
-    if let Some(rest) = words.strip_suffix(" > /dev/full") {
-        (words, output) = (rest, File::create("/dev/full").unwrap().into());
+    let output = run(case.words, folder.path(), ports);
+    let said = String::from_utf8(output.stderr).map_err(|_| "its message is no text")?;
+    let printed = String::from_utf8_lossy(&output.stdout);
+    if output.status.code() != Some(case.status) {
+        return Err(format!("it ended with {}: {said}", output.status));
     }
-    if let Some(rest) = words.strip_suffix(" | head -1") {
-        (words, head) = (rest, true);
-    }
-    if let Some((rest, file)) = words.split_once(" < ") {
-        (words, input) = (rest, File::open(folder.path().join(file)).unwrap().into());
-    }
-    let mut child = Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(folder.path())
-        .args(words.split_whitespace().map(|text| word(text, ports)))
-        .stdin(input)
-        .stdout(output)
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let stdout = child.stdout.take().map(|mut stdout| {
-        thread::spawn(move || {
-            let mut text = Vec::new();
-            if head {
-                drop(BufReader::new(stdout).read_until(b'\n', &mut text))
-            } else {
-                drop(stdout.read_to_end(&mut text))
-            }
-            text
-        })
-    });
-    let mut stderr = child.stderr.take().unwrap();
-    let said = thread::spawn(move || {
-        let mut text = Vec::new();
-        stderr.read_to_end(&mut text).map(|_| text).unwrap()
-    });
-    let started = Instant::now();
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if started.elapsed() > PATIENCE {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            return Err("it hangs".to_owned());
-        }
-        thread::sleep(Duration::from_millis(2));
-    };
-    let printed = stdout.map(|thread| thread.join().unwrap()).unwrap_or_default();
-    let said = String::from_utf8(said.join().unwrap()).map_err(|_| "its message is no text".to_owned())?;
-
-    if status.code() != Some(row.status) {
-        return Err(format!("it ended with {status}: {said}"));
-    }
-    if !said.contains(row.part) && !String::from_utf8_lossy(&printed).contains(row.part) {
+    if !said.contains(case.part) && !printed.contains(case.part) {
         return Err(format!("it does not say so: {said}"));
     }
     // Notes on what is read may come before; what a command line lacks is said with its usage.
-    let failed = row.status != 0;
     let notes = ["rejected", "recording is ", "more ", ": 0 strikes, 0 frames in"];
     let is_note = |line: &&str| notes.iter().any(|note| line.contains(note));
-    let lines = said.lines().filter(|line| !failed || !is_note(line)).count();
-    if failed
-        && !said.starts_with("error: ")
-        && !words.ends_with("--help")
-        && lines > 1
-        && !said.contains("Usage: ")
-    {
+    let lines = said.lines().filter(|line| !is_note(line)).count();
+    let is_usage = said.starts_with("error: ") || case.words.ends_with("--help") || said.contains("Usage: ");
+    if case.status != 0 && !is_usage && lines > 1 {
         return Err(format!("its message has {lines} lines: {said}"));
     }
     let steers = |text: &str| text.chars().any(|c| c.is_control() && c != '\n' && c != '\t');
-    if steers(&said) || steers(&String::from_utf8_lossy(&printed)) {
+    if steers(&said) || steers(&printed) {
         return Err(format!("it steers the terminal: {said:?}"));
     }
     let after = contents(folder.path());
-    let overwrites = words.contains("--overwrite") && row.status == 0;
-    if let Some((path, _)) = before
-        .iter()
-        .find(|(path, bytes)| after.get(*path) != Some(bytes) && !overwrites)
-    {
-        return Err(format!("{} is not as it was", path.display()));
+    let overwrites = case.words.contains("--overwrite") && case.status == 0;
+    for (path, bytes) in &before {
+        if after.get(path) != Some(bytes) && !overwrites {
+            return Err(format!("{} is not as it was", path.display()));
+        }
     }
     // What came of a bead is kept, whatever happens.
-    let keeps = words.starts_with("record") && row.status == 3;
+    let keeps = case.status < 2 || case.words.starts_with("record") && case.status == 3;
     match after.keys().find(|path| !before.contains_key(*path)) {
-        Some(new) if row.status >= 2 && !keeps => Err(format!("{} is left", new.display())),
+        Some(new) if !keeps => Err(format!("{} is left", new.display())),
         _ => Ok(()),
     }
 }
 
-/// Sockets that are ports of no bead: `gone` and `noise`.
+/// Sockets that are ports of no bead: `gone`, `noise` and `silent`.
 fn serve(folder: &Path) {
-    let [gone, noise] = ["gone", "noise"].map(|name| UnixListener::bind(folder.join(name)).unwrap());
+    let ports = ["gone", "noise", "silent"].map(|name| UnixListener::bind(folder.join(name)).unwrap());
+    let [gone, noise, silent] = ports;
     thread::spawn(move || gone.incoming().for_each(drop));
     thread::spawn(move || {
-        for stream in noise.incoming().flatten() {
+        let mut kept = Vec::new();
+        silent.incoming().for_each(|stream| kept.push(stream));
+    });
+    thread::spawn(move || {
+        for mut stream in noise.incoming().flatten() {
+            // Until the program hangs up.
             thread::spawn(move || {
-                let mut stream = stream;
-                // Until the program hangs up.
                 while stream.write_all(&[0x55; 300]).is_ok() {
                     thread::sleep(Duration::from_millis(20));
                 }
@@ -320,63 +276,42 @@ fn serve(folder: &Path) {
 fn every_wrong_input_is_told_in_one_line_and_loses_nothing() {
     let ports = tempfile::tempdir().unwrap();
     serve(ports.path());
-    let mut rows = rows();
+    let mut cases = cases();
     // A program of its own, which a build of these tests alone does not make.
-    if !Path::new(env!("CARGO_BIN_EXE_bead"))
-        .with_file_name("bead-figures")
-        .exists()
-    {
+    if !Path::new(PROGRAM).with_file_name("bead-figures").exists() {
         eprintln!("SKIPPED: the rows of `bead figures`; `cargo build --release -p bead-figures` makes it");
-        rows.retain(|row| !row.words.starts_with("figures"));
+        cases.retain(|case| !case.words.starts_with("figures"));
     }
-    let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let threads = thread::available_parallelism().map_or(2, usize::from) + 2;
-    thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(row) = rows.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if let Err(what) = tried(row, ports.path()) {
-                        let told = format!("inputs.txt:{}: bead {}: {what}", row.number, row.words);
-                        wrong.lock().unwrap().push(told);
-                    }
-                }
-            });
-        }
+    let failed = cases.par_iter().filter_map(|case| {
+        let what = try_case(case, ports.path()).err()?;
+        Some(format!(
+            "inputs.txt:{}: bead {}: {what}\n",
+            case.number, case.words
+        ))
     });
-    let wrong = wrong.into_inner().unwrap();
-    assert!(
-        wrong.is_empty(),
-        "{} of {} rows:\n{}",
-        wrong.len(),
-        rows.len(),
-        wrong.join("\n")
-    );
+    let failed: String = failed.collect();
+    assert!(failed.is_empty(), "of {} rows:\n{failed}", cases.len());
 }
 
 /// The commands that do something, as they are typed.
 fn leaves(command: &clap::Command, above: &str) -> Vec<String> {
-    let below: Vec<_> = command.get_subcommands().collect();
-    let below_it = below.into_iter().flat_map(|one| {
-        let name = format!("{above} {}", one.get_name());
-        if one.has_subcommands() {
-            leaves(one, name.trim())
-        } else {
-            vec![name.trim().to_owned()]
-        }
-    });
-    below_it.collect()
+    if !command.has_subcommands() {
+        return vec![above.to_owned()];
+    }
+    let below = command.get_subcommands();
+    below
+        .flat_map(|one| leaves(one, format!("{above} {}", one.get_name()).trim_start()))
+        .collect()
 }
 
 #[test]
 fn every_command_is_in_the_table() {
-    let commands = leaves(&bead::cli::Cli::command(), "");
+    let (commands, cases) = (leaves(&bead::cli::Cli::command(), ""), cases());
     assert!(commands.len() > 25, "{commands:?}");
-    let rows = rows();
-    for command in commands {
-        let of_it = rows.iter().filter(|row| row.words.starts_with(&*command)).count();
-        assert!(
-            of_it > 0,
-            "bead {command} has no row in host-tools/bead/tests/inputs.txt: add what may be wrong with it"
-        );
-    }
+    let is_there = |command: &&String| cases.iter().any(|case| case.words.starts_with(&**command));
+    let missing: Vec<_> = commands.iter().filter(|command| !is_there(command)).collect();
+    assert!(
+        missing.is_empty(),
+        "{missing:?} have no row in host-tools/bead/tests/inputs.txt"
+    );
 }

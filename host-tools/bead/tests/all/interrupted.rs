@@ -1,186 +1,110 @@
 //! Commands that are interrupted: what they leave behind, and how they end.
 
 use std::fs;
-use std::io::Read;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::thread;
+use std::time::Duration;
 
-use crate::program;
-
-const SCENARIO: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/../../docs/scenarios/paper-strike.toml"
-);
-
-/// A child that is killed if the test fails before it ends.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Running {
-    /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it
-    /// starts are one group, unless it says otherwise.
-    fn start(directory: &Path, temporary: &Path, arguments: &[&str]) -> Self {
-        let mut command = program::interruptible(directory);
-        command
-            .env("TMPDIR", temporary)
-            .args(arguments)
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .process_group(0);
-        Self(command.spawn().unwrap())
-    }
-
-    fn ended(&self) -> bool {
-        !runs(self.0.id())
-    }
-
-    fn signal(&self, name: &str) {
-        kill(&format!("-{name} {}", self.0.id()));
-    }
-
-    fn said(&mut self) -> String {
-        let mut said = String::new();
-        self.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        said
-    }
-
-    /// It has been interrupted, ends with this status, says so in a line, and leaves nothing in its
-    /// directory.
-    fn leaves_nothing(&mut self, status: i32, directory: &Path) {
-        let ended = self.0.wait().unwrap();
-        let said = self.said();
-        assert_eq!((ended.code(), ended.signal()), (Some(status), None), "{said}");
-        assert!(
-            said.starts_with("bead: interrupted; nothing is left behind"),
-            "{said}"
-        );
-        assert_eq!(said.lines().count(), 1, "{said}");
-        assert_eq!(names(directory), [""; 0]);
-    }
-}
+use crate::program::{ROOT, RunningProgram, SCENARIO, interruptible, json, names, signal, until};
 
 /// Each signal that interrupts, and the exit status after it.
 const SIGNALS: [(&str, i32); 3] = [("INT", 130), ("TERM", 143), ("HUP", 129)];
 
-fn kill(whom: &str) {
-    let kill = format!("kill {whom}");
+/// Starts `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it
+/// starts are one group, unless it says otherwise.
+fn start(directory: &Path, temporary: &Path, arguments: &str) -> RunningProgram {
+    let mut command = interruptible(directory, arguments);
+    RunningProgram::spawn(command.env("TMPDIR", temporary).process_group(0))
+}
+
+/// Asserts that an interrupted command ends with this status, says so in a line, and leaves nothing in its
+/// directory.
+fn leaves_nothing(interrupted: RunningProgram, status: i32, directory: &Path) {
+    let (ended, said) = interrupted.end();
+    assert_eq!((ended, said.lines().count()), (status, 1), "{said}");
     assert!(
-        Command::new("bash")
-            .args(["-c", &kill])
-            .status()
-            .unwrap()
-            .success()
+        said.starts_with("bead: interrupted; nothing is left behind"),
+        "{said}"
     );
+    assert!(names(directory).is_empty());
 }
 
-/// Waits until something holds.
-fn until(what: &str, holds: impl Fn() -> bool) {
-    let started = Instant::now();
-    while !holds() {
-        assert!(started.elapsed() < Duration::from_secs(60), "never: {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-fn names(directory: &Path) -> Vec<String> {
-    let entries = fs::read_dir(directory).unwrap();
-    entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect()
+/// Starts to write a result of half a gigabyte of rows: there is time to interrupt it.
+fn write_long(directory: &Path) -> RunningProgram {
+    let long = format!("simulate {SCENARIO} --out a.parquet --rate 1e8");
+    let running = start(directory, directory, &long);
+    let is_hidden = || names(directory).iter().any(|name| name.starts_with(".bead-"));
+    // The first such file only shows that the directory can be written to.
+    until("the result is being written", || {
+        is_hidden() && {
+            thread::sleep(Duration::from_millis(100));
+            is_hidden()
+        }
+    });
+    running
 }
 
 #[test]
 fn a_result_that_is_interrupted_leaves_no_part_of_it() {
-    for (signal, status) in SIGNALS {
+    for (name, status) in SIGNALS {
         let directory = tempfile::tempdir().unwrap();
-        // Half a gigabyte of rows: there is time to interrupt it.
-        let long = ["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"];
-        let mut running = Running::start(directory.path(), directory.path(), &long);
-        let hidden = || {
-            names(directory.path())
-                .iter()
-                .any(|name| name.starts_with(".bead-"))
-        };
-        // The first such file only shows that the directory can be written to.
-        until("the result is being written", || {
-            hidden() && {
-                std::thread::sleep(Duration::from_millis(100));
-                hidden()
-            }
-        });
-        running.signal(signal);
-        running.leaves_nothing(status, directory.path());
+        let running = write_long(directory.path());
+        running.signal(name);
+        leaves_nothing(running, status, directory.path());
     }
 }
 
 #[test]
 fn a_signal_ends_a_command_whose_standard_error_is_closed() {
     let directory = tempfile::tempdir().unwrap();
-    let long = ["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"];
-    let mut running = Running::start(directory.path(), directory.path(), &long);
-    until("it runs", || !names(directory.path()).is_empty());
-    drop(running.0.stderr.take());
+    let mut running = write_long(directory.path());
+    drop(running.stderr.take());
     running.signal("TERM");
-    until("it has ended", || running.ended());
-    assert_eq!(running.0.wait().unwrap().code(), Some(143));
-    assert_eq!(names(directory.path()), [""; 0]);
+    until("it has ended", || running.has_ended());
+    assert_eq!(running.child.wait().unwrap().code(), Some(143));
+    assert!(names(directory.path()).is_empty());
+}
+
+/// State and parent of a process: `None` if it has ended, also if nobody has waited for it yet.
+fn running(pid: u32) -> Option<u32> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let (state, rest) = stat.rsplit_once(") ")?.1.split_once(' ')?;
+    rest.split(' ').next()?.parse().ok().filter(|_| state != "Z")
 }
 
 /// Processes that `parent` started.
 fn children(parent: u32) -> Vec<u32> {
-    let below = |pid: &u32| {
-        // It may have ended meanwhile.
-        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-        let rest = stat.rsplit(") ").next().unwrap_or_default();
-        rest.split(' ').nth(1) == Some(&parent.to_string())
-    };
     let all = fs::read_dir("/proc").unwrap();
     let pids = all.filter_map(|entry| entry.unwrap().file_name().to_str()?.parse().ok());
-    pids.filter(below).collect()
-}
-
-/// Returns `true` if a process runs: not one that has ended and was not yet waited for.
-fn runs(pid: u32) -> bool {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    stat.rsplit(") ")
-        .next()
-        .is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
-}
-
-/// A run of the image that takes so many strikes.
-fn emulate(strikes: &str) -> [&str; 8] {
-    [
-        "emulate",
-        SCENARIO,
-        "--bead",
-        "8",
-        "--strikes",
-        strikes,
-        "--out",
-        "run",
-    ]
+    pids.filter(|pid| running(*pid) == Some(parent)).collect()
 }
 
 #[test]
 fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
-    for (signal, status) in SIGNALS {
+    // The last one as at a terminal: Ctrl-C reaches the whole group.
+    let cases = SIGNALS.map(|(name, status)| (name, status, false));
+    for (name, status, is_group) in cases.into_iter().chain([("INT", 130, true)]) {
         let [directory, temporary] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        // Ten seconds of the bead's time: there is time to interrupt it.
-        let mut running = Running::start(directory.path(), temporary.path(), &emulate("100"));
-        until("QEMU runs", || !children(running.0.id()).is_empty());
-        let qemu = children(running.0.id());
-        std::thread::sleep(Duration::from_millis(200));
-        running.signal(signal);
-        running.leaves_nothing(status, directory.path());
-        until("QEMU has ended", || !qemu.iter().any(|pid| runs(*pid)));
+        // Thirty seconds of the bead's time: there is time to interrupt it.
+        let emulate = format!("emulate {SCENARIO} --bead 8 --strikes 300 --out run");
+        let interrupted = start(directory.path(), temporary.path(), &emulate);
+        let pid = interrupted.child.id();
+        until("QEMU runs", || !children(pid).is_empty());
+        let qemu = children(pid);
+        thread::sleep(Duration::from_millis(200));
+        signal(
+            name,
+            &if is_group {
+                format!("-- -{pid}")
+            } else {
+                pid.to_string()
+            },
+        );
+        leaves_nothing(interrupted, status, directory.path());
+        until("QEMU has ended", || {
+            qemu.iter().all(|pid| running(*pid).is_none())
+        });
         until("the temporary folder is empty", || {
             names(temporary.path()).is_empty()
         });
@@ -188,58 +112,14 @@ fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
 }
 
 #[test]
-fn ctrl_c_at_a_terminal_does_not_reach_qemu_and_the_run_leaves_nothing() {
-    let [directory, temporary] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-    let mut running = Running::start(directory.path(), temporary.path(), &emulate("300"));
-    let started = || {
-        let folders = fs::read_dir(temporary.path()).unwrap();
-        let sends = |folder: fs::DirEntry| {
-            fs::metadata(folder.path().join("sent0.bin")).is_ok_and(|sent| sent.len() > 0)
-        };
-        folders.flatten().any(sends)
-    };
-    until("the bead speaks", || started() || running.ended());
-    if running.ended() {
-        let said = running.said();
-        // There is neither an image nor QEMU where only this crate is built.
-        assert!(
-            said.contains("cargo xtask build") || said.contains("qemu-system-arm"),
-            "{said}"
-        );
-        return;
-    }
-    kill(&format!("-INT -- -{}", running.0.id()));
-    running.leaves_nothing(130, directory.path());
-    // QEMU ends with its host, and takes its files with it.
-    until("nothing is left of the run", || {
-        names(temporary.path()).is_empty()
-    });
-}
-
-#[test]
 fn a_search_that_is_interrupted_prints_the_best_so_far() {
-    let mut running = Running(
-        program::interruptible(Path::new(env!("CARGO_MANIFEST_DIR")))
-            // Five speeds and nine hosts: there is time to interrupt it.
-            .args(["optimise", SCENARIO, "--bead", "2-10", "--total-mass", "0.05"])
-            .args(["--velocity", "0.1,0.2,0.5,1,2", "--format", "json"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap(),
-    );
-    std::thread::sleep(Duration::from_secs(2));
+    // Five speeds and nine hosts: there is time to interrupt it.
+    let search =
+        format!("optimise {SCENARIO} --bead 2-10 --total-mass 0.05 --velocity 0.1,0.2,0.5,1,2 --format json");
+    let running = RunningProgram::start(Path::new(ROOT), &search);
+    thread::sleep(Duration::from_secs(2));
     running.signal("INT");
-    let mut said = String::new();
-    running
-        .0
-        .stdout
-        .take()
-        .unwrap()
-        .read_to_string(&mut said)
-        .unwrap();
-    assert_eq!(running.0.wait().unwrap().code(), Some(0));
-    let found: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let found = json(running.finish());
     assert_eq!(found["optimum"]["stopped"], true);
     assert_eq!(found["optimum"]["settled"], false);
     let share = found["optimum"]["share"].as_f64().unwrap();

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-mod beads;
+mod answering;
 mod channels;
 mod command_line;
 mod export;

@@ -1,28 +1,34 @@
-//! The program under test.
+//! The program under test: run to its end, started, asked at a port, or typed in a shell.
 
 use std::ffi::OsStr;
-use std::path::Path;
-use std::process::{Command, Output};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_bead");
+pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+pub(crate) const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data");
+pub(crate) const SCENARIO: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../docs/scenarios/paper-strike.toml"
+);
+
 /// Runs `bead` in a folder until it ends.
 pub(crate) fn bead(folder: &Path, arguments: impl IntoIterator<Item: AsRef<OsStr>>) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap()
+    let mut command = Command::new(PROGRAM);
+    command.current_dir(folder).args(arguments).output().unwrap()
 }
 
-/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as
-/// under nohup or in the background of a script.
-pub(crate) fn interruptible(folder: &Path) -> Command {
-    let mut command = Command::new("env");
-    command
-        .current_dir(folder)
-        .args(["--default-signal=INT,TERM,HUP", env!("CARGO_BIN_EXE_bead")]);
-    command
+/// Runs `bead` with the words of a line.
+pub(crate) fn typed(folder: &Path, line: &str) -> Output {
+    bead(folder, line.split_whitespace())
 }
 
 /// Text on standard error.
@@ -30,8 +36,222 @@ pub(crate) fn said(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
+/// Standard output of a command that must succeed.
+pub(crate) fn done(output: Output) -> String {
+    assert!(output.status.success(), "{}", said(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
 /// The one JSON document of a command that must succeed.
-pub(crate) fn json(output: &Output) -> Value {
-    assert!(output.status.success(), "{}", said(output));
-    serde_json::from_slice(&output.stdout).unwrap()
+pub(crate) fn json(output: Output) -> Value {
+    serde_json::from_str(&done(output)).unwrap()
+}
+
+/// The JSON documents of a text, each on its line.
+pub(crate) fn documents(text: &[u8]) -> Vec<Value> {
+    let documents = serde_json::Deserializer::from_slice(text).into_iter();
+    documents.map(Result::unwrap).collect()
+}
+
+/// Asserts that a command failed with this status and one line that holds `part`.
+pub(crate) fn refused(output: &Output, status: i32, part: &str) {
+    let said = said(output);
+    assert_eq!(
+        (output.status.code(), said.lines().count()),
+        (Some(status), 1),
+        "{said}"
+    );
+    assert_says(&said, part);
+}
+
+/// Asserts that a text holds a part.
+pub(crate) fn assert_says(text: &str, part: &str) {
+    assert!(text.contains(part), "\"{part}\" is not in: {text}");
+}
+
+/// Names of what is in a folder, in their order.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<_> = names.collect();
+    names.sort();
+    names
+}
+
+/// Waits until something holds.
+pub(crate) fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !holds() {
+        assert!(started.elapsed() < Duration::from_secs(60), "never: {what}");
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as
+/// under nohup or in the background of a script.
+pub(crate) fn interruptible(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::new("env");
+    command
+        .current_dir(folder)
+        .args(["--default-signal=INT,TERM,HUP", PROGRAM])
+        .args(arguments.split_whitespace())
+        .stdin(Stdio::null());
+    command
+}
+
+/// A running program, killed if a failing test drops it.
+pub(crate) struct RunningProgram {
+    pub(crate) child: Child,
+    stdout: Option<BufReader<ChildStdout>>,
+    pub(crate) stderr: Option<BufReader<ChildStderr>>,
+}
+
+impl RunningProgram {
+    /// Takes a process with those of its streams that are pipes.
+    pub(crate) fn of(mut child: Child) -> Self {
+        Self {
+            stdout: child.stdout.take().map(BufReader::new),
+            stderr: child.stderr.take().map(BufReader::new),
+            child,
+        }
+    }
+
+    /// Starts a command with pipes.
+    pub(crate) fn spawn(command: &mut Command) -> Self {
+        let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self::of(piped.spawn().unwrap())
+    }
+
+    /// Starts `bead` in a folder with the words of a line.
+    pub(crate) fn start(folder: &Path, arguments: &str) -> Self {
+        Self::spawn(&mut interruptible(folder, arguments))
+    }
+
+    /// Waits for a line on standard output. Gives no text when the program ends.
+    pub(crate) fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.as_mut().unwrap().read_line(&mut line).unwrap();
+        line
+    }
+
+    /// Waits for a line on standard error.
+    pub(crate) fn error_line(&mut self) -> String {
+        let mut line = String::new();
+        self.stderr.as_mut().unwrap().read_line(&mut line).unwrap();
+        line
+    }
+
+    pub(crate) fn signal(&self, name: &str) {
+        signal(name, &self.child.id().to_string());
+    }
+
+    pub(crate) fn has_ended(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
+    /// Waits for the end; returns the exit status and what was not read of both streams.
+    pub(crate) fn finish(mut self) -> Output {
+        let mut stdout = Vec::new();
+        self.stdout.take().unwrap().read_to_end(&mut stdout).unwrap();
+        let mut stderr = Vec::new();
+        self.stderr.take().unwrap().read_to_end(&mut stderr).unwrap();
+        let status = self.child.wait().unwrap();
+        Output {
+            status,
+            stdout,
+            stderr,
+        }
+    }
+
+    /// Reads standard error to its end, and nothing of standard output; returns it with the exit status.
+    pub(crate) fn end(mut self) -> (i32, String) {
+        let mut said = String::new();
+        if let Some(stderr) = &mut self.stderr {
+            stderr.read_to_string(&mut said).unwrap();
+        }
+        (self.child.wait().unwrap().code().unwrap(), said)
+    }
+
+    /// Interrupts it and waits for its end.
+    pub(crate) fn interrupt(self) -> (i32, String) {
+        self.signal("INT");
+        self.end()
+    }
+}
+
+impl Drop for RunningProgram {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Sends a signal to a process, or to the group `-- -PID`.
+pub(crate) fn signal(name: &str, whom: &str) {
+    let kill = format!("kill -{name} {whom}");
+    done(Command::new("bash").args(["-c", &kill]).output().unwrap());
+}
+
+/// A TCP port of this computer, and its address as `--port` takes it.
+pub(crate) fn tcp() -> (TcpListener, String) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    (listener, port)
+}
+
+/// Runs `bead` in a folder with `--port` at a socket. What `bead` sends is given to `peer`, and its answer
+/// sent back, until `bead` hangs up.
+pub(crate) fn asked(folder: &Path, arguments: &str, peer: impl FnMut(&[u8]) -> Vec<u8> + Send) -> Output {
+    let socket = folder.join("line.sock");
+    let _ = fs::remove_file(&socket);
+    let listener = UnixListener::bind(&socket).unwrap();
+    let mut peer = peer;
+    thread::scope(|scope| {
+        let listening = scope.spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut buffer = [0; 4096];
+            while let Ok(length @ 1..) = stream.read(&mut buffer) {
+                // A program that hung up meanwhile reads no more.
+                let _ = stream.write_all(&peer(&buffer[..length]));
+            }
+        });
+        let output = typed(folder, &format!("{arguments} --port unix:line.sock"));
+        if !listening.is_finished() {
+            // One that never connected leaves the other end waiting.
+            let _ = UnixStream::connect(&socket);
+        }
+        output
+    })
+}
+
+/// Runs a line of a shell with `bead` in its path; returns what it printed.
+pub(crate) fn shell(folder: &Path, line: &str) -> String {
+    let path = std::env::var("PATH").unwrap();
+    let path = format!("{}:{path}", Path::new(PROGRAM).parent().unwrap().display());
+    let mut shell = Command::new("sh");
+    shell.args(["-ec", line]).current_dir(folder).env("PATH", path);
+    done(shell.output().unwrap())
+}
+
+/// The paper's strike on twelve beads, over half the time: a search takes less than a second.
+pub(crate) fn short_scenario() -> String {
+    let text = fs::read_to_string(SCENARIO).unwrap();
+    text.replace("beads = 16", "beads = 12")
+        .replace("= 0.006", "= 0.003")
+}
+
+/// Runs a Python with pandas, polars, pyuff, xarray and mcap in a folder; returns what it printed. `None`
+/// where there is none: `cargo xtask test` sets it up where it can.
+pub(crate) fn python(folder: &Path, arguments: &[&str]) -> Option<String> {
+    let built = Path::new(PROGRAM).ancestors().nth(2).unwrap();
+    let own = std::env::var_os("BEAD_PYTHON").map(PathBuf::from);
+    let python = own.or_else(|| Some(built.join("python/bin/python3")).filter(|path| path.exists()));
+    let Some(python) = python else {
+        eprintln!("SKIPPED: no Python with pandas, xarray and mcap; `cargo xtask python` sets one up");
+        return None;
+    };
+    let mut command = Command::new(python);
+    let output = command.current_dir(folder).args(arguments).output();
+    Some(done(output.unwrap()))
 }

@@ -2,16 +2,16 @@
 
 use std::fs;
 use std::io::Write;
-use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::program::{self, bead};
+use crate::program::{DATA, RunningProgram, interruptible, json, names, refused, tcp, typed};
 use bead_recording::file::{Recording, State};
 use bead_recording::frames::{Item, decode};
-use bead_wire::{Header, Identity, MAX_FRAME, Message, ResetCauses, Status, encode};
+use bead_testing::{Speaker, xorshift};
+use bead_wire::{Kind, Message, Status};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -21,142 +21,94 @@ const LOST_MOST: Duration = Duration::from_secs(2);
 /// Promised memory of a recorder, with some for what the system counts as the program's.
 const MEMORY_MOST_KB: u64 = 128 * 1024;
 
-fn frame(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
-    let header = Header {
-        address: 0,
+/// The frame with this number: an identity first, then states that are drawn.
+fn frame(boot: u32, sequence: u32) -> Vec<u8> {
+    let mut bead = Speaker {
         boot,
         sequence,
-        sample_index: 100 * u64::from(sequence),
+        ..Speaker::at(0)
     };
-    encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
-}
-
-fn identity(boot: u8) -> Vec<u8> {
-    let identity = Identity {
-        firmware: "0.1.0".into(),
-        git: "abc".into(),
-        uid: [7; 12],
-        boot: boot.into(),
-        reset_cause: ResetCauses::from_bits(4),
-        sample_rate_hz: 100_000,
-        channels: 4,
-    };
-    frame(boot, 0, &identity.into())
-}
-
-fn status(sequence: u32) -> Vec<u8> {
-    let mut numbers = (1..).map(|n: u32| n.wrapping_mul(0x9E37_79B9));
-    let message = Message::draw(bead_wire::Kind::Status, &mut || numbers.next().unwrap().into());
-    let Message::Status(status) = message else {
-        panic!("a status");
-    };
-    frame(
-        1,
-        sequence,
-        &Status {
+    let identity = bead.identity();
+    let drawn = Message::draw(Kind::Status, &mut xorshift(1 + u64::from(sequence)));
+    let message: Message = match drawn {
+        Message::Status(status) if sequence > 0 => Status {
             strikes: sequence,
             ..status
         }
         .into(),
-    )
+        _ => identity.into(),
+    };
+    bead.frame(100 * u64::from(sequence), &message)
 }
 
-/// A recorder of a TCP port; killed if the test fails.
-struct Recorder(Child);
-
-impl Recorder {
-    fn start(folder: &Path, port: &str, out: &str) -> Self {
-        let child = program::interruptible(folder)
-            .args(["record", "--port", port, "--out", out, "--duration", "100"])
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        Self(child)
-    }
-
-    /// Greatest memory that it ever had, in KB.
-    fn memory(&self) -> u64 {
-        self.peak().unwrap()
-    }
-
-    /// Peak memory of the process; `None` if it has just ended.
-    fn peak(&self) -> Option<u64> {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.0.id())).ok()?;
-        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-        peak.trim().trim_end_matches(" kB").parse().ok()
-    }
+/// Starts a recorder that nobody reads.
+fn record(folder: &Path, arguments: &str) -> RunningProgram {
+    let mut command = interruptible(folder, &format!("record {arguments}"));
+    let silent = command.stdout(Stdio::null()).stderr(Stdio::null());
+    RunningProgram::of(silent.spawn().unwrap())
 }
 
-impl Drop for Recorder {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// Greatest memory that a process ever had, kB. `None` if it has just ended.
+fn peak_kb(program: &RunningProgram) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{}/status", program.child.id())).ok()?;
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    peak.trim().trim_end_matches(" kB").parse().ok()
 }
 
-fn recover(folder: &Path, arguments: &[&str]) -> Value {
-    program::json(&bead(
-        folder,
-        &[&["recover", "--format", "json"], arguments].concat(),
-    ))
+fn recover(folder: &Path, arguments: &str) -> Value {
+    json(typed(folder, &format!("recover --format json {arguments}")))
 }
 
-/// Sends frames to a recorder and kills it. Returns how many were sent `LOST_MOST` before that, and how many
-/// of the first ones are in what is recovered.
+/// The bytes of the recording in `tests/data`.
+fn old_bytes() -> Vec<u8> {
+    let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
+    old.pieces().unwrap().flat_map(|piece| piece.bytes).collect()
+}
+
+/// Sends frames to a recorder and kills it, after a silence if the seed is even. Returns how many were sent
+/// `LOST_MOST` before that, and how many of the first ones are in what is recovered.
 fn killed(seed: u64, folder: &Path) -> (u32, u32) {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let (listener, port) = tcp();
     let name = format!("{seed}.mcap");
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    let mut recorder = Recorder::start(folder, &port, &name);
+    let mut recorder = record(folder, &format!("--port {port} --out {name} --duration 100"));
     let (mut bead, _) = listener.accept().unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let lasts = Duration::from_millis(2200 + random.random_range(0..2000));
     let started = Instant::now();
     let mut sent = Vec::new();
-    bead.write_all(&identity(1)).unwrap();
-    for number in 1.. {
-        if started.elapsed() > lasts {
-            break;
-        }
-        bead.write_all(&status(number)).unwrap();
+    while started.elapsed() < lasts {
+        bead.write_all(&frame(1, sent.len() as u32)).unwrap();
         sent.push(Instant::now());
-        if number % 10 == 0 {
+        if sent.len().is_multiple_of(10) {
             thread::sleep(Duration::from_millis(random.random_range(1..20)));
         }
     }
-    recorder.0.kill().unwrap();
+    if seed.is_multiple_of(2) {
+        thread::sleep(LOST_MOST);
+    }
+    recorder.child.kill().unwrap();
     let end = Instant::now();
-    recorder.0.wait().unwrap();
-    let due = sent
-        .iter()
-        .filter(|at| end.duration_since(**at) >= LOST_MOST)
-        .count() as u32;
-    let told = recover(folder, &[&format!("{name}.partial")]);
+    recorder.child.wait().unwrap();
+    let is_due = |at: &&Instant| end.duration_since(**at) >= LOST_MOST;
+    let due = sent.iter().filter(is_due).count() as u32;
+    let told = recover(folder, &format!("{name}.partial"));
     let recording = Recording::open(&folder.join(&name)).unwrap();
     assert_eq!(recording.state, State::Whole);
-    let frames: Vec<u32> = recording
-        .frames()
-        .unwrap()
-        .filter_map(Item::frame)
-        .map(|frame| frame.header.sequence)
-        .collect();
+    let frames = recording.frames().unwrap().filter_map(Item::frame);
+    let frames: Vec<u32> = frames.map(|frame| frame.header.sequence).collect();
     assert_eq!(told["frames"], frames.len(), "{told}");
     // None is missing among them.
     assert_eq!(frames, (0..frames.len() as u32).collect::<Vec<_>>());
-    (due, (frames.len() as u32).saturating_sub(1))
+    (due, frames.len() as u32)
 }
 
 #[test]
 fn a_recorder_that_is_killed_twenty_times_never_loses_more_than_its_help_says() {
     let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
     thread::scope(|scope| {
         let runs: Vec<_> = (0..20)
-            .map(|seed| {
-                let folder = folder.path();
-                scope.spawn(move || killed(seed, folder))
-            })
+            .map(|seed| scope.spawn(move || killed(seed, folder)))
             .collect();
         for run in runs {
             let (due, kept) = run.join().unwrap();
@@ -166,16 +118,17 @@ fn a_recorder_that_is_killed_twenty_times_never_loses_more_than_its_help_says() 
 }
 
 #[test]
-fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_signal() {
-    let noise = b"x\0".repeat(32 * 1024);
-    let restarts: Vec<u8> = (0..=255).flat_map(identity).collect();
-    let zeros = vec![0; 64 * 1024];
-    let line = vec![1; 64 * 1024];
-    for flood in [noise, restarts, zeros, line] {
+fn a_flood_of_strikes_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_signal() {
+    let restarts: Vec<u8> = (0..=255).flat_map(|boot| frame(boot, 0)).collect();
+    let strikes = old_bytes().repeat(16);
+    let noise = b"x\0".repeat(32 << 10);
+    for flood in [strikes, restarts, noise, vec![0; 64 << 10], vec![1; 64 << 10]] {
         let folder = tempfile::tempdir().unwrap();
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = format!("tcp:{}", listener.local_addr().unwrap());
-        let mut recorder = Recorder::start(folder.path(), &port, "a.mcap");
+        let (listener, port) = tcp();
+        let recorder = record(
+            folder.path(),
+            &format!("--port {port} --out a.mcap --duration 100"),
+        );
         let (mut bead, _) = listener.accept().unwrap();
         let sender = thread::spawn(move || {
             let mut sent = 0;
@@ -186,18 +139,10 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
             (sent, bead)
         });
         thread::sleep(Duration::from_secs(2));
-        let asked = Instant::now();
-        let interrupt = format!("kill -INT {}", recorder.0.id());
-        let memory = recorder.memory();
-        assert!(
-            Command::new("sh")
-                .args(["-c", &interrupt])
-                .status()
-                .unwrap()
-                .success()
-        );
-        assert!(recorder.0.wait().unwrap().code().is_some());
-        let took = asked.elapsed();
+        let memory = peak_kb(&recorder).unwrap();
+        let signalled = Instant::now();
+        recorder.interrupt();
+        let took = signalled.elapsed();
         let (sent, _) = sender.join().unwrap();
         println!(
             "{} MB sent, {} MB of memory, ended after {took:?}",
@@ -206,147 +151,54 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
         );
         assert!(took < Duration::from_secs(6), "{took:?}");
         assert!(memory < MEMORY_MOST_KB, "{memory} kB after {sent} bytes");
-        let names: Vec<_> = fs::read_dir(&folder)
-            .unwrap()
-            .map(|entry| entry.unwrap())
-            .collect();
+        let names = names(folder.path());
         assert_eq!(names.len(), 1);
-        assert!(names[0].metadata().unwrap().len() < 4 * sent + 100_000);
+        let length = fs::metadata(folder.path().join(&names[0])).unwrap().len();
+        assert!(length < 4 * sent + 100_000, "{length}");
     }
-}
-
-#[test]
-#[ignore = "five minutes and 20 GB of disk: cargo test --release -p absorber-bead --test all five_gigabytes -- --ignored --nocapture"]
-fn five_gigabytes_of_strikes_are_recorded_in_the_memory_of_any_other_recording() {
-    const SENT: u64 = 5_000_000_000;
-    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/recording-v1.mcap");
-    let old = Recording::open(Path::new(old)).unwrap();
-    let strike: Vec<u8> = old.pieces().unwrap().flat_map(|piece| piece.bytes).collect();
-    let block = strike.repeat((4 << 20) / strike.len());
-    let folder = tempfile::tempdir().unwrap();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    let arguments = [
-        "record",
-        "--port",
-        &port,
-        "--out",
-        "a.mcap",
-        "--wait",
-        "0",
-        "--no-fetch",
-    ];
-    let mut recorder = Recorder(
-        Command::new(env!("CARGO_BIN_EXE_bead"))
-            .current_dir(&folder)
-            .args(arguments)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap(),
-    );
-    let (mut bead, _) = listener.accept().unwrap();
-    let mut sent = 0;
-    while sent < SENT {
-        bead.write_all(&block).unwrap();
-        sent += block.len() as u64;
-    }
-    drop(bead);
-    let mut memory = 0;
-    while recorder.0.try_wait().unwrap().is_none() {
-        memory = recorder.peak().unwrap_or(memory);
-        thread::sleep(Duration::from_millis(20));
-    }
-    println!("{sent} bytes, {} MB of memory", memory >> 10);
-    assert!((1..MEMORY_MOST_KB).contains(&memory), "{memory} kB");
-    let recording = Recording::open(&folder.path().join("a.mcap")).unwrap();
-    let runs = sent / strike.len() as u64 * strike.iter().filter(|&&byte| byte == 0).count() as u64;
-    assert_eq!(recording.runs, runs);
 }
 
 #[test]
 fn a_recording_that_is_cut_within_a_strike_is_said_to_lack_its_result() {
     let folder = tempfile::tempdir().unwrap();
-    let old = Recording::open(Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../tests/data/recording-v1.mcap"
-    )));
-    let sent: Vec<u8> = old
-        .unwrap()
-        .pieces()
-        .unwrap()
-        .flat_map(|piece| piece.bytes)
-        .collect();
+    let sent = old_bytes();
     let runs: Vec<&[u8]> = sent.split_inclusive(|byte| *byte == 0).collect();
     let is_strike = |run: &&[u8]| {
-        matches!(
-            decode(run).0.first().map(|frame| &frame.message),
-            Some(Message::Strike(_))
-        )
+        let (frames, _) = decode(run);
+        frames
+            .first()
+            .is_some_and(|frame| matches!(frame.message, Message::Strike(_)))
     };
     let first = runs.iter().position(is_strike).unwrap();
     for (kept, without) in [(runs.len(), 0), (first + 1, 0), (first, 1), (first - 3, 1)] {
         fs::write(folder.path().join("uart.bin"), runs[..kept].concat()).unwrap();
-        let told = recover(folder.path(), &["uart.bin", "--out", "a.mcap", "--overwrite"]);
-        assert_eq!(
-            told["strikes_without_result"],
-            without,
-            "{kept} of {} runs: {told}",
-            runs.len()
-        );
+        let told = recover(folder.path(), "uart.bin --out a.mcap --overwrite");
+        assert_eq!(told["strikes_without_result"], without, "{kept} runs: {told}");
     }
 }
 
 #[test]
 fn a_damaged_recording_is_made_whole_and_a_raw_stream_becomes_one() {
     let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    let sent: Vec<u8> = std::iter::once(identity(1))
-        .chain((1..2000).map(status))
-        .flatten()
-        .collect();
-    fs::write(at("uart.bin"), &sent).unwrap();
-    // What is no recording is named as what it is, with what to do.
-    for command in ["replay", "compare", "clock"] {
-        let scenario = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../docs/scenarios/paper-strike.toml"
-        );
-        let more = if command == "compare" {
-            &["--scenario", scenario][..]
-        } else {
-            &[]
-        };
-        let output = bead(folder.path(), &[&[command, "uart.bin"], more].concat());
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains("bead recover uart.bin"), "{said}");
-    }
-    let told = recover(folder.path(), &["uart.bin", "--out", "a.mcap"]);
-    assert_eq!(told["frames"], 2000);
+    let folder = folder.path();
+    let sent: Vec<u8> = (0..2000).flat_map(|number| frame(1, number)).collect();
+    fs::write(folder.join("uart.bin"), &sent).unwrap();
+    assert_eq!(recover(folder, "uart.bin --out a.mcap")["frames"], 2000);
     // A sector in the middle, and the one at the beginning.
-    let mut file = fs::read(at("a.mcap")).unwrap();
-    file[..512].fill(0xFF);
+    let mut file = fs::read(folder.join("a.mcap")).unwrap();
     let middle = file.len() / 2;
-    file[middle..middle + 512].fill(0xFF);
-    fs::write(at("bad.mcap"), &file).unwrap();
-    let output = bead(folder.path(), &["replay", "bad.mcap"]);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        said.contains("its beginning may be damaged; try: bead recover bad.mcap"),
-        "{said}"
-    );
-    let told = recover(folder.path(), &["bad.mcap"]);
-    let recovered = Recording::open(&at("bad-recovered.mcap")).unwrap();
+    for sector in [0, middle] {
+        file[sector..sector + 512].fill(0xFF);
+    }
+    fs::write(folder.join("bad.mcap"), &file).unwrap();
+    let advice = "its beginning may be damaged; try: bead recover bad.mcap";
+    refused(&typed(folder, "replay bad.mcap"), 2, advice);
+    let told = recover(folder, "bad.mcap");
+    let recovered = Recording::open(&folder.join("bad-recovered.mcap")).unwrap();
     assert_eq!(recovered.state, State::Whole);
-    let kept: Vec<u8> = recovered
-        .pieces()
-        .unwrap()
-        .flat_map(|piece| piece.bytes)
-        .collect();
-    let (frames, _) = decode(&kept);
+    let frames: Vec<_> = recovered.frames().unwrap().filter_map(Item::frame).collect();
+    assert!(frames.len() > 2000 - 40, "{}", frames.len());
     let (all, _) = decode(&sent);
-    assert!(frames.len() > all.len() - 40, "{}", frames.len());
     let mut rest = all.iter();
     assert!(
         frames
@@ -356,9 +208,4 @@ fn a_damaged_recording_is_made_whole_and_a_raw_stream_becomes_one() {
     assert_eq!(told["frames"], frames.len());
     assert!(told["runs_missing"].as_u64().unwrap() > 0, "{told}");
     assert!(told["found"].as_str().unwrap().contains("bytes in"), "{told}");
-    // There is nothing in what is nothing.
-    fs::write(at("nothing.mcap"), b"time,force\n0,1\n").unwrap();
-    let output = bead(folder.path(), &["recover", "nothing.mcap"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(!at("nothing-recovered.mcap").exists());
 }

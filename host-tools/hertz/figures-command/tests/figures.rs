@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-#[path = "../../../bead/tests/all/schema/mod.rs"]
+#[path = "../../../bead/tests/all/schema.rs"]
 mod schema;
 
 use std::fs;

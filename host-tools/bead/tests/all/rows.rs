@@ -20,7 +20,7 @@ const INTERVAL: f64 = 0.05;
 const EDGES: f64 = 0.0203;
 
 /// One bead of a row.
-pub(crate) struct Who {
+pub(crate) struct RowBead {
     /// Its place, and its address.
     pub(crate) bead: usize,
     /// True if its sync input is on the line.
@@ -37,7 +37,7 @@ pub(crate) struct Who {
     pub(crate) frames_lost: usize,
 }
 
-impl Who {
+impl RowBead {
     /// A bead with nothing amiss.
     pub(crate) fn at(bead: usize) -> Self {
         Self {
@@ -53,7 +53,7 @@ impl Who {
 }
 
 /// Records these beads, in their order, during so many strikes of a scenario.
-pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[Who], strikes: u32) {
+pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[RowBead], strikes: u32) {
     let solution = simulate_with_ring_down(scenario).unwrap();
     let about = About {
         source: "a test".to_owned(),
@@ -85,7 +85,7 @@ pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[Who], strikes: u
 }
 
 /// Frames of a bead, each with the time of its receipt, ns.
-fn frames(solution: &Solution, who: &Who, strikes: u32) -> Vec<(u64, Vec<u8>)> {
+fn frames(solution: &Solution, who: &RowBead, strikes: u32) -> Vec<(u64, Vec<u8>)> {
     let began = 0.000_123_4 * who.bead as f64;
     let timing = Timing {
         lead_in: LEAD_IN - began,
@@ -136,7 +136,7 @@ fn settings(solution: &Solution, bead: usize) -> Settings {
 }
 
 /// The messages of the strikes that are not lost, each with the sample index at which it is made.
-fn strikes_of(collected: &Collector, who: &Who) -> Vec<(u64, Message)> {
+fn strikes_of(collected: &Collector, who: &RowBead) -> Vec<(u64, Message)> {
     let mut messages: Vec<(u64, Message)> = Vec::new();
     let is_lost = |strike: u32| who.lost.contains(&strike);
     for chunk in collected.chunks.iter().filter(|chunk| !is_lost(chunk.strike)) {

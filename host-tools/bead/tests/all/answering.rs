@@ -1,0 +1,169 @@
+//! Beads on one line, as far as requests go: each hears every request and answers those to it.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::program::asked;
+use bead_testing::{Speaker, xorshift};
+use bead_wire::{
+    ANY, Block, Check, Codes, Guard, Heard, Identity, Kind, Link, Lock, Message, Moment, Outcome, Raw, Reply,
+    Request, SelfTest, Settings,
+};
+
+/// A bead that knows no physics: its counts are drawn, and it passes every check.
+pub(crate) struct AnsweringBead {
+    pub(crate) speaker: Speaker,
+    /// The settings block that it measures with.
+    pub(crate) block: Vec<u8>,
+    /// Every request that it executed.
+    pub(crate) done: Vec<Request>,
+    uid: [u8; 12],
+    lock: Lock,
+    draw: Box<dyn FnMut() -> u64 + Send>,
+}
+
+impl AnsweringBead {
+    pub(crate) fn new(address: u8, block: &[u8]) -> Self {
+        Self {
+            speaker: Speaker {
+                boot: 1,
+                ..Speaker::at(address)
+            },
+            block: block.to_vec(),
+            done: Vec::new(),
+            uid: [address; 12],
+            lock: Lock::new([address; 12], None, 0),
+            draw: Box::new(xorshift(0x2545_f491_4f6c_dd1d + u64::from(address))),
+        }
+    }
+
+    /// Index of the next frame's sample.
+    fn index(&self) -> u64 {
+        1000 * u64::from(self.speaker.sequence)
+    }
+
+    fn say(&mut self, message: impl Into<Message>) {
+        self.speaker.say(self.index(), message);
+    }
+
+    fn say_identity(&mut self) {
+        let Message::Identity(drawn) = Message::draw(Kind::Identity, &mut self.draw) else {
+            panic!("an identity");
+        };
+        let own = self.speaker.identity();
+        let uid = self.uid;
+        self.say(Identity {
+            uid,
+            boot: own.boot,
+            sample_rate_hz: own.sample_rate_hz,
+            ..drawn
+        });
+    }
+
+    fn say_settings(&mut self) {
+        let block = Block::try_from(&self.block[..]).unwrap();
+        self.say(Settings { block });
+    }
+
+    /// Takes these bytes, and returns the bead's answer.
+    fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut requests = Vec::new();
+        self.speaker
+            .answer(bytes, |_, asked| requests.push(asked.clone()));
+        for asked in requests {
+            if [ANY, self.speaker.address].contains(&asked.address) {
+                self.answer(asked);
+            }
+        }
+        std::mem::take(&mut self.speaker.bytes)
+    }
+
+    fn answer(&mut self, asked: Heard) {
+        let now = Moment {
+            boot: self.speaker.boot,
+            index: self.index(),
+        };
+        let (address, request) = (asked.address, asked.request.unwrap());
+        let admitted = self.lock.admit(address, asked.number, request, now);
+        let outcome = admitted.as_ref().map_or_else(
+            |outcome| *outcome,
+            |request| {
+                self.execute(request);
+                Outcome::Done
+            },
+        );
+        self.say(Reply {
+            request: asked.number,
+            outcome,
+            detail: "as asked".into(),
+        });
+        if admitted == Ok(Request::Reboot) {
+            (self.speaker.boot, self.speaker.sequence) = (self.speaker.boot + 1, 0);
+            self.say_identity();
+        }
+        self.done.extend(admitted);
+    }
+
+    fn execute(&mut self, request: &Request) {
+        match request {
+            Request::Identity => self.say_identity(),
+            Request::Status => {
+                for kind in [Kind::Status, Kind::Health, Kind::Load] {
+                    let drawn = Message::draw(kind, &mut self.draw);
+                    self.say(drawn);
+                }
+                let counter = self.lock.counter();
+                self.say(Guard {
+                    counter,
+                    ..Guard::default()
+                });
+                self.say(Link::default());
+            }
+            Request::SelfTest => {
+                for check in (0..8).map(Check::from_number) {
+                    self.say(SelfTest {
+                        check,
+                        passed: true,
+                        value: 1,
+                    });
+                }
+            }
+            // One frame, and the count at the end.
+            Request::Raw { duration_ms } => {
+                self.say(Raw {
+                    first_index: 0,
+                    codes: Codes::pack((0..32).map(|code| [code, 4095 - code])).unwrap(),
+                });
+                self.say(Link {
+                    raw_sent: 32,
+                    raw_dropped: u64::from(*duration_ms) * 100 - 32,
+                    ..Link::default()
+                });
+            }
+            Request::WriteSettings { block } => {
+                self.block = block.bytes().to_vec();
+                if let Ok(settings) = bead_model::Settings::decode(&self.block) {
+                    self.speaker.address = settings.description().address;
+                }
+                self.say_settings();
+            }
+            Request::ReadSettings | Request::EraseSettings => self.say_settings(),
+            Request::SetKey { key } => self.lock.set(bead_wire::Key::new(*key)),
+            _ => {}
+        }
+    }
+}
+
+/// Runs `bead` at a line with these beads. What several say at one time collides: the line is low wherever
+/// one pulls it low.
+pub(crate) fn at_line(folder: &Path, beads: &mut [AnsweringBead], arguments: &str) -> Output {
+    let collided = |bytes: &[u8]| {
+        let mut line = Vec::new();
+        for said in beads.iter_mut().map(|bead| bead.hear(bytes)) {
+            line.resize(said.len().max(line.len()), 0xFF);
+            line.iter_mut().zip(said).for_each(|(line, said)| *line &= said);
+        }
+        line
+    };
+    asked(folder, &format!("{arguments} --timeout 0.5"), collided)
+}
