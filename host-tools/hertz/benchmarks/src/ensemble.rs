@@ -10,7 +10,7 @@ use hertz_chain::{
 };
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::report::{Goal, Measurements};
+use crate::report::Measurements;
 
 /// Evaluations of the equations of motion a step.
 const STAGES: f64 = 9.0;
@@ -94,19 +94,13 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     let contacts = chains[0].chain.beads as f64;
     let bound = roots / (STAGES * contacts * steps as f64 / chains.len() as f64);
     let name = "ensemble of chains like A, chains a second and core";
-    report
-        .targets
-        .push(Goal::at_least(name, Some(rate), 20_000.0, "chains/s"));
+    report.at_least(name, Some(rate), 20_000.0, "chains/s");
     let name = format!(
         "the same: greatest error of the absorbed energy of {} chains",
         chains.len()
     );
-    report
-        .targets
-        .push(Goal::at_most(name, Some(error), 1e-6, "of that energy"));
+    report.at_most(name, Some(error), 1e-6, "of that energy");
     // All that a chain can do but take the square roots of all contacts at every stage is in the rest.
     let name = "the same: share of what the square roots of all contacts alone would allow";
-    report
-        .targets
-        .push(Goal::at_least(name, Some(rate / bound), 0.3, ""));
+    report.at_least(name, Some(rate / bound), 0.3, "");
 }

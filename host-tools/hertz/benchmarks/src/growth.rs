@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use hertz_chain::{Accuracy, Run, Scenario};
 
-use crate::report::{Goal, Measurements};
+use crate::report::Measurements;
 
 const ACCURACY: Accuracy = Accuracy::new(1e-10, 1.0);
 
@@ -55,18 +55,14 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
         );
         let exponent = (long / short).log2() / (most as f64 / 256.0).log2();
         let name = format!("{name} chain: exponent of time, 256 to {most} beads");
-        report
-            .targets
-            .push(Goal::at_most(name, Some(exponent), target, ""));
+        report.at_most(name, Some(exponent), target, "");
     }
     let milliseconds = 1e3 * seconds(16_384, 0.0, rounds);
     let name = "16,384 elastic beads crossed at tolerance 1e-10";
-    report
-        .targets
-        .push(Goal::at_most(name, Some(milliseconds), 100.0, "ms"));
+    report.at_most(name, Some(milliseconds), 100.0, "ms");
     let mut huge = scenario(100_000, 4.2e-6);
     huge.duration = 1e-3;
     std::hint::black_box(velocities(&huge));
     let name = "100,000 beads: greatest memory of the whole process";
-    report.targets.push(Goal::at_most(name, memory(), 1.0, "GB"));
+    report.at_most(name, memory(), 1.0, "GB");
 }

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use crate::cases::Case;
-use crate::report::{Goal, Measurements};
+use crate::report::Measurements;
 use crate::{ensemble, ours};
 
 /// Names of the timed cases.
@@ -66,7 +66,7 @@ pub(crate) fn compare(report: &mut Measurements, native: &Path, rounds: usize) -
     for (at, name) in NAMES.iter().enumerate() {
         let more = 100.0 * (least[0][at] / least[1][at] - 1.0);
         let name = format!("{name}: time of the portable program beyond that of a native one");
-        report.targets.push(Goal::at_most(name, Some(more), 5.0, "%"));
+        report.at_most(name, Some(more), 5.0, "%");
     }
     Ok(())
 }

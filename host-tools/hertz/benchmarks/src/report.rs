@@ -104,46 +104,6 @@ pub(crate) struct Goal {
     pub(crate) verdict: &'static str,
 }
 
-impl Goal {
-    pub(crate) fn at_least(
-        name: impl Into<String>,
-        value: Option<f64>,
-        target: f64,
-        unit: &'static str,
-    ) -> Self {
-        let met = value.is_some_and(|value| value >= target);
-        Self::new(name.into(), value, (target, unit), "greater", met)
-    }
-
-    pub(crate) fn at_most(
-        name: impl Into<String>,
-        value: Option<f64>,
-        target: f64,
-        unit: &'static str,
-    ) -> Self {
-        let met = value.is_some_and(|value| value <= target);
-        Self::new(name.into(), value, (target, unit), "less", met)
-    }
-
-    fn new(
-        name: String,
-        value: Option<f64>,
-        (target, unit): (f64, &'static str),
-        better: &'static str,
-        met: bool,
-    ) -> Self {
-        let verdict = if met { "met" } else { "short" };
-        Self {
-            name,
-            value,
-            target,
-            unit,
-            better,
-            verdict,
-        }
-    }
-}
-
 fn number(value: f64) -> String {
     if value.abs() < 1e-3 {
         format!("{value:.1e}")
@@ -175,22 +135,61 @@ impl Measurements {
         }
     }
 
+    /// Adds a number that is to be at least `target`; `None` where there is none.
+    pub(crate) fn at_least(
+        &mut self,
+        name: impl Into<String>,
+        value: Option<f64>,
+        target: f64,
+        unit: &'static str,
+    ) {
+        self.goal(name.into(), value, (target, unit), "greater", |value| {
+            value >= target
+        });
+    }
+
+    /// Adds a number that is to be at most `target`; `None` where there is none.
+    pub(crate) fn at_most(
+        &mut self,
+        name: impl Into<String>,
+        value: Option<f64>,
+        target: f64,
+        unit: &'static str,
+    ) {
+        self.goal(name.into(), value, (target, unit), "less", |value| {
+            value <= target
+        });
+    }
+
+    fn goal(
+        &mut self,
+        name: String,
+        value: Option<f64>,
+        (target, unit): (f64, &'static str),
+        better: &'static str,
+        is_met: impl Fn(f64) -> bool,
+    ) {
+        let verdict = if value.is_some_and(is_met) { "met" } else { "short" };
+        self.targets.push(Goal {
+            name,
+            value,
+            target,
+            unit,
+            better,
+            verdict,
+        });
+    }
+
     pub(crate) fn add(&mut self, comparison: Comparison) {
         let ours = comparison.rows[0].milliseconds;
         let others = comparison.rows[1..].iter().filter_map(|row| row.milliseconds);
         let best = others.fold(f64::INFINITY, f64::min);
         let ratio = ours.filter(|_| best.is_finite()).map(|ours| best / ours);
         let name = format!("{}: times faster than the best peer", comparison.case);
-        self.targets
-            .push(Goal::at_least(name, ratio, comparison.target, "times"));
+        self.at_least(name, ratio, comparison.target, "times");
         let name = format!("{}: error of the reference", comparison.case);
         let most = 0.1 * comparison.allowed;
-        self.targets.push(Goal::at_most(
-            name,
-            Some(comparison.reference),
-            most,
-            "of the greatest velocity",
-        ));
+        self.at_most(name, Some(comparison.reference), most, "of the greatest velocity");
         self.comparisons.push(comparison);
     }
 
