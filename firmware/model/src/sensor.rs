@@ -242,6 +242,7 @@ pub(crate) fn gains_differ(gains: GainMatch, part: I16F16) -> bool {
 mod tests {
     use super::*;
     use crate::quantity::SensedForce;
+    use crate::window::GAIN_TOLERANCE;
     use fixed::types::I2F30;
     use fixed::types::extra::U30;
 
@@ -328,7 +329,7 @@ mod tests {
                 "{matched:?}"
             );
             assert!(uncertainty < 2e-3, "{matched:?}");
-            assert_eq!(gains_differ(matched, I16F16::from_num(0.02)), more != 1.0);
+            assert_eq!(gains_differ(matched, GAIN_TOLERANCE), more != 1.0);
         }
         let (_, _, none) = measured(&pulse(1.0), 1.0, PIECE);
         assert_eq!(none, None);
@@ -352,11 +353,7 @@ mod tests {
                     deviation: Fraction::from_bits(deviation),
                     uncertainty: Fraction::from_bits(uncertainty),
                 };
-                assert_eq!(
-                    gains_differ(gains, I16F16::from_bits(PART)),
-                    expected,
-                    "{gains:?}"
-                );
+                assert_eq!(gains_differ(gains, GAIN_TOLERANCE), expected, "{gains:?}");
             }
         }
     }

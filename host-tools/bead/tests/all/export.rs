@@ -186,6 +186,8 @@ fn tables_hold_the_recording_bit_for_bit() {
     assert_says(&uff, "boot 2 of the recording");
     let data = universal(&uff);
     assert_eq!(data.len(), 8);
+    // Type 17 of a UFF axis is time.
+    assert_says(&uff, "        17    0    0    0 Time");
     for (sensor, column, scale) in [(0, "force_n", 65536.0), (1, "acceleration_mps2", 4096.0)] {
         let values = data.iter().skip(sensor).step_by(2).flatten();
         let values: Vec<f64> = values.map(|value| (value * scale).round() / scale).collect();

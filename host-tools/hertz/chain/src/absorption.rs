@@ -50,3 +50,33 @@ impl Solution {
         Absorption::all(&self.at(t))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::scenario::{Scenario, Start};
+    use crate::simulate;
+
+    #[test]
+    fn the_energy_of_beads_that_move_at_the_start_is_injected_too() {
+        let mut scenario = Scenario::paper();
+        let end = scenario.duration;
+        scenario.starts = vec![Start {
+            beads: vec![1],
+            velocity: 0.45,
+            gap: 0.0,
+        }];
+        let solution = simulate(&scenario).unwrap();
+        let model = solution.model();
+        let kinetic = |body: usize, velocity: f64| 0.5 * model.mass(body) * velocity * velocity;
+        let brought = kinetic(0, 0.45) + kinetic(1, 0.45);
+        let injected = brought - kinetic(0, solution.at(end).velocity(0));
+        let [absorbed] = solution.absorption(end)[..] else {
+            panic!("the paper has one intruder");
+        };
+        let expected = absorbed.dissipated / injected;
+        assert!(
+            (absorbed.of_injected / expected - 1.0).abs() < 1e-12,
+            "{absorbed:?}"
+        );
+    }
+}

@@ -106,3 +106,23 @@ fn period((radius, material): (f64, Material)) -> f64 {
     let shear = 0.5 * material.young / (1.0 + material.poisson);
     TAU * radius / (2.65 * (shear / material.density).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lamb's equation for the spheroidal mode l = 2, solved for three ratios of Poisson: ω R / √(G/ρ).
+    #[test]
+    fn the_period_of_a_sphere_is_within_a_hundredth_of_lambs() {
+        for (poisson, root) in [(0.25, 2.63987), (0.27, 2.64250), (0.44, 2.66062)] {
+            let young = 2.0 * (1.0 + poisson);
+            let unit = Material {
+                young,
+                poisson,
+                density: 1.0,
+            };
+            let off = period((1.0, unit)) * root / TAU - 1.0;
+            assert!(off.abs() < 0.01, "{poisson}: {off}");
+        }
+    }
+}

@@ -436,6 +436,12 @@ mod tests {
             assert_eq!(adc.next_conversion(), Some(ends));
             adc.finish(100, ends);
         }
+        let cycles = (0..8).map(|code| {
+            adc.put(0, [(SMPR2, code)]);
+            adc.conversion_cycles(0)
+        });
+        // Sampling times of RM0090 section 13.13.5, and twelve cycles.
+        assert!(cycles.eq([15, 27, 40, 68, 96, 124, 156, 492]));
     }
 
     #[test]
