@@ -553,29 +553,25 @@ impl Register {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead as PaperBead, Capture, FrontEnd, derive};
-    use bead_model::settings::BLOCK_MAX;
-    use bead_testing::one_sample_strike as strike;
+    use bead_model::design::{Bead as PaperBead, Capture, Description, FrontEnd, derive};
+    use bead_testing::{block_of, one_sample_strike as strike};
     use bead_wire::{Block, Inner, Kind, Packed};
 
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
     const NEXT: Arrival = Arrival::Next { lost: 0 };
 
-    fn settings(threshold: u16) -> Message {
+    fn settings(threshold: u32) -> Message {
         let paper = derive(&PaperBead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        let settings = paper
-            .with(|bead| bead.capture.threshold = f64::from(threshold) * bead.force.per_code)
-            .unwrap();
-        let mut block = [0; BLOCK_MAX];
-        let length = settings.encode(&mut block).unwrap();
-        let block = Block::try_from(&block[..length]).unwrap();
-        bead_wire::Settings { block }.into()
+        let change = |bead: &mut Description| {
+            bead.capture.threshold = f64::from(threshold) * bead.force.per_code;
+        };
+        block_of(&paper.with(change).unwrap()).into()
     }
 
     /// The fetched frames of a strike.
     fn fetched(boot: u32, number: u32, first_index: u64) -> [Message; 4] {
         let [waveform, strike, shape] = strike(number, first_index);
-        let mut part = 0;
+        let mut part = 0..;
         [settings(50), waveform, strike, shape].map(|message| {
             let mut packed = Packed::new();
             packed.pack(0, boot as u8, &message).unwrap();
@@ -584,15 +580,15 @@ mod tests {
                 room[..content.len()].copy_from_slice(content);
                 content.len()
             });
-            part += 1;
-            Message::from(Fetched {
+            let fetched = Fetched {
                 boot,
                 strike: number,
-                part: part - 1,
+                part: part.next().unwrap(),
                 parts: 4,
                 frame_kind,
                 body,
-            })
+            };
+            fetched.into()
         })
     }
 
@@ -612,7 +608,7 @@ mod tests {
             let (boot, sequence) = self.beads.entry(address).or_default();
             let mut frame = Frame::of(address, *boot, arrival, message);
             frame.header.sequence = *sequence;
-            *sequence += 1;
+            *sequence = sequence.wrapping_add(1);
             self.assembly.push(&frame)
         }
 
@@ -630,14 +626,25 @@ mod tests {
         }
     }
 
-    fn short(events: Vec<Event>) -> Vec<Short> {
+    /// The strikes among these events.
+    fn assembled(events: Vec<Event>) -> Vec<Assembled> {
         let strikes = events.into_iter().filter_map(|event| match event {
             Event::Restart(_) => None,
-            Event::Whole(assembled) => Some((true, assembled)),
-            Event::Gap(assembled) => Some((false, assembled)),
+            Event::Whole(assembled) | Event::Gap(assembled) => Some(*assembled),
         });
+        strikes.collect()
+    }
+
+    fn short(events: Vec<Event>) -> Vec<Short> {
+        let whole: Vec<bool> = events
+            .iter()
+            .filter(|event| !matches!(event, Event::Restart(_)))
+            .map(|event| matches!(event, Event::Whole(_)))
+            .collect();
+        let strikes = assembled(events).into_iter().map(|assembled| assembled.strike);
+        let strikes = whole.into_iter().zip(strikes);
         strikes
-            .map(|(is_whole, assembled)| (is_whole, assembled.strike.boot, assembled.strike.said.strike))
+            .map(|(is_whole, strike)| (is_whole, strike.boot, strike.said.strike))
             .collect()
     }
 
@@ -666,12 +673,60 @@ mod tests {
         let block = Block::try_from(&block[..]).unwrap();
         line.push(7, RESTART, bead_wire::Settings { block }.into());
         line.send(7, strike(0, 10));
-        let events = line.assembly.end();
-        let [Event::Whole(assembled) | Event::Gap(assembled)] = &events[..] else {
-            panic!("{events:?}");
-        };
-        assert_eq!(assembled.strike.settings, None);
-        assert_eq!(assembled.strike.unreleased_settings, Some(6));
+        let assembled = assembled(line.assembly.end());
+        assert_eq!(assembled[0].strike.settings, None);
+        assert_eq!(assembled[0].strike.unreleased_settings, Some(6));
+    }
+
+    #[test]
+    fn a_strike_has_the_last_settings_before_it_also_where_numbers_begin_again() {
+        // A full line sends 2^32 frames in 24 days.
+        for first in [0, u32::MAX - 4] {
+            let mut line = Line::default();
+            line.beads.insert(7, (0, first));
+            let mut events = Vec::new();
+            for number in 0..3 {
+                for message in strike(first.wrapping_add(number), number.into()) {
+                    events.extend(line.push(7, NEXT, message));
+                }
+                events.extend(line.push(7, NEXT, settings(50 + 10 * number)));
+            }
+            events.extend(line.assembly.end());
+            let settings = assembled(events)
+                .into_iter()
+                .map(|assembled| assembled.strike.settings);
+            let thresholds: Vec<u16> = settings
+                .map(|settings| settings.unwrap().window.threshold)
+                .collect();
+            assert_eq!(thresholds, [50, 50, 60], "from frame {first}");
+        }
+    }
+
+    #[test]
+    fn a_strike_names_its_boot_among_those_of_its_bead_also_after_a_power_cycle() {
+        let mut line = Line::default();
+        let mut events = Vec::new();
+        // A power cycle, and a reset.
+        for (address, boot, arrival) in [
+            (7, 0, Arrival::First),
+            (8, 0, Arrival::First),
+            (7, 0, RESTART),
+            (7, 1, RESTART),
+        ] {
+            line.beads.insert(address, (boot, 0));
+            events.extend(line.push(address, arrival, settings(50)));
+            for message in strike(0, 10) {
+                events.extend(line.push(address, NEXT, message));
+            }
+        }
+        let boots = assembled(events).into_iter().map(|assembled| assembled.strike);
+        let boots: Vec<_> = boots
+            .map(|strike| (strike.address, strike.boot, strike.nth_boot))
+            .collect();
+        assert_eq!(
+            boots,
+            [(7, 0, Some(0)), (8, 0, Some(0)), (7, 0, Some(1)), (7, 1, Some(2))]
+        );
     }
 
     #[test]
@@ -729,11 +784,7 @@ mod tests {
             assert_eq!(line.send(7, fetched(boot.into(), 0, 10)), []);
             // The other bead was not reset to that boot, unless all boots began.
             let is_known = before != boot;
-            assert_eq!(
-                line.assembly.is_whole(8, boot, 0),
-                is_known,
-                "boot {before} to {boot}"
-            );
+            assert_eq!(line.assembly.is_whole(8, boot, 0), is_known, "{before} to {boot}");
             assert_eq!(line.send(8, fetched(boot.into(), 0, 10)).is_empty(), is_known);
         }
     }
@@ -747,13 +798,10 @@ mod tests {
         line.send(7, [result]);
         assert_eq!(line.restart(7, 4), [(false, 3, 1)]);
         assert_eq!(line.send(7, fetched(3, 0, 10)), []);
-        let frames = fetched(3, 1, 20);
-        let events: Vec<Event> = frames
-            .into_iter()
-            .flat_map(|frame| line.push(7, NEXT, frame))
-            .collect();
-        let [Event::Whole(assembled)] = &events[..] else {
-            panic!("{events:?}");
+        let frames = fetched(3, 1, 20).into_iter();
+        let events = frames.flat_map(|frame| line.push(7, NEXT, frame)).collect();
+        let [assembled] = &assembled(events)[..] else {
+            panic!("one strike");
         };
         let before = Parts {
             result: true,

@@ -114,115 +114,97 @@ mod tests {
     use super::*;
     use crate::frames::decode;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_testing::{Speaker, block_of};
     use bead_wire::{
-        Acceleration, Block, Body, Check, Codes, Energy, Force, Fraction, Header, Identity, Impulse, Kind,
-        MAX_BLOCK, MAX_FRAME, Raw, ResetCauses, Samples, SelfTest, Shape, Strike, StrikeFlags, Sync, encode,
+        Acceleration, Block, Body, Check, Codes, Energy, Force, Identity, Impulse, Kind, Raw, ResetCauses,
+        Samples, SelfTest, Shape, Strike, StrikeFlags, Sync,
     };
 
-    fn sent(sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
-        let header = Header {
-            address: 0,
-            boot: 0,
-            sequence,
-            sample_index,
-        };
-        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    /// The JSON of these messages.
+    fn shown(messages: &[Message]) -> Vec<Value> {
+        let mut bead = Speaker::at(0);
+        messages
+            .iter()
+            .for_each(|message| bead.say(1400, message.clone()));
+        decode(&bead.bytes).0.iter().map(Frame::json).collect()
     }
 
     fn identity() -> Message {
-        Message::Identity(Identity {
-            firmware: "0.1.0".into(),
-            git: "abc".into(),
+        let identity = Identity {
             uid: [0xA5; 12],
-            boot: 256,
             reset_cause: ResetCauses::from_bits(0b0000_1100),
-            sample_rate_hz: 100_000,
-            channels: 4,
-        })
+            ..Speaker::at(0).identity()
+        };
+        identity.into()
     }
 
-    fn strike() -> Strike {
-        Strike {
-            strike: 1,
-            first_index: 1000,
+    #[test]
+    fn a_strike_is_shown_in_si_units_beside_its_bits() {
+        let strike = Strike {
             trigger_index: 1032,
-            samples: 400,
             peak_force: Force::from_bits(3 << 15),
-            peak_index: 1040,
             acceleration_max: Acceleration::from_bits(5 << 16),
             acceleration_min: Acceleration::from_bits(-(1 << 16)),
             absorbed_measured: Energy::from_bits(830 << 24),
             absorbed_predicted: Energy::from_bits(1 << 23),
             incident_energy: Energy::from_bits(-(1 << 24)),
-            absorbed_fraction: Fraction::from_bits(1 << 14),
-            noise_energy: Energy::from_bits(1 << 20),
-            force_noise: Force::from_bits(328),
             flags: StrikeFlags::from_bits(0b1100_0000_0000_0010),
-        }
-    }
-
-    #[test]
-    fn a_strike_is_shown_in_si_units_beside_its_bits() {
-        let stream = [sent(0, 0, &identity()), sent(3, 1400, &Message::Strike(strike()))].concat();
-        let (frames, counters) = decode(&stream);
+            ..Strike::draw(&mut || 0)
+        };
+        let mut bead = Speaker::at(0);
+        bead.say(0, identity());
+        bead.sequence = 3;
+        bead.say(1400, strike);
+        let (frames, counters) = decode(&bead.bytes);
         assert_eq!(counters.lost, 2);
         let json = frames[1].json();
-        let near = |key: &str, expected: f64| {
+        for (key, expected) in [
+            ("peak_force_n", 1.5_f64),
+            ("acceleration_max_mps2", 5.0),
+            ("acceleration_min_mps2", -1.0),
+            ("absorbed_measured_j", 830e-9),
+            ("absorbed_predicted_j", 0.5e-9),
+            ("incident_energy_j", -1e-9),
+            ("time_s", 0.014),
+            ("trigger_time_s", 0.01032),
+        ] {
             let value = json[key].as_f64().unwrap();
             assert!(
                 (value - expected).abs() <= 1e-15 * expected.abs(),
                 "{key} is {value}"
             );
-        };
-        near("peak_force_n", 1.5);
-        near("acceleration_max_mps2", 5.0);
-        near("acceleration_min_mps2", -1.0);
-        near("absorbed_measured_j", 830e-9);
-        near("absorbed_predicted_j", 0.5e-9);
-        near("incident_energy_j", -1e-9);
-        near("time_s", 0.014);
-        near("trigger_time_s", 0.01032);
-        assert_eq!(json["absorbed_measured_raw"], json!(830i64 << 24));
-        assert_eq!(json["flags"], json!(["acceleration_railed", "sensor_fault"]));
-        assert_eq!(json["flags_raw"], json!(0xc002));
+        }
+        for (key, expected) in [
+            ("absorbed_measured_raw", json!(830i64 << 24)),
+            ("flags", json!(["acceleration_railed", "sensor_fault"])),
+            ("flags_raw", json!(0xc002)),
+            ("kind", json!("strike")),
+            ("lost_before", json!(2)),
+            ("arrival", json!("next")),
+        ] {
+            assert_eq!(json[key], expected, "{key}");
+        }
         assert_eq!(
-            (&json["kind"], &json["lost_before"], &json["arrival"]),
-            (&json!("strike"), &json!(2), &json!("next"))
+            shown(&[strike.into()])[0]["time_s"],
+            Value::Null,
+            "no sample rate is known"
         );
-    }
-
-    /// The lines of these messages.
-    fn lines(messages: &[Message]) -> Vec<Value> {
-        let stream: Vec<u8> = (0..)
-            .zip(messages)
-            .flat_map(|(sequence, message)| sent(sequence, 9, message))
-            .collect();
-        decode(&stream).0.iter().map(Frame::json).collect()
     }
 
     #[test]
     fn every_kind_becomes_an_object_that_begins_with_its_kind() {
-        let mut bits = 0;
-        let mut next = || {
-            bits += 1;
-            bits
-        };
-        let messages: Vec<_> = Kind::ALL
-            .iter()
-            .map(|kind| Message::draw(*kind, &mut next))
-            .collect();
-        for (line, message) in lines(&messages).iter().zip(&messages) {
-            let kind = message.kind().name();
-            assert!(
-                line.to_string().starts_with(&format!("{{\"kind\":\"{kind}\"")),
-                "{line}"
-            );
+        let mut bits = 0..;
+        let draw = |kind: &Kind| Message::draw(*kind, &mut || bits.next().unwrap());
+        let messages: Vec<_> = Kind::ALL.iter().map(draw).collect();
+        for (object, message) in shown(&messages).iter().zip(&messages) {
+            let begin = format!("{{\"kind\":\"{}\"", message.kind().name());
+            assert!(object.to_string().starts_with(&begin), "{object}");
         }
     }
 
     #[test]
     fn sets_names_bytes_scans_and_times_are_shown_for_people() {
-        let lines = lines(&[
+        let shown = shown(&[
             identity(),
             Message::Raw(Raw {
                 first_index: 200_000,
@@ -235,66 +217,48 @@ mod tests {
             }),
             Message::Sync(Sync::at(4, 100_210, 840, 1)),
         ]);
-        assert_eq!(lines[0]["reset_cause"], json!(["pin", "power_on"]));
-        assert_eq!(lines[0]["uid"], json!("a5".repeat(12)));
-        assert_eq!(lines[1]["codes"], json!([[7, 4095]]));
-        assert_eq!(lines[1]["first_time_s"], json!(2.0));
-        assert_eq!(lines[2]["passed"], json!(true));
-        assert_eq!(
-            (&lines[2]["check"], &lines[2]["check_raw"]),
-            (&Value::Null, &json!(99))
-        );
-        let time = lines[3]["edge_time_s"].as_f64().unwrap();
+        for (at, key, expected) in [
+            (0, "reset_cause", json!(["pin", "power_on"])),
+            (0, "uid", json!("a5".repeat(12))),
+            (1, "codes", json!([[7, 4095]])),
+            (1, "first_time_s", json!(2.0)),
+            (2, "passed", json!(true)),
+            (2, "check", Value::Null),
+            (2, "check_raw", json!(99)),
+        ] {
+            assert_eq!(shown[at][key], expected, "{key}");
+        }
+        let time = shown[3]["edge_time_s"].as_f64().unwrap();
         assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
     }
 
     #[test]
     fn settings_are_shown_as_quantities_and_a_block_that_is_none_says_why() {
         let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        let mut room = [0; MAX_BLOCK];
-        let length = settings.encode(&mut room).unwrap();
-        let block = |bytes: &[u8]| {
-            Message::Settings(bead_wire::Settings {
-                block: Block::try_from(bytes).unwrap(),
-            })
-        };
-        let lines = lines(&[block(&room[..length]), block(b"no block")]);
-        assert_eq!(lines[0]["settings_raw"], serde_json::to_value(settings).unwrap());
-        assert_eq!(lines[0]["settings"]["intruder"]["stiffness"], json!(3.95e5));
-        assert_eq!(lines[1]["settings"], Value::Null);
-        assert!(lines[1]["refused"].is_string());
+        let block = Block::try_from(&b"no block"[..]).unwrap();
+        let shown = shown(&[block_of(&settings).into(), bead_wire::Settings { block }.into()]);
+        assert_eq!(shown[0]["settings_raw"], serde_json::to_value(settings).unwrap());
+        assert_eq!(shown[0]["settings"]["intruder"]["stiffness"], json!(3.95e5));
+        assert_eq!(shown[1]["settings"], Value::Null);
+        assert!(shown[1]["refused"].is_string());
     }
 
     #[test]
-    fn what_a_window_does_not_tell_is_null_beside_its_bits() {
+    fn quantities_that_were_not_found_are_null_beside_their_bits() {
         let shape = |arrival| Shape {
             first_index: 1000,
             arrival: Samples::from_bits(arrival),
             impulse: Impulse::from_bits(0),
             ..Shape::draw(&mut || 0)
         };
-        let lines = lines(&[identity(), shape(0).into(), shape(1 << 17).into()]);
-        for key in [
-            "arrival_s",
-            "width_s",
-            "ring_frequency_hz",
-            "ring_decay_per_s",
-            "arrival_time_s",
-        ] {
-            assert_eq!(lines[1][key], Value::Null, "{key}");
+        let shown = shown(&[identity(), shape(0).into(), shape(1 << 17).into()]);
+        let unknown = "arrival_s width_s ring_frequency_hz ring_decay_per_s arrival_time_s force_gains";
+        for key in unknown.split(' ') {
+            assert_eq!(shown[1][key], Value::Null, "{key}");
         }
-        assert_eq!(lines[1]["ring_frequency_raw"], json!(0));
-        assert_eq!(lines[1]["impulse_n_s"], json!(0.0));
-        assert_eq!(lines[1]["force_gains"], Value::Null);
-        assert_eq!(
-            (&lines[2]["arrival_s"], &lines[2]["arrival_time_s"]),
-            (&json!(2e-5), &json!(0.01002))
-        );
-    }
-
-    #[test]
-    fn no_time_is_given_before_the_sample_rate_is_known() {
-        let (frames, _) = decode(&sent(5, 1400, &Message::Strike(strike())));
-        assert_eq!(frames[0].json()["time_s"], Value::Null);
+        assert_eq!(shown[1]["ring_frequency_raw"], json!(0));
+        assert_eq!(shown[1]["impulse_n_s"], json!(0.0));
+        assert_eq!(shown[2]["arrival_s"], json!(2e-5));
+        assert_eq!(shown[2]["arrival_time_s"], json!(0.01002));
     }
 }

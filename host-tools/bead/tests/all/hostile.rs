@@ -176,18 +176,3 @@ fn of_very_many_runs_that_are_no_frames_the_first_are_printed_and_all_are_counte
     );
     assert!(lines[1001].contains(" 5000 refused"), "{said}");
 }
-
-#[test]
-fn boots_beyond_those_whose_clocks_are_fitted_are_printed_and_told() {
-    let mut numbers = 1..;
-    let identity = Message::draw(Kind::Identity, &mut || numbers.next().unwrap());
-    let mut stream = Speaker::at(1);
-    for boot in 0..4100 {
-        (stream.boot, stream.sequence) = (boot, 0);
-        stream.say(0, identity.clone());
-    }
-    let decoded = bead(recorded(&stream).path(), "decode a.mcap");
-    let said = said(&decoded);
-    assert_says(&said, "boots of beads after the first 4096 have no host_time");
-    assert_eq!(done(decoded).lines().count(), 4100);
-}

@@ -104,12 +104,7 @@ impl PlacedEdges {
         })
     }
 
-    /// How many there are.
-    pub(super) fn count(&self) -> usize {
-        self.edges.len()
-    }
-
-    /// Those that both segments saw, as times of each in s. Two edges are the same if their host times are.
+    /// The edges that both segments saw, as times of each in s. Two edges are the same if their host times are.
     pub(super) fn in_common(&self, reference: &Self) -> Vec<(f64, f64)> {
         let within = (self.closest.min(reference.closest) / 4.0).min(SAME_EDGE);
         let mut pairs = Vec::new();

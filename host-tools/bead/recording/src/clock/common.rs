@@ -27,10 +27,6 @@ const SURE: f64 = 10.0;
 
 /// Edges that two clocks must have in common.
 const EDGES_LEAST: usize = 2;
-/// Boots that are tried as the one whose time it is. A bead that is in order has one, and each that is tried
-/// is held against all others.
-const BASES_MOST: usize = 64;
-
 /// Frames of a bead between two resets, on other clocks than its own.
 #[derive(Debug, Clone)]
 struct Boot {
@@ -91,16 +87,14 @@ impl CommonTime {
             .filter_map(|(place, segment)| Fitted::of(place, segment))
             .collect();
         let (mut reference, mut most) = (0, 0);
-        for at in bases(&fitted) {
-            let base = &fitted[at].edges;
+        for (at, base) in fitted.iter().enumerate() {
             let others = fitted.iter().enumerate().filter(|(other, _)| *other != at);
-            let reached = others
-                .filter(|(_, other)| other.edges.in_common(base).len() >= EDGES_LEAST)
-                .count();
+            let shares = |other: &Fitted| other.edges.in_common(&base.edges).len() >= EDGES_LEAST;
+            let reached = others.filter(|(_, other)| shares(other)).count();
             if reached > most {
                 (reference, most) = (at, reached);
             }
-            if reached + 1 == fitted.len() {
+            if most + 1 == fitted.len() {
                 break;
             }
         }
@@ -161,16 +155,6 @@ impl CommonTime {
     }
 }
 
-/// The boots that may give the time: of those with enough edges the ones with most, in their order.
-fn bases(fitted: &[Fitted]) -> Vec<usize> {
-    let edges = |at: usize| fitted[at].edges.count();
-    let mut bases: Vec<usize> = (0..fitted.len()).filter(|at| edges(*at) >= EDGES_LEAST).collect();
-    bases.sort_by_key(|at| std::cmp::Reverse(edges(*at)));
-    bases.truncate(BASES_MOST);
-    bases.sort_unstable();
-    bases
-}
-
 /// True seconds in a second of the bead with this fit, by the host's clock, or by those that are aligned with
 /// it.
 fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
@@ -187,7 +171,6 @@ fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::segments::Edge;
 
     /// A bead whose clock is fast by this much, ppm, over so many seconds of frames.
     fn fit(fast: f64, seconds: u32) -> Fit {
@@ -202,38 +185,6 @@ mod tests {
     fn faster(ppm: f64) -> Option<Alignment> {
         let pairs = (0..20).map(f64::from).map(|at| (at * (1.0 + ppm * 1e-6), at));
         Alignment::through(pairs.collect())
-    }
-
-    #[test]
-    fn of_many_boots_those_with_most_edges_are_tried_and_none_without_two() {
-        let boot = |edges: u32| {
-            let edge = |number: u32| Edge {
-                number,
-                position: f64::from(number) * 1e5,
-            };
-            let segment = Segment {
-                sample_rate_hz: Some(100_000),
-                edges: (0..edges).map(edge).collect(),
-                ..Segment::default()
-            };
-            let fit = fit(0.0, 2);
-            Fitted {
-                place: 0,
-                rate: 1e5,
-                fit,
-                edges: PlacedEdges::of(&segment, &fit).unwrap(),
-            }
-        };
-        let few: Vec<_> = [1, 2, 0, 5, 3].map(boot).into();
-        assert_eq!(bases(&few), [1, 3, 4]);
-        let many: Vec<_> = (0..300).map(|at| boot(at % 3 + 1)).collect();
-        let tried = bases(&many);
-        assert_eq!(tried.len(), BASES_MOST);
-        // Of those with three edges the first, in their order.
-        assert!(
-            tried.iter().zip(0..).all(|(base, n)| *base == 3 * n + 2),
-            "{tried:?}"
-        );
     }
 
     #[test]

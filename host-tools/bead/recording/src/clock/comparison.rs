@@ -22,12 +22,12 @@ pub struct ClockComparison {
     pub clocks: Vec<ClockReport>,
     /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the
     /// first bead in the first recording, the boot with most edges.
-    pub reference: Option<Place>,
+    pub reference: Option<RecordedBoot>,
     /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival: at most 100 000.
     pub strikes: Vec<StrikeArrival>,
-    /// Data that memory had no room for, in words; empty if none.
+    /// What is not shown, in words; empty if nothing.
     pub left_out: Vec<String>,
 }
 
@@ -36,7 +36,7 @@ const STRIKES_MOST: usize = 100_000;
 
 /// A recording, a bead in it and one of its boots.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
-pub struct Place {
+pub struct RecordedBoot {
     /// The recording.
     pub recording: PathBuf,
     /// The bead's address.
@@ -53,7 +53,7 @@ pub struct Place {
 )]
 pub struct ClockReport {
     #[serde(flatten)]
-    pub place: Place,
+    pub place: RecordedBoot,
     pub uid: Option<String>,
     /// Host time, in ns since 1970, of the bead's sample index 0.
     pub started_unix_ns: i64,
@@ -74,7 +74,7 @@ pub struct ClockReport {
 pub struct AlignmentReport {
     /// Where the bead was recorded.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: RecordedBoot,
     /// Number of edges that both saw.
     pub edges_in_common: usize,
     /// Reference time of the bead's sample index 0.
@@ -89,7 +89,7 @@ pub struct AlignmentReport {
 pub struct StrikeArrival {
     /// Where it was felt.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: RecordedBoot,
     /// Its number there.
     pub strike: u32,
     /// When its force was highest, in s of the reference since its reset.
@@ -100,16 +100,16 @@ pub struct StrikeArrival {
 }
 
 /// A boot of a bead, and its clock against the host's.
-type Fitted = (Place, Fit, Segment);
+type Fitted = (RecordedBoot, Fit, Segment);
 
 /// Reads recordings and finds how their clocks run.
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
 pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
-    let (mut recordings, mut left_out) = (Vec::new(), Vec::new());
+    let mut recordings = Vec::new();
     for path in paths {
-        let beads = fitted(path, &mut left_out)?;
+        let beads = fitted(path)?;
         if beads.is_empty() {
             return Err(RecordingError::Lacking(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
@@ -123,7 +123,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         reference: None,
         alignments: Vec::new(),
         strikes: Vec::new(),
-        left_out,
+        left_out: Vec::new(),
     };
     let Some(([first, neighbours @ ..], others)) =
         recordings.split_first().map(|(own, rest)| (&own[..], rest))
@@ -148,16 +148,11 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         }
     }
     report.strikes.sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
-    if let Some(more) = report
-        .strikes
-        .len()
-        .checked_sub(STRIKES_MOST)
-        .filter(|more| *more > 0)
-    {
+    let more = report.strikes.len().saturating_sub(STRIKES_MOST);
+    if more > 0 {
         report.strikes.truncate(STRIKES_MOST);
-        report
-            .left_out
-            .push(format!("{more} strikes after the first {STRIKES_MOST}"));
+        let left_out = format!("{more} strikes after the first {STRIKES_MOST}");
+        report.left_out.push(left_out);
     }
     Ok(report)
 }
@@ -187,7 +182,7 @@ impl ClockComparison {
 }
 
 /// Why no bead of a recording could be put on the time of `base`.
-fn nothing_in_common(base: &Segment, reference: &Place, recording: &[Vec<Fitted>]) -> String {
+fn nothing_in_common(base: &Segment, reference: &RecordedBoot, recording: &[Vec<Fitted>]) -> String {
     let mut segments = recording.iter().flatten().map(|(.., segment)| segment);
     let same = base
         .uid
@@ -210,41 +205,26 @@ fn nothing_in_common(base: &Segment, reference: &Place, recording: &[Vec<Fitted>
 }
 
 /// The boots of each bead in a recording, without those that have no receive times.
-fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, RecordingError> {
+fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
     let received = Received::open(path)?;
-    let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
     let mut tracker = Tracker::of(&received.recording)?;
-    let shown = path.display();
-    if tracker.left_out {
-        let kept = tracker.segments.len();
-        left_out.push(format!("{shown}: boots of beads after the first {kept}"));
-    }
-    let events: u64 = tracker.segments.iter().map(|segment| segment.left_out).sum();
-    if events > 0 {
-        left_out.push(format!(
-            "{shown}: {events} edges and strikes, as a boot has more than a million"
-        ));
-    }
     find_fronts(&mut tracker.segments, received.strikes()?);
+    let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
     for segment in tracker.segments {
         beads.entry(segment.address).or_default().push(segment);
     }
     let boots = |(address, segments): (u8, Vec<Segment>)| -> Vec<Fitted> {
-        let place = |boot| Place {
+        let place = |boot| RecordedBoot {
             recording: path.to_owned(),
             address,
             boot,
         };
         let segments = segments.into_iter().enumerate();
-        segments
-            .filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)))
-            .collect()
+        let fitted = segments.filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)));
+        fitted.collect()
     };
-    Ok(beads
-        .into_iter()
-        .map(boots)
-        .filter(|boots| !boots.is_empty())
-        .collect())
+    let beads = beads.into_iter().map(boots);
+    Ok(beads.filter(|boots| !boots.is_empty()).collect())
 }
 
 /// Finds the front of each strike whose samples were received.
@@ -290,7 +270,7 @@ fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
 }
 
 /// The strikes of a segment, at `place`, on the time that `reference` makes of the bead's own.
-fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
+fn arrivals(segment: &Segment, place: &RecordedBoot, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
     let arrival = |struck: &Struck| {
         Some(StrikeArrival {
             place: place.clone(),
@@ -307,11 +287,12 @@ mod tests {
     use super::*;
     use crate::strikes::ScanCodes;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
-    use bead_wire::{Kind, Message};
+    use bead_testing::one_sample_strike;
+    use bead_wire::Message;
 
     #[test]
     fn the_front_of_a_strike_is_of_its_own_boot_also_after_a_power_cycle() {
-        let Message::Strike(said) = Message::draw(Kind::Strike, &mut || 0) else {
+        let [_, Message::Strike(said), _] = one_sample_strike(7, 0) else {
             panic!("a strike");
         };
         let scan = |sample: u16| {
@@ -322,14 +303,15 @@ mod tests {
             }
         };
         let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
-        let strike = RecordedStrike {
+        let strike = |nth_boot| RecordedStrike {
+            nth_boot,
             scans: (0..672).map(scan).collect(),
             settings: Some(settings),
             ..RecordedStrike::new(0, said)
         };
         let boot = || Segment {
             struck: vec![Struck {
-                strike: strike.said.strike,
+                strike: 7,
                 position: 0.0,
                 rise: None,
             }],
@@ -339,11 +321,7 @@ mod tests {
         // last.
         for (nth_boot, place) in [(Some(0), 0), (Some(1), 1), (Some(2), 2), (None, 2)] {
             let mut boots = [boot(), boot(), boot()];
-            let strike = RecordedStrike {
-                nth_boot,
-                ..strike.clone()
-            };
-            find_fronts(&mut boots, [strike].into_iter());
+            find_fronts(&mut boots, [strike(nth_boot)].into_iter());
             let found: Vec<_> = boots.iter().map(|boot| boot.struck[0].rise.is_some()).collect();
             let expected: Vec<_> = (0..3).map(|at| at == place).collect();
             assert_eq!(found, expected, "{nth_boot:?}");
@@ -352,7 +330,7 @@ mod tests {
 
     #[test]
     fn beads_without_edges_in_common_are_told_from_one_bead_that_was_recorded_twice() {
-        let place = |recording: &str| Place {
+        let place = |recording: &str| RecordedBoot {
             recording: recording.into(),
             address: 0,
             boot: 0,
@@ -369,9 +347,10 @@ mod tests {
         let (one, two) = (Some([1; 12]), Some([2; 12]));
         assert!(told(one, one).starts_with("a.mcap and b.mcap are both of the bead with UID 010101"));
         for (own, other) in [(one, two), (None, one), (one, None), (None, None)] {
+            let why = told(own, other);
             assert!(
-                told(own, other).contains("fewer than two sync edges"),
-                "{own:?} {other:?}"
+                why.contains("fewer than two sync edges"),
+                "{own:?} {other:?}: {why}"
             );
         }
     }

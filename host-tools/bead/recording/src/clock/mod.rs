@@ -34,6 +34,6 @@ mod tests;
 
 pub use alignment::Alignment;
 pub use common::CommonTime;
-pub use comparison::{AlignmentReport, ClockComparison, ClockReport, Place, StrikeArrival, compare};
+pub use comparison::{AlignmentReport, ClockComparison, ClockReport, RecordedBoot, StrikeArrival, compare};
 pub use fit::{CRYSTAL_PPM, Fit};
 pub use segments::{Boots, Edge, Live, Segment, Segments, Struck, Tracker};

@@ -14,12 +14,10 @@ use crate::strikes::RecordedStrike;
 const BUCKET: f64 = 25_000.0;
 /// Buckets that are kept. Where there are more, after half an hour, each two become one.
 const BUCKETS_MOST: usize = 8192;
-/// Edges and strikes of one boot that are kept: a day of edges every 0.1 s.
-const EVENTS_MOST: usize = 1_000_000;
 
 /// A frame's place on both clocks.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Point {
+pub(super) struct ClockPoint {
     /// Of the bead, in samples.
     pub(super) bead: f64,
     /// Of the host, in ns since the segment's first.
@@ -31,18 +29,18 @@ pub(super) struct Point {
 pub struct Edge {
     /// Its number since the reset.
     pub number: u32,
-    /// Where it lies, in samples.
+    /// Its place, in samples since the reset.
     pub position: f64,
 }
 
-/// When a strike's force was highest, by the bead.
+/// The time of a strike, by its bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Struck {
     /// The strike's number since the reset.
     pub strike: u32,
-    /// Where it lies, in samples.
+    /// Place of the highest force, in samples since the reset.
     pub position: f64,
-    /// Where the force rose through half of its height, in samples, if that was looked for and found.
+    /// Place at which the force rose through half of its height, in samples, if its front was found.
     pub rise: Option<f64>,
 }
 
@@ -59,24 +57,22 @@ pub struct Segment {
     pub sample_rate_hz: Option<u32>,
     /// Frames with a receive time.
     pub frames: u64,
-    /// Edges on the sync input.
+    /// Its edges on the sync input.
     pub edges: Vec<Edge>,
-    /// How many edges the bead missed because they came too close.
+    /// Number of edges that the bead missed because they came too close.
     pub missed: u32,
     /// The strikes whose arrival the bead reported.
     pub struck: Vec<Struck>,
-    /// Edges and strikes beyond the first million, which are not kept.
-    pub left_out: u64,
     pub(super) origin_ns: Option<u64>,
     /// The frame with the least delay of each bucket.
-    pub(super) buckets: BTreeMap<u64, Point>,
-    /// How often each two buckets became one.
+    pub(super) buckets: BTreeMap<u64, ClockPoint>,
+    /// Number of times that each two buckets became one.
     pub(super) halved: u32,
     /// ns of the host in a sample, as far as known when that was done last.
     pub(super) pace: Option<f64>,
 }
 
-/// Says to which segment a frame belongs, for frames in the order in which they were received.
+/// Finds the segments of frames that come in the order received.
 #[derive(Debug, Clone, Default)]
 pub struct Segments {
     /// The current segment of each address.
@@ -99,18 +95,11 @@ impl Segments {
     }
 }
 
-/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads
-/// crash.
-const SEGMENTS_MOST: usize = 4096;
-
-/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames, and a million
-/// edges and strikes.
+/// Sorts the frames of beads into segments. Of each it keeps some thousand frames, and all edges and strikes.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
-    /// The first segments, in the order in which they began: at most 4096.
+    /// The segments, in the order in which they began.
     pub segments: Vec<Segment>,
-    /// True if there were more.
-    pub left_out: bool,
     places: Segments,
 }
 
@@ -121,16 +110,13 @@ impl Tracker {
             return;
         }
         let place = self.places.place(frame);
-        if place == self.segments.len() && place < SEGMENTS_MOST {
+        if place == self.segments.len() {
             self.segments.push(Segment::begun_by(frame));
         }
-        match self.segments.get_mut(place) {
-            Some(segment) => segment.push(frame),
-            None => self.left_out = true,
-        }
+        self.segments[place].push(frame);
     }
 
-    /// All that is in a recording.
+    /// The segments of a recording.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -229,13 +215,8 @@ impl Segment {
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
                 let number = sync.edge;
-                if self.edges.len() < EVENTS_MOST {
-                    self.edges.push(Edge { number, position })
-                } else {
-                    self.left_out += 1
-                }
+                self.edges.push(Edge { number, position });
             }
-            Message::Shape(_) if self.struck.len() == EVENTS_MOST => self.left_out += 1,
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
                 position: shape.first_index as f64 + shape.arrival.samples(),
@@ -253,25 +234,25 @@ impl Segment {
             return;
         }
         let origin = *self.origin_ns.get_or_insert(received_ns);
-        let point = Point {
+        // Exact below 104 days.
+        let host_ns = (i128::from(received_ns) - i128::from(origin)) as f64;
+        self.keep(ClockPoint {
             bead: position,
-            // Exact below 104 days.
-            host_ns: (i128::from(received_ns) - i128::from(origin)) as f64,
-        };
-        self.keep(point);
+            host_ns,
+        });
         if self.buckets.len() > BUCKETS_MOST {
             self.halve();
         }
     }
 
-    /// How late a frame is, in ns, against a clock that runs as this one seems to. Within a first bucket the
+    /// Delay of a frame, in ns, against a clock of the pace that was found so far. Within a first bucket the
     /// best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
-    fn late(&self, point: &Point) -> f64 {
+    fn late(&self, point: &ClockPoint) -> f64 {
         let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
         point.host_ns - point.bead * self.pace.unwrap_or(nominal)
     }
 
-    fn keep(&mut self, point: Point) {
+    fn keep(&mut self, point: ClockPoint) {
         let bucket = (point.bead / BUCKET) as u64 >> self.halved;
         let before = self.buckets.get(&bucket).copied();
         if before.is_none_or(|before| self.late(&point) < self.late(&before)) {
@@ -279,8 +260,8 @@ impl Segment {
         }
     }
 
-    /// Makes one bucket of each two. They are long then, and the drift that was found so far says which frame
-    /// was late.
+    /// Merges each two buckets. They are long then, and the drift that was found so far shows which frame was
+    /// late.
     fn halve(&mut self) {
         if let (Some(fit), Some(rate)) = (self.fit(), self.sample_rate_hz) {
             self.pace = Some(1e9 / (f64::from(rate) * (1.0 + fit.drift_ppm * 1e-6)));

@@ -6,11 +6,12 @@ use super::fit::median;
 use super::segments::*;
 use crate::frames::Frame;
 use crate::strikes::RecordedStrike;
-use bead_wire::Arrival;
+use bead_testing::one_sample_strike;
+use bead_wire::{Arrival, Health, Kind, Message};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// How frames are held up on their way.
+/// Delays of frames on their way.
 #[derive(Debug, Clone, Copy)]
 enum Delays {
     /// A queue: exponential, 1 ms in the mean.
@@ -28,7 +29,7 @@ fn exponential(rng: &mut ChaCha8Rng, mean: f64) -> f64 {
 }
 
 /// Frames of a bead that is fast by `ppm`, so many a second for `seconds`, as a segment holds them.
-fn heard(ppm: f64, seconds: f64, rate: f64, delays: Delays, seed: u64) -> Segment {
+fn delayed(ppm: f64, seconds: f64, rate: f64, delays: Delays, seed: u64) -> Segment {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut segment = Segment {
         sample_rate_hz: Some(100_000),
@@ -52,19 +53,9 @@ fn heard(ppm: f64, seconds: f64, rate: f64, delays: Delays, seed: u64) -> Segmen
         let index = (time * 500.0).floor() * 200.0;
         let after = time / (1.0 + ppm * 1e-6) + late + 2e-4;
         let received = 1_700_000_000_000_000_000 + (after * 1e9) as u64;
-        let status = Frame {
-            version: bead_wire::VERSION,
-            header: bead_wire::Header {
-                address: 0,
-                boot: 0,
-                sequence: 0,
-                sample_index: index as u64,
-            },
-            arrival: Arrival::Next { lost: 0 },
-            sample_rate_hz: Some(100_000),
-            received_ns: Some(received),
-            message: bead_wire::Health::default().into(),
-        };
+        let mut status = Frame::of(0, 0, Arrival::Next { lost: 0 }, Health::default());
+        status.header.sample_index = index as u64;
+        status.received_ns = Some(received);
         segment.push(&status);
     }
     segment
@@ -77,7 +68,7 @@ fn the_drift_is_found_within_its_uncertainty_whatever_holds_frames_up() {
             let errors: Vec<(f64, f64)> = (0..100)
                 .map(|seed| {
                     let ppm = seed as f64 - 50.0;
-                    let fit = heard(ppm, seconds, rate, delays, seed).fit().unwrap();
+                    let fit = delayed(ppm, seconds, rate, delays, seed).fit().unwrap();
                     (fit.drift_ppm - ppm, fit.uncertainty_ppm.unwrap())
                 })
                 .collect();
@@ -95,7 +86,7 @@ fn the_drift_is_found_within_its_uncertainty_whatever_holds_frames_up() {
 #[test]
 fn frames_that_come_faster_or_slower_than_any_crystal_are_not_in_real_time() {
     let comes = |times: f64| {
-        heard((times - 1.0) * 1e6, 60.0, 4.0, Delays::Queue, 3)
+        delayed((times - 1.0) * 1e6, 60.0, 4.0, Delays::Queue, 3)
             .fit()
             .unwrap()
     };
@@ -110,7 +101,7 @@ fn frames_that_come_faster_or_slower_than_any_crystal_are_not_in_real_time() {
 #[test]
 fn a_recording_of_days_costs_no_more_memory_and_gives_the_drift_as_well() {
     // Two days, two frames a second.
-    let segment = heard(35.0, 172_800.0, 2.0, Delays::Queue, 7);
+    let segment = delayed(35.0, 172_800.0, 2.0, Delays::Queue, 7);
     assert!(segment.buckets.len() <= 8192, "{}", segment.buckets.len());
     assert!(segment.frames > 300_000);
     let fit = segment.fit().unwrap();
@@ -119,25 +110,8 @@ fn a_recording_of_days_costs_no_more_memory_and_gives_the_drift_as_well() {
 }
 
 #[test]
-fn edges_and_strikes_beyond_a_million_are_counted() {
-    let mut segment = Segment::default();
-    let bead_wire::Message::Shape(shape) = bead_wire::Message::draw(bead_wire::Kind::Shape, &mut || 0) else {
-        panic!("a shape");
-    };
-    let mut frame = Frame {
-        sample_rate_hz: Some(100_000),
-        ..Frame::of(0, 0, Arrival::Next { lost: 0 }, shape)
-    };
-    for strike in 0..1_000_007 {
-        frame.message = bead_wire::Shape { strike, ..shape }.into();
-        segment.push(&frame);
-    }
-    assert_eq!((segment.struck.len(), segment.left_out), (1_000_000, 7));
-}
-
-#[test]
 fn a_load_that_grows_misleads_a_least_squares_line_and_not_this_one() {
-    let segment = heard(20.0, 600.0, 4.0, Delays::Growing, 1);
+    let segment = delayed(20.0, 600.0, 4.0, Delays::Growing, 1);
     let fit = segment.fit().unwrap();
     let points = segment.buckets.values();
     let pairs = points
@@ -150,7 +124,7 @@ fn a_load_that_grows_misleads_a_least_squares_line_and_not_this_one() {
 
 #[test]
 fn host_times_are_late_by_the_least_delay_and_no_more_than_the_residual() {
-    let fit = heard(35.0, 600.0, 50.0, Delays::Queue, 3).fit().unwrap();
+    let fit = delayed(35.0, 600.0, 50.0, Delays::Queue, 3).fit().unwrap();
     for true_seconds in [0.0, 300.0, 600.0] {
         let host = fit.host_ns(true_seconds * (1.0 + 35e-6));
         let late = (host - 1_700_000_000_000_000_000) as f64 * 1e-9 - true_seconds;
@@ -166,25 +140,14 @@ fn host_times_are_late_by_the_least_delay_and_no_more_than_the_residual() {
 
 #[test]
 fn frames_made_before_the_sample_clock_ran_do_not_count() {
-    let late = heard(35.0, 60.0, 4.0, Delays::Queue, 3);
+    let late = delayed(35.0, 60.0, 4.0, Delays::Queue, 3);
     let mut with_start = Segment {
         sample_rate_hz: Some(100_000),
         ..Segment::default()
     };
-    let mut identity = Frame {
-        version: bead_wire::VERSION,
-        header: bead_wire::Header {
-            address: 0,
-            boot: 0,
-            sequence: 0,
-            sample_index: 0,
-        },
-        arrival: Arrival::First,
-        sample_rate_hz: Some(100_000),
-        // Two milliseconds before index 0.
-        received_ns: Some(1_699_999_999_998_000_000),
-        message: bead_wire::Health::default().into(),
-    };
+    let mut identity = Frame::of(0, 0, Arrival::First, Health::default());
+    // Two milliseconds before index 0.
+    identity.received_ns = Some(1_699_999_999_998_000_000);
     with_start.push(&identity);
     assert_eq!((with_start.frames, with_start.fit()), (1, None));
     identity.header.sample_index = 200;
@@ -196,7 +159,7 @@ fn frames_made_before_the_sample_clock_ran_do_not_count() {
 
 #[test]
 fn a_moment_says_nothing_of_the_drift() {
-    let fit = heard(35.0, 0.9, 4.0, Delays::Queue, 3).fit().unwrap();
+    let fit = delayed(35.0, 0.9, 4.0, Delays::Queue, 3).fit().unwrap();
     assert_eq!((fit.drift_ppm, fit.uncertainty_ppm), (0.0, None));
     let untimed = Segment {
         sample_rate_hz: Some(100_000),
@@ -252,7 +215,7 @@ fn a_crystal_that_wanders_is_followed_between_the_edges() {
 #[test]
 fn an_edge_that_one_bead_missed_shifts_no_other() {
     let segment = |skip: usize, ppm: f64| {
-        let mut segment = heard(ppm, 60.0, 50.0, Delays::Queue, 5);
+        let mut segment = delayed(ppm, 60.0, 50.0, Delays::Queue, 5);
         let rate = 1.0 + ppm * 1e-6;
         let edges = (1..59).map(|n| Edge {
             number: n,
@@ -274,7 +237,7 @@ fn an_edge_that_one_bead_missed_shifts_no_other() {
 fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
     // Bead 7 was switched off and on, and saw edges only then; bead 8 saw them as well.
     let boot = |address: u8, edges: u32| {
-        let mut segment = heard(0.0, 60.0, 50.0, Delays::Queue, 5);
+        let mut segment = delayed(0.0, 60.0, 50.0, Delays::Queue, 5);
         segment.address = address;
         let edge = |number: u32| Edge {
             number,
@@ -285,8 +248,7 @@ fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
     };
     let time = CommonTime::among(&[boot(7, 1), boot(8, 50), boot(7, 50)]);
     assert!(time.is_shared());
-    let said = bead_wire::Message::draw(bead_wire::Kind::Strike, &mut || 0);
-    let bead_wire::Message::Strike(said) = said else {
+    let [_, Message::Strike(said), _] = one_sample_strike(0, 0) else {
         panic!("a strike");
     };
     let at = |address: u8, nth_boot: Option<usize>| {
@@ -294,11 +256,8 @@ fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
             nth_boot,
             ..RecordedStrike::new(address, said)
         };
-        assert_eq!(
-            time.host(&strike, 1e5).is_some(),
-            nth_boot != Some(2),
-            "{nth_boot:?}"
-        );
+        let has_host_time = time.host(&strike, 1e5).is_some();
+        assert_eq!(has_host_time, nth_boot != Some(2), "{nth_boot:?}");
         time.common(&strike, 1e5)
     };
     assert_eq!(at(7, Some(0)), None);
@@ -323,23 +282,14 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
             boots[bead] += u8::from(restart && n > 0);
             let after = if address == 9 && n >= 200 { n - 200 } else { n };
             let index = ((after + 1) as f64 * 25_000.0 * rate(address)) as u64;
-            let frame = Frame {
-                version: bead_wire::VERSION,
-                header: bead_wire::Header {
-                    address,
-                    boot: boots[bead],
-                    sequence: n as u32,
-                    sample_index: index,
-                },
-                arrival: match (restart, n) {
-                    (true, 0) => Arrival::First,
-                    (true, _) => Arrival::Restart { lost: 0 },
-                    _ => Arrival::Next { lost: 0 },
-                },
-                sample_rate_hz: Some(100_000),
-                received_ns: Some(1_700_000_000_000_000_000 + n * 250_000_000 + u64::from(address)),
-                message: bead_wire::Health::default().into(),
+            let arrival = match (restart, n) {
+                (true, 0) => Arrival::First,
+                (true, _) => Arrival::Restart { lost: 0 },
+                _ => Arrival::Next { lost: 0 },
             };
+            let mut frame = Frame::of(address, boots[bead], arrival, Health::default());
+            (frame.header.sequence, frame.header.sample_index) = (n as u32, index);
+            frame.received_ns = Some(1_700_000_000_000_000_000 + n * 250_000_000 + u64::from(address));
             let place = places.place(&frame);
             tracker.push(&frame);
             live.push(&frame);
@@ -347,9 +297,8 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
             tracker.segments[place].sample_rate_hz = Some(100_000);
         }
     }
-    let found: Vec<_> = tracker
-        .segments
-        .iter()
+    let found = tracker.segments.iter();
+    let found: Vec<_> = found
         .map(|segment| (segment.address, segment.boot, segment.frames))
         .collect();
     assert_eq!(found, [(3, 0, 400), (9, 0, 200), (9, 1, 200)]);
@@ -358,23 +307,16 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
         let off = fit.drift_ppm - (rate(segment.address) - 1.0) * 1e6;
         assert!(off.abs() < 0.5, "address {}: off by {off} ppm", segment.address);
     }
-    let current: Vec<_> = live
-        .segments()
-        .map(|segment| (segment.address, segment.boot))
-        .collect();
-    assert_eq!(current, [(3, 0), (9, 1)]);
+    let current = live.segments().map(|segment| (segment.address, segment.boot));
+    assert_eq!(current.collect::<Vec<_>>(), [(3, 0), (9, 1)]);
 }
 
 #[test]
-fn what_is_live_keeps_no_edge_and_no_strike() {
+fn live_segments_keep_no_edge_and_no_strike() {
     let (mut tracker, mut live) = (Tracker::default(), Live::default());
-    for kind in [bead_wire::Kind::Sync, bead_wire::Kind::Shape] {
-        let frame = Frame::of(
-            0,
-            0,
-            Arrival::Next { lost: 0 },
-            bead_wire::Message::draw(kind, &mut || 0),
-        );
+    for kind in [Kind::Sync, Kind::Shape] {
+        let message = Message::draw(kind, &mut || 0);
+        let frame = Frame::of(0, 0, Arrival::Next { lost: 0 }, message);
         tracker.push(&frame);
         live.push(&frame);
     }

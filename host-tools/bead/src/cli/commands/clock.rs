@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use bead_recording::clock::{ClockComparison, Place, compare};
+use bead_recording::clock::{ClockComparison, RecordedBoot, compare};
 
 const AFTER_HELP: &str = "\
 Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive \
@@ -72,7 +72,7 @@ fn figures(value: f64, within: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-fn named(place: &Place) -> String {
+fn named(place: &RecordedBoot) -> String {
     let mut name = place.recording.display().to_string();
     for (what, number) in [("address", place.address.into()), ("boot", place.boot)] {
         if number != 0 {

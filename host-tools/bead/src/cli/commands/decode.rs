@@ -117,9 +117,6 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
     let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
     print(arguments, path, recording.frames()?, &fits)?;
-    if tracker.left_out {
-        note!("boots of beads after the first {} have no host_time", fits.len());
-    }
     Ok(())
 }
 
