@@ -12,7 +12,7 @@ use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use bead_crc::checksum_of;
-use bead_store::{Memory, Windows};
+use bead_store::{WindowMemory, Windows};
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
@@ -50,7 +50,7 @@ static BOOT: AtomicU32 = AtomicU32::new(0);
 
 /// Bytes for windows in the region WINDOWS of `memory.x`.
 pub(crate) const RING: usize = 62 * 1024;
-const _: () = assert!(size_of::<Memory<RING>>() <= 64 * 1024 - 256);
+const _: () = assert!(size_of::<WindowMemory<RING>>() <= 64 * 1024 - 256);
 
 /// The last windows, as far as the boot before has left them. Called once, after [`begin`].
 pub(crate) fn windows() -> Windows<'static, RING> {
@@ -205,7 +205,7 @@ const _: () = assert!(
     reason = "the region KEPT is memory that no other Rust object stands for"
 )]
 mod region {
-    use bead_store::Memory;
+    use bead_store::WindowMemory;
     use static_cell::StaticCell;
 
     use super::{Kept, RING, Region, Waiting};
@@ -216,16 +216,16 @@ mod region {
         static mut REGION: Region;
         /// Start of the region WINDOWS of `memory.x`.
         #[link_name = "_windows"]
-        static mut WINDOWS: Memory<RING>;
+        static mut WINDOWS: WindowMemory<RING>;
     }
 
     /// The region WINDOWS. A second call panics.
-    pub(super) fn windows() -> &'static mut Memory<RING> {
+    pub(super) fn windows() -> &'static mut WindowMemory<RING> {
         static ONCE: StaticCell<()> = StaticCell::new();
         ONCE.init(());
         let memory = &raw mut WINDOWS;
         // SAFETY: the symbol is the start of 64 KiB - 256 B of RAM, aligned to 64 KiB, that are reserved for
-        // this; any contents are a `Memory`. This is the only reference to it, since `ONCE` is given away
+        // this; any contents are a `WindowMemory`. This is the only reference to it, since `ONCE` is given away
         // once.
         unsafe { &mut *memory }
     }

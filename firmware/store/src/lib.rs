@@ -31,4 +31,4 @@ pub use embedded_storage::nor_flash;
 pub use pace::{BURST, EVERY_MS, Pace};
 pub use store::{MAX_BLOCK, Opened, Store, StoreError};
 pub use vault::{MAX_SETTINGS, Secret, Vault};
-pub use windows::{Cursor, GaveWay, Kept, Memory, Part, WINDOWS, Windows};
+pub use windows::{Cursor, GaveWay, KeptWindow, WINDOWS, WindowMemory, WindowPart, Windows};

@@ -190,14 +190,6 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Forgets the block.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write).
-    pub fn clear(&mut self) -> Result<(), StoreError> {
-        self.write(&[])
-    }
-
     /// Gives the flash back.
     pub fn into_flash(self) -> F {
         self.sectors.into_flash()
