@@ -20,12 +20,13 @@
 use embassy_stm32::adc::Adc;
 use embassy_time::{Duration, with_timeout};
 
+use bead_app::{BLOCK_US, Block, Codes, SCANS_PER_BLOCK};
 use bead_wire::FaultCause;
 
-use crate::block::{BLOCK_US, Block, Codes, SCANS_PER_BLOCK};
+use crate::board::BEAD;
 use crate::converter::{Converter, Lost, Scanning};
 use crate::sample_clock::SampleClock;
-use crate::{counters, handover, report, supply};
+use crate::{handover, supply};
 
 /// Five blocks: much more than any delay of a running acquisition, and few samples lost if it has stopped.
 const DEADLINE: Duration = Duration::from_micros(5 * BLOCK_US as u64);
@@ -44,11 +45,11 @@ pub(crate) async fn acquire(mut converter: Converter, mut clock: SampleClock) ->
         let lost = epoch(&mut converter, &mut clock, &mut outlet).await;
         clock.close();
         outlet.epoch += 1;
-        counters::update(|c| {
+        BEAD.update(|c| {
             c.overruns += 1;
             c.epoch = outlet.epoch;
         });
-        report::fault(FaultCause::AdcOverrun, lost);
+        BEAD.fault(FaultCause::AdcOverrun, lost);
     }
 }
 
@@ -81,7 +82,7 @@ async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut 
                 return "there were more or fewer scans than triggers";
             }
             index = counted;
-            report::fault(
+            BEAD.fault(
                 FaultCause::IndexCorrected,
                 "the start made more or fewer scans than there were triggers",
             );
@@ -126,7 +127,7 @@ impl Outlet {
         } else {
             self.epoch += u32::from(!self.losing);
         }
-        counters::update(|c| {
+        BEAD.update(|c| {
             c.newest_index = first_index + SCANS_PER_BLOCK as u64 - 1;
             c.samples += SCANS_PER_BLOCK as u64;
             c.blocks_handed_on = c.blocks_handed_on.wrapping_add(u32::from(taken));
@@ -134,7 +135,7 @@ impl Outlet {
             c.epoch = self.epoch;
         });
         if !taken && !self.losing {
-            report::fault(FaultCause::BlockLost, "the estimators fell behind");
+            BEAD.fault(FaultCause::BlockLost, "the estimators fell behind");
         }
         self.losing = !taken;
     }

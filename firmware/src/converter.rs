@@ -19,6 +19,7 @@ use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use core::task::Poll;
 
+use bead_app::{CHANNELS, Codes, SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
 use bead_model::converter::{ADC_CLOCK_HZ, CONVERSION_CYCLES, SAMPLE_CYCLES};
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel, SampleTime};
 use embassy_stm32::pac::adc::vals::{Dds, Exten};
@@ -27,9 +28,8 @@ use embassy_stm32::pac::{ADC1, DMA2};
 use embassy_stm32::{Peri, peripherals};
 use embassy_sync::waitqueue::AtomicWaker;
 
-use crate::block::{CHANNELS, CODES, Codes};
-use crate::sample_clock::SAMPLE_RATE_HZ;
-
+/// Codes in a block.
+const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 /// Time that a channel is connected to the sampling capacitor.
 const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
 const _: () = assert!(SAMPLE_CYCLES == 15, "the settings reckon with the sample time");
@@ -113,8 +113,8 @@ impl<'a> Scanning<'a> {
         stop_stream();
         FILLED.store(0, Ordering::Relaxed);
         stream.par().write_value(ADC1.dr().as_ptr() as u32);
-        stream.m0ar().write_value(first.address());
-        stream.m1ar().write_value(second.address());
+        stream.m0ar().write_value(address(first));
+        stream.m1ar().write_value(address(second));
         stream.ndtr().write(|w| w.set_ndt(CODES as u16));
         // Direct mode: no FIFO.
         stream.fcr().write(|_| {});
@@ -186,8 +186,8 @@ impl<'a> Scanning<'a> {
                 return Err(Lost);
             }
             match used {
-                Ct::MEMORY0 => stream.m1ar().write_value(next.address()),
-                Ct::MEMORY1 => stream.m0ar().write_value(next.address()),
+                Ct::MEMORY0 => stream.m1ar().write_value(address(next)),
+                Ct::MEMORY1 => stream.m0ar().write_value(address(next)),
             }
             self.taken += 1;
             Ok(())
@@ -212,6 +212,11 @@ impl Drop for Scanning<'_> {
     fn drop(&mut self) {
         stop_stream();
     }
+}
+
+/// Where the DMA has to write the codes of a block.
+fn address(codes: &'static Codes) -> u32 {
+    codes.0.as_ptr().expose_provenance() as u32
 }
 
 /// Stops the stream, and clears its flags (RM0090 sections 10.3.14 and 10.3.17).

@@ -1,9 +1,8 @@
 //! The way of the blocks between acquisition and estimation, and back.
 
+use bead_app::{Block, Codes};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
-
-use crate::block::{Block, Codes};
 
 /// All blocks: two that the converter fills, and four on their way, 8 ms.
 const BLOCKS: usize = 2 + 4;

@@ -8,7 +8,7 @@ use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Ticker, Timer};
 
-use crate::counters;
+use crate::board::BEAD;
 
 const FLASH: Duration = Duration::from_millis(20);
 const PAUSE: Duration = Duration::from_millis(180);
@@ -20,7 +20,7 @@ pub(crate) async fn heartbeat(pin: Peri<'static, peripherals::PC13>, after_fault
     let mut led = Output::new(pin, Level::High, Speed::Low);
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
-        let flashes = match (counters::snapshot().health.standing, after_fault) {
+        let flashes = match (BEAD.snapshot().health.standing, after_fault) {
             (Standing::NONE, false) => 1,
             (Standing::NONE, true) => 2,
             _ => 3,

@@ -10,29 +10,18 @@
 #![no_main]
 
 mod acquire;
-mod block;
-mod built_in;
+mod board;
 mod clocks;
-mod commands;
 mod converter;
-mod counters;
 mod estimate;
 mod handover;
-mod health;
 mod heartbeat;
-mod keep;
-mod known_answer;
 mod line;
-mod load;
-mod outbox;
 mod port;
 mod priorities;
-mod raw;
 mod receive;
 mod report;
 mod sample_clock;
-mod self_test;
-mod settings;
 mod stack;
 mod storage;
 mod supply;
@@ -41,25 +30,35 @@ mod trace;
 mod transmit;
 mod watchdog;
 
-use bead_model::Meter;
-use bead_store::Pace;
+use bead_app::Device as _;
+use bead_app::{Boot, Commands, Estimation, Loaded};
+use bead_model::{Meter, WindowRecord};
 use bead_wire::{FaultCause, MAX_FRAME, Standing};
-use commands::Commands;
+use board::{BEAD, Board};
 use converter::Converter;
 use defmt_rtt as _;
-use line::TriggerLine;
+use line::Line;
 use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
 use sync::SyncInput;
-use trace::Boot;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    start();
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+/// Starts the tasks. Not inlined, so that the stack has its frame no longer when they run.
+#[inline(never)]
+fn start() {
     static BOOT: StaticCell<Boot> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
-    static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
-        ConstStaticCell::new(bead_model::WindowRecord::new());
+    static WINDOW: ConstStaticCell<WindowRecord> = ConstStaticCell::new(WindowRecord::new());
+    static COMMANDS: StaticCell<Commands<Board>> = StaticCell::new();
+    static ESTIMATION: StaticCell<Estimation<Board>> = StaticCell::new();
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
@@ -67,7 +66,8 @@ fn main() -> ! {
     clocks::freeze_while_halted();
     let mut core = cortex_m::Peripherals::take().expect("main runs once");
     stack::close_fence(&mut core.MPU);
-    load::begin(&mut core.DCB, &mut core.DWT);
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
     let supply_is_good = supply::wait();
     let sampling = clocks::start_crystal();
     let p = embassy_stm32::init(clocks::config(sampling));
@@ -82,7 +82,7 @@ fn main() -> ! {
         boot.number,
         boot.reset_cause
     );
-    if let Some(left) = &boot.left {
+    if let Some(left) = &boot.ended_by {
         defmt::error!(
             "boot {=u32} ended in a fault: {=str}",
             left.boot,
@@ -91,27 +91,23 @@ fn main() -> ! {
     }
     let (mut store, opened) = storage::open(p.FLASH, supply_is_good);
     clocks::accelerate();
-    let loaded = settings::load(&mut store, opened, boot.failed);
+    let loaded = Loaded::find(&mut store, opened, BEAD.device().probe_settings(), boot.failed);
     let (settings, refused) = (loaded.settings, loaded.refused);
-    estimate::arm(loaded.arm());
     defmt::info!("settings: {=str}", loaded.origin());
-    settings::begin(loaded);
-
-    keep::begin();
+    BEAD.begin(boot, loaded, trace::windows());
 
     let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let line = TriggerLine::new(p.PB10, p.PB11);
+    let line = Line::new(p.PB10, p.PB11);
     let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
-    let lock = commands::lock(&store);
-    let commands = Commands {
+    let commands = COMMANDS.init(Commands::new(
+        &BEAD,
         boot,
         store,
-        pace: Pace::new(trace::written()),
-        lock,
-        window: WINDOW.take(),
-    };
+        trace::settings_written(),
+        WINDOW.take(),
+    ));
     handover::begin();
 
     let found = [
@@ -125,7 +121,7 @@ fn main() -> ! {
         )),
     ];
     if !sampling {
-        counters::update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
+        BEAD.update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
     }
 
     const ONCE: &str = "each task is spawned once";
@@ -137,17 +133,15 @@ fn main() -> ! {
     rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
     rest.spawn(report::report(boot, refused, found.into_iter().flatten().collect()).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
-    rest.spawn(keep::seal().expect(ONCE));
-    rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
+    rest.spawn(estimate::seal().expect(ONCE));
+    rest.spawn(heartbeat::heartbeat(p.PC13, boot.ended_by.is_some()).expect(ONCE));
     if sampling {
-        estimate.spawn(estimate::estimate(settings, METER.take(), line).expect(ONCE));
+        let estimation = ESTIMATION.init(Estimation::new(&BEAD, settings, METER.take(), line));
+        estimate.spawn(estimate::estimate(estimation).expect(ONCE));
         acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
         rest.spawn(sync::sync(edges).expect(ONCE));
     } else {
         estimate.spawn(estimate::idle().expect(ONCE));
     }
     rest.spawn(watchdog::watch(p.IWDG, sampling).expect(ONCE));
-    loop {
-        cortex_m::asm::wfi();
-    }
 }

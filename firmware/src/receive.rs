@@ -6,16 +6,16 @@
 //! while a request is being done, bytes are let go until the line has been quiet for 2 ms; this is counted.
 //! Bytes that are no request get no reply, so noise cannot fill the outbox.
 
-use bead_wire::{Link, RequestCounters, RequestDecoder};
+use bead_app::Commands;
+use bead_wire::RequestDecoder;
 use embassy_futures::yield_now;
 
-use crate::commands::Commands;
-use crate::counters;
+use crate::board::{BEAD, Board};
 use crate::port::{Missing, Receiver};
 
 /// Receives for ever.
 #[embassy_executor::task]
-pub(crate) async fn receive(mut port: Receiver, mut commands: Commands) -> ! {
+pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<Board>) -> ! {
     let mut decoder = RequestDecoder::new();
     let mut bytes = [0; 64];
     loop {
@@ -26,11 +26,10 @@ pub(crate) async fn receive(mut port: Receiver, mut commands: Commands) -> ! {
                         commands.answer(heard).await;
                     }
                 }
-                let counted = decoder.take_counters();
-                counters::update_link(|link| add(link, &counted));
+                BEAD.count_received(&decoder.take_counters());
             }
             Err(missing) => {
-                counters::update_link(|link| match missing {
+                BEAD.update_link(|link| match missing {
                     Missing::Overrun => link.overruns += 1,
                     Missing::Line => link.line_errors += 1,
                 });
@@ -41,18 +40,4 @@ pub(crate) async fn receive(mut port: Receiver, mut commands: Commands) -> ! {
         // core too.
         yield_now().await;
     }
-}
-
-fn add(link: &mut Link, counted: &RequestCounters) {
-    let rejected = &counted.rejected;
-    link.bytes += counted.bytes;
-    link.requests += counted.requests as u32;
-    link.rejected_too_long += rejected.too_long as u32;
-    link.rejected_cobs += rejected.cobs as u32;
-    link.rejected_too_short += rejected.too_short as u32;
-    link.rejected_crc += rejected.crc as u32;
-    link.rejected_version += rejected.version as u32;
-    link.rejected_kind += rejected.kind as u32;
-    link.rejected_body += rejected.body as u32;
-    link.rejected_trailing += rejected.trailing as u32;
 }

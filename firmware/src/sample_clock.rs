@@ -10,6 +10,7 @@
 //! away from the edges of both. The timer is started right after a tick. Hence ticks come right before its
 //! updates, and neither is near in the first half of a period.
 
+use bead_app::{CLOCKS_PER_SAMPLE, SAMPLE_RATE_HZ};
 use embassy_stm32::Peri;
 use embassy_stm32::pac::{TIM3, timer::vals::Mms};
 use embassy_stm32::peripherals;
@@ -18,13 +19,11 @@ use embassy_time::Instant;
 
 use crate::clocks::TIMER_HZ;
 
-/// Scans a second. Every constant of the built-in settings is derived for it.
-pub(crate) const SAMPLE_RATE_HZ: u32 = 100_000;
 /// Timer clocks in a sample period.
-const PERIOD: u32 = TIMER_HZ / SAMPLE_RATE_HZ;
+const PERIOD: u32 = CLOCKS_PER_SAMPLE as u32;
 
 const _: () = assert!(
-    TIMER_HZ.is_multiple_of(SAMPLE_RATE_HZ),
+    TIMER_HZ == PERIOD * SAMPLE_RATE_HZ,
     "the sample period is a whole number of clocks"
 );
 const _: () = assert!(

@@ -26,11 +26,6 @@ const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 /// The store of this bead.
 pub(crate) type SettingsStore = Vault<Flash>;
 
-const _: () = assert!(
-    bead_store::MAX_SETTINGS == bead_wire::MAX_BLOCK,
-    "a block that a request carries fits the store"
-);
-
 /// The driver of the flash. What an erase does to the watchdog and to the time is seen to.
 pub(crate) struct Flash(Driver);
 

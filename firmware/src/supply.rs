@@ -17,8 +17,8 @@ use embassy_stm32::pac::{PWR, RCC};
 use embassy_stm32::peripherals;
 use embassy_time::{Duration, block_for};
 
+use crate::board::BEAD;
 use crate::clocks::INTERNAL_HZ;
-use crate::counters;
 
 /// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above
 /// 3.03 V (DocID022152, table of the reset and power control block, typical values).
@@ -75,7 +75,7 @@ pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) {
         0 => 0,
         code => 3300 * u32::from(factory_reference()) / u32::from(code),
     };
-    counters::update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
+    BEAD.update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
 }
 
 /// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it

@@ -14,6 +14,7 @@
 //! Edges in that time are counted as one, as the timer does not tell how many came. So a storm of edges costs
 //! a hundred short interrupts and frames a second, at the lowest priority, and no sample.
 
+use bead_app::CLOCKS_PER_SAMPLE;
 use bead_wire::{Sync, unwrapped};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
@@ -26,16 +27,13 @@ use embassy_stm32::timer::{CaptureCompareInterruptHandler, Channel};
 use embassy_stm32::{Peri, bind_interrupts, peripherals};
 use embassy_time::{Duration, Instant, Timer};
 
+use crate::board::BEAD;
 use crate::clocks::TIMER_HZ;
-use crate::outbox;
-use crate::sample_clock::SAMPLE_RATE_HZ;
 
 bind_interrupts!(struct Irqs {
     TIM2 => CaptureCompareInterruptHandler<peripherals::TIM2>;
 });
 
-/// Timer clocks in a sample period.
-pub(crate) const CLOCKS_PER_SAMPLE: u16 = (TIMER_HZ / SAMPLE_RATE_HZ) as u16;
 /// Edges closer than this are not reported one by one. A sync source gives one pulse a second.
 const HOLD_OFF: Duration = Duration::from_millis(10);
 /// Interval of the checks whether TIM3 has started the timer.
@@ -97,7 +95,7 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
         missed += u32::from(pac::TIM2.sr().read().ccof(0));
         // The timer was started by the trigger of index 1.
         let clocks = unwrapped(count, clocks_now() - started) + u64::from(CLOCKS_PER_SAMPLE);
-        outbox::push(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
+        BEAD.push(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
         edge += 1;
         Timer::after(HOLD_OFF).await;
     }

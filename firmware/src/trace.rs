@@ -1,200 +1,75 @@
-//! The record that a boot ended by a fault leaves for the next boot, and the number of the boot.
+//! The record of what ended a boot: where it lies, and what writes it.
 //!
 //! # Design
 //! A panic or a hard fault writes its place and its cause into RAM that a reset does not change (region KEPT
-//! of `memory.x`), and resets the bead. The next boot finds the record and sends it to the host. The number
-//! of the boot is kept there too. A checksum tells a record from the random contents of RAM after power-up.
-//! The reset flag of a power-up is looked at as well, since RAM may survive a short loss of power. The last
-//! windows lie in such memory too (region WINDOWS).
+//! of `memory.x`), and resets the bead. The next boot finds the record ([`BootRecord`]) and sends it to the
+//! host. The last windows lie in such memory too (region WINDOWS).
 
 use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use bead_crc::checksum_of;
+use bead_app::{Boot, BootRecord, FramesWaiting, RING};
 use bead_store::{WindowMemory, Windows};
-use bead_wire::{Detail, FaultCause, MAX_DETAIL};
+use bead_wire::{Detail, FaultCause};
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::RCC;
 
 use crate::stack;
 
-/// This boot, and what the one before left.
-pub(crate) struct Boot {
-    /// Resets since power-up.
-    pub(crate) number: u32,
-    /// Bits 31..24 of RCC_CSR.
-    pub(crate) reset_cause: u8,
-    /// The fault that ended the boot before, if one did.
-    pub(crate) left: Option<Left>,
-    /// The last fault that ended a boot since power-up, and how many boots ended in one.
-    pub(crate) last: Option<Left>,
-    pub(crate) faults: u32,
-    /// Number of boots in a row, up to this one, that ended in a fault before they were [`proven`].
-    pub(crate) failed: u32,
-    /// Frames that the boot before had made and not completely sent.
-    pub(crate) frames_lost: u32,
-}
-
-/// A fault that ended a boot.
-#[derive(Clone)]
-pub(crate) struct Left {
-    pub(crate) cause: FaultCause,
-    pub(crate) boot: u32,
-    pub(crate) pc: u32,
-    pub(crate) detail: Detail,
-}
-
+/// The number of this boot. It is not read from the record, which its end may find damaged.
 static BOOT: AtomicU32 = AtomicU32::new(0);
 
-/// Bytes for windows in the region WINDOWS of `memory.x`.
-pub(crate) const RING: usize = 62 * 1024;
 const _: () = assert!(size_of::<WindowMemory<RING>>() <= 64 * 1024 - 256);
 
 /// The last windows, as far as the boot before has left them. Called once, after [`begin`].
 pub(crate) fn windows() -> Windows<'static, RING> {
     // Boots are counted from power-up, after which there is nothing to take up.
-    Windows::new(region::windows(), boot() > 0)
-}
-
-/// The number of this boot.
-pub(crate) fn boot() -> u32 {
-    BOOT.load(Ordering::Relaxed)
+    Windows::new(region::windows(), BOOT.load(Ordering::Relaxed) > 0)
 }
 
 /// Counts the boot and takes what the one before left. Called once, first after the reset.
 pub(crate) fn begin() -> Boot {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
-    let before = Kept::load().filter(|_| !flags.porrstf());
-    let frames_lost = match before {
-        Some(_) => region::read_waiting().number().unwrap_or(0),
-        None => 0,
-    };
-    keep_waiting(0);
-    let mut kept = match before {
-        Some(mut kept) => {
-            if kept.fault_boot != kept.boot && flags.wdgrstf() {
-                kept.record(FaultCause::Watchdog, 0, "");
-            }
-            kept
-        }
-        None => Kept::new(),
-    };
-    let ended = kept.boot;
-    let left = kept.last().filter(|last| before.is_some() && last.boot == ended);
-    kept.boot = before.map_or(0, |kept| kept.boot.wrapping_add(1));
-    kept.faults = kept.faults.saturating_add(left.is_some().into());
-    kept.failed = match &left {
-        Some(_) => kept.failed.saturating_add(1),
-        None => 0,
-    };
-    kept.store();
-    BOOT.store(kept.boot, Ordering::Relaxed);
-    Boot {
-        number: kept.boot,
-        reset_cause: (flags.0 >> 24) as u8,
-        left,
-        last: kept.last(),
-        faults: kept.faults,
-        failed: kept.failed,
-        frames_lost,
-    }
-}
-
-/// This boot has run long enough: the boots that failed before it count no longer.
-pub(crate) fn proven() {
-    change(|kept| kept.failed = 0);
+    let before = region::read().checked();
+    let (boot, record) = BootRecord::begin(before, region::read_waiting(), (flags.0 >> 24) as u8);
+    keep_frames_waiting(0);
+    region::write(record);
+    BOOT.store(boot.number, Ordering::Relaxed);
+    boot
 }
 
 /// Settings that were written lately, as [`bead_store::Pace`] counts them.
-pub(crate) fn written() -> u32 {
-    Kept::load().map_or(0, |kept| kept.written)
-}
-
-/// Keeps the number of settings that were written lately.
-pub(crate) fn keep_written(written: u32) {
-    change(|kept| kept.written = written);
+pub(crate) fn settings_written() -> u32 {
+    let record = region::read().checked();
+    record.map_or(0, |record| record.settings_written())
 }
 
 /// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the
 /// boot may come between the words of a write, but not of this one; the checksums take 20 µs and are made
 /// before it.
-fn change(change: impl FnOnce(&mut Kept)) {
-    if let Some(mut kept) = Kept::load() {
-        change(&mut kept);
-        let kept = kept.sealed();
-        critical_section::with(|_| region::write(kept));
+pub(crate) fn change(change: impl FnOnce(&mut BootRecord)) {
+    if let Some(mut record) = region::read().checked() {
+        change(&mut record);
+        let record = record.sealed();
+        critical_section::with(|_| region::write(record));
     }
 }
 
 /// Keeps how many frames wait, so that the next boot can tell how many were lost with this one.
-pub(crate) fn keep_waiting(frames: u32) {
-    region::write_waiting(Waiting::new(frames));
-}
-
-/// Number of waiting frames. It is not part of the record, since it changes with every frame.
-#[derive(Clone, Copy)]
-#[repr(C)]
-struct Waiting {
-    frames: u32,
-    /// `frames` inverted: after power-up RAM does not hold such a pair.
-    inverted: u32,
-}
-
-impl Waiting {
-    const fn new(frames: u32) -> Self {
-        Self {
-            frames,
-            inverted: !frames,
-        }
-    }
-
-    fn number(self) -> Option<u32> {
-        (self.inverted == !self.frames).then_some(self.frames)
-    }
+pub(crate) fn keep_frames_waiting(frames: u32) {
+    region::write_waiting(FramesWaiting::new(frames));
 }
 
 /// The contents of the region KEPT.
 #[repr(C)]
 struct Region {
-    kept: Kept,
-    waiting: Waiting,
+    record: BootRecord,
+    waiting: FramesWaiting,
 }
 
-/// The record in the region KEPT. It has plain words and bytes only, so that any memory contents are a valid
-/// value.
-#[derive(Clone, Copy)]
-#[repr(C)]
-struct Kept {
-    magic: u32,
-    boot: u32,
-    /// Boots that ended in a fault, and how many of the last ones in a row did so early.
-    faults: u32,
-    failed: u32,
-    written: u32,
-    /// Cause of the last boot that ended in a fault: [`NONE`], or a number of [`CAUSES`].
-    cause: u32,
-    fault_boot: u32,
-    pc: u32,
-    detail_length: u32,
-    detail: [u8; MAX_DETAIL],
-    /// CRC-32 of all fields before it.
-    crc: u32,
-}
-
-/// "BEAD" and the version of the layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x02");
-const NONE: u32 = 0;
-const CAUSES: [(u32, FaultCause); 6] = [
-    (1, FaultCause::Panic),
-    (2, FaultCause::HardFault),
-    (3, FaultCause::DmaError),
-    (4, FaultCause::StackOverflow),
-    (5, FaultCause::Watchdog),
-    (6, FaultCause::CrystalFailed),
-];
 const _: () = assert!(
     size_of::<Region>() <= 256,
     "it all fits the region KEPT of memory.x"
@@ -208,7 +83,7 @@ mod region {
     use bead_store::WindowMemory;
     use static_cell::StaticCell;
 
-    use super::{Kept, RING, Region, Waiting};
+    use super::{BootRecord, FramesWaiting, RING, Region};
 
     unsafe extern "C" {
         /// Start of the region KEPT of `memory.x`.
@@ -230,100 +105,30 @@ mod region {
         unsafe { &mut *memory }
     }
 
-    pub(super) fn read() -> Kept {
+    // Once in the image: it is compiled to a load for each word, as is `write` to a store.
+    #[inline(never)]
+    pub(super) fn read() -> BootRecord {
         // SAFETY: the symbol is the start of 256 bytes of RAM, aligned to 256, that are reserved for this;
-        // any contents are a `Kept`. Volatile, since a boot before this one wrote them.
-        unsafe { (&raw const REGION.kept).read_volatile() }
+        // any contents are a `BootRecord`. Volatile, since a boot before this one wrote them.
+        unsafe { (&raw const REGION.record).read_volatile() }
     }
 
-    pub(super) fn write(kept: Kept) {
+    #[inline(never)]
+    pub(super) fn write(record: BootRecord) {
         // SAFETY: as for `read`. Written by `begin`, before there are tasks, and by handlers that never
         // return; nobody holds a reference. Volatile, since a boot after this one reads it.
-        unsafe { (&raw mut REGION.kept).write_volatile(kept) }
+        unsafe { (&raw mut REGION.record).write_volatile(record) }
     }
 
-    pub(super) fn read_waiting() -> Waiting {
-        // SAFETY: as for `read`; any contents are a `Waiting`.
+    pub(super) fn read_waiting() -> FramesWaiting {
+        // SAFETY: as for `read`; any contents are a `FramesWaiting`.
         unsafe { (&raw const REGION.waiting).read_volatile() }
     }
 
-    pub(super) fn write_waiting(waiting: Waiting) {
+    pub(super) fn write_waiting(waiting: FramesWaiting) {
         // SAFETY: as for `read`. Written by `begin`, and within the lock of the counters; nobody holds a
         // reference. Volatile, since a boot after this one reads it.
         unsafe { (&raw mut REGION.waiting).write_volatile(waiting) }
-    }
-}
-
-impl Kept {
-    const fn new() -> Self {
-        Self {
-            magic: MAGIC,
-            boot: 0,
-            faults: 0,
-            failed: 0,
-            written: 0,
-            cause: NONE,
-            fault_boot: u32::MAX,
-            pc: 0,
-            detail_length: 0,
-            detail: [0; MAX_DETAIL],
-            crc: 0,
-        }
-    }
-
-    fn load() -> Option<Self> {
-        let kept = region::read();
-        (kept.magic == MAGIC && kept.crc == kept.checksum()).then_some(kept)
-    }
-
-    fn store(self) {
-        region::write(self.sealed());
-    }
-
-    fn sealed(mut self) -> Self {
-        self.crc = self.checksum();
-        self
-    }
-
-    fn checksum(&self) -> u32 {
-        let words = [
-            self.magic,
-            self.boot,
-            self.faults,
-            self.failed,
-            self.written,
-            self.cause,
-            self.fault_boot,
-            self.pc,
-            self.detail_length,
-        ];
-        let words = words.map(u32::to_le_bytes);
-        checksum_of([words.as_flattened(), &self.detail])
-    }
-
-    /// Notes what ends this boot.
-    fn record(&mut self, cause: FaultCause, pc: u32, detail: &str) {
-        self.cause = CAUSES
-            .into_iter()
-            .find_map(|(number, known)| (known == cause).then_some(number))
-            .unwrap_or(NONE);
-        self.fault_boot = self.boot;
-        self.pc = pc;
-        self.detail_length = detail.len() as u32;
-        self.detail = [0; MAX_DETAIL];
-        self.detail[..detail.len()].copy_from_slice(detail.as_bytes());
-    }
-
-    fn last(&self) -> Option<Left> {
-        let (_, cause) = CAUSES.into_iter().find(|&(number, _)| number == self.cause)?;
-        let text = self.detail.get(..self.detail_length as usize)?;
-        let text = core::str::from_utf8(text).ok()?;
-        Some(Left {
-            cause,
-            boot: self.fault_boot,
-            pc: self.pc,
-            detail: Detail::new(format_args!("{text}")),
-        })
     }
 }
 
@@ -344,7 +149,7 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     record(cause, pc, text.as_str());
     defmt::error!(
         "boot {=u32} ends at {=u32:#010x}: {=str}",
-        boot(),
+        BOOT.load(Ordering::Relaxed),
         pc,
         text.as_str()
     );
@@ -352,10 +157,9 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
 }
 
 fn record(cause: FaultCause, pc: u32, text: &str) {
-    let mut kept = Kept::load().unwrap_or(const { Kept::new() });
-    kept.boot = boot();
-    kept.record(cause, pc, text);
-    kept.store();
+    let mut record = region::read().checked().unwrap_or(const { BootRecord::new() });
+    record.end(BOOT.load(Ordering::Relaxed), cause, pc, text);
+    region::write(record.sealed());
 }
 
 #[panic_handler]

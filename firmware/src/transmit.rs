@@ -8,24 +8,21 @@ use bead_wire::{MAX_FRAME, Packed};
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::UartTx;
 
-use crate::{counters, outbox, trace};
+use crate::board::BEAD;
 
 /// Sends the frames of the outbox, for ever.
 #[embassy_executor::task]
 pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static mut [u8; MAX_FRAME]) -> ! {
     let mut packed = Packed::new();
     loop {
-        outbox::next(&mut packed).await;
+        BEAD.next_frame(&mut packed).await;
         match packed.seal(buffer) {
             Ok(frame) => match port.write(frame).await {
-                Ok(()) => counters::update(|c| c.frames_sent = c.frames_sent.wrapping_add(1)),
+                Ok(()) => BEAD.update(|c| c.frames_sent = c.frames_sent.wrapping_add(1)),
                 Err(error) => defmt::error!("a frame was not sent: {}", defmt::Debug2Format(&error)),
             },
-            Err(_) => counters::update(|c| c.frames_dropped_too_long += 1),
+            Err(_) => BEAD.update(|c| c.frames_dropped_too_long += 1),
         }
-        counters::update(|c| {
-            c.frames_waiting -= 1;
-            trace::keep_waiting(c.frames_waiting);
-        });
+        BEAD.count_frame_done();
     }
 }

@@ -11,21 +11,20 @@
 //!
 //! Status frames leave once a second, the first at boot, so two feedings are at most 1.25 s apart. The
 //! watchdog's oscillator is rough (17 to 47 kHz, DocID022152 table 42): its 2 s are 1.4 to 3.8 s. So this
-//! task finds a wait of [`SILENCE`] before the watchdog resets.
+//! task finds a wait before the watchdog resets.
 
+use bead_app::{BootRecord, Progress};
 use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Timer};
 
-use crate::counters::{self, Counters};
+use crate::board::BEAD;
 use crate::trace;
 
 const TIMEOUT_US: u32 = 2_000_000;
 const PERIOD: Duration = Duration::from_millis(250);
-/// Checks in a row without new samples or without a frame that left, after which this task panics: 1.25 s.
-const SILENCE: u32 = 5;
 /// Checks after which a boot has proven itself, its tasks of the lowest priority included: 1 s.
 const PROVEN: u32 = 4;
 
@@ -51,46 +50,16 @@ pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>, sampling: 
     feed();
     let mut watchdog = IndependentWatchdog::new(watchdog, TIMEOUT_US);
     watchdog.unleash();
-    let mut before = counters::snapshot();
-    let mut fed = before;
-    let mut silent = 0;
+    let mut progress = Progress::new(sampling, BEAD.snapshot());
     let mut checks = 0_u32;
     loop {
         Timer::after(PERIOD).await;
         checks = checks.saturating_add(1);
         if checks == PROVEN {
-            trace::proven();
+            trace::change(BootRecord::prove);
         }
-        let now = counters::snapshot();
-        if sampling {
-            check(&before, &now);
-        }
-        // Samples that are dropped are counted as well: a bead that drops all of them measures nothing.
-        let came = now.blocks_handed_on != fed.blocks_handed_on;
-        if (came || !sampling) && now.frames_sent != fed.frames_sent {
+        if progress.check(BEAD.snapshot()) {
             watchdog.pet();
-            fed = now;
-            silent = 0;
-        } else {
-            silent += 1;
-            if silent == SILENCE {
-                if !came && sampling {
-                    panic!("no samples arrive")
-                } else {
-                    panic!("transmission hangs")
-                }
-            }
         }
-        before = now;
-    }
-}
-
-fn check(before: &Counters, now: &Counters) {
-    // While there are no samples, acquisition counts overruns: one of the two always changes.
-    if (now.samples, now.overruns) == (before.samples, before.overruns) {
-        panic!("acquisition hangs");
-    }
-    if now.blocks_estimated == before.blocks_estimated && now.blocks_estimated != now.blocks_handed_on {
-        panic!("estimation hangs");
     }
 }

@@ -4,8 +4,18 @@
 
 use std::process::Command;
 
-/// Crates that a wheel, a real board or a fuzz target builds, with the crates that must not come with them.
-const WALLS: [(&str, &[&str]); 7] = [
+/// Crates that a wheel, a real board, a fuzz target or the host's tests of the bead build, with the crates that must not come with them.
+const WALLS: [(&str, &[&str]); 8] = [
+    (
+        "bead-app",
+        &[
+            "embassy-stm32",
+            "embassy-time",
+            "cortex-m",
+            "bead-testing",
+            "hertz-",
+        ],
+    ),
     ("bead-tables", &["bead-", "hertz-", "stm32f405-qemu", "clap"]),
     (
         "bead-recording",

@@ -453,7 +453,7 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
     assert_eq!(survived.outcome.resets.len(), 1);
     assert_eq!(survived.causes(), [FaultCause::Panic]);
     assert!(
-        survived.details()[0].starts_with("transmission hangs (watchdog.rs:"),
+        survived.details()[0].starts_with("transmission hangs (progress.rs:"),
         "{:?}",
         survived.details()
     );
@@ -482,7 +482,7 @@ fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so(
         .find(|fault| fault.cause == FaultCause::Panic);
     let detail = &reported.expect("the panic is reported").detail;
     assert!(
-        detail.as_str().starts_with("no samples arrive (watchdog.rs:"),
+        detail.as_str().starts_with("no samples arrive (progress.rs:"),
         "{detail}"
     );
 }
@@ -510,7 +510,7 @@ fn a_bead_whose_blocks_are_all_lost_gives_itself_up_though_samples_arrive() {
     assert_eq!(resets, [ResetCause::Software]);
     assert_eq!(survived.causes(), [FaultCause::BlockLost, FaultCause::Panic]);
     let detail = survived.details()[1];
-    assert!(detail.starts_with("no samples arrive (watchdog.rs:"), "{detail}");
+    assert!(detail.starts_with("no samples arrive (progress.rs:"), "{detail}");
 }
 
 #[test]

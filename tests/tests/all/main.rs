@@ -1,8 +1,6 @@
 //! The end-to-end tests: one program, linked once.
 
-mod any_settings;
 mod budget;
-mod built_in;
 mod chain;
 mod company;
 mod faults;

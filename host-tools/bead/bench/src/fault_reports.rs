@@ -124,7 +124,7 @@ const ARMED: f64 = 0.02;
 const RESULT_LEAVES: f64 = 0.02;
 /// Greatest difference of two times that are the same, s: times are rounded to ns.
 const INSTANT: f64 = 1e-6;
-/// Codes between the end of the range and the rail (`firmware/src/health.rs`).
+/// Codes between the end of the range and the rail (`firmware/app/src/health.rs`).
 const RAIL: u16 = 16;
 
 /// Checks the reports against the faults and strikes of a run. `rows` are the codes of the sensors, with the

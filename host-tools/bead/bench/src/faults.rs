@@ -73,9 +73,9 @@ const KINDS: [(&str, PlannedKind); 13] = [
 const VOLTS: RangeInclusive<f64> = 1.8..=3.6;
 /// A good supply, V.
 const GOOD_VOLTS: f64 = 3.3;
-/// Threshold of the bead's detector of a low supply, V (`firmware/src/health.rs`).
+/// Threshold of the bead's detector of a low supply, V (`firmware/app/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
-/// Time within which the bead finds a sensor that is stuck or railed, s (`firmware/src/health.rs`).
+/// Time within which the bead finds a sensor that is stuck or railed, s (`firmware/app/src/health.rs`).
 const FOUND: f64 = 0.065;
 /// Longest stall of the port that the bead always rides out, s.
 const RIDDEN_OUT: f64 = 0.5;

@@ -150,7 +150,7 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
     Ok(true)
 }
 
-/// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
+/// Scans from the one that triggers to the fall of the line (`firmware/app/src/trigger_line.rs`).
 const LINE_DELAY: u64 = 600;
 
 /// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a

@@ -1,6 +1,6 @@
 //! Settings of a bead that has none of its own, and what its estimators must find with them.
 //!
-//! `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes this file.
+//! `PAGES=overwrite cargo test --release -p bead-app built_in` writes this file.
 
 use crate::known_answer::RESULTS;
 

@@ -1,15 +1,16 @@
 //! The image's built-in settings, and the known answer of its self-test, are what this computer derives.
 
-use std::{env, fs};
+use std::string::String;
+use std::vec::Vec;
+use std::{env, format, fs};
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Settings, WindowRecord};
 
-#[path = "../../../firmware/src/known_answer.rs"]
-mod known_answer;
+use crate::known_answer;
 
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../firmware/src/built_in.rs");
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/built_in.rs");
 
 #[test]
 fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
@@ -25,7 +26,7 @@ fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
     let derived = format!(
         "//! Settings of a bead that has none of its own, and what its estimators must find with them.\n\
          //!\n\
-         //! `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes this file.\n\
+         //! `PAGES=overwrite cargo test --release -p bead-app built_in` writes this file.\n\
          \n\
          use crate::known_answer::RESULTS;\n\
          \n\
@@ -45,7 +46,7 @@ fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
     }
     assert!(
         file == derived,
-        "firmware/src/built_in.rs is stale: \
-         `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes it"
+        "firmware/app/src/built_in.rs is stale: \
+         `PAGES=overwrite cargo test --release -p bead-app built_in` writes it"
     );
 }

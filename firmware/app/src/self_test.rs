@@ -1,10 +1,13 @@
 //! The checks that the bead can make of itself.
 
+use bead_model::WindowRecord;
 use bead_model::settings::Settings;
+use bead_store::Vault;
 use bead_wire::{Check, SelfTest, Standing};
-use embassy_time::{Duration, Timer};
 
-use crate::{built_in, counters, known_answer, outbox, settings, stack, storage};
+use crate::bead::Bead;
+use crate::device::{Device, MS};
+use crate::{built_in, known_answer, settings};
 
 /// Range of a good supply, in mV: from the threshold of the voltage detector to the most that the part
 /// allows.
@@ -12,27 +15,28 @@ const SUPPLY: core::ops::RangeInclusive<u32> = 2930..=3600;
 /// Least stack that must never have been used, in bytes.
 const STACK: u32 = 8192;
 /// Time for which samples are counted: ten blocks.
-const SAMPLES: Duration = Duration::from_millis(20);
+const SAMPLES: u64 = 20 * MS;
 /// Least number of blocks in that time: two may be late.
 const BLOCKS: u32 = 8;
 
 /// Runs every check, sends its result, and returns how many checks failed and how many there are. `window` is
 /// room to work in.
-pub(crate) async fn run(
-    store: &mut storage::SettingsStore,
-    window: &mut bead_model::WindowRecord,
+pub(crate) async fn run<D: Device>(
+    bead: &Bead<D>,
+    store: &mut Vault<D::Flash>,
+    window: &mut WindowRecord,
 ) -> (usize, usize) {
-    let before = counters::snapshot();
-    Timer::after(SAMPLES).await;
-    let now = counters::snapshot();
+    let before = bead.snapshot();
+    bead.device.sleep(SAMPLES).await;
+    let now = bead.snapshot();
     let standing = |bits: Standing| u32::from(now.health.standing.bits() & bits.bits());
 
     let supply = u32::from(now.health.supply_mv);
     let force = standing(Standing::FORCE_STUCK.with(Standing::FORCE_RAILED));
     let acceleration = standing(Standing::ACCELERATION_STUCK.with(Standing::ACCELERATION_RAILED));
     let blocks = now.blocks_handed_on.wrapping_sub(before.blocks_handed_on);
-    let block = settings::current();
-    let stack = stack::never_used();
+    let block = bead.settings.block();
+    let stack = bead.device.stack_never_used();
     let differing = known_answer::results(&settings::of_known_answer(), window)
         .iter()
         .zip(built_in::EXPECTED)
@@ -63,7 +67,7 @@ pub(crate) async fn run(
         ),
     ];
     for (check, passed, value) in checks {
-        outbox::tell(SelfTest { check, passed, value });
+        bead.send(SelfTest { check, passed, value });
     }
     let failed = checks.iter().filter(|(_, passed, _)| !passed).count();
     (failed, checks.len())

@@ -20,8 +20,9 @@ use core::sync::atomic::Ordering;
 use bead_model::{Scan, quantity::Pair};
 use bead_wire::{FaultCause, Health, Standing};
 
+use crate::bead::Bead;
 use crate::block::{Block, CHANNELS};
-use crate::{counters, report, supply};
+use crate::device::Device;
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
@@ -39,9 +40,9 @@ const HIGH: u16 = 0xFF0;
 /// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// Verdict of [`SPANS`] spans on a sensor.
+/// SensorVerdict of [`SPANS`] spans on a sensor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Verdict {
+enum SensorVerdict {
     Good,
     Stuck,
     Railed,
@@ -70,19 +71,19 @@ impl CodeBits {
         self.all &= other.all;
     }
 
-    fn verdict(self) -> Verdict {
+    fn verdict(self) -> SensorVerdict {
         if self.any & HIGH == 0 || self.all & HIGH == HIGH {
-            Verdict::Railed
+            SensorVerdict::Railed
         } else if self.any == self.all {
-            Verdict::Stuck
+            SensorVerdict::Stuck
         } else {
-            Verdict::Good
+            SensorVerdict::Good
         }
     }
 }
 
 /// The worse verdict of the two channels of a sensor.
-fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> Verdict {
+fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> SensorVerdict {
     sensitive.verdict().max(wide.verdict())
 }
 
@@ -90,34 +91,34 @@ fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> Verdict {
 struct SensorHealth {
     /// The newest span last. The one before it is complete.
     spans: [[CodeBits; GAINS]; SPANS],
-    verdict: Verdict,
-    stuck: Condition,
-    railed: Condition,
+    verdict: SensorVerdict,
+    stuck: WatchedCondition,
+    railed: WatchedCondition,
 }
 
 impl SensorHealth {
-    const fn new(stuck: Condition, railed: Condition) -> Self {
+    const fn new(stuck: WatchedCondition, railed: WatchedCondition) -> Self {
         Self {
             // Unlike any sensor that is stuck: what was before the first block is not known.
             spans: [[CodeBits::MOVED; GAINS]; SPANS],
-            verdict: Verdict::Good,
+            verdict: SensorVerdict::Good,
             stuck,
             railed,
         }
     }
 
     /// Takes the codes of a block.
-    fn block(&mut self, codes: [CodeBits; GAINS]) {
+    fn block<D: Device>(&mut self, bead: &Bead<D>, codes: [CodeBits; GAINS]) {
         for (span, codes) in self.spans[SPANS - 1].iter_mut().zip(codes) {
             span.add(codes);
         }
-        if self.verdict != Verdict::Good && verdict(codes) == Verdict::Good {
-            self.becomes(Verdict::Good);
+        if self.verdict != SensorVerdict::Good && verdict(codes) == SensorVerdict::Good {
+            self.becomes(bead, SensorVerdict::Good);
         }
     }
 
     /// Judges the spans, and begins the next.
-    fn judge(&mut self) {
+    fn judge<D: Device>(&mut self, bead: &Bead<D>) {
         let mut all = [CodeBits::NONE; GAINS];
         for span in &self.spans {
             all[0].add(span[0]);
@@ -126,68 +127,75 @@ impl SensorHealth {
         self.spans.rotate_left(1);
         self.spans[SPANS - 1] = [CodeBits::NONE; GAINS];
         let found = verdict(all);
-        if found != Verdict::Good && found != self.verdict {
-            self.becomes(found);
+        if found != SensorVerdict::Good && found != self.verdict {
+            self.becomes(bead, found);
         }
     }
 
-    fn becomes(&mut self, found: Verdict) {
+    fn becomes<D: Device>(&mut self, bead: &Bead<D>, found: SensorVerdict) {
         match self.verdict {
-            Verdict::Good => {}
-            Verdict::Stuck => self.stuck.ends(),
-            Verdict::Railed => self.railed.ends(),
+            SensorVerdict::Good => {}
+            SensorVerdict::Stuck => self.stuck.ends(bead),
+            SensorVerdict::Railed => self.railed.ends(bead),
         }
         match found {
-            Verdict::Good => {}
-            Verdict::Stuck => self.stuck.begins(),
-            Verdict::Railed => self.railed.begins(),
+            SensorVerdict::Good => {}
+            SensorVerdict::Stuck => self.stuck.begins(bead),
+            SensorVerdict::Railed => self.railed.begins(bead),
         }
         self.verdict = found;
     }
 }
 
 /// One thing that can be wrong: how it is reported and counted.
-struct Condition {
+struct WatchedCondition {
     cause: FaultCause,
     detail: &'static str,
     bit: Standing,
     count: fn(&mut Health) -> &mut u32,
 }
 
-impl Condition {
-    fn begins(&self) {
-        counters::update(|c| {
+impl WatchedCondition {
+    fn begins<D: Device>(&self, bead: &Bead<D>) {
+        bead.update(|c| {
             *(self.count)(&mut c.health) += 1;
             c.health.standing = c.health.standing.with(self.bit);
         });
-        report::fault(self.cause, self.detail);
+        bead.fault(self.cause, self.detail);
     }
 
-    fn ends(&self) {
-        counters::update(|c| c.health.standing = c.health.standing.without(self.bit));
-        report::fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
+    fn ends<D: Device>(&self, bead: &Bead<D>) {
+        bead.update(|c| c.health.standing = c.health.standing.without(self.bit));
+        bead.fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
     }
 }
 
 /// Checks the blocks that the meter has taken.
-pub(crate) struct Watch {
+pub struct SensorWatch {
     blocks: u32,
     sensors: [SensorHealth; SENSORS],
-    supply: Condition,
+    supply: WatchedCondition,
     /// Blocks for which the supply still counts as low.
     supply_low_blocks: u32,
 }
 
-impl Watch {
-    pub(crate) const fn new() -> Self {
+impl Default for SensorWatch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl SensorWatch {
+    /// A watch that has seen no block.
+    pub const fn new() -> Self {
         let force = SensorHealth::new(
-            Condition {
+            WatchedCondition {
                 cause: FaultCause::ForceStuck,
                 detail: "the force code has not moved for 50 ms",
                 bit: Standing::FORCE_STUCK,
                 count: |health| &mut health.force_stuck,
             },
-            Condition {
+            WatchedCondition {
                 cause: FaultCause::ForceRailed,
                 detail: "the force has been at a rail for 50 ms",
                 bit: Standing::FORCE_RAILED,
@@ -195,13 +203,13 @@ impl Watch {
             },
         );
         let acceleration = SensorHealth::new(
-            Condition {
+            WatchedCondition {
                 cause: FaultCause::AccelerationStuck,
                 detail: "the acceleration code has not moved for 50 ms",
                 bit: Standing::ACCELERATION_STUCK,
                 count: |health| &mut health.acceleration_stuck,
             },
-            Condition {
+            WatchedCondition {
                 cause: FaultCause::AccelerationRailed,
                 detail: "the acceleration has been at a rail for 50 ms",
                 bit: Standing::ACCELERATION_RAILED,
@@ -211,7 +219,7 @@ impl Watch {
         Self {
             blocks: 0,
             sensors: [force, acceleration],
-            supply: Condition {
+            supply: WatchedCondition {
                 cause: FaultCause::SupplyLow,
                 detail: "the supply is below 2.93 V",
                 bit: Standing::SUPPLY_LOW,
@@ -222,44 +230,45 @@ impl Watch {
     }
 
     /// Checks a block, and the supply.
-    pub(crate) fn look(&mut self, block: &Block) {
+    pub(crate) fn check<D: Device>(&mut self, bead: &Bead<D>, block: &Block) {
         // A word holds both channels of a sensor.
         let mut any = [0u32; SENSORS];
         let mut all = [u32::MAX; SENSORS];
-        for scan in block.codes.words().iter().step_by(STEP) {
-            for ((any, all), word) in any.iter_mut().zip(&mut all).zip(scan) {
-                let word = word.load(Ordering::Relaxed);
-                *any |= word;
-                *all &= word;
-            }
+        for [force, acceleration] in block.codes.0.iter().step_by(STEP) {
+            let (force, acceleration) = (
+                force.load(Ordering::Relaxed),
+                acceleration.load(Ordering::Relaxed),
+            );
+            any = [any[0] | force, any[1] | acceleration];
+            all = [all[0] & force, all[1] & acceleration];
         }
         for ((sensor, any), all) in self.sensors.iter_mut().zip(any).zip(all) {
             let codes = |shift: u32| CodeBits {
                 any: (any >> shift) as u16,
                 all: (all >> shift) as u16,
             };
-            sensor.block([codes(0), codes(16)]);
+            sensor.block(bead, [codes(0), codes(16)]);
         }
         self.blocks += 1;
         if self.blocks == SPAN {
             self.blocks = 0;
-            self.sensors.iter_mut().for_each(SensorHealth::judge);
+            self.sensors.iter_mut().for_each(|sensor| sensor.judge(bead));
         }
-        self.look_at_supply();
+        self.check_supply(bead);
     }
 
     /// Checks the supply. Called once in the time of a block.
-    pub(crate) fn look_at_supply(&mut self) {
+    pub fn check_supply<D: Device>(&mut self, bead: &Bead<D>) {
         let was_low = self.supply_low_blocks > 0;
-        if supply::is_low() {
+        if bead.device.supply_is_low() {
             self.supply_low_blocks = SUPPLY_HOLD;
             if !was_low {
-                self.supply.begins();
+                self.supply.begins(bead);
             }
         } else if was_low {
             self.supply_low_blocks -= 1;
             if self.supply_low_blocks == 0 {
-                self.supply.ends();
+                self.supply.ends(bead);
             }
         }
     }
@@ -277,12 +286,12 @@ impl Watch {
 pub(crate) struct Stillness {
     /// Scans of the window so far.
     seen: u16,
-    sensors: [Rest; SENSORS],
+    sensors: [RestingCode; SENSORS],
 }
 
 /// Groups in which a code did not move.
 #[derive(Clone, Copy)]
-struct Rest {
+struct RestingCode {
     code: u16,
     groups: u16,
     /// Most in a row before the trigger, and after it.
@@ -298,7 +307,7 @@ const TIMES: u16 = 6;
 impl Stillness {
     pub(crate) const NONE: Self = Self {
         seen: 0,
-        sensors: [Rest {
+        sensors: [RestingCode {
             code: 0,
             groups: 0,
             most: [0; 2],
@@ -306,7 +315,7 @@ impl Stillness {
     };
 
     /// Takes the next piece of a window. Its first `history` scans are those up to the trigger.
-    pub(crate) fn look(&mut self, scans: &[Scan], history: u16) {
+    pub(crate) fn take(&mut self, scans: &[Scan], history: u16) {
         let part = usize::from(self.seen >= history);
         let [force, acceleration] = &mut self.sensors;
         for group in scans.as_chunks::<GROUP>().0 {
@@ -318,7 +327,7 @@ impl Stillness {
 
     /// Returns `true` if a sensor stood still in the window.
     pub(crate) fn found(&self) -> bool {
-        let still = |rest: &Rest| rest.most[1] >= LEAST.max(TIMES * rest.most[0]);
+        let still = |rest: &RestingCode| rest.most[1] >= LEAST.max(TIMES * rest.most[0]);
         self.sensors.iter().any(still)
     }
 }
@@ -333,7 +342,7 @@ fn resting(group: &[Scan; GROUP], sensor: impl Fn(&Scan) -> Pair) -> Option<u16>
     (rests && first & HIGH != 0 && first & HIGH != HIGH).then_some(first)
 }
 
-impl Rest {
+impl RestingCode {
     fn add(&mut self, resting: Option<u16>, part: usize) {
         let Some(code) = resting else {
             self.groups = 0;

@@ -6,25 +6,25 @@
 //! take the room that strikes need. A reply other than *done* means that nothing has changed. Every request
 //! may be repeated.
 
-use bead_store::{Pace, Secret, StoreError};
+use bead_model::WindowRecord;
+use bead_store::{Pace, Secret, StoreError, Vault};
 use bead_wire::{
     AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcome, Reply, Request, Standing,
 };
-use cortex_m::peripheral::SCB;
-use embassy_time::{Duration, Instant, Timer};
 
-use crate::keep::{self, Again, Sent};
-use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::settings::{self, Loaded, Refusal};
-use crate::storage;
-use crate::trace::{self, Boot};
-use crate::{counters, estimate, load, outbox, raw, report, self_test, supply};
+use crate::bead::Bead;
+use crate::block::SAMPLE_RATE_HZ;
+use crate::boot::Boot;
+use crate::device::{Device, MS};
+use crate::keep::{Refetch, RefetchStep};
+use crate::settings::{self, BlockRefusal, Loaded};
+use crate::{raw, self_test};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
-const DRAIN: Duration = Duration::from_millis(500);
+const DRAIN: u64 = 500 * MS;
 
 /// A strike is sent again within this time, or not: other requests wait meanwhile.
-const FETCH: Duration = Duration::from_millis(500);
+const FETCH: u64 = 500 * MS;
 
 /// Scans of a minute: a window that is asked for comes within it.
 const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
@@ -32,28 +32,17 @@ const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
 /// Counters of signed requests that one write to flash covers.
 const COUNTERS: u64 = 64;
 
-/// The parts of the bead that commands act on.
-pub(crate) struct Commands {
-    pub(crate) boot: &'static Boot,
-    pub(crate) store: storage::SettingsStore,
+/// The commands of a bead, and the parts that only they act on.
+pub struct Commands<D: Device> {
+    bead: &'static Bead<D>,
+    boot: &'static Boot,
+    store: Vault<D::Flash>,
     /// Of the writes to it.
-    pub(crate) pace: Pace,
+    pace: Pace,
     /// The lock that admits requests.
-    pub(crate) lock: Lock,
+    lock: Lock,
     /// Room for the window of a self-test.
-    pub(crate) window: &'static mut bead_model::WindowRecord,
-}
-
-/// The lock with the key that flash holds.
-pub(crate) fn lock(store: &storage::SettingsStore) -> Lock {
-    let secret = store.secret();
-    let key = secret.and_then(|secret| Key::new(secret.key));
-    let counter = secret.map_or(0, |secret| secret.counter);
-    counters::update_guard(|guard| {
-        guard.keyed = key.is_some();
-        guard.counter = counter;
-    });
-    Lock::new(embassy_stm32::uid::uid(), key, counter)
+    window: &'static mut WindowRecord,
 }
 
 /// The outcome of a request, and a line about it.
@@ -73,42 +62,69 @@ enum Step {
     InForce(&'static str),
     SelfTest,
     /// A strike is to be sent again.
-    Fetch(Again),
+    Fetch(Refetch),
     Reboot,
 }
 
-impl Commands {
+impl<D: Device> Commands<D> {
+    /// Commands with the key that `store` holds. `written` settings were written lately, as
+    /// [`bead_store::Pace`] counts them.
+    pub fn new(
+        bead: &'static Bead<D>,
+        boot: &'static Boot,
+        store: Vault<D::Flash>,
+        written: u32,
+        window: &'static mut WindowRecord,
+    ) -> Self {
+        let secret = store.secret();
+        let key = secret.and_then(|secret| Key::new(secret.key));
+        let counter = secret.map_or(0, |secret| secret.counter);
+        bead.guard.update(|guard| {
+            guard.keyed = key.is_some();
+            guard.counter = counter;
+        });
+        Self {
+            bead,
+            boot,
+            store,
+            pace: Pace::new(written),
+            lock: Lock::new(bead.device.uid(), key, counter),
+            window,
+        }
+    }
+
     /// Does what a request asks for, and replies. Requests for other beads get no reply.
-    pub(crate) async fn answer(&mut self, heard: Heard) {
-        if heard.address != ANY && heard.address != outbox::address() {
+    pub async fn answer(&mut self, heard: Heard) {
+        let bead = self.bead;
+        if heard.address != ANY && heard.address != bead.outbox.address() {
             return;
         }
-        outbox::calm().await;
+        bead.wait_for_room().await;
         let number = heard.number;
         let answer = match self.begin(heard) {
             Step::Answer(answer) => answer,
             Step::InForce(line) => {
-                if settings::taken().await {
+                if bead.settings_taken().await {
                     Answer(Outcome::Done, line.into())
                 } else {
                     Answer(Outcome::Done, "stored; in force as soon as samples come".into())
                 }
             }
             Step::SelfTest => {
-                let (failed, checks) = self_test::run(&mut self.store, self.window).await;
+                let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
                 let passed = checks - failed;
                 Answer(
                     Outcome::Done,
                     Detail::new(format_args!("{passed} of {checks} checks passed")),
                 )
             }
-            Step::Fetch(again) => fetch(again).await,
+            Step::Fetch(refetch) => fetch(bead, refetch).await,
             Step::Reboot => {
-                reply(number, Answer::done());
-                reboot().await
+                reply(bead, number, Answer::done());
+                reboot(bead).await
             }
         };
-        reply(number, answer);
+        reply(bead, number, answer);
     }
 
     /// Does what a request asks for, as far as nothing has to be waited for.
@@ -118,6 +134,9 @@ impl Commands {
             .map_err(not_understood)
             .and_then(|request| self.admit(heard.address, heard.number, request))
             .and_then(|request| self.execute(request));
+        if let Err(Answer(Outcome::TooSoon, _)) = &done {
+            self.bead.guard.update(|guard| guard.refused_too_soon += 1);
+        }
         done.unwrap_or_else(Step::Answer)
     }
 
@@ -129,12 +148,12 @@ impl Commands {
     /// be disarmed and reset by its owner.
     fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
         if self.store.is_unreadable() && request.changes_state() {
-            return without_owner(request);
+            return self.admit_without_store(request);
         }
         let signed = matches!(request, Request::Signed { .. });
         let now = Moment {
             boot: self.boot.number,
-            index: counters::snapshot().newest_index,
+            index: self.bead.snapshot().newest_index,
         };
         let request = match self.lock.admit(address, number, request, now) {
             Ok(request) => request,
@@ -144,7 +163,7 @@ impl Commands {
             return Ok(request);
         }
         let counter = self.lock.counter();
-        counters::update_guard(|guard| {
+        self.bead.guard.update(|guard| {
             guard.signed += 1;
             guard.counter = counter;
         });
@@ -166,7 +185,7 @@ impl Commands {
     }
 
     fn not_let_through(&self, outcome: Outcome) -> Answer {
-        counters::update_guard(|guard| match outcome {
+        self.bead.guard.update(|guard| match outcome {
             Outcome::Unsigned => guard.refused_unsigned += 1,
             Outcome::Forged => guard.refused_forged += 1,
             Outcome::Replayed => guard.refused_replayed += 1,
@@ -196,48 +215,44 @@ impl Commands {
             counter: counter.max(self.lock.counter()),
         });
         self.write(|store| store.keep(secret))?;
-        counters::update_guard(|guard| guard.keyed = key.is_some());
+        self.bead.guard.update(|guard| guard.keyed = key.is_some());
         self.lock.set(key);
         Ok(())
     }
 
     fn execute(&mut self, request: Request) -> Result<Step, Answer> {
         match request {
-            Request::Identity => report::tell_identity(self.boot),
+            Request::Identity => self.bead.send_identity(self.boot),
             Request::Status => {
-                report::tell_status();
-                load::tell();
+                self.bead.send_status();
+                self.bead.send_load();
             }
-            Request::ReadSettings => settings::tell(),
+            Request::ReadSettings => self.bead.send_settings(),
             Request::WriteSettings { block } => return self.write_settings(block.bytes()),
             Request::EraseSettings => return self.erase_settings(),
-            Request::Arm => estimate::arm(true),
-            Request::Disarm => estimate::arm(false),
+            Request::Arm => self.bead.arm(true),
+            Request::Disarm => self.bead.arm(false),
             Request::SelfTest => return Ok(Step::SelfTest),
-            Request::Raw { duration_ms } => {
-                if duration_ms > raw::MAX_MS {
-                    return Err(Answer(
-                        Outcome::OutOfRange,
-                        Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
-                    ));
-                }
-                raw::start(duration_ms);
-                if duration_ms == 0 {
-                    report::tell_link();
-                }
+            Request::Raw { duration_ms } if duration_ms > raw::MAX_MS => {
+                return Err(Answer(
+                    Outcome::OutOfRange,
+                    Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
+                ));
             }
-            Request::ResetCounters => counters::reset(),
+            Request::Raw { duration_ms } => self.bead.start_raw(duration_ms),
+            Request::ResetCounters => self.bead.reset_counters(),
             Request::SetKey { key } => self.set_key(key)?,
             Request::ListKept => {
-                let kept = keep::tell();
+                let kept = self.bead.send_kept();
                 let detail = Detail::new(format_args!("{kept} strikes are kept"));
                 return Ok(Step::Answer(Answer(Outcome::Done, detail)));
             }
             Request::Fetch { boot, strike } => {
-                return keep::find(boot, strike).map(Step::Fetch).ok_or_else(not_kept);
+                let found = self.bead.find_kept(boot, strike);
+                return found.map(Step::Fetch).ok_or_else(not_kept);
             }
             Request::Keep { index } => {
-                let now = counters::snapshot();
+                let now = self.bead.snapshot();
                 if now.health.standing.has(Standing::CRYSTAL_FAILED) {
                     return Err(Answer(
                         Outcome::OutOfRange,
@@ -251,7 +266,7 @@ impl Commands {
                         "its scan has to come within a minute from now".into(),
                     ));
                 }
-                estimate::keep_around(index);
+                self.bead.wanted_scan.signal(index);
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
@@ -263,89 +278,90 @@ impl Commands {
     /// Checks new settings, stores them, reads them back and offers them.
     fn write_settings(&mut self, block: &[u8]) -> Result<Step, Answer> {
         let loaded = settings::judge(block).map_err(|refusal| match refusal {
-            Refusal::Invalid(why) => Answer(Outcome::SettingsInvalid, why),
-            Refusal::SampleRate(why) => Answer(Outcome::SampleRate, why),
+            BlockRefusal::Invalid(why) => Answer(Outcome::SettingsInvalid, why),
+            BlockRefusal::SampleRate(why) => Answer(Outcome::SampleRate, why),
         })?;
         self.write(|store| store.write(block))?;
-        offer(loaded);
+        self.bead.offer_settings(loaded);
         Ok(Step::InForce(""))
     }
 
     /// Erases the stored settings and offers the next ones. The reply says where those come from.
     fn erase_settings(&mut self) -> Result<Step, Answer> {
-        self.write(storage::SettingsStore::clear)?;
-        let loaded = settings::beneath(None);
+        self.write(Vault::clear)?;
+        let loaded = Loaded::beneath(self.bead.device.probe_settings(), None);
         let origin = loaded.origin();
-        offer(loaded);
+        self.bead.offer_settings(loaded);
         Ok(Step::InForce(origin))
     }
 
-    /// Writes to the store, if it may be written now. Flash that is written while the supply is low may keep
-    /// something else.
+    /// Writes to the store, if it may be written now.
     fn write(
         &mut self,
-        change: impl FnOnce(&mut storage::SettingsStore) -> Result<(), StoreError>,
-    ) -> Result<(), NotWritten> {
-        if supply::is_low() {
-            return Err(NotWritten::SupplyLow);
-        }
-        let written = self
-            .pace
-            .write(Instant::now().as_millis())
-            .map_err(NotWritten::TooSoon)?;
-        trace::keep_written(written);
-        change(&mut self.store).map_err(NotWritten::Store)
+        change: impl FnOnce(&mut Vault<D::Flash>) -> Result<(), StoreError>,
+    ) -> Result<(), Answer> {
+        self.count_write()?;
+        change(&mut self.store).map_err(not_stored)
     }
-}
 
-/// Why flash was not written.
-enum NotWritten {
-    SupplyLow,
-    /// It may be after so many ms.
-    TooSoon(u64),
-    Store(StoreError),
-}
-
-/// The answer to a request that is refused for it.
-impl From<NotWritten> for Answer {
-    // Once in the image: an answer is long to build.
+    /// Counts a write to flash, if it may be written now. What is written while the supply is low may be read
+    /// as something else.
     #[inline(never)]
-    fn from(why: NotWritten) -> Self {
-        let line = match why {
-            NotWritten::SupplyLow => {
-                "the supply is below 2.93 V: nothing was written; try again when it is good"
-            }
-            NotWritten::TooSoon(wait_ms) => {
-                counters::update_guard(|guard| guard.refused_too_soon += 1);
-                let wait_s = wait_ms.div_ceil(1000);
-                let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
-                return Self(Outcome::TooSoon, Detail::new(why));
-            }
-            NotWritten::Store(StoreError::Full) => {
-                let why = "no room in flash for another block; the next boot makes some";
-                return Self(Outcome::StoreFull, why.into());
-            }
-            NotWritten::Store(StoreError::TooLong | StoreError::Flash) => {
-                "what was written cannot be read back; the settings are what they were"
-            }
-        };
-        Self(Outcome::FlashFailed, line.into())
+    fn count_write(&mut self) -> Result<(), Answer> {
+        let device = &self.bead.device;
+        if device.supply_is_low() {
+            return Err(supply_low());
+        }
+        let written = self.pace.write(device.now() / MS).map_err(too_soon)?;
+        device.keep_settings_written(written);
+        Ok(())
+    }
+
+    /// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes
+    /// nothing, and a reboot, which may bring the store back: signed or not, as there is nothing to check a
+    /// signature with.
+    fn admit_without_store(&self, request: Request) -> Result<Request, Answer> {
+        match request {
+            Request::Reboot => Ok(request),
+            Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
+            _ if self.bead.device.supply_is_low() => Err(supply_low()),
+            _ => Err(Answer(
+                Outcome::FlashFailed,
+                "the store cannot be read, nor whether there is a key: reboot the bead".into(),
+            )),
+        }
     }
 }
 
-/// Offers settings to the estimators. A bead that its old settings kept from looking for strikes begins to,
-/// and the other way round.
-fn offer(loaded: Loaded) {
-    let arm = loaded.arm();
-    if arm != settings::arm() {
-        estimate::arm(arm);
-    }
-    defmt::info!("settings: {=str}", loaded.origin());
-    settings::offer(loaded);
+// Once in the image: an answer is long to build.
+#[inline(never)]
+fn supply_low() -> Answer {
+    let why = "the supply is below 2.93 V: nothing was written; try again when it is good";
+    Answer(Outcome::FlashFailed, why.into())
 }
 
-fn reply(request: u16, Answer(outcome, detail): Answer) {
-    outbox::tell(Reply {
+fn too_soon(wait_ms: u64) -> Answer {
+    let wait_s = wait_ms.div_ceil(1000);
+    let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
+    Answer(Outcome::TooSoon, Detail::new(why))
+}
+
+#[inline(never)]
+fn not_stored(error: StoreError) -> Answer {
+    match error {
+        StoreError::Full => Answer(
+            Outcome::StoreFull,
+            "no room in flash for another block; the next boot makes some".into(),
+        ),
+        StoreError::TooLong | StoreError::Flash => Answer(
+            Outcome::FlashFailed,
+            "what was written cannot be read back; the settings are what they were".into(),
+        ),
+    }
+}
+
+fn reply<D: Device>(bead: &Bead<D>, request: u16, Answer(outcome, detail): Answer) {
+    bead.send(Reply {
         request,
         outcome,
         detail,
@@ -362,16 +378,16 @@ fn not_understood(cause: Cause) -> Answer {
 }
 
 /// Sends a strike again, frame by frame, while there is room.
-async fn fetch(mut again: Again) -> Answer {
-    let deadline = Instant::now() + FETCH;
+async fn fetch<D: Device>(bead: &Bead<D>, mut refetch: Refetch) -> Answer {
+    let deadline = bead.device.now() + FETCH;
     loop {
-        if !outbox::has_spare(deadline).await {
+        if !bead.wait_for_spare(deadline).await {
             return Answer(Outcome::Busy, "strikes come and take the line: ask again".into());
         }
-        match again.push_next() {
-            Sent::Some => {}
-            Sent::All => return Answer::done(),
-            Sent::Gone => return not_kept(),
+        match bead.push_next(&mut refetch) {
+            RefetchStep::Sent => {}
+            RefetchStep::Complete => return Answer::done(),
+            RefetchStep::Gone => return not_kept(),
         }
     }
 }
@@ -383,31 +399,17 @@ fn not_kept() -> Answer {
     )
 }
 
-/// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes nothing,
-/// and a reboot, which may bring the store back: signed or not, as there is nothing to check a signature
-/// with.
-fn without_owner(request: Request) -> Result<Request, Answer> {
-    match request {
-        Request::Reboot => Ok(request),
-        Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
-        _ if supply::is_low() => Err(NotWritten::SupplyLow.into()),
-        _ => Err(Answer(
-            Outcome::FlashFailed,
-            "the store cannot be read, nor whether there is a key: reboot the bead".into(),
-        )),
-    }
-}
-
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].
-async fn reboot() -> ! {
+async fn reboot<D: Device>(bead: &Bead<D>) -> ! {
     // Or strikes would go on to fill the outbox.
-    estimate::arm(false);
-    let deadline = Instant::now() + DRAIN;
-    while counters::snapshot().frames_waiting > 0 && Instant::now() < deadline {
-        Timer::after(Duration::from_millis(1)).await;
+    bead.arm(false);
+    let deadline = bead.device.now() + DRAIN;
+    while bead.snapshot().frames_waiting > 0 && bead.device.now() < deadline {
+        bead.device.sleep(MS).await;
     }
     // When the DMA is done, the last two bytes are still being sent: 10 µs.
-    Timer::after(Duration::from_millis(1)).await;
+    bead.device.sleep(MS).await;
+    #[cfg(feature = "defmt")]
     defmt::info!("reboot, as asked");
-    SCB::sys_reset()
+    bead.device.reset()
 }

@@ -1,0 +1,213 @@
+//! The strike meter over blocks of scans; its results become frames.
+//!
+//! # Design
+//! `bead-model` does the work. There are 2 ms for a block. Four blocks may be on their way, so a burst of work
+//! may take four times as long before a block is lost.
+
+use bead_model::{Chunk, Meter, Origin, Settings, Sink};
+use bead_wire::{FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};
+
+use crate::bead::Bead;
+use crate::block::{Block, SCANS_PER_BLOCK};
+use crate::device::Device;
+use crate::health::{SensorWatch, Stillness};
+use crate::trigger_line::TriggerLine;
+
+/// The work of the bead on each block of scans.
+pub struct Estimation<D: Device> {
+    settings: Settings,
+    meter: &'static mut Meter,
+    watch: SensorWatch,
+    results: StrikeResults<D>,
+    /// The scan that a host has asked for, and that has not come.
+    wanted: Option<u64>,
+    armed: bool,
+    epoch: u32,
+    next_index: u64,
+    passed_over: u32,
+    /// Bytes of the outbox that a window takes.
+    room: usize,
+}
+
+impl<D: Device> Estimation<D> {
+    /// Work with a new `meter`; the `settings` hold until others are offered.
+    pub fn new(bead: &'static Bead<D>, settings: Settings, meter: &'static mut Meter, line: D::Line) -> Self {
+        Self {
+            meter,
+            watch: SensorWatch::new(),
+            results: StrikeResults {
+                bead,
+                history: settings.window.history,
+                stillness: Stillness::NONE,
+                packed: Packed::new(),
+                line: TriggerLine::new(line),
+                origin: Origin::Force,
+            },
+            wanted: None,
+            armed: true,
+            epoch: 0,
+            next_index: 0,
+            passed_over: 0,
+            room: room_for_window(settings.window.length.into()),
+            settings,
+        }
+    }
+
+    /// Takes the next block.
+    pub fn take(&mut self, block: &Block) {
+        let bead = self.results.bead;
+        if block.epoch != self.epoch {
+            self.begin_epoch(block);
+        }
+        self.next_index = block.first_index + SCANS_PER_BLOCK as u64;
+        self.open_window_if_asked();
+        // A steady stream of strikes would starve settings and the owner's requests, and fill the line with
+        // pieces of windows. So there is a time at which none is measured, and no window begins that finds no
+        // room.
+        let passing = bead.settings.is_offered() || !bead.is_armed() || !bead.outbox.has_room(self.room);
+        self.meter.pass_over(passing);
+        if !self.meter.is_measuring() {
+            let before = self.armed;
+            self.armed = bead.is_armed();
+            if let Some(new) = bead.take_settings() {
+                self.settings = new;
+                self.results.history = new.window.history;
+                self.room = room_for_window(new.window.length.into());
+                self.meter.restart();
+            } else if self.armed && !before {
+                self.meter.restart();
+            }
+        }
+        bead.count_load(|| {
+            if self.armed {
+                process_block(&self.settings, self.meter, block, &mut self.results);
+            }
+            self.watch.check(bead, block);
+            bead.offer_raw(block, self.room);
+        });
+    }
+
+    /// Counts the block that was taken as done. Called when it was given back.
+    pub fn count_block(&mut self) {
+        let (bead, meter) = (self.results.bead, &self.meter);
+        bead.update(|c| {
+            c.blocks_estimated = c.blocks_estimated.wrapping_add(1);
+            c.strikes = meter.strikes();
+            c.armed = self.armed && meter.is_armed();
+        });
+        let passed_over = meter.passed_over();
+        if passed_over != self.passed_over {
+            bead.guard
+                .update(|guard| guard.strikes_passed_over += passed_over - self.passed_over);
+            self.passed_over = passed_over;
+        }
+    }
+
+    fn begin_epoch(&mut self, block: &Block) {
+        let bead = self.results.bead;
+        self.epoch = block.epoch;
+        bead.send(Gap {
+            epoch: self.epoch,
+            first_index: self.next_index,
+            end_index: block.first_index,
+        });
+        let cut = self.meter.is_measuring();
+        self.meter.restart();
+        self.results.stillness = Stillness::NONE;
+        if cut {
+            bead.abandon_window();
+            bead.update(|c| c.health.strikes_cut += 1);
+            bead.fault(FaultCause::StrikeCut, "samples of its window were lost");
+        }
+    }
+
+    fn open_window_if_asked(&mut self) {
+        let (bead, next_index) = (self.results.bead, self.next_index);
+        self.wanted = bead.wanted_scan.try_take().or(self.wanted);
+        let edge = self.results.line.check(next_index);
+        if self.results.line.is_found_held() {
+            bead.fault(
+                FaultCause::TriggerLineLow,
+                "the trigger line is held low: a short, or a bead without supply on it",
+            );
+        }
+        if let Some(edge) = edge {
+            self.meter.keep_around(edge.trigger, edge.at, Origin::Line);
+        } else if let Some(index) = self.wanted.take_if(|index| *index < next_index) {
+            self.meter.keep_around(index, index, Origin::Request);
+        }
+    }
+}
+
+/// Runs the meter over a block. The deadline is 2 ms a block on average, which is 1680 core clocks a sample.
+///
+/// Never inlined, so that its instructions can be counted by its symbol.
+#[inline(never)]
+fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, sink: &mut dyn Sink) {
+    meter.process_words(settings, block.first_index, &block.codes.0, sink);
+}
+
+/// Sends what the meter finds, and keeps it.
+struct StrikeResults<D: Device> {
+    bead: &'static Bead<D>,
+    /// Scans of a window up to the trigger.
+    history: u16,
+    /// Of the sensors in the window that is being measured.
+    stillness: Stillness,
+    /// Room for a frame.
+    packed: Packed,
+    line: TriggerLine<D::Line>,
+    /// Of the window that is being measured.
+    origin: Origin,
+}
+
+impl<D: Device> Sink for StrikeResults<D> {
+    fn opened(&mut self, trigger_index: u64, origin: Origin) {
+        self.origin = origin;
+        if origin == Origin::Force {
+            self.line.pull(trigger_index);
+        }
+    }
+
+    fn chunk(&mut self, chunk: &Chunk) {
+        self.bead.push_piece(&mut self.packed, chunk);
+        self.bead.keep_frame(&self.packed, chunk.strike);
+        self.stillness.take(&chunk.scans, self.history);
+    }
+
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        let bead = self.bead;
+        // Interrupts wait while a line is logged, so it has no more than the frames cannot do without.
+        #[cfg(feature = "defmt")]
+        defmt::info!(
+            "strike {=u32} at sample {=u64}, flags {=u16:#06x}",
+            strike.strike,
+            strike.trigger_index,
+            strike.flags.bits(),
+        );
+        let still = core::mem::replace(&mut self.stillness, Stillness::NONE).found();
+        if still {
+            bead.guard.update(|guard| guard.strikes_still += 1);
+        }
+        let doubts = [
+            (still, StrikeFlags::SENSOR_STILL),
+            (bead.settings.are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
+            (self.origin == Origin::Line, StrikeFlags::TRIGGERED_BY_LINE),
+            (self.origin == Origin::Request, StrikeFlags::TRIGGERED_ON_REQUEST),
+            (
+                bead.snapshot().health.standing != Standing::NONE,
+                StrikeFlags::SENSOR_FAULT,
+            ),
+        ];
+        let doubts = doubts
+            .into_iter()
+            .filter(|(doubt, _)| *doubt)
+            .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
+        let flags = strike.flags.with(doubts);
+        bead.push_packed(&mut self.packed, Strike { flags, ..*strike });
+        bead.keep_frame(&self.packed, strike.strike);
+        bead.push_packed(&mut self.packed, *shape);
+        bead.keep_frame(&self.packed, strike.strike);
+        bead.close_window();
+    }
+}

@@ -1,0 +1,74 @@
+//! The settings in force, and those that are offered to the estimators.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use bead_wire::{Block, MAX_BLOCK, SettingsSource};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+
+use crate::settings::Loaded;
+use crate::shared::Shared;
+
+/// Settings in force, and those that are offered to the estimators.
+pub(crate) struct Exchange {
+    pub(crate) in_force: Shared<Loaded>,
+    /// How often they have changed; wraps.
+    pub(crate) changes: AtomicU32,
+    pub(crate) offered: Shared<Loaded>,
+    /// True while settings are offered. It is read for every block, and costs little.
+    pub(crate) is_offered: AtomicBool,
+    /// The estimators have taken the settings that were offered.
+    pub(crate) taken: Signal<CriticalSectionRawMutex, ()>,
+}
+
+impl Exchange {
+    pub(crate) const fn new() -> Self {
+        Self {
+            in_force: Shared::new(),
+            changes: AtomicU32::new(0),
+            offered: Shared::new(),
+            is_offered: AtomicBool::new(false),
+            taken: Signal::new(),
+        }
+    }
+
+    /// Returns `true` if settings are offered.
+    pub(crate) fn is_offered(&self) -> bool {
+        self.is_offered.load(Ordering::Acquire)
+    }
+
+    /// Returns `true` if the bead looks for strikes unasked with the settings in force.
+    pub(crate) fn arm(&self) -> bool {
+        self.in_force.with(|loaded| loaded.arm())
+    }
+
+    /// Where the settings in force came from.
+    pub(crate) fn source(&self) -> SettingsSource {
+        self.in_force.with(|loaded| loaded.source)
+    }
+
+    /// Returns `true` if the settings in force are not the owner's: built in, with or without a refused block
+    /// in flash.
+    pub(crate) fn are_not_owners(&self) -> bool {
+        matches!(
+            self.source(),
+            SettingsSource::BuiltIn | SettingsSource::FlashRefused | SettingsSource::Rescue
+        )
+    }
+
+    /// The block in force.
+    #[inline(never)]
+    pub(crate) fn block(&self) -> Block {
+        let settings = self.in_force.with(|loaded| loaded.settings);
+        let mut bytes = [0; MAX_BLOCK];
+        // No `expect`: it would print the error, and formats take 4 KB of flash.
+        let Some(Ok(block)) = settings
+            .encode(&mut bytes)
+            .ok()
+            .map(|length| Block::try_from(&bytes[..length]))
+        else {
+            panic!("a block has at most MAX_BLOCK bytes");
+        };
+        block
+    }
+}

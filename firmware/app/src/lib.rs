@@ -1,0 +1,50 @@
+//! What the bead does, apart from its hardware: it measures strikes, watches its sensors, does what a host
+//! asks for, and queues frames.
+//!
+//! # Design
+//! [`Bead`] is the state that tasks of every priority share. All of it is empty or zero at first, so that a
+//! static takes no flash. [`Estimation`] and [`Commands`] each belong to one task. They reach the hardware by
+//! the trait [`Device`] alone: the image implements it for the STM32F405, and tests for a computer.
+#![no_std]
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+mod bead;
+mod block;
+mod boot;
+mod built_in;
+mod commands;
+mod counters;
+mod device;
+mod estimate;
+mod exchange;
+mod frames;
+mod health;
+mod keep;
+mod known_answer;
+mod load;
+mod offer;
+mod outbox;
+mod progress;
+mod raw;
+mod report;
+mod self_test;
+mod settings;
+mod shared;
+#[cfg(test)]
+mod tests;
+mod trigger_line;
+
+pub use bead::{Bead, RING};
+pub use block::{BLOCK_US, Block, CHANNELS, Codes, SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
+pub use boot::{Boot, BootFault, BootRecord, FramesWaiting};
+pub use commands::Commands;
+pub use counters::Counters;
+pub use device::{Device, LineTimer, MS};
+pub use estimate::Estimation;
+pub use health::SensorWatch;
+pub use progress::Progress;
+pub use settings::{Loaded, RefusedSettings};
+pub use trigger_line::CLOCKS_PER_SAMPLE;

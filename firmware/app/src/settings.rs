@@ -1,0 +1,228 @@
+//! Settings that a bead starts with or is given. Those that came over the link come first, then those of a
+//! debug probe, then the built-in ones.
+//!
+//! # Design
+//! Settings that this image cannot read are refused as a whole, and a fault frame says why. The bead then
+//! works with the next settings in order, and marks each strike that was measured with the built-in ones. A
+//! block of another version is intact: its owner's bead must not measure with other settings unasked, so it
+//! looks for strikes only when a host arms it.
+
+use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::{SettingsError, Violation};
+use bead_store::nor_flash::NorFlash;
+use bead_store::{Opened, Vault};
+use bead_wire::{Detail, MAX_BLOCK, SettingsSource};
+
+use crate::block::SAMPLE_RATE_HZ;
+use crate::built_in;
+
+const _: () = assert!(BLOCK_MAX <= MAX_BLOCK, "a frame takes every block");
+const _: () = assert!(
+    bead_store::MAX_SETTINGS == MAX_BLOCK,
+    "a block that a request carries fits the store"
+);
+
+/// Settings, and where they came from.
+#[derive(Clone)]
+pub struct Loaded {
+    /// The settings.
+    pub settings: Settings,
+    pub(crate) source: SettingsSource,
+    /// Why settings in flash were refused, if they were.
+    pub refused: Option<RefusedSettings>,
+}
+
+/// Why settings in flash were refused.
+#[derive(Clone, Copy)]
+pub struct RefusedSettings {
+    reason: RefusalReason,
+    /// True for an intact block that this image must not replace by other settings unasked.
+    foreign: bool,
+}
+
+#[derive(Clone, Copy)]
+enum RefusalReason {
+    Text(&'static str),
+    Invalid(Violation),
+}
+
+impl RefusedSettings {
+    const fn damaged(reason: &'static str) -> Self {
+        Self {
+            reason: RefusalReason::Text(reason),
+            foreign: false,
+        }
+    }
+
+    const fn foreign(reason: &'static str) -> Self {
+        Self {
+            reason: RefusalReason::Text(reason),
+            foreign: true,
+        }
+    }
+
+    /// The reason as the detail of a fault frame.
+    pub(crate) fn detail(&self) -> Detail {
+        match self.reason {
+            RefusalReason::Text(text) => text.into(),
+            RefusalReason::Invalid(violation) => Detail::new(format_args!("{violation}")),
+        }
+    }
+}
+
+impl From<SettingsError> for RefusedSettings {
+    fn from(error: SettingsError) -> Self {
+        Self::damaged(match error {
+            SettingsError::Erased => "erased",
+            SettingsError::Magic => "not a settings block",
+            SettingsError::Unreleased(_) => {
+                return Self::foreign(
+                    "a block from before the first release: make it anew of its bead.toml, or arm the bead by request",
+                );
+            }
+            SettingsError::Version(_) => {
+                return Self::foreign("a block of another version: arm the bead by request");
+            }
+            SettingsError::Truncated => "shorter than the header says",
+            SettingsError::Checksum => "wrong checksum",
+            SettingsError::Body => "the body does not decode",
+            SettingsError::Invalid(violation) => {
+                return Self {
+                    reason: RefusalReason::Invalid(violation),
+                    foreign: false,
+                };
+            }
+            SettingsError::BufferTooSmall => "longer than a block may be",
+        })
+    }
+}
+
+impl Loaded {
+    /// Where they came from, for the log.
+    pub fn origin(&self) -> &'static str {
+        match self.source {
+            SettingsSource::Stored => "came over the link",
+            SettingsSource::Flash => "put into flash by a probe",
+            SettingsSource::BuiltIn => "built in, as flash has none",
+            SettingsSource::Rescue => "built in, as boots with those in flash failed",
+            SettingsSource::FlashRefused | SettingsSource::Unknown(_) => {
+                "built in, as those in flash are refused"
+            }
+        }
+    }
+
+    /// Returns `true` if the bead looks for strikes with them unasked.
+    pub(crate) fn arm(&self) -> bool {
+        !self.refused.is_some_and(|refused| refused.foreign)
+    }
+}
+
+/// Boots that may fail in a row with the same settings.
+const FAILED: u32 = 5;
+
+impl Loaded {
+    /// Finds the settings at start-up: in the store, in the sector `probe`, or built in. A block in flash that
+    /// fails its check is refused as a whole: the next settings in order are used, and a fault frame says so.
+    /// If [`FAILED`] boots in a row have failed, those in flash are left alone: whatever they made the bead
+    /// do, it can be reached again.
+    pub fn find<F: NorFlash>(store: &mut Vault<F>, opened: Opened, probe: &[u8], failed: u32) -> Self {
+        if failed >= FAILED {
+            return Self {
+                source: SettingsSource::Rescue,
+                ..Self::built_in(Some(RefusedSettings::foreign(
+                    "five boots in a row failed with the settings in flash: write others, or reboot",
+                )))
+            };
+        }
+        let mut refused = opened.lost.then_some(RefusedSettings::damaged(
+            "what was stored is not whole, and was erased",
+        ));
+        match store.read() {
+            Ok(None) => {}
+            Ok(Some(block)) => match check(block) {
+                Ok(settings) => {
+                    return Self {
+                        settings,
+                        source: SettingsSource::Stored,
+                        refused,
+                    };
+                }
+                Err(why) => refused = why.or(refused),
+            },
+            Err(_) => refused = Some(RefusedSettings::damaged("what was stored cannot be read")),
+        }
+        Self::beneath(probe, refused)
+    }
+
+    /// The settings that come after those of the link: the probe's or the built-in ones. `refused` says why
+    /// settings that came over the link were refused, if they were.
+    pub(crate) fn beneath(probe: &[u8], refused: Option<RefusedSettings>) -> Self {
+        match check(probe) {
+            Ok(settings) => Self {
+                settings,
+                source: SettingsSource::Flash,
+                refused,
+            },
+            Err(why) => Self::built_in(why.or(refused)),
+        }
+    }
+
+    fn built_in(refused: Option<RefusedSettings>) -> Self {
+        Self {
+            settings: of_known_answer(),
+            source: match refused {
+                None => SettingsSource::BuiltIn,
+                Some(_) => SettingsSource::FlashRefused,
+            },
+            refused,
+        }
+    }
+}
+
+/// The built-in settings, for which the answer of the self-test is known.
+pub(crate) fn of_known_answer() -> Settings {
+    // No `expect`: it would print the error, and formats take 4 KB of flash.
+    let Ok(settings) = Settings::decode(&built_in::SETTINGS) else {
+        panic!("a test decodes this block with the same code");
+    };
+    settings
+}
+
+/// The settings in a block of flash.
+///
+/// # Errors
+/// Why they are refused; `None` for erased flash.
+fn check(block: &[u8]) -> Result<Settings, Option<RefusedSettings>> {
+    match Settings::decode(block) {
+        Ok(settings) if settings.sample_rate_hz == SAMPLE_RATE_HZ => Ok(settings),
+        Ok(_) => Err(Some(RefusedSettings::damaged("they are for another sample rate"))),
+        Err(SettingsError::Erased) => Err(None),
+        Err(error) => Err(Some(error.into())),
+    }
+}
+
+/// Why a block that a host sent is refused.
+pub(crate) enum BlockRefusal {
+    Invalid(Detail),
+    SampleRate(Detail),
+}
+
+/// Checks a block that a host sent.
+pub(crate) fn judge(block: &[u8]) -> Result<Loaded, BlockRefusal> {
+    let settings = Settings::decode(block)
+        .map_err(|error| BlockRefusal::Invalid(Detail::new(format_args!("{error}"))))?;
+    if Settings::block_length(block) != Some(block.len()) {
+        return Err(BlockRefusal::Invalid("bytes follow the settings block".into()));
+    }
+    if settings.sample_rate_hz != SAMPLE_RATE_HZ {
+        return Err(BlockRefusal::SampleRate(Detail::new(format_args!(
+            "settings for {} Hz; this image samples at {SAMPLE_RATE_HZ} Hz",
+            settings.sample_rate_hz
+        ))));
+    }
+    Ok(Loaded {
+        settings,
+        source: SettingsSource::Stored,
+        refused: None,
+    })
+}

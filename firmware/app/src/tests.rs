@@ -1,0 +1,3 @@
+//! Tests of the bead on a fake device.
+
+mod built_in;
