@@ -30,6 +30,22 @@ pub struct WindowMemory<const N: usize> {
     ring: [u8; N],
 }
 
+impl<const N: usize> WindowMemory<N> {
+    /// Memory that holds no window.
+    pub const fn new() -> Self {
+        Self {
+            entries: [Entry::NONE; WINDOWS],
+            ring: [0; N],
+        }
+    }
+}
+
+impl<const N: usize> Default for WindowMemory<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// Where a window is, and what it is of.
 #[derive(Clone, Copy)]
 #[repr(C)]

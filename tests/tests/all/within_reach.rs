@@ -4,7 +4,8 @@
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_recording::strikes::assemble;
-use bead_tests::{Answered, Requests, SUPPLY_WAIT, any_settings, paper, replied};
+use bead_testing::any_settings;
+use bead_tests::{Answered, Requests, SUPPLY_WAIT, paper, replied};
 use bead_wire::{Block, FaultCause, Message, Outcome, Request, SettingsSource, StrikeFlags};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};

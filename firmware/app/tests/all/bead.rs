@@ -1,0 +1,548 @@
+//! A bead whose hardware is faked: its time goes on block by block, and its line carries 400 bytes a block.
+
+use std::cell::{Cell, RefCell};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::pin::pin;
+use std::rc::Rc;
+use std::sync::atomic::Ordering;
+use std::task::{Context, Poll, Waker};
+
+use bead_app::{
+    Bead, Block, Boot, BootRecord, CLOCKS_PER_SAMPLE, Codes, Commands, Device, Estimation, FramesWaiting,
+    LineTimer, Loaded, MS, SCANS_PER_BLOCK,
+};
+use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::{Meter, WindowRecord};
+use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use bead_store::{Opened, Store, Vault, WindowMemory, Windows};
+use bead_testing::{FlashFailure, PowerCutFlash, paper_settings};
+use bead_wire::{
+    ANY, Decoder, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST, Message, Outcome,
+    Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, encode_request,
+};
+
+pub(crate) const SECTOR: usize = 16 * 1024;
+pub(crate) const UID: [u8; 12] = *b"a fake bead!";
+
+/// Number of the first scan of a strike that [`TestBead::strike`] makes, after the call.
+const STRUCK: u64 = 250;
+
+/// Flash that outlives a reset.
+#[derive(Clone)]
+pub(crate) struct Flash(pub(crate) Rc<RefCell<PowerCutFlash<SECTOR>>>);
+
+impl ErrorType for Flash {
+    type Error = FlashFailure;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailure> {
+        self.0.borrow_mut().read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.borrow().capacity()
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailure> {
+        self.0.borrow_mut().erase(from, to)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashFailure> {
+        self.0.borrow_mut().write(offset, bytes)
+    }
+}
+
+/// What a test sees and changes of the hardware.
+#[derive(Default)]
+pub(crate) struct Hardware {
+    now: Cell<u64>,
+    pub(crate) supply_is_low: Cell<bool>,
+    pub(crate) probe: Cell<&'static [u8]>,
+    settings_written: Cell<u32>,
+    frames_waiting: Cell<u32>,
+    /// The line's level, the count at its last edge, and the counts at which the bead pulled it.
+    pub(crate) line_is_low: Cell<bool>,
+    pub(crate) line_edge: Cell<u32>,
+    pub(crate) line_pulls: RefCell<Vec<u32>>,
+}
+
+impl Hardware {
+    pub(crate) fn line_count(&self) -> u32 {
+        (self.now.get() as u32)
+            .wrapping_sub(1)
+            .wrapping_mul(CLOCKS_PER_SAMPLE.into())
+    }
+}
+
+pub(crate) struct Board(Rc<Hardware>);
+
+impl Device for Board {
+    type Flash = Flash;
+    type Line = Line;
+
+    const FIRMWARE: &'static str = "1.2.3";
+    const GIT: &'static str = "0123456789ab";
+    const CORE_MHZ: u32 = 168;
+
+    fn uid(&self) -> [u8; 12] {
+        UID
+    }
+
+    fn now(&self) -> u64 {
+        self.0.now.get()
+    }
+
+    fn sleep(&self, periods: u64) -> impl Future<Output = ()> {
+        let end = self.now() + periods;
+        std::future::poll_fn(move |_| match self.now() >= end {
+            true => Poll::Ready(()),
+            false => Poll::Pending,
+        })
+    }
+
+    fn core_clocks(&self) -> u32 {
+        self.now() as u32
+    }
+
+    fn supply_is_low(&self) -> bool {
+        self.0.supply_is_low.get()
+    }
+
+    fn stack_never_used(&self) -> u32 {
+        40_000
+    }
+
+    fn probe_settings(&self) -> &'static [u8] {
+        self.0.probe.get()
+    }
+
+    fn keep_frames_waiting(&self, frames: u32) {
+        self.0.frames_waiting.set(frames);
+    }
+
+    fn keep_settings_written(&self, written: u32) {
+        self.0.settings_written.set(written);
+    }
+
+    fn reset(&self) -> ! {
+        panic!("reset")
+    }
+}
+
+pub(crate) struct Line(Rc<Hardware>);
+
+impl LineTimer for Line {
+    fn count(&self) -> u32 {
+        self.0.line_count()
+    }
+
+    fn last_edge(&self) -> u32 {
+        self.0.line_edge.get()
+    }
+
+    fn is_low(&self) -> bool {
+        self.0.line_is_low.get()
+    }
+
+    fn pull_at(&mut self, count: u32) {
+        self.0.line_pulls.borrow_mut().push(count);
+    }
+
+    fn release(&mut self) {}
+}
+
+/// What is there before a start.
+pub(crate) struct Start {
+    pub(crate) flash: Flash,
+    pub(crate) probe: Vec<u8>,
+    /// The record that the boot before left, and the cause of the reset.
+    pub(crate) record: Option<BootRecord>,
+    pub(crate) reset_cause: u8,
+    pub(crate) settings_written: u32,
+    pub(crate) supply_is_good: bool,
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self {
+            flash: Flash(Rc::new(RefCell::new(PowerCutFlash::blank(2)))),
+            probe: block_of(&paper_settings()),
+            record: None,
+            reset_cause: 1 << 3,
+            settings_written: 0,
+            supply_is_good: true,
+        }
+    }
+}
+
+pub(crate) fn block_of(settings: &Settings) -> Vec<u8> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block).expect("a block fits");
+    block[..length].to_vec()
+}
+
+/// The paper's settings with windows of so many samples.
+pub(crate) fn windows_of(length: u16) -> Vec<u8> {
+    block_of(
+        &paper_settings()
+            .with(|bead| bead.capture.length = f64::from(length) * 1e-5)
+            .expect("it is valid"),
+    )
+}
+
+pub(crate) fn write(block: &[u8]) -> Request {
+    Request::WriteSettings {
+        block: block.try_into().expect("it fits a frame"),
+    }
+}
+
+/// A bead that runs.
+pub(crate) struct TestBead {
+    commands: Commands<Board>,
+    decoder: RequestDecoder,
+    next_number: u16,
+    pub(crate) flash: Flash,
+    pub(crate) running: Running,
+}
+
+/// Everything but the task of requests.
+pub(crate) struct Running {
+    pub(crate) bead: &'static Bead<Board>,
+    pub(crate) hardware: Rc<Hardware>,
+    pub(crate) boot: &'static Boot,
+    pub(crate) record: BootRecord,
+    estimation: Estimation<Board>,
+    codes: &'static Codes,
+    /// Codes of a scan.
+    pub(crate) signal: Box<dyn FnMut(u64) -> [u16; 4]>,
+    pub(crate) index: u64,
+    pub(crate) epoch: u32,
+    /// False for a line that carries nothing.
+    pub(crate) line_is_free: bool,
+    /// Bytes of the last frame that have not left.
+    sending: usize,
+    stream: Decoder,
+    pub(crate) frames: Vec<(Header, Message)>,
+}
+
+fn leak<T>(value: T) -> &'static mut T {
+    Box::leak(Box::new(value))
+}
+
+impl TestBead {
+    pub(crate) fn new() -> Self {
+        Self::start(Start::default())
+    }
+
+    pub(crate) fn start(start: Start) -> Self {
+        let hardware = Rc::new(Hardware::default());
+        hardware.supply_is_low.set(!start.supply_is_good);
+        hardware.probe.set(start.probe.leak());
+        let (boot, record) = BootRecord::begin(start.record, FramesWaiting::new(0), start.reset_cause);
+        let boot = leak(boot);
+        let range = 0..2 * SECTOR as u32;
+        let (store, opened) = if start.supply_is_good {
+            Store::open(start.flash.clone(), range)
+        } else {
+            (
+                Store::open_as_it_is(start.flash.clone(), range),
+                Opened::default(),
+            )
+        };
+        let mut store = Vault::new(store);
+        let loaded = Loaded::find(&mut store, opened, hardware.probe.get(), boot.failed);
+        let (settings, refused) = (loaded.settings, loaded.refused);
+        let bead: &'static Bead<Board> = leak(Bead::new(Board(Rc::clone(&hardware))));
+        bead.begin(boot, loaded, Windows::new(leak(WindowMemory::new()), false));
+        bead.update(|c| c.health.supply_mv = 3300);
+        bead.report_boot(boot, refused, []);
+        let line = Line(Rc::clone(&hardware));
+        Self {
+            commands: Commands::new(
+                bead,
+                boot,
+                store,
+                start.settings_written,
+                leak(WindowRecord::new()),
+            ),
+            decoder: RequestDecoder::new(),
+            next_number: 0,
+            flash: start.flash,
+            running: Running {
+                bead,
+                hardware,
+                boot,
+                record,
+                estimation: Estimation::new(bead, settings, leak(Meter::new()), line),
+                codes: leak(Codes::new()),
+                signal: Box::new(quiet),
+                index: 1,
+                epoch: 0,
+                line_is_free: true,
+                sending: 0,
+                stream: Decoder::new(),
+                frames: Vec::new(),
+            },
+        }
+    }
+
+    /// The start after a reset with this cause.
+    pub(crate) fn restart(self, reset_cause: u8) -> Self {
+        Self::start(Start {
+            flash: self.flash,
+            probe: self.running.hardware.probe.get().to_vec(),
+            record: Some(self.running.record),
+            reset_cause,
+            settings_written: self.running.hardware.settings_written.get(),
+            supply_is_good: true,
+        })
+    }
+
+    pub(crate) fn run(&mut self, seconds: f64) {
+        self.running.run(seconds);
+    }
+
+    /// Takes bytes from the line, and does what they ask for.
+    pub(crate) fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(Ok(request)) = self.decoder.push(byte) {
+                let mut answer = pin!(self.commands.answer(request));
+                while answer
+                    .as_mut()
+                    .poll(&mut Context::from_waker(Waker::noop()))
+                    .is_pending()
+                {
+                    self.running.take_block();
+                }
+            }
+        }
+        self.running.bead.count_received(&self.decoder.take_counters());
+    }
+
+    /// Asks for something: what comes back, the reply at the end. It comes within 0.3 s.
+    pub(crate) fn ask(&mut self, request: &Request) -> (Vec<Message>, Reply) {
+        let number = self.next_number;
+        self.next_number += 1;
+        let before = self.running.frames.len();
+        let mut buffer = [0; MAX_REQUEST];
+        let bytes = encode_request(ANY, number, request, &mut buffer).expect("it fits");
+        self.receive(bytes);
+        for _ in 0..150 {
+            let messages: Vec<_> = self.running.frames[before..]
+                .iter()
+                .map(|(_, message)| message.clone())
+                .collect();
+            let reply = messages
+                .iter()
+                .position(|message| matches!(message, Message::Reply(_)));
+            if let Some(place) = reply {
+                let Message::Reply(reply) = messages[place].clone() else {
+                    unreachable!("it is one");
+                };
+                assert_eq!(reply.request, number);
+                return (messages[..place].to_vec(), reply);
+            }
+            self.running.take_block();
+        }
+        panic!("{request:?} has no reply");
+    }
+
+    /// The outcome of a request, and the line about it.
+    pub(crate) fn answer(&mut self, request: &Request) -> (Outcome, String) {
+        let (_, reply) = self.ask(request);
+        (reply.outcome, reply.detail.as_str().to_owned())
+    }
+
+    pub(crate) fn outcome(&mut self, request: &Request) -> Outcome {
+        self.answer(request).0
+    }
+
+    /// The outcome of a request that is signed with the key of this byte.
+    pub(crate) fn signed(&mut self, request: &Request, key: u8, ticket: Ticket) -> Outcome {
+        let key = Key::new([key; 16]).expect("it is not zero");
+        self.outcome(&request.signed(&key, &UID, ANY, self.next_number, ticket))
+    }
+
+    /// Asks for a reboot, and starts again when it came.
+    pub(crate) fn reboot(mut self, request: &Request) -> Self {
+        let asked = catch_unwind(AssertUnwindSafe(|| self.ask(request)));
+        assert!(
+            asked.is_err(),
+            "it was not reset: {:?}",
+            asked.map(|(_, reply)| reply)
+        );
+        self.restart(1 << 4 | 1 << 2)
+    }
+
+    /// Strikes the bead, and runs until the window is over. Gives the results.
+    pub(crate) fn strike(&mut self) -> Vec<Strike> {
+        self.running.strike()
+    }
+}
+
+impl Running {
+    /// Goes on for 2 ms.
+    pub(crate) fn take_block(&mut self) {
+        let first_index = self.index;
+        for words in &self.codes.0 {
+            let [force, force_wide, acceleration, acceleration_wide] =
+                (self.signal)(self.index).map(u32::from);
+            words[0].store(force | force_wide << 16, Ordering::Relaxed);
+            words[1].store(acceleration | acceleration_wide << 16, Ordering::Relaxed);
+            self.index += 1;
+        }
+        self.hardware.now.set(self.index);
+        self.bead.update(|c| {
+            c.newest_index = self.index - 1;
+            c.samples += SCANS_PER_BLOCK as u64;
+            c.blocks_handed_on += 1;
+        });
+        self.estimation.take(&Block {
+            epoch: self.epoch,
+            first_index,
+            codes: self.codes,
+        });
+        self.estimation.count_block();
+        if self.index / (1000 * MS) != first_index / (1000 * MS) {
+            self.bead.report(self.boot);
+        }
+        if self.line_is_free {
+            self.send();
+        }
+    }
+
+    /// Sends the bytes that leave in the time of a block.
+    fn send(&mut self) {
+        let mut room = 400;
+        loop {
+            let sent = self.sending.min(room);
+            (self.sending, room) = (self.sending - sent, room - sent);
+            let mut packed = Packed::new();
+            if room == 0 {
+                return;
+            }
+            let mut context = Context::from_waker(Waker::noop());
+            if pin!(self.bead.next_frame(&mut packed))
+                .poll(&mut context)
+                .is_pending()
+            {
+                return;
+            }
+            let mut buffer = [0; MAX_FRAME];
+            let bytes = packed.seal(&mut buffer).expect("a frame fits");
+            self.sending = bytes.len();
+            self.bead.update(|c| c.frames_sent += 1);
+            self.bead.count_frame_done();
+            let frames = &mut self.frames;
+            self.stream.feed(bytes, |frame| {
+                let frame = frame.expect("the line has no noise");
+                frames.push((frame.header, frame.message));
+            });
+        }
+    }
+
+    pub(crate) fn run(&mut self, seconds: f64) {
+        for _ in 0..(seconds * 500.0) as u32 {
+            self.take_block();
+        }
+    }
+
+    pub(crate) fn strike(&mut self) -> Vec<Strike> {
+        let (before, start) = (self.strikes().len(), self.index + STRUCK);
+        self.signal = Box::new(move |index| struck(index, start));
+        self.run(0.04);
+        self.signal = Box::new(quiet);
+        self.strikes().split_off(before)
+    }
+
+    pub(crate) fn strikes(&self) -> Vec<Strike> {
+        let strikes = self.frames.iter().filter_map(|(_, message)| match message {
+            Message::Strike(strike) => Some(*strike),
+            _ => None,
+        });
+        strikes.collect()
+    }
+
+    /// Causes and details of the faults that were told.
+    pub(crate) fn faults(&self) -> Vec<(FaultCause, String)> {
+        let faults = self.frames.iter().filter_map(|(_, message)| match message {
+            Message::Fault(fault) => Some((fault.cause, fault.detail.as_str().to_owned())),
+            _ => None,
+        });
+        faults.collect()
+    }
+
+    pub(crate) fn causes(&self) -> Vec<FaultCause> {
+        self.faults().into_iter().map(|(cause, _)| cause).collect()
+    }
+
+    /// The blocks of settings that were told, each once in a row.
+    pub(crate) fn blocks(&self) -> Vec<Vec<u8>> {
+        let mut blocks: Vec<_> = self
+            .frames
+            .iter()
+            .filter_map(|(_, message)| match message {
+                Message::Settings(settings) => Some(settings.block.bytes().to_vec()),
+                _ => None,
+            })
+            .collect();
+        blocks.dedup();
+        blocks
+    }
+
+    /// Frames that were made and never came.
+    pub(crate) fn lost(&self) -> u64 {
+        self.stream.counters().lost
+    }
+}
+
+/// Status, health, link and guard in a reply to a request for the status.
+pub(crate) fn status(bead: &mut TestBead) -> (Status, Health, Link, Guard) {
+    let (messages, _) = bead.ask(&Request::Status);
+    let [
+        ..,
+        Message::Status(status),
+        Message::Health(health),
+        Message::Link(link),
+        Message::Guard(guard),
+        Message::Load(_),
+    ] = messages[..]
+    else {
+        panic!("{messages:?}");
+    };
+    (status, health, link, guard)
+}
+
+/// Code of a channel at rest.
+pub(crate) const REST: u16 = 1024;
+
+/// A chain at rest: codes with noise of one code.
+pub(crate) fn quiet(index: u64) -> [u16; 4] {
+    let noise = |shift: u32| REST + ((index.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> shift) & 1) as u16;
+    [noise(63), noise(62), noise(61), noise(60)]
+}
+
+/// A strike at the scan `start`: a parabola of 1500 codes, 40 samples wide, and an intruder that rings.
+pub(crate) fn struck(index: u64, start: u64) -> [u16; 4] {
+    let mut codes = quiet(index);
+    let since = index.wrapping_sub(start) as i64;
+    if (0..40).contains(&since) {
+        let force = 1500 * (400 - (since - 20).pow(2)) / 400;
+        codes[0] += force as u16;
+        codes[1] += (force / 16) as u16;
+    }
+    if (0..600).contains(&since) {
+        let ring = 400.0 * (-since as f64 / 120.0).exp() * (since as f64 * 0.35).sin();
+        codes[2] = codes[2].wrapping_add_signed(ring as i16);
+        codes[3] = codes[3].wrapping_add_signed((ring / 16.0) as i16);
+    }
+    codes
+}

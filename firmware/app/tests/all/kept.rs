@@ -1,0 +1,83 @@
+//! Strikes that the bead keeps: fetched later, they are bit for bit what was sent first.
+
+use bead_wire::{Message, Outcome, Request};
+
+use crate::bead::TestBead;
+
+#[test]
+fn strikes_are_listed_and_fetched_as_they_were_sent_until_newer_ones_take_their_place() {
+    let mut bead = TestBead::new();
+    for _ in 0..40 {
+        bead.strike();
+    }
+    let (messages, reply) = bead.ask(&Request::ListKept);
+    let kept: Vec<u32> = messages
+        .iter()
+        .filter_map(|message| match message {
+            Message::Kept(kept) => Some(kept.strike),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(reply.detail.as_str(), format!("{} strikes are kept", kept.len()));
+    assert!(
+        kept.len() >= 10 && kept.iter().copied().eq(40 - kept.len() as u32..40),
+        "{kept:?}"
+    );
+    let fetch = |strike| Request::Fetch { boot: 0, strike };
+    assert_eq!(bead.outcome(&fetch(kept[0] - 1)), Outcome::NotKept);
+    assert_eq!(bead.outcome(&fetch(40)), Outcome::NotKept);
+    for strike in [kept[0], 39] {
+        let of_strike = |message: &&Message| match message {
+            Message::Waveform(waveform) => waveform.strike == strike,
+            Message::Strike(told) => told.strike == strike,
+            Message::Shape(shape) => shape.strike == strike,
+            _ => false,
+        };
+        let messages = bead.running.frames.iter().map(|(_, message)| message);
+        let sent: Vec<_> = messages.filter(of_strike).cloned().collect();
+        let (messages, reply) = bead.ask(&fetch(strike));
+        assert_eq!(reply.outcome, Outcome::Done);
+        let fetched = messages.iter().filter_map(|message| match message {
+            Message::Fetched(fetched) => Some(fetched.message().expect("it decodes")),
+            _ => None,
+        });
+        let fetched: Vec<_> = fetched.collect();
+        assert!(matches!(fetched[0], Message::Settings(_)));
+        assert_eq!(fetched[1..], sent);
+    }
+}
+
+#[test]
+fn a_fetch_that_strikes_leave_no_room_for_is_told_to_come_again() {
+    let mut bead = TestBead::new();
+    bead.strike();
+    bead.running.line_is_free = false;
+    // Frames that do not leave fill the outbox.
+    for _ in 0..8 {
+        bead.running.strike();
+    }
+    let before = bead.running.index;
+    let bytes = {
+        let mut buffer = [0; bead_wire::MAX_REQUEST];
+        let fetch = Request::Fetch { boot: 0, strike: 0 };
+        bead_wire::encode_request(bead_wire::ANY, 77, &fetch, &mut buffer)
+            .expect("it fits")
+            .to_vec()
+    };
+    bead.receive(&bytes);
+    assert!(
+        bead.running.index - before >= 50_000,
+        "it waits for half a second"
+    );
+    bead.running.line_is_free = true;
+    bead.run(0.2);
+    let replies = bead
+        .running
+        .frames
+        .iter()
+        .filter_map(|(_, message)| match message {
+            Message::Reply(reply) => Some((reply.request, reply.outcome)),
+            _ => None,
+        });
+    assert_eq!(replies.collect::<Vec<_>>(), [(77, Outcome::Busy)]);
+}

@@ -1,0 +1,11 @@
+//! The bead on a fake device: what it measures, answers and keeps, without QEMU.
+
+mod any_settings;
+mod bead;
+mod boots;
+mod kept;
+mod key;
+mod line;
+mod requests;
+mod sensors;
+mod settings;
