@@ -6,12 +6,9 @@ use std::sync::Arc;
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::FrontEnd;
-use bead_compare::row::{Chain, Member, Place, Row, RowComparison, among, compare};
+use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead_compare::strike::FullChain;
-use bead_compare::verdict::Echoes;
-use bead_recording::clock::CommonTime;
-use bead_recording::file::{About, Origin, Part, Recording, State, Writer};
+use bead_recording::file::{About, Origin, Recording, State, Writer};
 use bead_recording::received::Received;
 use bead_tables::whole::Target;
 use bead_tests::{image, workspace};
@@ -68,22 +65,13 @@ fn record(path: &Path, ran: &[(Emulation, Ran)]) {
 /// Compares the recording as `bead compare` does.
 fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowComparison {
     let received = Received::open(path).unwrap_or_else(|error| panic!("{error}"));
-    let chain = Chain {
+    let chain = RowChain {
         scenario: scenario.clone(),
         solution: Arc::new(solution.clone()),
         hosts: scenario.hosts(),
     };
     let (places, notes) = among(&received, &chain, "");
-    let time = CommonTime::of(&received.recording).unwrap_or_else(|error| panic!("{error}"));
-    let member = |place: &Place| {
-        let full =
-            FullChain::of(scenario, &chain.solution, place.bead).unwrap_or_else(|error| panic!("{error}"));
-        let truth = place.received.json(Part::Truth);
-        let echoes = Echoes::of(scenario, truth.unwrap_or_else(|error| panic!("{error}")));
-        Member::read(place.bead, &place.received, full, &time, 0.0, echoes)
-            .unwrap_or_else(|error| panic!("{error}"))
-    };
-    let row = Row::of(places.iter().map(member).collect());
+    let row = BeadRow::read(&received, &places, &chain, None).unwrap_or_else(|error| panic!("{error}"));
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }
 

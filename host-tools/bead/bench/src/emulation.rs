@@ -405,6 +405,7 @@ impl Emulation {
             _ => None,
         });
         let (in_windows, estimated) = samples_in(windows);
+        let registers = outcome.unknown_registers.iter();
         Ok(EmulatorReport {
             image: image::file_name(&self.image),
             qemu: stm32f405_qemu::qemu_version(None).ok(),
@@ -424,11 +425,7 @@ impl Emulation {
             resets: outcome.resets.len(),
             scans: sampling.scans,
             saturated: self.codes.saturated,
-            unknown_registers: outcome
-                .unknown_registers
-                .iter()
-                .map(|one| one.name.clone())
-                .collect(),
+            unknown_registers: registers.map(|register| register.name.clone()).collect(),
             unmodelled: outcome.unmodelled.clone(),
             virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
             real_seconds: seconds,

@@ -244,10 +244,8 @@ pub fn provoke(faults: &[Planned], run: &mut Run) {
 /// faults that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a
 /// good supply if none does.
 pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
-    let mut faults: Vec<_> = faults
-        .iter()
-        .filter(|fault| fault.kind == PlannedKind::Supply)
-        .collect();
+    let supplies = faults.iter().filter(|fault| fault.kind == PlannedKind::Supply);
+    let mut faults: Vec<_> = supplies.collect();
     faults.sort_by(|a, b| a.at.total_cmp(&b.at));
     let mut times: Vec<_> = faults.iter().flat_map(|fault| [fault.at, fault.end()]).collect();
     times.retain(|time| time.is_finite());
@@ -282,10 +280,11 @@ pub fn load(path: &Path) -> Result<Vec<Planned>, InputError> {
 /// As [`load`].
 pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
     let file = TomlFile::parse(text, name)?;
-    (1..)
-        .zip(entries(&file)?)
-        .map(|(number, entry)| entry.planned(number).map_err(|error| file.locate(error)))
-        .collect()
+    let mut planned = Vec::new();
+    for (number, table) in (1..).zip(entries(&file)?) {
+        planned.push(table.planned(number).map_err(|error| file.locate(error))?);
+    }
+    Ok(planned)
 }
 
 /// The file as it is written.
@@ -405,54 +404,29 @@ mod tests {
             let page = include_str!("../../../../docs/how-to.md");
             assert!(
                 page.contains(&format!("`{name}`")),
-                "{name} is missing in docs/how-to.md"
+                "{name} is not in docs/how-to.md"
             );
         }
     }
 
     #[test]
     fn what_is_wrong_is_said_with_file_line_key_and_what_would_do() {
-        let tables = [
-            ("kind = \"panic\"", "1: fault[1].at: missing; give s"),
-            (
-                "at = 1.0",
-                "1: fault[1].kind: missing; give one of: adc_overrun, ",
-            ),
-            (
-                "at = 1.0\nkind = \"panik\"",
-                "3: fault[1].kind: unknown kind; give one of: adc_overrun, ",
-            ),
-            (
-                "at = -1.0\nkind = \"panic\"",
-                "2: fault[1].at: not a time; give s",
-            ),
-            ("at = nan\nkind = \"panic\"", "2: fault[1].at: not a time; give s"),
-            (
-                "at = 1.0\nkind = \"panic\"\n[[fault]]\nat = 1.0\nkind = \"hang\"\nduration = 1.0",
-                "7: fault[2].duration: hang has no such key; it has at, kind",
-            ),
-            (
-                "at = 1.0\nkind = \"force_stuck\"\nduration = 0",
-                "4: fault[1].duration: not a time above zero; give s",
-            ),
-            (
-                "at = 1.0\nkind = \"uart_stall\"\nduration = 1.0",
-                "4: fault[1].duration: not a time that can be foretold; give up to 0.5 s",
-            ),
-            (
-                "at = 1.0\nkind = \"uart_stall\"",
-                "1: fault[1].duration: missing; give s",
-            ),
-            (
-                "at = 1.0\nkind = \"supply\"",
-                "1: fault[1].volts: missing; give 1.8 to 3.6",
-            ),
-            (
-                "at = 1.0\nkind = \"supply\"\nvolts = 5.0",
-                "4: fault[1].volts: not a voltage that the part works at; give 1.8 to 3.6",
-            ),
-        ];
-        let tables = tables.map(|(table, said)| (format!("[[fault]]\n{table}\n"), said));
+        const TABLES: &str = "\
+kind = 'panic' | 1: fault[1].at: missing; give s
+at = 1.0 | 1: fault[1].kind: missing; give one of: adc_overrun,
+at = 1.0, kind = 'panik' | 3: fault[1].kind: unknown kind; give one of: adc_overrun, adc_dma_error, force_stuck
+at = -1.0, kind = 'panic' | 2: fault[1].at: not a time; give s
+at = nan, kind = 'panic' | 2: fault[1].at: not a time; give s
+at = 1.0, kind = 'panic', [[fault]], kind = 'hang', duration = 1.0 | 6: fault[2].duration: hang has no such key; it has at, kind
+at = 1.0, kind = 'force_stuck', duration = 0 | 4: fault[1].duration: not a time above zero; give s
+at = 1.0, kind = 'uart_stall', duration = 1.0 | 4: fault[1].duration: not a time that can be foretold; give up to 0.5 s
+at = 1.0, kind = 'uart_stall' | 1: fault[1].duration: missing; give s
+at = 1.0, kind = 'supply' | 1: fault[1].volts: missing; give 1.8 to 3.6
+at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that the part works at; give 1.8 to 3.6";
+        let table = |line: &'static str| {
+            let (table, said) = line.split_once(" | ").unwrap();
+            (format!("[[fault]]\n{}\n", table.replace(", ", "\n")), said)
+        };
         let files = [
             ("", "1: no fault; add"),
             ("fault = 3", "1: fault: not an array of tables; write [[fault]]"),
@@ -460,12 +434,9 @@ mod tests {
             ("[[fault]\n", "1: not TOML ("),
         ];
         let files = files.map(|(file, said)| (file.to_owned(), said));
-        for (text, expected) in files.into_iter().chain(tables) {
-            let said = refused(&text);
-            assert!(
-                said.starts_with(&format!("f.toml:{expected}")),
-                "{text:?}: {said}"
-            );
+        for (text, expected) in TABLES.lines().map(table).chain(files) {
+            let (said, expected) = (refused(&text), format!("f.toml:{expected}"));
+            assert!(said.starts_with(&expected), "{text:?}: {said}");
         }
     }
 
@@ -473,8 +444,9 @@ mod tests {
     fn a_file_has_ten_thousand_faults_at_most() {
         let many = |count: usize| "[[fault]]\nat = 1.0\nkind = \"panic\"\n".repeat(count);
         assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 10_000);
+        let said = refused(&many(MOST + 1));
         assert_eq!(
-            refused(&many(MOST + 1)),
+            said,
             "f.toml:1: fault: 10001 faults are more than 10000; provoke fewer in one run"
         );
         let page = include_str!("../../../../docs/how-to.md");
@@ -484,9 +456,8 @@ mod tests {
     #[test]
     fn a_sensor_is_stuck_or_railed_in_its_own_columns_for_its_own_time() {
         let mut run = Run::new("none");
-        run.stimulus = (0..100)
-            .map(|row| [row, 1000 + row, 2000 + row, 3000 + row])
-            .collect();
+        let rows = (0..100).map(|row| [row, 1000 + row, 2000 + row, 3000 + row]);
+        run.stimulus = rows.collect();
         let before = run.stimulus.clone();
         let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
                     [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{bail, ensure};
-use bead_wire::{FaultCause, Message, Status};
+use bead_wire::{FaultCause, Message};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -13,12 +13,12 @@ use crate::fault_reports::{CheckedFaults, FaultLog, FaultOutcome, check_reports}
 use crate::faults::{Planned, PlannedKind};
 use bead_compare::emulated::InstructionsPerSample;
 use bead_compare::front_end::SAMPLE_RATE_HZ;
-use bead_compare::given::Given;
+use bead_compare::given::GivenEstimates;
 use bead_compare::replay::replay;
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
-use bead_compare::verdict::last_statuses;
 use bead_recording::frames::Frame;
+use bead_recording::statuses::LastStatuses;
 use bead_recording::strikes::{RecordedStrike, assemble};
 
 /// The result of a run, as in the JSON of `bead emulate`. SI units.
@@ -133,7 +133,7 @@ pub struct MeasuredStrike {
     pub truth: Option<Truth>,
     /// By f64 estimates from the waveform that was played.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub given: Option<Given>,
+    pub given: Option<GivenEstimates>,
     /// True if replay gives every bit.
     pub replay_identical: bool,
     /// The first difference of replay.
@@ -163,22 +163,20 @@ impl RunReport {
     pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
         let CheckedFaults { outcomes, wrong } = check_faults(emulation, &ran);
         let (frames, counters, measured) = (ran.frames, ran.counters, ran.report);
-        let statuses = last_statuses(&frames);
-        let counted =
-            |count: fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
+        let mut statuses = LastStatuses::default();
+        frames.iter().for_each(|frame| statuses.push(frame));
+        let queue_full = statuses.sum(|status| status.frames_dropped_queue_full);
+        let too_long = statuses.sum(|status| status.frames_dropped_too_long);
         let truth = &emulation.truth;
         let mut report = Self {
             frames: FrameCounts {
                 received: counters.frames,
                 lost: counters.lost,
                 corrupt: counters.rejected.total(),
-                dropped_by_cause: BTreeMap::from([
-                    ("queue_full", counted(|status| status.frames_dropped_queue_full)),
-                    ("too_long", counted(|status| status.frames_dropped_too_long)),
-                ]),
+                dropped_by_cause: BTreeMap::from([("queue_full", queue_full), ("too_long", too_long)]),
             },
             // The bead must have noticed what the converter saw.
-            overruns: measured.overruns.max(counted(|status| status.overruns)),
+            overruns: measured.overruns.max(statuses.sum(|status| status.overruns)),
             resets: measured.resets,
             strikes: Vec::new(),
             echoes: Vec::new(),
@@ -222,7 +220,7 @@ impl RunReport {
                     let window = [first, first + f64::from(strike.said.samples)];
                     let [from, to] =
                         window.map(|sample| sample / f64::from(emulation.settings.sample_rate_hz));
-                    Given::of(waveform, &emulation.settings, from..to)
+                    GivenEstimates::of(waveform, &emulation.settings, from..to)
                 });
                 report.strikes.push(measured);
             } else if is_echo {
@@ -256,21 +254,18 @@ impl RunReport {
         }
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let (overruns, resets, seen) = (self.overruns, self.resets, self.strikes.len());
-        ensure!(
-            lost + corrupt == 0,
-            "{} lost and {corrupt} corrupt; see `bead decode` of the recording",
-            count(lost, "frame")
-        );
-        ensure!(
-            overruns == 0,
-            "{}: the image is too slow for its sample rate",
-            count(overruns, "overrun")
-        );
-        ensure!(
-            resets == 0,
-            "the image reset {}; its fault frames say why",
-            count(resets as u64, "time")
-        );
+        if lost + corrupt > 0 {
+            let lost = count(lost, "frame");
+            bail!("{lost} lost and {corrupt} corrupt; see `bead decode` of the recording");
+        }
+        if overruns > 0 {
+            let overruns = count(overruns, "overrun");
+            bail!("{overruns}: the image is too slow for its sample rate");
+        }
+        if resets > 0 {
+            let times = count(resets as u64, "time");
+            bail!("the image reset {times}; its fault frames say why");
+        }
         if self.played {
             ensure!(
                 seen >= struck as usize,
@@ -279,13 +274,10 @@ impl RunReport {
                 count(seen as u64, "strike"),
                 count(u64::from(struck), "time")
             );
-            return Ok(());
+        } else if seen != struck as usize {
+            let all = count(u64::from(struck), "strike");
+            bail!("{seen} of {all} seen; strikes closer than a window, or below the trigger, are not");
         }
-        ensure!(
-            seen == struck as usize,
-            "{seen} of {} seen; strikes closer than a window, or below the trigger, are not",
-            count(u64::from(struck), "strike")
-        );
         Ok(())
     }
 
@@ -294,27 +286,21 @@ impl RunReport {
         if let Some(what) = self.wrong.first() {
             bail!("{what}");
         }
-        let cut = self
-            .faults
-            .iter()
-            .filter(|fault| fault.cause == FaultCause::StrikeCut);
+        let is_cut = |fault: &&ReportedFault| fault.cause == FaultCause::StrikeCut;
+        let cut = self.faults.iter().filter(is_cut).count();
         let resets = self.resets;
         // A converter whose DMA stream stops also overruns.
         let overrun = [PlannedKind::AdcOverrun, PlannedKind::AdcDmaError];
-        let overruns = self
-            .provoked
-            .iter()
-            .filter(|provoked| overrun.contains(&provoked.fault.kind))
-            .count();
+        let overrun = |provoked: &&ProvokedFault| overrun.contains(&provoked.fault.kind);
+        let overruns = self.provoked.iter().filter(overrun).count();
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
         let unseen = self.strikes_passed_over as usize + self.gaps.len();
-        let known = self.strikes.len() + cut.count() + unseen + self.hidden;
-        ensure!(
-            self.overruns <= overruns as u64,
-            "{} where {overruns} were provoked",
-            count(self.overruns, "overrun")
-        );
+        let known = self.strikes.len() + cut + unseen + self.hidden;
+        if self.overruns > overruns as u64 {
+            let seen = count(self.overruns, "overrun");
+            bail!("{seen} where {overruns} were provoked");
+        }
         // A reset cuts the frame that is being sent, and takes what waits with it.
         ensure!(
             lost == dropped && corrupt <= resets as u64,
@@ -322,11 +308,12 @@ impl RunReport {
             count(lost, "frame"),
             count(resets as u64, "reset")
         );
-        ensure!(
-            resets > 0 || known >= struck,
-            "{known} of {} measured, cut, passed over, in a gap that was reported, or hidden by a fault of the force sensor",
-            count(struck as u64, "strike")
-        );
+        if resets == 0 && known < struck {
+            let all = count(struck as u64, "strike");
+            bail!(
+                "{known} of {all} measured, cut, passed over, in a gap that was reported, or hidden by a fault of the force sensor"
+            );
+        }
         Ok(())
     }
 }
@@ -334,9 +321,8 @@ impl RunReport {
 /// Number of strikes, by the indices at which they begin, that no bead could see for these faults.
 fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
     let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
-    times
-        .filter(|time| faults.iter().any(|fault| fault.hides(*time)))
-        .count()
+    let is_hidden = |time: &f64| faults.iter().any(|fault| fault.hides(*time));
+    times.filter(is_hidden).count()
 }
 
 /// Strikes passed over, in all boots: the count begins anew with each, and only grows meanwhile.
@@ -361,14 +347,10 @@ fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
         return CheckedFaults::default();
     }
     // A waveform that is played may hold no strike.
-    let starts = emulation
-        .truth
-        .starts
-        .iter()
-        .filter(|_| emulation.waveform.is_none());
-    let starts: Vec<f64> = starts
-        .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
-        .collect();
+    let is_played = emulation.waveform.is_some();
+    let starts = emulation.truth.starts.iter().filter(|_| !is_played);
+    let starts = starts.map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ));
+    let starts: Vec<f64> = starts.collect();
     let rows = emulation.machine().stimulus;
     check_reports(&emulation.faults, &rows, &starts, &FaultLog::of(ran))
 }
@@ -389,7 +371,6 @@ fn provoked(planned: &[Planned], outcomes: &[FaultOutcome]) -> Vec<ProvokedFault
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::Arrival;
 
     #[test]
     fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
@@ -400,33 +381,6 @@ mod tests {
         let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
         assert_eq!(hidden(&faults, &starts), 3);
         assert_eq!(hidden(&[], &starts), 0);
-    }
-
-    #[test]
-    fn of_each_boot_of_each_bead_the_last_status_counts() {
-        let told = |address: u8, boot: u8, uptime_ms: u64, overruns: u32| {
-            let mut status = Message::draw(bead_wire::Kind::Status, &mut || 0);
-            let Message::Status(body) = &mut status else {
-                panic!("a status")
-            };
-            (body.uptime_ms, body.overruns) = (uptime_ms, overruns);
-            Frame::of(address, boot, Arrival::Next { lost: 0 }, status)
-        };
-        let frames = [
-            told(7, 0, 1000, 0),
-            told(8, 0, 500, 4),
-            told(7, 0, 2000, 1),
-            told(8, 0, 1500, 5),
-            // A power cycle, and a reset.
-            told(7, 0, 700, 0),
-            told(7, 0, 1700, 2),
-            told(7, 1, 2700, 0),
-        ];
-        let overruns: Vec<u32> = last_statuses(&frames)
-            .iter()
-            .map(|status| status.overruns)
-            .collect();
-        assert_eq!(overruns, [1, 5, 2, 0]);
     }
 
     #[test]

@@ -48,10 +48,9 @@ pub fn placed(
         && ppm.len() != 1
         && ppm.len() != beads.len()
     {
+        let (crystals, beads) = (ppm.len(), beads.len());
         return Err(BenchError::Unfit(format!(
-            "[clock] ppm has {} crystals for {} beads; give one for each, or one for all",
-            ppm.len(),
-            beads.len()
+            "[clock] ppm has {crystals} crystals for {beads} beads; give one for each, or one for all"
         )));
     }
     let by_place = beads.iter().all(|bead| *bead <= LAST_ADDRESS);

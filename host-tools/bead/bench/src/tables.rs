@@ -26,6 +26,13 @@ const SYNC_LEAST: f64 = 0.02;
 const START_SPREAD_MOST: f64 = 60.0;
 /// Paces of a bead that listens.
 const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
+/// Units of the spans, and examples: force, wide force, acceleration, wide acceleration.
+const SPANS: [&str; 4] = [
+    "N, such as 16.0",
+    "N, such as 256.0",
+    "m/s², such as 500.0",
+    "m/s², such as 8000.0",
+];
 /// Greatest `shift`.
 const SHIFT_MOST: u8 = 10;
 
@@ -114,41 +121,26 @@ impl FrontEndTable {
         let mut front_end = self.sensors.front_end();
         let FrontEnd { force, acceleration } = &mut front_end;
         let spans = [
-            (
-                &mut force.sensitive,
-                "force_span",
-                self.force_span,
-                "N, such as 16.0",
-            ),
-            (
-                &mut force.wide,
-                "wide_force_span",
-                self.wide_force_span,
-                "N, such as 256.0",
-            ),
+            (&mut force.sensitive, "force_span", self.force_span),
+            (&mut force.wide, "wide_force_span", self.wide_force_span),
             (
                 &mut acceleration.sensitive,
                 "acceleration_span",
                 self.acceleration_span,
-                "m/s², such as 500.0",
             ),
             (
                 &mut acceleration.wide,
                 "wide_acceleration_span",
                 self.wide_acceleration_span,
-                "m/s², such as 8000.0",
             ),
         ];
-        for (channel, key, span, unit) in spans {
+        for ((channel, key, span), unit) in spans.into_iter().zip(SPANS) {
             if let Some(span) = span {
-                let holds = span.is_finite() && span > 0.0;
-                ensure(
-                    holds,
-                    "front_end",
-                    key,
-                    span,
+                let (holds, advice) = (
+                    span.is_finite() && span > 0.0,
                     format!("give more than 0, in {unit}"),
-                )?;
+                );
+                ensure(holds, "front_end", key, span, advice)?;
                 *channel = channel.with_span(span);
             }
         }
@@ -171,14 +163,11 @@ impl FrontEndTable {
             }
         }
         if let Some(hz) = self.pole {
-            let holds = hz.is_finite() && hz >= 0.0;
-            ensure(
-                holds,
-                "front_end",
-                "pole",
-                hz,
+            let (holds, advice) = (
+                hz.is_finite() && hz >= 0.0,
                 "give Hz, such as 40e3, or 0 for none",
-            )?;
+            );
+            ensure(holds, "front_end", "pole", hz, advice)?;
             for channel in front_end.channels_mut() {
                 channel.pole_hz = (hz > 0.0).then_some(hz);
             }
@@ -231,13 +220,8 @@ impl ClockTable {
         ensure(holds, "clock", "start_spread", self.start_spread, advice)?;
         if let Some(period) = self.sync_period {
             let holds = period.is_finite() && period >= SYNC_LEAST;
-            ensure(
-                holds,
-                "clock",
-                "sync_period",
-                period,
-                format!("give s, at least {SYNC_LEAST}"),
-            )?;
+            let advice = format!("give s, at least {SYNC_LEAST}");
+            ensure(holds, "clock", "sync_period", period, advice)?;
         }
         if let Some(pace) = self.pace {
             let advice = "give a number from 0.001 to 1000; 1 is real time".to_owned();
@@ -293,45 +277,22 @@ mod tests {
     #[test]
     fn a_value_that_no_bench_has_is_refused_with_line_and_key() {
         let lines = Scenario::paper().to_toml().lines().count();
-        let refused = [
-            (
-                "[front_end]\nforce_span = 0.0",
-                "front_end.force_span",
-                "0 is out of range; give more than 0, in N",
-            ),
-            ("[front_end]\npole = inf", "front_end.pole", "inf is out of range"),
-            (
-                "[front_end]\nforce_noise = -1.0",
-                "front_end.force_noise",
-                "-1 is out of range",
-            ),
-            (
-                "[front_end]\nsensors = \"loud\"",
-                "front_end.sensors",
-                "`loud` is not known; known are `weak` or `strong`",
-            ),
-            ("[front_end]\nspam = 1.0", "front_end.spam", "unknown key"),
-            (
-                "[clock]\nppm = [5000.0]",
-                "clock.ppm",
-                "a crystal is off by less than 1000 ppm",
-            ),
-            (
-                "[clock]\nsync_period = 0.0",
-                "clock.sync_period",
-                "give s, at least 0.02",
-            ),
-            (
-                "[clock]\nshift = 11",
-                "clock.shift",
-                "11 is out of range; give 0 to 10",
-            ),
-            ("[clock]\npace = 0.0", "clock.pace", "from 0.001 to 1000"),
-            ("[clock]\nstart_spread = 61.0", "clock.start_spread", "at most 60"),
-        ];
-        for (tables, key, why) in refused {
-            let refused = read(tables).unwrap_err();
-            let place = format!("s.toml:{}: {key}: ", lines + 3);
+        const REFUSED: &str = "\
+[front_end] force_span = 0.0 | 0 is out of range; give more than 0, in N, such as 16.0
+[front_end] wide_acceleration_span = 0.0 | 0 is out of range; give more than 0, in m/s², such as 8000.0
+[front_end] pole = inf | inf is out of range
+[front_end] force_noise = -1.0 | -1 is out of range
+[front_end] sensors = 'loud' | `loud` is not known; known are `weak` or `strong`
+[front_end] spam = 1.0 | unknown key
+[clock] ppm = [5000.0] | a crystal is off by less than 1000 ppm
+[clock] sync_period = 0.0 | give s, at least 0.02
+[clock] shift = 11 | 11 is out of range; give 0 to 10
+[clock] start_spread = 61.0 | at most 60";
+        for line in REFUSED.lines() {
+            let (table, why) = line.split_once(" | ").unwrap();
+            let key = table.replace(['[', ']'], "").replacen(' ', ".", 1);
+            let place = format!("s.toml:{}: {}: ", lines + 3, key.split(' ').next().unwrap());
+            let refused = read(&table.replacen(' ', "\n", 1)).unwrap_err();
             assert!(refused.starts_with(&place) && refused.contains(why), "{refused}");
         }
         let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();

@@ -1,5 +1,6 @@
 //! A recorded strike, held against replay, f64 estimates and the full chain; and the report of it.
 
+pub mod bead;
 pub mod emulated;
 pub mod error;
 pub mod f64_estimators;

@@ -10,103 +10,114 @@ use crate::strike::{AbsorbedPoint, SensedPoint, Traces};
 pub fn strike_chart(traces: &Traces) -> Chart {
     let sensed = |points: &[SensedPoint], y_label: &str, [simulated, sensed]: [&str; 2]| {
         let of = |value: fn(&SensedPoint) -> f64| points.iter().map(move |point| (point.time, value(point)));
-        let (chain, bead) = (of(|point| point.simulated), of(|point| point.sensed));
+        let chain = over_ms(of(|point| point.simulated), 1.0);
+        let bead = over_ms(of(|point| point.sensed), 1.0);
         let curves = vec![
-            series(simulated, Ink::Chain, Mark::Broad, chain, 1.0),
-            series(sensed, Ink::Sensed, Mark::Dots, bead, 1.0),
+            curve(simulated, Ink::Chain, Mark::Broad, chain),
+            curve(sensed, Ink::Sensed, Mark::Dots, bead),
         ];
         Panel::new(y_label, curves).height(165)
     };
-    let unit = EnergyUnit::of(traces.f64_samples[1].last().map(|last| last.chain));
-    let estimate = |name: &str, ink, mark, curve: &[AbsorbedPoint]| {
-        let points = curve.iter().map(|point| (point.time, point.estimate));
-        series(name, ink, mark, points, unit.scale)
+    let chain = &traces.f64_samples[1];
+    let unit = EnergyUnit::of(chain.last().map(|last| last.chain));
+    let energy = |name: &str, ink, mark, points: &[AbsorbedPoint], value: fn(&AbsorbedPoint) -> f64| {
+        let points = points.iter().map(|point| (point.time, value(point)));
+        curve(name, ink, mark, over_ms(points, unit.scale))
     };
-    let chain = traces.f64_samples[1].iter();
-    let chain = chain.map(|point| (point.time, point.chain));
+    let [a, b] = ["A, measured by the acceleration", "B, predicted from the force"];
     let [measured, predicted] = &traces.device;
     let absorbed = vec![
-        series("", Ink::Chain, Mark::Broad, chain, unit.scale),
-        estimate(
-            "A, measured by the acceleration",
-            Ink::Measured,
-            Mark::Rings,
-            measured,
-        ),
-        estimate(
-            "B, predicted from the force",
-            Ink::Predicted,
-            Mark::Discs,
-            predicted,
-        ),
+        energy("", Ink::Chain, Mark::Broad, chain, |point| point.chain),
+        energy(a, Ink::Measured, Mark::Rings, measured, |point| point.estimate),
+        energy(b, Ink::Predicted, Mark::Discs, predicted, |point| point.estimate),
     ];
-    over_time(
-        traces,
-        "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time",
-        vec![
-            sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
-            sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
-            Panel::new(format!("absorbed energy ({})", unit.symbol), absorbed).height(230),
-        ],
+    let panels = vec![
+        sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
+        sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
+        Panel::new(format!("absorbed energy ({})", unit.symbol), absorbed).height(230),
+    ];
+    let description =
+        "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time";
+    wide(
+        description,
+        time_axis(ends(&traces.force, |point| point.time)),
+        panels,
     )
 }
 
 /// The three curves of [`strike_chart`] less the simulation.
 pub fn residual_chart(traces: &Traces) -> Chart {
     let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
-        let off = |point: &SensedPoint| (point.time, point.sensed - point.simulated);
-        let off = points.iter().map(off);
-        Panel::new(y_label, vec![series(name, Ink::Sensed, Mark::Dots, off, scale)]).height(140)
+        let off = points
+            .iter()
+            .map(|point| (point.time, point.sensed - point.simulated));
+        let off = curve(name, Ink::Sensed, Mark::Dots, over_ms(off, scale));
+        Panel::new(y_label, vec![off]).height(140)
     };
     let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
     let mut absorbed = Vec::new();
-    for (which, ink, estimate, device) in [
-        (0, Ink::Measured, "A", Mark::Rings),
-        (1, Ink::Predicted, "B", Mark::Discs),
-    ] {
+    let estimates = [
+        (Ink::Measured, "A", Mark::Rings),
+        (Ink::Predicted, "B", Mark::Discs),
+    ];
+    for (which, (ink, estimate, device)) in estimates.into_iter().enumerate() {
         for (by, mark, curves) in [
             ("f64", Mark::Dashed, &traces.f64_samples),
             ("replay", Mark::Line, &traces.replay),
             ("bead", device, &traces.device),
         ] {
             let error = |point: &AbsorbedPoint| (point.time, point.estimate - point.chain);
-            let points = curves[which].iter().map(error);
-            let name = format!("{estimate}, {by}");
-            absorbed.push(series(&name, ink, mark, points, 100.0 / last));
+            let points = over_ms(curves[which].iter().map(error), 100.0 / last);
+            absorbed.push(curve(&format!("{estimate}, {by}"), ink, mark, points));
         }
     }
     let (force, acceleration) = (&traces.force, &traces.acceleration);
     let name = "sensed − simulated acceleration";
-    over_time(
-        traces,
-        "What remains of force, acceleration and absorbed energy when the simulation is subtracted",
-        vec![
-            residual(force, "sensed − simulated force", "force (mN)", 1e3),
-            residual(acceleration, name, "acceleration (m/s²)", 1.0),
-            Panel::new("energy (% of final)", absorbed).height(230),
-        ],
-    )
+    let panels = vec![
+        residual(force, "sensed − simulated force", "force (mN)", 1e3),
+        residual(acceleration, name, "acceleration (m/s²)", 1.0),
+        Panel::new("energy (% of final)", absorbed).height(230),
+    ];
+    let description =
+        "What remains of force, acceleration and absorbed energy when the simulation is subtracted";
+    wide(description, time_axis(ends(force, |point| point.time)), panels)
 }
 
-/// A chart of a page's width over the time of the window.
-fn over_time(traces: &Traces, description: &str, panels: Vec<Panel>) -> Chart {
-    let range = match (traces.force.first(), traces.force.last()) {
-        (Some(first), Some(last)) => first.time * 1e3..last.time * 1e3,
-        _ => 0.0..1.0,
-    };
+/// A chart that fills a page.
+pub(crate) fn wide(description: &str, x: Axis, panels: Vec<Panel>) -> Chart {
     Chart {
         description: description.to_owned(),
         width: WIDTH,
-        ..Chart::new(Axis::new("time since the striker hit (ms)", range), panels)
+        ..Chart::new(x, panels)
     }
 }
 
-/// A curve over milliseconds, its values scaled to the axis.
-fn series(name: &str, ink: Ink, mark: Mark, points: impl Iterator<Item = (f64, f64)>, scale: f64) -> Series {
+/// The axis of the time since the striker hit, with its ends in s.
+pub(crate) fn time_axis([from, to]: [f64; 2]) -> Axis {
+    Axis::new("time since the striker hit (ms)", from * 1e3..to * 1e3)
+}
+
+/// The times of the first and the last of some points, s.
+pub(crate) fn ends<P>(points: &[P], time: fn(&P) -> f64) -> [f64; 2] {
+    let ends = points.first().zip(points.last());
+    ends.map_or([0.0, 1e-3], |(first, last)| [time(first), time(last)])
+}
+
+pub(crate) fn curve(
+    name: &str,
+    ink: Ink,
+    mark: Mark,
+    points: impl IntoIterator<Item = (f64, f64)>,
+) -> Series {
     Series {
         name: name.to_owned(),
         ink,
         mark,
-        points: points.map(|(time, value)| (time * 1e3, value * scale)).collect(),
+        points: points.into_iter().collect(),
     }
+}
+
+/// Points over milliseconds, their values times `scale`, from points over seconds.
+fn over_ms(points: impl Iterator<Item = (f64, f64)>, scale: f64) -> impl Iterator<Item = (f64, f64)> {
+    points.map(move |(time, value)| (time * 1e3, value * scale))
 }

@@ -1,11 +1,11 @@
 //! The quantities of a strike, as tables show them: values by four sources, and how far the device is off.
 
 use crate::report::EnergyUnit;
-use crate::strike::{ShapeValues, StrikeComparison, Values};
+use crate::strike::{ShapeValues, StrikeComparison, StrikeValues};
 
 /// Who gives a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Source {
+pub(super) enum ValueSource {
     /// The bead.
     Device,
     /// The bead's code on this computer.
@@ -16,131 +16,116 @@ pub(super) enum Source {
     F64Chain,
 }
 
-impl Source {
+impl ValueSource {
     /// In the order of the columns of a table: each adds one source of error to the one on its right.
     pub(super) const ALL: [Self; 4] = [Self::Device, Self::Replay, Self::F64Samples, Self::F64Chain];
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Field {
-    /// An energy, J.
-    Energy(fn(&Values) -> f64),
-    Force(fn(&Values) -> f64),
-    /// A value of the shape, with the number of its unit in the SI unit.
-    Shape(fn(&ShapeValues) -> f64, f64),
+enum ValueField {
+    OfAll(fn(&StrikeValues) -> f64),
+    /// A value that replay and f64 from the same samples do not have.
+    OfShape(fn(&ShapeValues) -> f64),
 }
+use ValueField::{OfAll, OfShape};
 
 /// A quantity of a strike.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Quantity {
+pub(super) struct StrikeQuantity {
     name: &'static str,
-    /// Empty for an energy, whose unit depends on its size.
+    /// J for an energy, which is shown in a unit of its size.
     unit: &'static str,
-    digits: usize,
-    field: Field,
+    /// Number of the unit in the SI unit.
+    scale: f64,
+    /// Digits behind the point.
+    pub(super) digits: usize,
+    field: ValueField,
 }
 
-const fn shape(
+const fn quantity(
     name: &'static str,
-    unit: &'static str,
-    scale: f64,
-    digits: usize,
-    of: fn(&ShapeValues) -> f64,
-) -> Quantity {
-    Quantity {
+    (unit, scale, digits): (&'static str, f64, usize),
+    field: ValueField,
+) -> StrikeQuantity {
+    StrikeQuantity {
         name,
         unit,
+        scale,
         digits,
-        field: Field::Shape(of, scale),
+        field,
     }
 }
 
-const fn energy(name: &'static str, of: fn(&Values) -> f64) -> Quantity {
-    Quantity {
-        name,
-        unit: "",
-        digits: 3,
-        field: Field::Energy(of),
-    }
-}
+const J: &str = "J";
 
 /// All quantities: the two estimates first.
-pub(super) const QUANTITIES: [Quantity; 9] = [
-    energy("A, measured", |values| values.absorbed_measured),
-    energy("B, predicted", |values| values.absorbed_predicted),
-    Quantity {
-        name: "peak force",
-        unit: "N",
-        digits: 5,
-        field: Field::Force(|values| values.peak_force),
-    },
-    shape("width at half height", "µs", 1e6, 2, |shape| shape.width),
-    shape("impulse", "mN·s", 1e3, 4, |shape| shape.impulse),
-    shape("ringing", "Hz", 1.0, 1, |shape| shape.ring_frequency),
-    shape("decay of the ringing", "1/s", 1.0, 1, |shape| shape.ring_decay),
-    shape("k from the ringing", "kN/m", 1e-3, 1, |shape| shape.stiffness),
-    shape("c from the ringing", "N·s/m", 1.0, 2, |shape| shape.damping),
+pub(super) const QUANTITIES: [StrikeQuantity; 9] = [
+    quantity("A, measured", (J, 1.0, 3), OfAll(|all| all.absorbed_measured)),
+    quantity("B, predicted", (J, 1.0, 3), OfAll(|all| all.absorbed_predicted)),
+    quantity("peak force", ("N", 1.0, 5), OfAll(|all| all.peak_force)),
+    quantity("width at half height", ("µs", 1e6, 2), OfShape(|of| of.width)),
+    quantity("impulse", ("mN·s", 1e3, 4), OfShape(|of| of.impulse)),
+    quantity("ringing", ("Hz", 1.0, 1), OfShape(|of| of.ring_frequency)),
+    quantity(
+        "decay of the ringing",
+        ("1/s", 1.0, 1),
+        OfShape(|of| of.ring_decay),
+    ),
+    quantity(
+        "k from the ringing",
+        ("kN/m", 1e-3, 1),
+        OfShape(|of| of.stiffness),
+    ),
+    quantity("c from the ringing", ("N·s/m", 1.0, 2), OfShape(|of| of.damping)),
 ];
 
-impl Quantity {
+impl StrikeQuantity {
     /// The value in SI units. `None` where the source does not give it, or found no ringing.
-    pub(super) fn value(&self, strike: &StrikeComparison, source: Source) -> Option<f64> {
-        let values = match source {
-            Source::Device => Some(strike.device),
-            Source::Replay => strike.replay,
-            Source::F64Samples => strike.f64_samples,
-            Source::F64Chain => Some(strike.f64_chain),
+    pub(super) fn value(&self, strike: &StrikeComparison, source: ValueSource) -> Option<f64> {
+        let shape = strike.shape;
+        let (values, shape) = match source {
+            ValueSource::Device => (Some(strike.device), shape.map(|shape| shape.device)),
+            ValueSource::Replay => (strike.replay, None),
+            ValueSource::F64Samples => (strike.f64_samples, None),
+            ValueSource::F64Chain => (Some(strike.f64_chain), shape.map(|shape| shape.f64_chain)),
         };
         match self.field {
-            Field::Energy(of) | Field::Force(of) => values.map(|values| of(&values)),
-            Field::Shape(of, _) => {
-                let shape = strike.shape?;
-                let shape = match source {
-                    Source::Device => shape.device,
-                    Source::F64Chain => shape.f64_chain,
-                    Source::Replay | Source::F64Samples => return None,
-                };
-                // A bead that found no ringing, or none there is, says 0.
-                Some(of(&shape)).filter(|value| *value != 0.0)
-            }
+            OfAll(of) => values.as_ref().map(of),
+            // A bead that found no ringing, or none there is, says 0.
+            OfShape(of) => shape.as_ref().map(of).filter(|value| *value != 0.0),
         }
     }
 
     /// True if replay and f64 from the same samples compute it too.
     pub(super) fn has_four_sources(&self) -> bool {
-        !matches!(self.field, Field::Shape(..))
+        matches!(self.field, OfAll(_))
     }
 
     /// The device's deviation, as a part of the full chain's value.
     pub(super) fn off(&self, strike: &StrikeComparison) -> Option<f64> {
-        let device = self.value(strike, Source::Device)?;
-        Some(device / self.value(strike, Source::F64Chain)? - 1.0)
+        let device = self.value(strike, ValueSource::Device)?;
+        Some(device / self.value(strike, ValueSource::F64Chain)? - 1.0)
     }
 
     /// The name with the unit, and the number of this unit in the SI unit. Energies are shown in `energies`.
     pub(super) fn shown_in(&self, energies: EnergyUnit) -> (String, f64) {
-        let (unit, scale) = match self.field {
-            Field::Energy(_) => (energies.symbol, energies.scale),
-            Field::Force(_) => (self.unit, 1.0),
-            Field::Shape(_, scale) => (self.unit, scale),
+        let is_energy = self.unit == J;
+        let own = (self.unit, self.scale);
+        let (unit, scale) = if is_energy {
+            (energies.symbol, energies.scale)
+        } else {
+            own
         };
         (format!("{} ({unit})", self.name), scale)
-    }
-
-    /// Digits behind the point.
-    pub(super) fn digits(&self) -> usize {
-        self.digits
     }
 }
 
 /// The unit of the energies of these strikes.
 pub(super) fn energy_unit(strikes: &[StrikeComparison]) -> EnergyUnit {
-    EnergyUnit::of(strikes.iter().flat_map(|strike| {
-        let sides = [strike.device, strike.f64_chain];
-        sides
-            .into_iter()
-            .flat_map(|values| [values.absorbed_measured, values.absorbed_predicted])
-    }))
+    let sides = strikes
+        .iter()
+        .flat_map(|strike| [strike.device, strike.f64_chain]);
+    EnergyUnit::of(sides.flat_map(|values| [values.absorbed_measured, values.absorbed_predicted]))
 }
 
 #[cfg(test)]
@@ -160,9 +145,7 @@ mod tests {
         let shape = strike.shape.as_mut().unwrap();
         (shape.device.ring_frequency, shape.f64_chain.ring_frequency) = (0.0, 0.0);
         assert_eq!(ringing.shown_in(energy_unit(&[strike.clone()])).0, "ringing (Hz)");
-        assert_eq!(
-            (ringing.value(&strike, Source::Device), ringing.off(&strike)),
-            (None, None)
-        );
+        let (value, off) = (ringing.value(&strike, ValueSource::Device), ringing.off(&strike));
+        assert_eq!((value, off), (None, None));
     }
 }

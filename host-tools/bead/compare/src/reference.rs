@@ -8,12 +8,9 @@
 
 use serde::Serialize;
 
-use bead_model::layout::BASELINE;
-
-use crate::f64_estimators;
 use crate::front_end::SCAN_SKEW;
-use crate::given::{Given, physics};
-use crate::signal::{gated, least, sensed};
+use crate::given::{GivenEstimates, physics};
+use crate::signal::{StrikeSignals, least};
 use bead_instrument::{Trace, Waveform};
 use bead_recording::strikes::RecordedStrike;
 
@@ -26,14 +23,14 @@ const COVERED: f64 = 0.9;
 
 /// A value by both instruments.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Sides {
+pub struct BothSides {
     /// By the bead.
     pub bead: f64,
     /// By the other instrument, as its file has it.
     pub reference: f64,
 }
 
-impl Sides {
+impl BothSides {
     /// The bead's, relative to the reference.
     pub fn off(&self) -> f64 {
         self.bead / self.reference - 1.0
@@ -42,7 +39,7 @@ impl Sides {
 
 /// One quantity of a strike by both instruments, SI units.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
-pub struct Aligned {
+pub struct AlignedQuantity {
     /// Pearson's coefficient of the two, with the delay taken out.
     pub correlation: f64,
     /// The bead's values as a multiple of the reference's.
@@ -50,13 +47,13 @@ pub struct Aligned {
     /// Time since the bead's trigger, less the time in the reference's file, s.
     pub delay: f64,
     /// Time of the top of the strongest pulse, s: since the bead's trigger, and in the reference's file.
-    pub arrival: Sides,
+    pub arrival: BothSides,
     /// Delay of the top of the bead's pulse, beyond `delay`, s.
     pub arrival_off: f64,
     /// Height of that top.
-    pub peak: Sides,
+    pub peak: BothSides,
     /// ∫ of the square over time.
-    pub energy: Sides,
+    pub energy: BothSides,
     /// Root mean square of bead less gain times reference.
     pub residual_rms: f64,
     /// `residual_rms` as a part of the bead's peak.
@@ -65,12 +62,12 @@ pub struct Aligned {
     pub samples: usize,
     /// The points of a picture.
     #[serde(skip)]
-    pub points: Vec<Point>,
+    pub points: Vec<AlignedPoint>,
 }
 
 /// Both sides at one sample of the bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct AlignedPoint {
     /// Since the trigger, s.
     pub time: f64,
     /// By the bead.
@@ -94,9 +91,9 @@ pub struct Absorbed {
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct AgainstReference {
     /// Force, N; none if the reference has none.
-    pub force: Option<Aligned>,
+    pub force: Option<AlignedQuantity>,
     /// Acceleration of the intruder, m/s²; none if the reference has none.
-    pub acceleration: Option<Aligned>,
+    pub acceleration: Option<AlignedQuantity>,
     /// Estimate A.
     pub absorbed_measured: Absorbed,
     /// Estimate B.
@@ -109,59 +106,45 @@ pub struct AgainstReference {
 /// Samples or settings of the strike are missing, or the reference does not hold it: one line each.
 pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstReference, String> {
     let number = strike.said.strike;
-    let settings = strike
-        .settings
-        .as_ref()
-        .ok_or_else(|| format!("strike {number} came without settings, so its samples have no units"))?;
-    if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
+    if strike.settings.is_none() {
         return Err(format!(
-            "strike {number} misses {} of its {} samples; choose another with --strike",
-            strike.missing(),
-            strike.said.samples
+            "strike {number} came without settings, so its samples have no units"
         ));
     }
-    let rate = f64::from(settings.sample_rate_hz);
-    let force = sensed(&strike.scans, 0, &settings.force);
-    let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
+    let signals = StrikeSignals::of(strike).ok_or_else(|| {
+        let (missing, samples) = (strike.missing(), strike.said.samples);
+        format!("strike {number} misses {missing} of its {samples} samples; choose another with --strike")
+    })?;
+    let StrikeSignals { settings, rate, .. } = signals;
+    let (force, acceleration) = (&signals.force, &signals.acceleration);
     let before = strike.said.trigger_index.saturating_sub(strike.said.first_index) as f64 / rate;
     let align = |trace: &Option<Trace>, name, bead: &[f64], first| {
-        let trace = trace
-            .as_ref()
-            .map(|trace| aligned(name, bead, first, rate, trace, reference.start));
-        trace.transpose()
+        let aligned = |trace| aligned(name, bead, first, rate, trace, reference.start);
+        trace.as_ref().map(aligned).transpose()
     };
-    let of_force = align(&reference.force, "force", &force, -before)?;
-    let of_acceleration = align(
-        &reference.acceleration,
-        "acceleration",
-        &acceleration,
-        SCAN_SKEW - before,
-    )?;
-
+    let of_force = align(&reference.force, "force", force, -before)?;
+    let skewed = SCAN_SKEW - before;
+    let of_acceleration = align(&reference.acceleration, "acceleration", acceleration, skewed)?;
     let (bead, neighbours) = physics(settings);
-    let noise = strike.said.force_noise.newtons();
-    let last = |energies: Vec<f64>| energies.last().copied().unwrap_or(0.0);
     // The stretch of the reference that the bead's window saw, in the time of its traces.
-    let window = |aligned: &Aligned, skew: f64| {
+    let window = |aligned: &AlignedQuantity, skew: f64| {
         let first = skew - before - aligned.delay - reference.start;
-        Given::of(reference, settings, first..first + force.len() as f64 / rate)
+        GivenEstimates::of(reference, settings, first..first + force.len() as f64 / rate)
     };
     let measured = of_acceleration.as_ref().map(|aligned| window(aligned, SCAN_SKEW));
     let predicted = of_force.as_ref().map(|aligned| window(aligned, 0.0));
     Ok(AgainstReference {
         absorbed_measured: Absorbed {
             bead: strike.said.absorbed_measured.joules(),
-            f64_samples: last(f64_estimators::measured(&bead, &acceleration, rate)),
+            f64_samples: signals.measured(&bead).last().copied().unwrap_or(0.0),
             reference: measured.and_then(|given| given.absorbed_measured),
         },
         absorbed_predicted: Absorbed {
             bead: strike.said.absorbed_predicted.joules(),
-            f64_samples: last(f64_estimators::predicted(
-                &bead,
-                &neighbours,
-                &gated(&force, settings, noise, 1),
-                rate,
-            )),
+            f64_samples: signals
+                .predicted(&bead, &neighbours)
+                .last()
+                .map_or(0.0, |[absorbed, _]| *absorbed),
             reference: predicted.and_then(|given| given.absorbed_predicted),
         },
         force: of_force,
@@ -177,7 +160,7 @@ fn aligned(
     rate: f64,
     reference: &Trace,
     start: f64,
-) -> Result<Aligned, String> {
+) -> Result<AlignedQuantity, String> {
     let long = reference.end() - reference.begin();
     if long > LONGEST {
         return Err(format!(
@@ -206,11 +189,8 @@ fn aligned(
     let own: Vec<f64> = overlap.iter().map(|sample| bead[*sample]).collect();
     // The bead sees no faster than from sample to sample.
     let at = |shift: f64, reference: &mut Trace| -> Vec<f64> {
-        let time = |sample: &usize| *sample as f64 / rate + shift;
-        let values = overlap
-            .iter()
-            .map(|sample| reference.around(time(sample), 1.0 / rate));
-        values.collect()
+        let mut value = |sample: &usize| reference.around(*sample as f64 / rate + shift, 1.0 / rate);
+        overlap.iter().map(&mut value).collect()
     };
     let step = 1.5 / rate;
     let shift = least(coarse - step, coarse + step, |shift| {
@@ -225,39 +205,35 @@ fn aligned(
         ));
     }
     let gain = product(&own, &other) / square_other;
-    let points = overlap
-        .iter()
-        .zip(own.iter().zip(&other))
-        .map(|(sample, (bead, other))| Point {
-            time: first + *sample as f64 / rate,
-            bead: *bead,
-            reference: gain * other,
-        });
+    let both = overlap.iter().zip(own.iter().zip(&other));
+    let points = both.map(|(sample, (bead, other))| AlignedPoint {
+        time: first + *sample as f64 / rate,
+        bead: *bead,
+        reference: gain * other,
+    });
     let points: Vec<_> = points.collect();
-    let rest = points
-        .iter()
-        .map(|point| (point.bead - point.reference).powi(2))
-        .sum::<f64>();
+    let rest = points.iter().map(|point| (point.bead - point.reference).powi(2));
+    let rest: f64 = rest.sum();
     let residual_rms = (rest / points.len() as f64).sqrt();
     let [(bead_top, bead_height), (top, height)] = [&own, &other].map(|values| summit(values));
     let skipped = overlap[0] as f64;
     let time = |sample: f64| first + (skipped + sample) / rate;
     // In the reference's file a time is later by this than after the trigger.
     let into_file = shift + start - first;
-    Ok(Aligned {
+    Ok(AlignedQuantity {
         correlation: correlation(&own, &other),
         gain,
         delay: -into_file,
-        arrival: Sides {
+        arrival: BothSides {
             bead: time(bead_top),
             reference: time(top) + into_file,
         },
         arrival_off: (bead_top - top) / rate,
-        peak: Sides {
+        peak: BothSides {
             bead: bead_height,
             reference: height,
         },
-        energy: Sides {
+        energy: BothSides {
             bead: square_own / rate,
             reference: square_other / rate,
         },
@@ -336,28 +312,23 @@ fn summit(values: &[f64]) -> (f64, f64) {
     let top = greatest(values);
     let sign = values[top].signum();
     let high = |at: usize| values[at] * sign > 0.9 * values[top].abs();
-    let mut from = top;
-    while from > 0 && high(from - 1) {
-        from -= 1;
-    }
-    let mut to = top;
-    while to + 1 < values.len() && high(to + 1) {
-        to += 1;
-    }
+    let last = values.len() - 1;
+    let below = (0..top).rev().take_while(|at| high(*at)).last();
+    let above = (top + 1..=last).take_while(|at| high(*at)).last();
     let (from, to) = (
-        from.min(top.saturating_sub(1)),
-        to.max((top + 1).min(values.len() - 1)),
+        below.unwrap_or(top.saturating_sub(1)),
+        above.unwrap_or((top + 1).min(last)),
     );
     // Sums of powers of the place relative to the top, and of the values.
     let (mut s, mut v) = ([0.0; 5], [0.0; 3]);
-    for (at, value) in values.iter().enumerate().take(to + 1).skip(from) {
+    for (at, value) in (from..).zip(&values[from..=to]) {
         let x = at as f64 - top as f64;
-        for (power, sum) in s.iter_mut().enumerate() {
-            *sum += x.powi(power as i32);
-        }
-        for (power, sum) in v.iter_mut().enumerate() {
-            *sum += value * x.powi(power as i32);
-        }
+        s.iter_mut()
+            .zip(0..)
+            .for_each(|(sum, power)| *sum += x.powi(power));
+        v.iter_mut()
+            .zip(0..)
+            .for_each(|(sum, power)| *sum += value * x.powi(power));
     }
     // Cramer's rule for value = a + b x + c x².
     let determinant = |m: [[f64; 3]; 3]| -> f64 {
@@ -417,25 +388,16 @@ mod tests {
                 // Time since the trigger, less the file's, which is -5 s where the chain's is `late`.
                 let delay = late - trigger + 5.0;
                 let off = (aligned.delay - delay) * 1e6;
-                println!(
-                    "{rate_hz} Hz: delay off by {off:.4} µs, gain {:.5}, correlation {:.6}, residual {:.4}, arrival {:.4} µs",
-                    aligned.gain,
-                    aligned.correlation,
-                    aligned.residual_rms,
-                    aligned.arrival_off * 1e6
-                );
+                println!("{rate_hz} Hz: delay off by {off:.4} µs, gain {:.5}", aligned.gain);
                 assert!(off.abs() < 0.1, "{off} µs");
                 assert!((aligned.gain * gain - 1.0).abs() < 1e-3, "{}", aligned.gain);
-                assert!(
-                    (aligned.correlation * gain.signum()) > 0.9999,
-                    "{}",
-                    aligned.correlation
-                );
+                let correlation = aligned.correlation * gain.signum();
+                assert!(correlation > 0.9999, "{correlation}");
                 assert!(aligned.residual_rms < noise, "{}", aligned.residual_rms);
                 assert!(aligned.arrival_off.abs() < 0.2e-6, "{}", aligned.arrival_off);
-                assert!((aligned.peak.off().abs() - (1.0 / gain - 1.0).abs()).abs() < 2.0);
-                assert!((aligned.peak.bead / aligned.peak.reference * gain - 1.0).abs() < 2e-3);
-                assert!((aligned.energy.bead / aligned.energy.reference * gain * gain - 1.0).abs() < 2e-3);
+                let peaks = aligned.peak.bead / aligned.peak.reference * gain;
+                let energies = aligned.energy.bead / aligned.energy.reference * gain * gain;
+                assert!((peaks - 1.0).abs() < 2e-3 && (energies - 1.0).abs() < 2e-3);
             }
         }
     }
@@ -455,14 +417,8 @@ mod tests {
     fn a_reference_of_something_else_says_so() {
         let strike = recorded_strike();
         let mut short = other(1e6, 0.0, 1.0);
-        let force = short.force.as_mut().unwrap();
-        let few: Vec<f64> = force
-            .points()
-            .map(|(_, value)| value)
-            .skip(1400)
-            .take(300)
-            .collect();
-        *force = Trace::even(few, 1e6);
+        let few = short.force.iter().flat_map(Trace::points).map(|(_, value)| value);
+        short.force = Some(Trace::even(few.skip(1400).take(300).collect(), 1e6));
         let why = compare(&strike, &short).err().unwrap();
         assert!(
             why.contains("reaches over") && why.contains("90 % are needed"),
@@ -484,16 +440,5 @@ mod tests {
         let mut lossy = recorded_strike();
         lossy.scans.truncate(100);
         assert!(compare(&lossy, &strange).err().unwrap().contains("misses"));
-    }
-
-    #[test]
-    fn the_top_of_a_parabola_is_found_between_samples_with_either_sign() {
-        let values: Vec<f64> = (0..80)
-            .map(|n| 5.0 - (f64::from(n) - 40.3).powi(2) / 200.0)
-            .collect();
-        let (place, height) = summit(&values);
-        assert!((place - 40.3).abs() < 1e-9 && (height - 5.0).abs() < 1e-9);
-        let turned: Vec<f64> = values.iter().map(|value| -value).collect();
-        assert!((summit(&turned).1 + 5.0).abs() < 1e-9);
     }
 }

@@ -1,8 +1,9 @@
 //! The report of a strike against the record of another instrument.
 
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 
-use crate::reference::{Absorbed, AgainstReference, Aligned, Point, Sides};
+use crate::pictures::{curve, ends, wide};
+use crate::reference::{Absorbed, AgainstReference, AlignedPoint, AlignedQuantity, BothSides};
 use crate::report::{Cell, EnergyUnit, Fact, Report, Section, Table, number, percent, signed};
 
 /// A strike against a reference, and what is known of both.
@@ -25,16 +26,15 @@ pub struct ComparedReference<'a> {
 impl ComparedReference<'_> {
     /// The report.
     pub fn report(&self) -> Report {
+        let failure = self.failure.map(str::to_owned);
+        let tiles = self
+            .quantities()
+            .flat_map(|(name, _, aligned)| tiles(name, aligned));
         Report {
             above: format!("{} · strike {}", self.recording, self.strike),
             title: format!("The bead against {}", self.reference),
-            verdict: self
-                .failure
-                .map_or(Ok("Replay is identical"), |why| Err(why.to_owned())),
-            tiles: self
-                .quantities()
-                .flat_map(|(name, _, aligned)| tiles(name, aligned))
-                .collect(),
+            verdict: failure.map_or(Ok("Replay is identical"), Err),
+            tiles: tiles.collect(),
             sections: vec![
                 self.pictures(),
                 self.tables(),
@@ -43,7 +43,7 @@ impl ComparedReference<'_> {
         }
     }
 
-    fn quantities(&self) -> impl Iterator<Item = (&'static str, &'static str, &Aligned)> {
+    fn quantities(&self) -> impl Iterator<Item = (&'static str, &'static str, &AlignedQuantity)> {
         let both = [
             ("force", "N", &self.against.force),
             ("acceleration", "m/s²", &self.against.acceleration),
@@ -71,11 +71,10 @@ impl ComparedReference<'_> {
             ("A, measured", &self.against.absorbed_measured),
             ("B, predicted", &self.against.absorbed_predicted),
         ];
-        let unit = EnergyUnit::of(
-            estimates
-                .iter()
-                .flat_map(|(_, absorbed)| [Some(absorbed.bead), absorbed.reference].into_iter().flatten()),
-        );
+        let energies = estimates
+            .iter()
+            .flat_map(|(_, absorbed)| [Some(absorbed.bead), absorbed.reference]);
+        let unit = EnergyUnit::of(energies.flatten());
         let rows = estimates.map(|(name, absorbed)| absorbed_row(name, absorbed, unit));
         let bits = if self.failure.is_none() {
             "identical"
@@ -92,71 +91,54 @@ impl ComparedReference<'_> {
     }
 }
 
-fn tiles(name: &str, aligned: &Aligned) -> [(String, String); 3] {
+fn tiles(name: &str, aligned: &AlignedQuantity) -> [(String, String); 3] {
+    let tile = |value: String, of: &str| (value, of.replace("{}", name));
+    let part = format!("{:.2} %", aligned.residual_part * 100.0);
     [
-        (
-            format!("{:.5}", aligned.correlation),
-            format!("correlation of the {name}"),
-        ),
-        (format!("{:.4}", aligned.gain), format!("gain of the {name}")),
-        (
-            format!("{:.2} %", aligned.residual_part * 100.0),
-            format!("residual of the {name}, rms, of its peak"),
-        ),
+        tile(format!("{:.5}", aligned.correlation), "correlation of the {}"),
+        tile(format!("{:.4}", aligned.gain), "gain of the {}"),
+        tile(part, "residual of the {}, rms, of its peak"),
     ]
 }
 
 /// The rows of one quantity, whose values have this unit.
-fn rows(aligned: &Aligned, unit: &str) -> Vec<Vec<Cell>> {
+fn rows(aligned: &AlignedQuantity, unit: &str) -> Vec<Vec<Cell>> {
     // Five digits.
     let shown = |value: f64| {
         let digits = (4.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
         number(value, digits)
     };
-    let square = if unit == "N" {
+    let is_force = unit == "N";
+    let square = if is_force {
         "energy ∫F² dt (N²·s)"
     } else {
         "energy ∫a² dt (m²/s³)"
     };
-    let sides = |name: String, sides: &Sides| -> Vec<Cell> {
-        [
-            name,
-            shown(sides.bead),
-            shown(sides.reference),
-            percent(sides.off()),
-        ]
-        .map(Cell::from)
-        .into()
+    let sides = |name: String, sides: &BothSides| {
+        let [bead, reference] = [sides.bead, sides.reference].map(shown);
+        [name, bead, reference, percent(sides.off())]
     };
-    let one = |name: String, value: String, off: String| -> Vec<Cell> {
-        [name, value, String::new(), off].map(Cell::from).into()
-    };
-    let arrival = [
-        "arrival: since the trigger, in the file (ms)".to_owned(),
-        number(aligned.arrival.bead * 1e3, 5),
-        number(aligned.arrival.reference * 1e3, 5),
-        format!("{} µs", signed(aligned.arrival_off * 1e6, 3)),
-    ];
-    vec![
-        one(
-            "correlation".to_owned(),
-            format!("{:.6}", aligned.correlation),
-            String::new(),
-        ),
-        one(
-            "gain: bead = gain × reference".to_owned(),
-            format!("{:.5}", aligned.gain),
-            String::new(),
-        ),
-        arrival.map(Cell::from).into(),
+    let one = |name: &str, value: String, off: &str| [name, &value, "", off].map(str::to_owned);
+    let AlignedQuantity {
+        arrival,
+        gain,
+        residual_rms,
+        ..
+    } = aligned;
+    let part = format!("{:.3} % of the peak", aligned.residual_part * 100.0);
+    let residual = format!("residual, rms ({unit})");
+    let [in_bead, in_file] = [arrival.bead, arrival.reference].map(|time| number(time * 1e3, 5));
+    let name = "arrival: since the trigger, in the file (ms)".to_owned();
+    let late = format!("{} µs", signed(aligned.arrival_off * 1e6, 3));
+    let rows = [
+        one("correlation", format!("{:.6}", aligned.correlation), ""),
+        one("gain: bead = gain × reference", format!("{gain:.5}"), ""),
+        [name, in_bead, in_file, late],
         sides(format!("peak ({unit})"), &aligned.peak),
         sides(square.to_owned(), &aligned.energy),
-        one(
-            format!("residual, rms ({unit})"),
-            format!("{:.5}", aligned.residual_rms),
-            format!("{:.3} % of the peak", aligned.residual_part * 100.0),
-        ),
-    ]
+        one(&residual, format!("{residual_rms:.5}"), &part),
+    ];
+    rows.map(|row| row.map(Cell::from).into()).into()
 }
 
 fn absorbed_row(name: &str, absorbed: &Absorbed, unit: EnergyUnit) -> Vec<Cell> {
@@ -170,44 +152,25 @@ fn absorbed_row(name: &str, absorbed: &Absorbed, unit: EnergyUnit) -> Vec<Cell> 
 }
 
 /// Both curves, and their difference below them.
-fn chart(name: &str, unit: &str, points: &[Point]) -> Chart {
-    let series = |name: &str, ink, mark, of: fn(&Point) -> f64| Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points: points.iter().map(|point| (point.time * 1e3, of(point))).collect(),
+fn chart(name: &str, unit: &str, points: &[AlignedPoint]) -> Chart {
+    let series = |name: &str, ink, mark, of: fn(&AlignedPoint) -> f64| {
+        let points = points.iter().map(|point| (point.time * 1e3, of(point)));
+        curve(name, ink, mark, points)
     };
-    let range = match (points.first(), points.last()) {
-        (Some(first), Some(last)) => first.time * 1e3..last.time * 1e3,
-        _ => 0.0..1.0,
-    };
-    let panels = vec![
-        Panel::new(
-            format!("{name} ({unit})"),
-            vec![
-                series("gain × reference", Ink::Chain, Mark::Broad, |point| {
-                    point.reference
-                }),
-                series("bead", Ink::Sensed, Mark::Dots, |point| point.bead),
-            ],
-        )
-        .height(230),
-        Panel::new(
-            format!("residual ({unit})"),
-            vec![series(
-                "bead − gain × reference",
-                Ink::Sensed,
-                Mark::Dots,
-                |point| point.bead - point.reference,
-            )],
-        )
-        .height(140),
+    let both = vec![
+        series("gain × reference", Ink::Chain, Mark::Broad, |at| at.reference),
+        series("bead", Ink::Sensed, Mark::Dots, |at| at.bead),
     ];
-    Chart {
-        description: format!("The {name} by the bead and by the reference over time, and their difference"),
-        width: WIDTH,
-        ..Chart::new(Axis::new("time since the bead’s trigger (ms)", range), panels)
-    }
+    let residual = |at: &AlignedPoint| at.bead - at.reference;
+    let residual = series("bead − gain × reference", Ink::Sensed, Mark::Dots, residual);
+    let panels = vec![
+        Panel::new(format!("{name} ({unit})"), both).height(230),
+        Panel::new(format!("residual ({unit})"), vec![residual]).height(140),
+    ];
+    let [from, to] = ends(points, |point| point.time);
+    let x = Axis::new("time since the bead’s trigger (ms)", from * 1e3..to * 1e3);
+    let description = format!("The {name} by the bead and by the reference over time, and their difference");
+    wide(&description, x, panels)
 }
 
 #[cfg(test)]
@@ -239,19 +202,11 @@ mod tests {
         };
         let report = compared.report();
         let (page, terminal) = (report.page().unwrap(), report.terminal());
-        for part in [
-            "force (N)",
-            "residual (N)",
-            "time since the bead’s trigger (ms)",
-            "A, measured (nJ)",
-        ] {
+        for part in ["force (N)", "residual (N)", "trigger (ms)", "A, measured (nJ)"] {
             assert!(page.contains(part), "{part}");
         }
         assert!(!page.contains("acceleration (m/s²)"));
-        let measured = terminal
-            .lines()
-            .find(|line| line.contains("A, measured"))
-            .unwrap();
-        assert!(measured.ends_with('–'), "{terminal}");
+        let measured = terminal.lines().find(|line| line.contains("A, measured"));
+        assert!(measured.unwrap().ends_with('–'), "{terminal}");
     }
 }

@@ -415,17 +415,28 @@ mod tests {
         }
     }
 
+    /// The fields of a body by name, with the bits that draw it. A group is preceded by a bit: 1 if it is there.
+    fn drawn(body: &dyn Fields) -> Vec<(String, u64)> {
+        let mut all = Vec::new();
+        body.each(&mut |field, value| match value {
+            Value::Integer(bits) => all.push((field.name.into(), bits as u64)),
+            Value::Group(group) => {
+                all.push((field.name.into(), u64::from(group.is_some())));
+                all.extend(group.map(drawn).unwrap_or_default());
+            }
+            Value::Text(_) | Value::Bytes(_) => {}
+        });
+        all
+    }
+
     /// A body with the lowest bit of one of its fields turned, and the name of that field.
     fn turned<B: Body + Fields>(body: &B, field: usize) -> Option<(B, String)> {
-        let numbers = numbers(body, None);
-        let (name, _) = numbers.get(field)?;
-        let mut bits = numbers.iter().enumerate();
-        let turned = B::draw(&mut || {
-            // A group that was absent is present when turned, and is filled with zeros.
-            bits.next()
-                .map_or(0, |(at, (_, number))| number.bits as u64 ^ u64::from(at == field))
-        });
-        Some((turned, name.clone()))
+        let mut bits = drawn(body);
+        let (name, turned) = bits.get_mut(field)?;
+        *turned ^= 1;
+        let name = name.clone();
+        let mut bits = bits.into_iter().map(|(_, bits)| bits);
+        Some((B::draw(&mut || bits.next().unwrap_or(0)), name))
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The signals of a strike from its codes, in SI units and f64.
 
 use bead_model::calibration::Channel;
+use bead_model::design::{Bead, Neighbours};
 use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
 use bead_model::sensor::Sensor;
@@ -10,9 +11,49 @@ use fixed::types::extra::LeEqU32;
 use crate::f64_estimators;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
 
+/// The signals of a strike of which settings and all samples are there, enough for a baseline.
+pub(crate) struct StrikeSignals<'a> {
+    pub(crate) strike: &'a RecordedStrike,
+    pub(crate) settings: &'a Settings,
+    /// Scans a second, Hz.
+    pub(crate) rate: f64,
+    /// N.
+    pub(crate) force: Vec<f64>,
+    /// m/s².
+    pub(crate) acceleration: Vec<f64>,
+}
+
+impl<'a> StrikeSignals<'a> {
+    /// `None` where samples or settings are missing.
+    pub(crate) fn of(strike: &'a RecordedStrike) -> Option<Self> {
+        let is_whole = strike.missing() == 0 && strike.scans.len() > usize::from(BASELINE);
+        let settings = strike.settings.as_ref().filter(|_| is_whole)?;
+        Some(Self {
+            strike,
+            settings,
+            rate: f64::from(settings.sample_rate_hz),
+            force: sensed(&strike.scans, 0, &settings.force),
+            acceleration: sensed(&strike.scans, 1, &settings.acceleration),
+        })
+    }
+
+    /// Energy absorbed by estimate A in f64 since the first sample, J, at each sample.
+    pub(crate) fn measured(&self, bead: &Bead) -> Vec<f64> {
+        f64_estimators::measured(bead, &self.acceleration, self.rate)
+    }
+
+    /// Energy absorbed by estimate B in f64 since the first sample, and work done on the host, J, at each
+    /// sample.
+    pub(crate) fn predicted(&self, bead: &Bead, neighbours: &Neighbours) -> Vec<[f64; 2]> {
+        let noise = self.strike.said.force_noise.newtons();
+        let force = gated(&self.force, self.settings, noise, 1);
+        f64_estimators::predicted(bead, neighbours, &force, self.rate)
+    }
+}
+
 /// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
 /// It comes from the channel at the high gain wherever that is away from its rails.
-pub(crate) fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
+fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
     let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
     // Codes that were not sent had no part in the window.
     let wide = |scan: &ScanCodes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
@@ -24,22 +65,20 @@ pub(crate) fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration
         sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
     };
     // The two channels are made to agree where both see a strong signal.
-    let per_code = calibration.sensitive.per_code.to_num::<f64>();
-    let differences: Vec<f64> = (0..scans.len())
-        .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
-        .map(|at| wides[at] - values[at])
-        .filter(|difference| difference.is_finite())
-        .collect();
+    let strong = 1024.0 * calibration.sensitive.per_code.to_num::<f64>();
+    let shared = (0..scans.len()).filter(|&at| believable(at) && values[at].abs() >= strong);
+    let differences = shared.map(|at| wides[at] - values[at]);
+    let differences: Vec<f64> = differences.filter(|difference| difference.is_finite()).collect();
     let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
-    (0..scans.len())
-        .map(|at| {
-            if believable(at) || wides[at].is_nan() {
-                values[at]
-            } else {
-                wides[at] - offset
-            }
-        })
-        .collect()
+    let value = |at: usize| {
+        let is_sensitive = believable(at) || wides[at].is_nan();
+        if is_sensitive {
+            values[at]
+        } else {
+            wides[at] - offset
+        }
+    };
+    (0..scans.len()).map(value).collect()
 }
 
 /// A channel's codes in its unit.
@@ -99,14 +138,4 @@ pub(crate) fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 
         }
     }
     0.5 * (low + high)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn golden_section_finds_the_bottom_of_a_parabola() {
-        assert!((least(-3.0, 5.0, |x| (x - 1.234).powi(2)) - 1.234).abs() < 1e-5);
-    }
 }

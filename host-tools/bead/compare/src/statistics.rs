@@ -1,8 +1,9 @@
 //! All strikes of a recording together: mean, spread, where they lie, and how they change.
 
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 
-use crate::quantities::{QUANTITIES, Quantity, Source, energy_unit};
+use crate::pictures::{curve, wide};
+use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
 use crate::report::{Cell, DASH, EnergyUnit, Section, Table, percent_within};
 use crate::spread::{Spread, mean_uncertainty};
 use crate::strike::StrikeComparison;
@@ -44,11 +45,8 @@ impl Distribution {
         let mut bins = vec![0; BINS];
         let width = (self.greatest - self.least) / BINS as f64;
         for value in values {
-            let bin = if width > 0.0 {
-                (value - self.least) / width
-            } else {
-                0.0
-            };
+            // Equal values have no width, and are all in the first.
+            let bin = ((value - self.least) / width).max(0.0);
             bins[(bin as usize).min(BINS - 1)] += 1;
         }
         bins
@@ -58,10 +56,10 @@ impl Distribution {
 /// The section about all strikes; `None` for one strike. `goals` are those of A and of B.
 pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Option<Section> {
     let unit = energy_unit(strikes);
-    let rows = QUANTITIES
+    let quantities = QUANTITIES
         .iter()
-        .enumerate()
-        .filter_map(|(place, quantity)| row(quantity, strikes, goals.get(place), unit));
+        .zip(goals.iter().map(Some).chain(std::iter::repeat(None)));
+    let rows = quantities.filter_map(|(quantity, goal)| row(quantity, strikes, goal, unit));
     let text = "By the bead. The spread is a standard deviation. The mean is off the full chain by what stands beside it; the \
                 true mean lies within the uncertainty in 19 cases of 20. Bars show how often each value came, from the least \
                 to the greatest.";
@@ -77,14 +75,14 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Opti
 }
 
 fn row(
-    quantity: &Quantity,
+    quantity: &StrikeQuantity,
     strikes: &[StrikeComparison],
     goal: Option<&Spread>,
     unit: EnergyUnit,
 ) -> Option<Vec<Cell>> {
     let values = strikes
         .iter()
-        .filter_map(|strike| quantity.value(strike, Source::Device));
+        .filter_map(|strike| quantity.value(strike, ValueSource::Device));
     let values: Vec<f64> = values.collect();
     let distribution = Distribution::of(&values)?;
     let offs: Vec<f64> = strikes.iter().filter_map(|strike| quantity.off(strike)).collect();
@@ -96,7 +94,7 @@ fn row(
         }),
     };
     let (name, scale) = quantity.shown_in(unit);
-    let digits = quantity.digits();
+    let digits = quantity.digits;
     let shown = |value: f64| format!("{:.digits$}", value * scale);
     Some(vec![
         name.into(),
@@ -112,15 +110,10 @@ fn row(
 /// The deviations of both estimates, strike by strike.
 fn history(strikes: &[StrikeComparison]) -> Chart {
     let every = strikes.len().div_ceil(SHOWN);
-    let series = |name: &str, ink, mark, of: fn(&StrikeComparison) -> f64| Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points: (0..)
-            .zip(strikes)
-            .step_by(every)
-            .map(|(n, strike)| (f64::from(n), of(strike) * 100.0))
-            .collect(),
+    let series = |name: &str, ink, mark, of: fn(&StrikeComparison) -> f64| {
+        let shown = (0..).zip(strikes).step_by(every);
+        let points = shown.map(|(n, strike)| (f64::from(n), of(strike) * 100.0));
+        curve(name, ink, mark, points)
     };
     let curves = vec![
         series("A, measured", Ink::Measured, Mark::Rings, |strike| {
@@ -130,14 +123,13 @@ fn history(strikes: &[StrikeComparison]) -> Chart {
             strike.deviation.absorbed_predicted
         }),
     ];
-    Chart {
-        description: "Deviation of both estimates from the full chain, strike by strike".to_owned(),
-        width: WIDTH,
-        ..Chart::new(
-            Axis::count("strike, in the order of the recording", 0..=strikes.len() - 1),
-            vec![Panel::new("off the full chain (%)", curves).height(190)],
-        )
-    }
+    let description = "Deviation of both estimates from the full chain, strike by strike";
+    let x = Axis::count("strike, in the order of the recording", 0..=strikes.len() - 1);
+    wide(
+        description,
+        x,
+        vec![Panel::new("off the full chain (%)", curves).height(190)],
+    )
 }
 
 #[cfg(test)]

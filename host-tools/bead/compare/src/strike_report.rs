@@ -5,17 +5,16 @@ use std::collections::BTreeSet;
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
 
+use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
 use crate::pictures::{residual_chart, strike_chart};
-use crate::quantities::{QUANTITIES, Quantity, Source, energy_unit};
+use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
 use crate::report::{
     Block, Cell, DASH, EnergyUnit, Fact, Medium, Report, Section, Table, count, energy, percent,
     percent_within,
 };
-use crate::spread::Spread;
 use crate::statistics;
 use crate::strike::StrikeComparison;
-use crate::verdict::Soundness;
 use bead_recording::json::hex;
 
 /// A bead's strikes, compared, and what is known of the run.
@@ -27,28 +26,10 @@ pub struct ComparedStrikes<'a> {
     pub recording: &'a str,
     /// The bead that sensed.
     pub bead: usize,
-    /// The strikes, in order: one at least.
-    pub strikes: &'a [StrikeComparison],
-    /// Number of further strikes, which count in the means and in the verdict.
-    pub left_out: usize,
-    /// Mean and scatter of A and of B against their goals.
-    pub spread: &'a [Spread; 2],
-    /// The checks of the run as a whole.
-    pub soundness: &'a Soundness,
+    /// Its strikes: one at least.
+    pub compared: &'a ComparedBead,
     /// The striker's velocity in words, if it was fitted.
     pub velocity: Option<String>,
-    /// The reason of the failure, if there is one.
-    pub failure: Option<&'a str>,
-    /// Counts of what was received.
-    pub counters: &'a Counters,
-    /// The bead's identity.
-    pub identity: Option<&'a Identity>,
-    /// The bead's last status.
-    pub status: Option<&'a Status>,
-    /// The settings of the first strike.
-    pub settings: Option<&'a Settings>,
-    /// The emulator's measurements, for an emulated run.
-    pub emulator: Option<&'a EmulatorReport>,
     /// Command, versions and date of the report.
     pub made: &'a [Fact],
     /// The scenario, as its author wrote it.
@@ -66,60 +47,52 @@ impl ComparedStrikes<'_> {
     pub fn report(&self) -> Report {
         let title = Some(self.title).filter(|title| !title.is_empty());
         let sections = [
-            statistics::section(self.strikes, self.spread),
+            statistics::section(&self.compared.strikes, &self.compared.spread),
             Some(self.agreement()),
             Some(self.checks()),
             self.pictures(),
-            self.emulator.map(cost),
+            self.compared.emulator.as_ref().map(cost),
             Some(self.facts()),
             self.log(),
             Some(Section::scenario(self.scenario)),
         ];
+        let failure = self.compared.failure.clone();
         Report {
             above: format!("Bead {} · {}", self.bead, self.recording),
             title: title.unwrap_or("A strike").to_owned(),
-            verdict: self
-                .failure
-                .map_or(Ok("Every check passed"), |why| Err(why.to_owned())),
+            verdict: failure.map_or(Ok("Every check passed"), Err),
             tiles: self.tiles(),
             sections: sections.into_iter().flatten().collect(),
         }
     }
 
     fn tiles(&self) -> Vec<(String, String)> {
-        let Some(strike) = self.strikes.first() else {
+        let Some(strike) = self.compared.strikes.first() else {
             return Vec::new();
         };
-        let identical = self
-            .strikes
-            .iter()
-            .filter(|strike| strike.replay_identical)
-            .count();
-        let gone = self.counters.lost + self.counters.rejected.total();
-        let [measured, predicted] = match self.strikes.len() {
-            1 => ["A, measured by the acceleration", "B, predicted from the force"],
-            _ => [
+        let strikes = &self.compared.strikes;
+        let identical = strikes.iter().filter(|strike| strike.replay_identical).count();
+        let gone = self.compared.counters.lost + self.compared.counters.rejected.total();
+        let frames = self.compared.counters.frames + self.compared.counters.lost;
+        let (mut measured, mut predicted) =
+            ("A, measured by the acceleration", "B, predicted from the force");
+        if self.compared.strikes.len() > 1 {
+            (measured, predicted) = (
                 "A, measured: mean of all strikes",
                 "B, predicted: mean of all strikes",
-            ],
-        };
-        let [a, b] = self.spread.each_ref().map(|spread| percent(spread.mean));
-        let frames = self.counters.frames + self.counters.lost;
-        [
-            (
-                energy(strike.f64_chain.absorbed_measured),
-                "absorbed, by the full simulation",
-            ),
+            );
+        }
+        let [a, b] = self.compared.spread.each_ref().map(|spread| percent(spread.mean));
+        let absorbed = energy(strike.f64_chain.absorbed_measured);
+        let identical = format!("{identical} of {}", self.compared.strikes.len());
+        let tiles = [
+            (absorbed, "absorbed, by the full simulation"),
             (a, measured),
             (b, predicted),
-            (
-                format!("{identical} of {}", self.strikes.len()),
-                "strikes replayed bit for bit",
-            ),
+            (identical, "strikes replayed bit for bit"),
             (format!("{gone} of {frames}"), "frames lost or corrupt"),
-        ]
-        .map(|(value, name)| (value, name.to_owned()))
-        .into()
+        ];
+        tiles.map(|(value, name)| (value, name.to_owned())).into()
     }
 
     /// Every strike beside the simulation: in full, or a line each if there are many.
@@ -127,11 +100,11 @@ impl ComparedStrikes<'_> {
         let text = "From right to left each column adds one source of error. The first adds sampling, twelve bits, noise and \
                     the reduced chain. The second adds fixed point. The last adds nothing: device and replay must agree in \
                     every bit.";
-        let many = self.strikes.len() > IN_FULL;
-        let unit = energy_unit(self.strikes);
+        let many = self.compared.strikes.len() > IN_FULL;
+        let unit = energy_unit(&self.compared.strikes);
         let mut section = Section::new("Agreement").text(text);
         for at in self.in_full() {
-            let strike = &self.strikes[at];
+            let strike = &self.compared.strikes[at];
             let (number, sample) = (strike.strike, strike.sample_index);
             let heading = format!("Strike {number}{}, sample {sample}", self.shown_as(at));
             let medium = if many { Medium::Page } else { Medium::Both };
@@ -142,7 +115,7 @@ impl ComparedStrikes<'_> {
         if !many {
             return section;
         }
-        let more = self.strikes.len().saturating_sub(LINES);
+        let more = self.compared.strikes.len().saturating_sub(LINES);
         let more =
             (more > 0).then(|| format!("{more} more strikes: bead compare --format json has them all"));
         let folded = Block::Folded {
@@ -150,17 +123,15 @@ impl ComparedStrikes<'_> {
             open: false,
             blocks: vec![Block::Table(self.lines().on(Medium::Page))],
         };
-        section
-            .table(self.lines().on(Medium::Terminal))
-            .with(folded)
-            .line(more)
+        let lines = self.lines().on(Medium::Terminal);
+        section.table(lines).with(folded).line(more)
     }
 
     /// The reason why a strike among many is shown in full.
     fn shown_as(&self, at: usize) -> &'static str {
-        if self.strikes.len() <= IN_FULL {
+        if self.compared.strikes.len() <= IN_FULL {
             ""
-        } else if !self.strikes[at].replay_identical {
+        } else if !self.compared.strikes[at].replay_identical {
             ", whose replay differs"
         } else if self.worst() == Some(at) {
             ", the furthest off"
@@ -171,7 +142,7 @@ impl ComparedStrikes<'_> {
 
     /// The places of the strikes that are shown in full.
     fn in_full(&self) -> BTreeSet<usize> {
-        let strikes = self.strikes;
+        let strikes = &self.compared.strikes;
         if strikes.len() <= IN_FULL {
             return (0..strikes.len()).collect();
         }
@@ -182,93 +153,74 @@ impl ComparedStrikes<'_> {
     /// The place of the strike whose estimates are furthest off.
     fn worst(&self) -> Option<usize> {
         let off = |at: &usize| {
-            let off = self.strikes[*at].deviation;
+            let off = self.compared.strikes[*at].deviation;
             f64::max(off.absorbed_measured.abs(), off.absorbed_predicted.abs())
         };
-        (0..self.strikes.len()).max_by(|a, b| off(a).total_cmp(&off(b)))
+        (0..self.compared.strikes.len()).max_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
     /// A line for each strike.
     fn lines(&self) -> Table {
         let line = |strike: &StrikeComparison| {
             let off = strike.deviation;
-            let replay = if strike.replay_identical {
-                "identical"
-            } else {
-                "differs"
-            };
+            let is_same = strike.replay_identical;
+            let replay = if is_same { "identical" } else { "differs" };
             vec![
                 strike.strike.to_string().into(),
                 strike.sample_index.to_string().into(),
                 percent(off.absorbed_measured).into(),
                 percent(off.absorbed_predicted).into(),
                 percent(off.peak_force).into(),
-                Cell::judged(replay, (!strike.replay_identical).then_some(false)),
+                Cell::judged(replay, (!is_same).then_some(false)),
                 strike.flags.join(", ").into(),
             ]
         };
         let headings = "strike | ~sample | A off by | B off by | peak off by | replay | ~flags";
-        Table::new(headings, self.strikes.iter().take(LINES).map(line))
+        Table::new(headings, self.compared.strikes.iter().take(LINES).map(line))
     }
 
     /// The goals of several strikes, the checks of the run, and the reach of both.
     fn checks(&self) -> Section {
         let row = |name: String, found: String, goal: String, met: bool| {
-            vec![
-                name.into(),
-                Cell::judged(found, Some(met)),
-                goal.into(),
-                Cell::verdict(Some(met)),
-            ]
+            let (found, verdict) = (Cell::judged(found, Some(met)), Cell::verdict(Some(met)));
+            vec![name.into(), found, goal.into(), verdict]
         };
         let mut rows = Vec::new();
-        for spread in self.spread {
-            let goals = [spread.goal, spread.scatter_goal].map(|goal| format!("{:.1} %", goal * 100.0));
+        for spread in &self.compared.spread {
+            let [goal, scatter_goal] = [spread.goal, spread.scatter_goal].map(goal_of);
+            let mean = percent_within(spread.mean, spread.uncertainty);
+            let estimate = spread.estimate;
             if let Some(scatter) = spread.scatter {
-                let of = count(spread.strikes as u64, "strike");
-                let mean = percent_within(spread.mean, spread.uncertainty);
-                let [mean_goal, scatter_goal] = goals;
-                rows.push(row(
-                    format!("{}, mean of {of}", spread.estimate),
-                    mean,
-                    mean_goal,
-                    spread.mean_met(),
-                ));
-                rows.push(row(
-                    format!("{}, scatter (rms)", spread.estimate),
-                    format!("{:.3} %", scatter * 100.0),
-                    scatter_goal,
-                    spread.scatter_met(),
-                ));
-            } else if !self.strikes[0].alone {
-                let name = format!("{}, of one strike", spread.estimate);
-                let off = percent_within(spread.mean, spread.uncertainty);
-                rows.push(row(name, off, goals[0].clone(), spread.mean_met()));
+                let name = format!("{estimate}, mean of {}", count(spread.strikes as u64, "strike"));
+                rows.push(row(name, mean, goal, spread.mean_met()));
+                let name = format!("{estimate}, scatter (rms)");
+                let scatter = format!("{:.3} %", scatter * 100.0);
+                rows.push(row(name, scatter, scatter_goal, spread.scatter_met()));
+            } else if !self.compared.strikes[0].alone {
+                let name = format!("{estimate}, of one strike");
+                rows.push(row(name, mean, goal, spread.mean_met()));
             }
         }
-        rows.extend(
-            self.soundness
-                .rows()
-                .into_iter()
-                .map(|(name, found, goal, met)| row(name.to_owned(), found, goal, met)),
-        );
-        let velocity = self
-            .velocity
-            .as_ref()
-            .map(|velocity| format!("striker's velocity: {velocity}"));
-        let left_out = (self.left_out > 0).then(|| {
-            let all = self.left_out + self.strikes.len();
-            let more = count(self.left_out as u64, "strike");
+        let soundness = self.compared.soundness.rows().into_iter();
+        rows.extend(soundness.map(|(name, found, goal, met)| row(name.to_owned(), found, goal, met)));
+        let velocity = self.velocity.as_ref();
+        let (all, shown) = (self.compared.count, self.compared.strikes.len());
+        let left_out = (all > shown).then(|| {
+            let more = count((all - shown) as u64, "strike");
             format!("{more} more than are shown; means, scatter and the verdict are over all {all}")
         });
         Section::new("Checks")
             .table(Table::new("check | found | goal |", rows))
-            .line(velocity)
+            .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")))
             .line(left_out)
     }
 
     fn pictures(&self) -> Option<Section> {
-        let traces = self.strikes.iter().find_map(|strike| strike.traces.as_ref())?;
+        let traces = self
+            .compared
+            .strikes
+            .iter()
+            .find_map(|strike| strike.traces.as_ref())?;
         let strike = "Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are \
                       the running energies that the bead sent, one of each for a chunk of samples.";
         let residual = "What is left when the simulation is subtracted. For the sensors: noise, and the steps of the twelve \
@@ -283,87 +235,73 @@ impl ComparedStrikes<'_> {
     fn facts(&self) -> Section {
         let facts = [
             self.made.to_vec(),
-            self.identity.map_or_else(Vec::new, of_identity),
-            self.settings.map_or_else(Vec::new, of_settings),
+            self.compared.identity.as_ref().map_or_else(Vec::new, of_identity),
+            self.compared.settings.as_ref().map_or_else(Vec::new, of_settings),
             self.received(),
-            self.status.map_or_else(Vec::new, of_status),
-            self.emulator.map_or_else(Vec::new, of_emulator),
+            self.compared.status.as_ref().map_or_else(Vec::new, of_status),
+            self.compared.emulator.as_ref().map_or_else(Vec::new, of_emulator),
         ];
         Section::facts("The run", facts.into_iter().flatten())
     }
 
     fn received(&self) -> Vec<Fact> {
-        let noise = self.strikes.first().map(|strike| {
+        let noise = self.compared.strikes.first().map(|strike| {
             let noise = format!("{:.1} mN rms", strike.force_noise * 1e3);
             ("force noise before the strike", noise)
         });
-        let frames = format!(
-            "{} received in {} bytes, {} lost, {} refused",
-            self.counters.frames,
-            self.counters.bytes,
-            self.counters.lost,
-            self.counters.rejected.total()
-        );
+        let Counters {
+            frames, bytes, lost, ..
+        } = self.compared.counters;
+        let refused = self.compared.counters.rejected.total();
+        let frames = format!("{frames} received in {bytes} bytes, {lost} lost, {refused} refused");
         noise.into_iter().chain([("frames", frames)]).collect()
     }
 
     fn log(&self) -> Option<Section> {
-        let log = self
-            .emulator
-            .map(|emulator| &emulator.log)
-            .filter(|log| !log.is_empty())?;
-        Some(Section::new("The image’s own log").with(Block::Verbatim(log.join("\n"))))
+        let log = &self.compared.emulator.as_ref()?.log;
+        (!log.is_empty()).then(|| Section::new("The image’s own log").with(Block::Verbatim(log.join("\n"))))
     }
+}
+
+fn goal_of(goal: f64) -> String {
+    format!("{:.1} %", goal * 100.0)
 }
 
 /// A strike by all four sources. One of several strikes has no goals: they are judged together.
 fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Table {
     let goals = [strike.goal.absorbed_measured, strike.goal.absorbed_predicted];
-    let quantity = |(place, quantity): (usize, &Quantity)| {
-        let (name, scale) = quantity.shown_in(unit);
-        let digits = quantity.digits();
+    let row = |(place, quantity): (usize, &StrikeQuantity)| {
+        let ((name, scale), digits) = (quantity.shown_in(unit), quantity.digits);
         let value = |source| {
-            let value = quantity.value(strike, source);
-            let known = value.map(|value| format!("{:.digits$}", value * scale));
-            match source {
-                Source::Replay | Source::F64Samples if !quantity.has_four_sources() => "".into(),
-                _ => Cell::known(known),
-            }
+            let is_shown =
+                quantity.has_four_sources() || matches!(source, ValueSource::Device | ValueSource::F64Chain);
+            let value = quantity
+                .value(strike, source)
+                .map(|value| format!("{:.digits$}", value * scale));
+            if is_shown { Cell::known(value) } else { "".into() }
         };
         let off = quantity.off(strike);
         let goal = goals.get(place).filter(|_| strike.alone);
         let met = goal.map(|goal| off.is_some_and(|off| off.abs() <= *goal));
         let mut cells = vec![name.into()];
-        cells.extend(Source::ALL.map(value));
+        cells.extend(ValueSource::ALL.map(value));
         cells.push(Cell::judged(off.map_or(DASH.to_owned(), percent), met));
-        cells.push(
-            goal.map_or_else(String::new, |goal| format!("{:.1} %", goal * 100.0))
-                .into(),
-        );
+        cells.push(goal.map_or_else(String::new, |goal| goal_of(*goal)).into());
         cells.push(Cell::verdict(met));
         cells
     };
-    let known = |(_, quantity): &(usize, &Quantity)| quantity.has_four_sources() || strike.shape.is_some();
-    let mut rows: Vec<_> = QUANTITIES
-        .iter()
-        .enumerate()
-        .filter(known)
-        .map(quantity)
-        .collect();
-    let replay = if strike.replay_identical {
-        "identical"
-    } else {
-        "differ"
-    };
-    let replay = Cell::judged(replay, Some(strike.replay_identical));
+    let is_known =
+        |(_, quantity): &(usize, &StrikeQuantity)| quantity.has_four_sources() || strike.shape.is_some();
+    let known = QUANTITIES.iter().enumerate().filter(is_known);
+    let mut rows: Vec<_> = known.map(row).collect();
+    let is_same = strike.replay_identical;
+    let replay = Cell::judged(if is_same { "identical" } else { "differ" }, Some(is_same));
     rows.insert(3, vec!["bits of device and replay".into(), replay]);
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
     }
-    Table::new(
-        " | device | ~replay | ~f64, same samples | f64 chain | device off by | ~goal |",
-        rows,
-    )
+    let headings = " | device | ~replay | ~f64, same samples | f64 chain | device off by | ~goal |";
+    Table::new(headings, rows)
 }
 
 /// The instructions that a sample costs.
@@ -373,13 +311,9 @@ fn cost(emulator: &EmulatorReport) -> Section {
     let known = rows.filter_map(|(name, count)| Some((name, count?)));
     let row = |(name, count): (&str, f64)| {
         let part = count / available;
-        let shown = format!("{:.1} %", part * 100.0);
-        vec![
-            name.into(),
-            format!("{count:.0}").into(),
-            shown.into(),
-            Cell::Bar(part),
-        ]
+        let (count, percent) = (format!("{count:.0}"), format!("{:.1} %", part * 100.0));
+        let cells = [name.to_owned(), count, percent].map(Cell::from).into_iter();
+        cells.chain([Cell::Bar(part)]).collect()
     };
     let text = format!(
         "Instructions for each sample. The emulator executes {available:.0} in a sample period; the core at 168 MHz has 1680 \
@@ -394,13 +328,11 @@ fn cost(emulator: &EmulatorReport) -> Section {
 fn of_identity(identity: &Identity) -> Vec<Fact> {
     let causes: Vec<_> = identity.reset_cause.names().collect();
     let (channels, rate) = (identity.channels, identity.sample_rate_hz);
+    let boot = format!("{}, reset by {}", identity.boot, causes.join(", "));
     vec![
         ("firmware", format!("{} ({})", identity.firmware, identity.git)),
         ("device", hex(&identity.uid)),
-        (
-            "boot",
-            format!("{}, reset by {}", identity.boot, causes.join(", ")),
-        ),
+        ("boot", boot),
         ("sampling", format!("{channels} channels at {rate} Hz")),
     ]
 }
@@ -473,10 +405,12 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
         emulator.resets,
         emulator.overruns
     );
-    let registers = if emulator.unknown_registers.is_empty() {
+    let registers = emulator.unknown_registers.join(", ");
+    let none = registers.is_empty();
+    let registers = if none {
         "none touched".to_owned()
     } else {
-        emulator.unknown_registers.join(", ")
+        registers
     };
     vec![
         ("image", emulator.image.clone()),
@@ -502,32 +436,31 @@ mod tests {
         for _ in 0..strikes {
             deviations.push(&comparison.deviation);
         }
-        let soundness = Soundness {
-            lost: 0,
-            corrupt: 0,
-            overruns: 0,
-            instructions: None,
+        let compared = ComparedBead {
+            strikes: vec![comparison; strikes],
+            count: strikes,
+            spread: deviations.spread(),
+            failure: failure.map(str::to_owned),
+            settings: strike.settings,
+            ..ComparedBead::default()
         };
         let compared = ComparedStrikes {
             title: "One absorber",
             recording: "bead-8.mcap",
             bead: 8,
-            strikes: &vec![comparison; strikes],
-            left_out: 0,
-            spread: &deviations.spread(),
-            soundness: &soundness,
+            compared: &compared,
             velocity: None,
-            failure,
-            counters: &Counters::default(),
-            identity: None,
-            status: None,
-            settings: strike.settings.as_ref(),
-            emulator: None,
             made: &[("command", "bead compare".to_owned())],
             scenario: "title = \"x\"",
         };
         let report = compared.report();
         [report.page().unwrap(), report.terminal()]
+    }
+
+    /// The first line with these words.
+    fn line<'a>(text: &'a str, words: &str) -> &'a str {
+        let line = text.lines().find(|line| line.contains(words));
+        line.unwrap_or_else(|| panic!("{words}: {text}"))
     }
 
     #[test]
@@ -538,26 +471,21 @@ mod tests {
             "impulse (mN·s)",
             "k from the ringing (kN/m)",
         ] {
-            for text in [&page, &terminal] {
-                assert_eq!(text.matches(name).count(), 1, "{name}");
-            }
+            let times = [&page, &terminal].map(|text| text.matches(name).count());
+            assert_eq!(times, [1, 1], "{name}");
         }
         assert!(page.contains("Every check passed") && !page.contains("All 1 strikes"));
-        let measured = terminal
-            .lines()
-            .find(|line| line.contains("A, measured (nJ)"))
-            .unwrap();
+        let measured = line(&terminal, "A, measured (nJ)");
         assert!(measured.ends_with("0.2 %  met"), "{terminal}");
         for label in [
             "acceleration (m/s²)",
             "absorbed energy (nJ)",
-            "time since the striker hit (ms)",
             "energy (% of final)",
         ] {
             assert!(page.contains(label), "{label}");
         }
-        let failed = rendered(1, Some("replay differs: strike 0"));
-        assert!(failed[0].contains("replay differs: strike 0") && !failed[0].contains("Every check passed"));
+        let failed = &rendered(1, Some("replay differs: strike 0"))[0];
+        assert!(failed.contains("replay differs: strike 0") && !failed.contains("Every check passed"));
     }
 
     #[test]
@@ -568,30 +496,20 @@ mod tests {
         for shown in [">Strike 0, sample", ">Strike 0, the furthest off, sample"] {
             assert_eq!(page.matches(shown).count(), 1, "{shown}");
         }
-        let lines: Vec<&str> = terminal.lines().collect();
-        assert!(lines[0].starts_with("all 100 strikes"), "{terminal}");
-        assert!(
-            lines.len() < 130 && !terminal.contains("f64, same samples"),
-            "{terminal}"
-        );
+        assert!(terminal.starts_with("all 100 strikes"), "{terminal}");
+        assert!(terminal.lines().count() < 130 && !terminal.contains("f64, same samples"));
         for check in ["A, mean of 100 strikes", "B, scatter (rms)", "frames lost"] {
-            let line = lines.iter().find(|line| line.starts_with(check)).unwrap();
-            assert!(line.ends_with("met"), "{line}");
+            assert!(line(&terminal, check).ends_with("met"), "{terminal}");
         }
     }
 
     #[test]
     fn a_mean_has_one_uncertainty_wherever_it_is_shown() {
-        let [page, terminal] = rendered(2, None);
-        let within = |text: &str| {
-            let after: Vec<String> = text
-                .split(" ± ")
-                .skip(1)
-                .map(|rest| rest.split(' ').next().unwrap().into())
-                .collect();
-            after
+        let within = |text: &String| -> Vec<String> {
+            let after = text.split(" ± ").skip(1);
+            after.map(|rest| rest.split(' ').next().unwrap().into()).collect()
         };
-        let [shown, printed] = [within(&page), within(&terminal)];
+        let [shown, printed] = rendered(2, None).each_ref().map(within);
         assert!(printed.len() > 3);
         assert_eq!(shown, printed);
     }

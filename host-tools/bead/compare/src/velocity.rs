@@ -47,6 +47,13 @@ pub struct FittedVelocity {
     pub scenario: f64,
 }
 
+impl FittedVelocity {
+    /// Uncertainty of the chain's energies at this velocity, as a part of them: they go with its square.
+    pub(crate) fn energy_uncertainty(&self) -> f64 {
+        2.0 * self.uncertainty / self.velocity
+    }
+}
+
 /// The strikes that a velocity is found from: the first that are no echoes.
 pub fn first_strikes(
     strikes: impl Iterator<Item = RecordedStrike>,
@@ -73,12 +80,8 @@ pub fn fit(
     for _ in 0..ROUNDS {
         let velocity = scenario.striker.velocity;
         let chain = FullChain::run(&scenario, bead)?;
-        let ratios = alike(
-            strikes
-                .iter()
-                .filter_map(|strike| chain.force_ratio(strike))
-                .collect(),
-        );
+        let ratios = strikes.iter().filter_map(|strike| chain.force_ratio(strike));
+        let ratios = alike(ratios.collect());
         if ratios.is_empty() {
             return Err(CompareError::Unfit(
                 "no strike came with its settings, all of its samples and a force within the sensor's range, so that there \

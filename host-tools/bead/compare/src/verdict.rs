@@ -3,9 +3,6 @@
 use std::collections::BTreeMap;
 
 use bead_model::layout::WindowSettings;
-use std::borrow::Borrow;
-
-use bead_wire::{Counters, Header, Message, Status};
 use hertz_chain::{Scenario, Solution};
 
 use crate::emulated::{EmulatorReport, RunTruth};
@@ -14,10 +11,8 @@ use crate::report::count;
 use crate::sensed::RING_DOWN;
 use crate::spread::Spread;
 use crate::strike::FullChain;
-use bead_recording::file::RecordingError;
-use bead_recording::frames::Frame;
-use bead_recording::frames::Item;
-use bead_recording::received::Received;
+use bead_recording::file::Pieces;
+use bead_recording::received::LastSaid;
 use bead_recording::strikes::RecordedStrike;
 
 /// Separates strikes from their echoes: waves that come again after a strike's window, as beads that parted
@@ -29,11 +24,11 @@ pub struct Echoes {
     /// Simulated time of a strike, s.
     lasts: f64,
     /// By address: the last strike that was none.
-    last: BTreeMap<u8, Struck>,
+    last: BTreeMap<u8, LastStrike>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Struck {
+struct LastStrike {
     boot: (u8, Option<usize>),
     trigger_index: u64,
     /// Its number in the emulated run, from 0, if that is known.
@@ -56,17 +51,16 @@ impl Echoes {
         // After a reset the indices begin anew and do not tell which strike it was.
         let truth = self.truth.as_ref().filter(|_| strike.nth_boot.unwrap_or(0) == 0);
         let trigger_index = strike.said.trigger_index;
-        let now = Struck {
+        let now = LastStrike {
             boot: (strike.boot, strike.nth_boot),
             trigger_index,
             begun: truth.and_then(|truth| truth.begun(trigger_index)),
         };
-        let is_soon = |last: &Struck| {
-            let samples = trigger_index.checked_sub(last.trigger_index);
-            let samples = samples.zip(strike.rate());
+        let is_soon = |last: &LastStrike| {
+            let samples = trigger_index.checked_sub(last.trigger_index).zip(strike.rate());
             samples.is_some_and(|(samples, rate)| (samples as f64) < self.lasts * f64::from(rate))
         };
-        let is_again = |last: &&Struck| match truth {
+        let is_again = |last: &&LastStrike| match truth {
             _ if last.boot != now.boot => false,
             None => is_soon(last),
             Some(_) if now.begun.is_none() || now.begun != last.begun => false,
@@ -118,21 +112,11 @@ pub fn other_length(
     })
 }
 
-/// ADC overruns that one bead reported, in all its boots.
-///
-/// # Errors
-/// The file cannot be read.
-pub fn overruns(received: &Received) -> Result<u64, RecordingError> {
-    let frames = received.recording.frames()?.filter_map(Item::frame);
-    let statuses = last_statuses(frames);
-    Ok(statuses.iter().map(|status| u64::from(status.overruns)).sum())
-}
-
 /// Greatest part of the core that a strike may take.
 const BUSY_MOST: f64 = 0.75;
 
 /// The checks of the run as a whole.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Soundness {
     /// Frames lost.
     pub lost: u64,
@@ -145,22 +129,24 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// From the counts of a recording, the overruns that the bead reported, and the emulator's report if it
-    /// has one.
-    pub fn of(counters: &Counters, reported: u64, emulator: Option<&EmulatorReport>) -> Self {
+    /// From the frames of a bead, which were all read, and the emulator's report if there is one.
+    pub(crate) fn of(frames: &LastSaid<Pieces>, emulator: Option<&EmulatorReport>) -> Self {
+        let counters = frames.counters();
+        let reported = frames.statuses.sum(|status| status.overruns);
+        let instructions = |emulator: &EmulatorReport| {
+            let total = emulator.instructions_per_sample.total?;
+            Some((total, emulator.instructions_available))
+        };
         Self {
             lost: counters.lost,
             corrupt: counters.rejected.total(),
             overruns: emulator.map_or(reported, |emulator| emulator.overruns.max(reported)),
-            instructions: emulator.and_then(|emulator| {
-                let total = emulator.instructions_per_sample.total?;
-                Some((total, emulator.instructions_available))
-            }),
+            instructions: emulator.and_then(instructions),
         }
     }
 
     /// Each check: its name, value and goal, and true if the goal is met.
-    pub fn rows(&self) -> Vec<(&'static str, String, String, bool)> {
+    pub(crate) fn rows(&self) -> Vec<(&'static str, String, String, bool)> {
         let counts = [
             ("frames lost", self.lost),
             ("frames corrupt", self.corrupt),
@@ -168,55 +154,39 @@ impl Soundness {
         ];
         let counts = counts.map(|(name, count)| (name, count.to_string(), "0".to_owned(), count == 0));
         let cost = self.instructions.map(|(total, available)| {
-            let most = BUSY_MOST * available;
-            let name = "instructions a sample";
+            let (most, name) = (BUSY_MOST * available, "instructions a sample");
             (name, format!("{total:.1}"), format!("{most:.1}"), total <= most)
         });
         counts.into_iter().chain(cost).collect()
     }
+
+    /// The first check that failed, gravest first.
+    fn failure(&self) -> Option<String> {
+        if self.lost + self.corrupt > 0 {
+            let lost = count(self.lost, "frame");
+            return Some(format!("{lost} lost and {} corrupt", self.corrupt));
+        }
+        if self.overruns > 0 {
+            return Some(format!(
+                "{}: samples are missing",
+                count(self.overruns, "overrun")
+            ));
+        }
+        let (total, available) = self.instructions?;
+        (total > BUSY_MOST * available).then(|| {
+            let most = BUSY_MOST * 100.0;
+            format!(
+                "a sample of a strike costs {total:.0} instructions, more than {most:.0} % of the {available:.0} that fit"
+            )
+        })
+    }
 }
 
 /// The first check that failed, gravest first. `differs` is the first difference of a replay.
-pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
-    if let Some(what) = differs {
-        return Some(format!("replay differs: {what}"));
-    }
-    let (lost, corrupt, overruns) = (soundness.lost, soundness.corrupt, soundness.overruns);
-    if lost + corrupt > 0 {
-        return Some(format!("{} lost and {corrupt} corrupt", count(lost, "frame")));
-    }
-    if overruns > 0 {
-        return Some(format!("{}: samples are missing", count(overruns, "overrun")));
-    }
-    let busy = |(total, available): &(f64, f64)| *total > BUSY_MOST * available;
-    if let Some((total, available)) = soundness.instructions.filter(busy) {
-        return Some(format!(
-            "a sample of a strike costs {total:.0} instructions, more than {:.0} % of the {available:.0} that fit",
-            BUSY_MOST * 100.0
-        ));
-    }
-    spread.iter().find_map(Spread::failure)
-}
-
-/// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
-/// again, and so does the time. Several beads may share a line.
-pub fn last_statuses<F: Borrow<Frame>>(frames: impl IntoIterator<Item = F>) -> Vec<Status> {
-    let mut last: Vec<(Header, Status)> = Vec::new();
-    for frame in frames {
-        let Frame { header, message, .. } = frame.borrow();
-        let Message::Status(status) = message else {
-            continue;
-        };
-        let of_bead = |(other, _): &&mut (Header, Status)| other.address == header.address;
-        let same_boot = |(other, before): &&mut (Header, Status)| {
-            other.boot == header.boot && before.uptime_ms <= status.uptime_ms
-        };
-        match last.iter_mut().rev().find(of_bead).filter(same_boot) {
-            Some((_, before)) => *before = *status,
-            None => last.push((*header, *status)),
-        }
-    }
-    last.into_iter().map(|(_, status)| status).collect()
+pub(crate) fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
+    let differs = differs.map(|what| format!("replay differs: {what}"));
+    let run = differs.or_else(|| soundness.failure());
+    run.or_else(|| spread.iter().find_map(Spread::failure))
 }
 
 #[cfg(test)]
@@ -272,11 +242,8 @@ mod tests {
     #[test]
     fn a_scenario_that_is_shorter_or_longer_than_the_window_is_told() {
         for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
-            let path = format!(
-                "{}/../../../docs/scenarios/{sound}.toml",
-                env!("CARGO_MANIFEST_DIR")
-            );
-            let (scenario, _) = load_scenario(Path::new(&path)).unwrap();
+            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/scenarios");
+            let (scenario, _) = load_scenario(&Path::new(folder).join(format!("{sound}.toml"))).unwrap();
             assert_eq!(other_lengths(&scenario), [""; 0], "{sound}");
         }
         let mut scenario = Scenario::paper();
@@ -285,24 +252,16 @@ mod tests {
         scenario.duration = 1.8e-3;
         assert_eq!(other_lengths(&scenario).len(), 1);
         scenario.duration = 2.7e-3;
-        let [early] = &other_lengths(&scenario)[..] else {
-            panic!("one bead");
-        };
-        assert!(
-            early.starts_with(
-                "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come"
-            ),
-            "{early}"
-        );
+        let early = other_lengths(&scenario);
+        let part = "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come";
+        assert!(early.len() == 1 && early[0].starts_with(part), "{early:?}");
         // The window has all of the intruder's ringing, but not what comes back from a wall.
         (scenario.chain.beads, scenario.duration) = (32, 0.02);
         assert_eq!(other_lengths(&scenario), [""; 0]);
         let walled = format!("{}\n[wall]\nyoung = 203e9\npoisson = 0.27\n", scenario.to_toml());
         let late = other_lengths(&Scenario::from_toml(&walled, "walled.toml").unwrap());
-        assert!(
-            late[0].contains("make the scenario's duration shorter"),
-            "{late:?}"
-        );
+        let advice = "make the scenario's duration shorter";
+        assert!(late[0].contains(advice), "{late:?}");
     }
 
     #[test]

@@ -15,5 +15,6 @@ pub mod protobuf;
 pub mod raw;
 pub mod received;
 pub mod signal;
+pub mod statuses;
 pub mod strike;
 pub mod strikes;

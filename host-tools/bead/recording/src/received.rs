@@ -11,6 +11,7 @@ use crate::file::{Bead, Part, Pieces, Recording, RecordingError};
 use crate::frames::{Frame, Frames, Item, Piece};
 use crate::note::note;
 use crate::raw;
+use crate::statuses::LastStatuses;
 use crate::strikes::{GivenSettings, Strikes};
 use bead_tables::printable::beginning;
 
@@ -125,6 +126,8 @@ pub struct LastSaid<I> {
     pub identity: Option<Identity>,
     /// The last status so far.
     pub status: Option<Status>,
+    /// The last status of every boot so far.
+    pub statuses: LastStatuses,
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
 }
@@ -136,6 +139,7 @@ impl<I: Iterator<Item = Piece>> LastSaid<I> {
             frames,
             identity: None,
             status: None,
+            statuses: LastStatuses::default(),
             from_the_future: None,
         }
     }
@@ -152,6 +156,7 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
     fn next(&mut self) -> Option<Frame> {
         let frame = self.frames.by_ref().find_map(Item::frame)?;
         self.from_the_future = frame.from_the_future().or(self.from_the_future.take());
+        self.statuses.push(&frame);
         match &frame.message {
             Message::Identity(identity) => self.identity = Some(identity.clone()),
             Message::Status(status) => self.status = Some(*status),

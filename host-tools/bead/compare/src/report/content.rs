@@ -181,14 +181,8 @@ impl Table {
     /// A table for both renderers. `|` separates the headings. A mark before one says which renderers show
     /// its column: `~` the page in wide windows only, `^` the terminal alone, `#` the page alone.
     pub fn new(headings: &str, rows: impl IntoIterator<Item = Vec<Cell>>) -> Self {
-        let columns = if headings.is_empty() {
-            Vec::new()
-        } else {
-            headings
-                .split('|')
-                .map(|heading| Column::marked(heading.trim()))
-                .collect()
-        };
+        let headings = headings.split('|').filter(|_| !headings.is_empty());
+        let columns = headings.map(|heading| Column::marked(heading.trim())).collect();
         Self {
             medium: Medium::Both,
             group: None,
@@ -216,10 +210,8 @@ impl Table {
 impl Column {
     fn marked(heading: &str) -> Self {
         let marks = [('~', Medium::Wide), ('^', Medium::Terminal), ('#', Medium::Page)];
-        let marked = marks
-            .iter()
-            .find_map(|&(mark, medium)| Some((heading.strip_prefix(mark)?, medium)));
-        let (name, medium) = marked.unwrap_or((heading, Medium::Both));
+        let strip = |&(mark, medium)| Some((heading.strip_prefix::<char>(mark)?, medium));
+        let (name, medium) = marks.iter().find_map(strip).unwrap_or((heading, Medium::Both));
         Self {
             name: name.to_owned(),
             medium,

@@ -137,13 +137,8 @@ fn table(table: &Table) -> Markup {
             }
         };
     }
-    let columns = || {
-        table
-            .columns
-            .iter()
-            .enumerate()
-            .filter(|(_, column)| column.medium.is_page())
-    };
+    let shown = |(_, column): &(usize, &Column)| column.medium.is_page();
+    let columns = || table.columns.iter().enumerate().filter(shown);
     html! {
         div.scroll {
             table {
@@ -168,13 +163,12 @@ fn table(table: &Table) -> Markup {
 const EMPTY: Cell = Cell::Text(String::new());
 
 fn class(column: &Column, met: Option<bool>) -> Option<&'static str> {
-    match (column.medium, met) {
+    let judged = met.map(|met| if met { "pass" } else { "fail" });
+    match (column.medium, judged) {
         (Medium::Wide, None) => Some("more"),
-        (Medium::Wide, Some(true)) => Some("more pass"),
-        (Medium::Wide, Some(false)) => Some("more fail"),
-        (_, None) => None,
-        (_, Some(true)) => Some("pass"),
-        (_, Some(false)) => Some("fail"),
+        (Medium::Wide, Some("pass")) => Some("more pass"),
+        (Medium::Wide, Some(_)) => Some("more fail"),
+        (_, judged) => judged,
     }
 }
 

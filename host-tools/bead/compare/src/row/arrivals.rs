@@ -8,9 +8,9 @@
 
 use serde::Serialize;
 
-use crate::row::chain::Chain;
-use crate::row::member::Member;
-use crate::row::strikes::Row;
+use crate::row::chain::RowChain;
+use crate::row::member::RowBead;
+use crate::row::strikes::BeadRow;
 
 /// Arrivals and speeds, as in the JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -19,14 +19,14 @@ pub struct Arrivals {
     /// time in common.
     pub off_rms_s: Option<f64>,
     /// For each bead that has one.
-    pub beads: Vec<Arrival>,
+    pub beads: Vec<BeadArrival>,
     /// Between each two neighbours that both have one.
     pub speeds: Vec<Speed>,
 }
 
 /// Arrival of the wave at a bead, s since the striker hit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Arrival {
+pub struct BeadArrival {
     /// The bead.
     pub bead: usize,
     /// By the bead: the mean over its strikes.
@@ -64,7 +64,7 @@ struct Way {
 }
 
 impl Arrivals {
-    pub(super) fn of(row: &Row, chain: &Chain) -> Self {
+    pub(super) fn of(row: &BeadRow, chain: &RowChain) -> Self {
         let fronts: Vec<f64> = row.members.iter().map(|member| member.chain.front()).collect();
         let mut off: Vec<Vec<f64>> = vec![Vec::new(); fronts.len()];
         let mut ways: Vec<Way> = Vec::new();
@@ -90,9 +90,9 @@ impl Arrivals {
         let all: Vec<f64> = off.iter().flatten().copied().collect();
         let squares: f64 = all.iter().map(|off| off * off).sum();
         let beads = row.members.iter().zip(&fronts).zip(&off);
-        let arrival = |((member, front), off): ((&Member, &f64), &Vec<f64>)| {
+        let arrival = |((member, front), off): ((&RowBead, &f64), &Vec<f64>)| {
             let off = mean(off)?;
-            Some(Arrival {
+            Some(BeadArrival {
                 bead: member.bead,
                 device_s: front + off,
                 f64_chain_s: *front,
@@ -115,12 +115,12 @@ impl Arrivals {
     }
 
     /// Of a bead.
-    pub fn at(&self, bead: usize) -> Option<&Arrival> {
+    pub fn at(&self, bead: usize) -> Option<&BeadArrival> {
         self.beads.iter().find(|arrival| arrival.bead == bead)
     }
 
     /// A line for each bead that has no place on the time in common.
-    pub(super) fn notes(&self, row: &Row) -> Vec<String> {
+    pub(super) fn notes(&self, row: &BeadRow) -> Vec<String> {
         let felt = row.members.iter().filter(|member| !member.felt.is_empty());
         if self.beads.is_empty() {
             return match felt.count() {

@@ -9,7 +9,7 @@ use crate::sensed::simulate_with_ring_down;
 
 /// A chain and its motion.
 #[derive(Clone)]
-pub struct Chain {
+pub struct RowChain {
     /// The scenario.
     pub scenario: Scenario,
     /// Its motion, with ring-down.
@@ -18,7 +18,7 @@ pub struct Chain {
     pub hosts: Vec<usize>,
 }
 
-impl Chain {
+impl RowChain {
     /// Simulates a scenario.
     ///
     /// # Errors

@@ -4,10 +4,10 @@ use serde::Serialize;
 
 use crate::error::CompareError;
 use crate::row::arrivals::Arrivals;
-use crate::row::chain::Chain;
+use crate::row::chain::RowChain;
 use crate::row::energy::EnergyAlong;
-use crate::row::member::{BeadOfRow, Member};
-use crate::row::strikes::Row;
+use crate::row::member::BeadOfRow;
+use crate::row::strikes::BeadRow;
 
 /// A row of beads against the simulation, as in the JSON. SI units.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
@@ -32,13 +32,17 @@ pub struct RowComparison {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn compare(row: &Row, chain: &Chain, mut notes: Vec<String>) -> Result<RowComparison, CompareError> {
+pub fn compare(
+    row: &BeadRow,
+    chain: &RowChain,
+    mut notes: Vec<String>,
+) -> Result<RowComparison, CompareError> {
     let arrivals = Arrivals::of(row, chain);
     let energy = EnergyAlong::of(row, chain)?;
     notes.extend(row.missed());
     notes.extend(arrivals.notes(row));
     notes.extend(energy.notes());
-    let beads: Vec<_> = row.members.iter().map(Member::told).collect();
+    let beads: Vec<_> = row.members.iter().map(|member| member.compared.clone()).collect();
     let failed = |wrong: fn(&BeadOfRow) -> bool| {
         let first = beads.iter().find(|bead| bead.failure.is_some() && wrong(bead))?;
         Some(format!("bead {}: {}", first.bead, first.failure.as_ref()?))

@@ -21,15 +21,15 @@ use hertz_chain::{TransmissionFit, energies_left};
 use serde::Serialize;
 
 use crate::error::CompareError;
-use crate::row::chain::Chain;
-use crate::row::member::{Felt, Pair};
-use crate::row::strikes::Row;
+use crate::row::chain::RowChain;
+use crate::row::member::{DeviceAndChain, FeltStrike};
+use crate::row::strikes::BeadRow;
 
 /// The energy along a row, as in the JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct EnergyAlong {
     /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
-    pub incident: Option<Pair>,
+    pub incident: Option<DeviceAndChain>,
     /// The first bead that recorded.
     pub incident_at: Option<usize>,
     /// Who says so, on the device's side: `bead`, or `simulation`.
@@ -37,7 +37,7 @@ pub struct EnergyAlong {
     /// After 0, 1 and all further intruders.
     pub after: Vec<After>,
     /// The line through ln E(n), of what was measured on end.
-    pub fit: Sides<Option<Fit>>,
+    pub fit: FourSides<Option<TransmissionLine>>,
     /// Hosts between the first and the last that recorded which did not: there is no fit then.
     pub not_measured: Vec<usize>,
     /// Why there is no energy along the row, or why that of the wave is not the bead's own.
@@ -53,14 +53,14 @@ pub struct After {
     /// The bead of the last of them; none after 0.
     pub bead: Option<usize>,
     /// E(n) as a part of E(0).
-    pub left: Sides<f64>,
+    pub left: FourSides<f64>,
     /// T = E(n) / E(n-1); by A and B of what a bead measured only.
     pub transmission: Option<Transmission>,
 }
 
 /// A value from four sides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Sides<V> {
+pub struct FourSides<V> {
     /// By the beads' estimate A.
     pub by_a: V,
     /// By their estimate B.
@@ -72,11 +72,11 @@ pub struct Sides<V> {
 }
 
 /// The part of the energy that an intruder lets pass.
-pub type Transmission = Sides<Option<f64>>;
+pub type Transmission = FourSides<Option<f64>>;
 
 /// E(n) = E(0) Tⁿ.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Fit {
+pub struct TransmissionLine {
     /// T.
     pub transmission: f64,
     /// E(0) of the line.
@@ -87,7 +87,7 @@ pub struct Fit {
     pub residual: f64,
 }
 
-impl<V: Copy> Sides<V> {
+impl<V: Copy> FourSides<V> {
     /// Each of the four.
     pub fn each(&self) -> [V; 4] {
         [self.by_a, self.by_b, self.f64_chain, self.rows_of_n]
@@ -112,30 +112,28 @@ struct Taken {
 }
 
 impl EnergyAlong {
-    pub(super) fn of(row: &Row, chain: &Chain) -> Result<Self, CompareError> {
+    pub(super) fn of(row: &BeadRow, chain: &RowChain) -> Result<Self, CompareError> {
         let none = |why| Self {
             incident: None,
             incident_at: None,
             incident_by: "simulation",
             after: Vec::new(),
-            fit: Sides::of(|_| None),
+            fit: FourSides::of(|_| None),
             not_measured: Vec::new(),
             why,
         };
-        let first = row.members.iter().position(|member| !member.felt.is_empty());
-        let Some(first) = first else {
+        let Some(first) = row.members.iter().position(|member| !member.felt.is_empty()) else {
             return Ok(none(None));
         };
         let leader = &row.members[first];
         let Some(simulated) = leader.chain.incident() else {
-            return Ok(none(Some(
-                "the main wave does not come from the striker's end: there is no E(n) and no T",
-            )));
+            let why = "the main wave does not come from the striker's end: there is no E(n) and no T";
+            return Ok(none(Some(why)));
         };
-        let rows_of_n = energies_left(&chain.scenario).map_err(CompareError::from)?;
+        let rows_of_n = energies_left(&chain.scenario)?;
         // Of all its strikes or of none, so that all are parts of the same.
         let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
-        let came = |felt: &Felt| felt.incident.filter(|_| is_own).unwrap_or(simulated);
+        let came = |felt: &FeltStrike| felt.incident.filter(|_| is_own).unwrap_or(simulated);
         let end = chain.solution.at(chain.scenario.duration);
         let taken = |host: &usize| {
             let member = row.members.iter().position(|member| member.bead == *host);
@@ -150,7 +148,7 @@ impl EnergyAlong {
         let after = after(&taken, leader.bead, &rows_of_n);
         let (fit, not_measured) = fits(&after, &taken);
         Ok(Self {
-            incident: Some(Pair {
+            incident: Some(DeviceAndChain {
                 device: leader.felt.iter().map(came).sum::<f64>() / count,
                 f64_chain: simulated,
             }),
@@ -188,7 +186,7 @@ impl EnergyAlong {
 
 /// The energy that the bead at `place` took by A and by B, as a part of that at the bead at `first`: the mean
 /// over the strikes that both felt.
-fn share(row: &Row, first: usize, place: usize, came: impl Fn(&Felt) -> f64) -> Option<[f64; 2]> {
+fn share(row: &BeadRow, first: usize, place: usize, came: impl Fn(&FeltStrike) -> f64) -> Option<[f64; 2]> {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for strike in &row.strikes {
         let felt = row.felt(strike);
@@ -207,17 +205,14 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
         let [a, b] = taken.measured.unwrap_or([taken.f64_chain; 2]);
         [a, b, taken.f64_chain]
     };
-    let before: f64 = taken
-        .iter()
-        .filter(|one| one.bead < first)
-        .map(|one| one.f64_chain)
-        .sum();
+    let before = taken.iter().filter(|one| one.bead < first);
+    let before: f64 = before.map(|one| one.f64_chain).sum();
     let whole = 1.0 + before;
     let mut left = [whole; 3];
     let mut all = vec![After {
         n: 0,
         bead: None,
-        left: Sides::of(|_| 1.0),
+        left: FourSides::of(|_| 1.0),
         transmission: None,
     }];
     for (n, one) in (1..).zip(taken) {
@@ -233,24 +228,25 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
         all.push(After {
             n,
             bead: Some(one.bead),
-            left: Sides::of(|side| match side {
+            left: FourSides::of(|side| match side {
                 3 => rows_of_n[n],
                 _ => left[side] / whole,
             }),
-            transmission: Some(Sides::of(through)),
+            transmission: Some(FourSides::of(through)),
         });
     }
     all
 }
 
 /// The lines through what was measured, and which hosts between measured nothing.
-fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
+fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionLine>>, Vec<usize>) {
     let is_measured = |one: &Taken| one.measured.is_some();
-    let (Some(from), Some(to)) = (
+    let ends = (
         taken.iter().position(is_measured),
         taken.iter().rposition(is_measured),
-    ) else {
-        return (Sides::of(|_| None), Vec::new());
+    );
+    let (Some(from), Some(to)) = ends else {
+        return (FourSides::of(|_| None), Vec::new());
     };
     let gaps = taken[from..=to].iter().filter(|one| !is_measured(one));
     let gaps: Vec<usize> = gaps.map(|one| one.bead).collect();
@@ -259,89 +255,68 @@ fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
     let fit = |side: usize| {
         let points: Vec<(usize, f64)> = stretch.iter().map(|one| (one.n, one.left.each()[side])).collect();
         let fit = TransmissionFit::of(&points).filter(|_| side > 1 || gaps.is_empty())?;
-        Some(Fit {
+        Some(TransmissionLine {
             transmission: fit.transmission,
             initial: fit.initial,
             uncertainty: fit.uncertainty,
             residual: fit.residual,
         })
     };
-    (Sides::of(fit), gaps)
+    (FourSides::of(fit), gaps)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Hosts from bead 7 on that each take a tenth of what came, and by B a thousandth of it more; those of
-    /// which `measured` is false did not record.
-    fn taken(measured: &[bool]) -> Vec<Taken> {
-        let mut left = 1.0;
+    /// E(n) where hosts from bead 7 on each take a tenth of what came, and by B a thousandth of it more, as
+    /// parts of what came to the first that recorded; those of which `measured` is false did not record.
+    fn energies(measured: &[bool]) -> (Vec<After>, FourSides<Option<TransmissionLine>>, Vec<usize>) {
+        let first = measured.iter().position(|measured| *measured).unwrap();
+        let power = |n: usize| 0.9_f64.powi(n as i32);
         let one = |(n, measured): (usize, &bool)| {
-            let f64_chain = 0.1 * left;
-            left -= f64_chain;
+            let f64_chain = 0.1 * power(n) / power(first);
             Taken {
                 bead: 7 + n,
                 measured: measured.then_some([f64_chain, f64_chain * 1.001]),
                 f64_chain,
             }
         };
-        measured.iter().enumerate().map(one).collect()
-    }
-
-    fn powers(count: usize) -> Vec<f64> {
-        (0..=count).map(|n| 0.9_f64.powi(n as i32)).collect()
+        let taken: Vec<Taken> = measured.iter().enumerate().map(one).collect();
+        let rows_of_n: Vec<f64> = (0..=measured.len()).map(power).collect();
+        let after = after(&taken, 7 + first, &rows_of_n);
+        for one in &after {
+            let [a, chain] = [one.left.by_a, one.left.f64_chain].map(|left| left - power(one.n));
+            assert!(a.abs() < 1e-12 && chain.abs() < 1e-12, "{one:?}");
+            assert!(one.left.by_b <= one.left.by_a);
+        }
+        let (fit, gaps) = fits(&after, &taken);
+        (after, fit, gaps)
     }
 
     #[test]
     fn what_is_left_is_what_came_less_what_was_taken() {
-        let taken = taken(&[true; 5]);
-        let after = after(&taken, 7, &powers(5));
-        for one in &after {
-            let expected = 0.9_f64.powi(one.n as i32);
-            assert!((one.left.by_a - expected).abs() < 1e-12, "{one:?}");
-            assert!((one.left.f64_chain - expected).abs() < 1e-12, "{one:?}");
-            assert!(one.left.by_b <= one.left.by_a);
-        }
-        let (fit, gaps) = fits(&after, &taken);
+        let (_, fit, gaps) = energies(&[true; 5]);
         assert!(gaps.is_empty());
         for side in [fit.by_a, fit.f64_chain, fit.rows_of_n].map(Option::unwrap) {
-            assert!(
-                (side.transmission - 0.9).abs() < 1e-12 && side.residual < 1e-12,
-                "{side:?}"
-            );
+            let off = (side.transmission - 0.9).abs();
+            assert!(off < 1e-12 && side.residual < 1e-12, "{side:?}");
         }
         assert!(fit.by_b.unwrap().transmission < 0.9);
     }
 
     #[test]
     fn a_host_that_did_not_record_takes_what_the_simulation_says_and_has_no_transmission() {
-        let taken = taken(&[true, false, true, true]);
-        let after = after(&taken, 7, &powers(4));
-        assert!((after[4].left.by_a - 0.9_f64.powi(4)).abs() < 1e-12);
+        let (after, fit, gaps) = energies(&[true, false, true, true]);
         let transmission = after[2].transmission.unwrap();
         assert_eq!((transmission.by_a, transmission.by_b), (None, None));
         assert!((transmission.f64_chain.unwrap() - 0.9).abs() < 1e-12);
-        let (fit, gaps) = fits(&after, &taken);
         assert_eq!((gaps, fit.by_a), (vec![8], None));
     }
 
     #[test]
     fn hosts_before_the_first_that_recorded_count_by_the_simulation() {
-        // The energy at bead 9 is the unit; the two before took a part of the energy at bead 7.
-        let mut taken = taken(&[false, false, true, true, true]);
-        for one in &mut taken {
-            one.f64_chain /= 0.81;
-            one.measured = one.measured.map(|both| both.map(|energy| energy / 0.81));
-        }
-        let after = after(&taken, 9, &powers(5));
-        for one in &after {
-            assert!(
-                (one.left.by_a - 0.9_f64.powi(one.n as i32)).abs() < 1e-12,
-                "{one:?}"
-            );
-        }
-        let (fit, _) = fits(&after, &taken);
+        let (_, fit, _) = energies(&[false, false, true, true, true]);
         assert!((fit.by_a.unwrap().transmission - 0.9).abs() < 1e-12);
     }
 }

@@ -57,16 +57,12 @@ pub struct Wave {
 pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
     let smooth = |value: fn(&SensedPoint) -> f64| -> Vec<f64> {
         let values: Vec<f64> = force.iter().map(value).collect();
-        let means = values
-            .windows(SMOOTH)
-            .map(|some| some.iter().sum::<f64>() / SMOOTH as f64);
-        means.collect()
+        let means = values.windows(SMOOTH).map(|some| some.iter().sum::<f64>());
+        means.map(|sum| sum / SMOOTH as f64).collect()
     };
     let (sensed, simulated) = (smooth(|point| point.sensed), smooth(|point| point.simulated));
-    let (main_sensed, main) = (
-        highest(&sensed, 0..sensed.len())?,
-        highest(&simulated, 0..simulated.len())?,
-    );
+    let main_sensed = highest(&sensed, 0..sensed.len())?;
+    let main = highest(&simulated, 0..simulated.len())?;
     let wave = |values: &[f64], main: usize, at: usize| Wave {
         peak_force: values[at],
         after: force[at].time - force[main].time,
@@ -88,10 +84,8 @@ pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
 /// The place of the highest value in a range.
 fn highest(values: &[f64], mut range: Range<usize>) -> Option<usize> {
     let first = range.next()?;
-    Some(range.fold(
-        first,
-        |best, at| if values[at] > values[best] { at } else { best },
-    ))
+    let higher = |best: usize, at: usize| if values[at] > values[best] { at } else { best };
+    Some(range.fold(first, higher))
 }
 
 /// The place of the top of the strongest wave after the main one.
@@ -132,62 +126,56 @@ mod tests {
 
     /// Bells of these heights, each 20 samples after the one before.
     fn force(heights: &[f64]) -> Vec<f64> {
-        let bell = |at: f64, height: f64| height * (-(at / 4.0).powi(2)).exp();
-        let samples = 20 * (heights.len() + 1);
-        (0..samples)
-            .map(|sample| {
-                let after = |n: usize| sample as f64 - 20.0 * (n + 1) as f64;
-                heights
-                    .iter()
-                    .enumerate()
-                    .map(|(n, height)| bell(after(n), *height))
-                    .sum()
-            })
-            .collect()
+        let sample = |sample: usize| {
+            let bells = (1..).zip(heights);
+            let bell = |(n, height): (usize, &f64)| {
+                let at = sample as f64 - 20.0 * n as f64;
+                height * (-(at / 4.0).powi(2)).exp()
+            };
+            bells.map(bell).sum()
+        };
+        (0..20 * (heights.len() + 1)).map(sample).collect()
     }
 
     #[test]
     fn a_wave_is_what_rises_from_half_its_height_and_falls_to_it() {
-        let found = |heights: &[f64]| waves(&force(heights), 20, SIMULATED);
-        assert_eq!(found(&[7.0, 1.0, 0.5]), [40, 60]);
-        assert_eq!(found(&[7.0, 0.0, 0.03]), [] as [usize; 0], "too low");
+        let found = |force: &[f64]| waves(force, 20, SIMULATED);
+        assert_eq!(found(&force(&[7.0, 1.0, 0.5])), [40, 60]);
+        assert_eq!(found(&force(&[7.0, 0.0, 0.03])), [0; 0], "too low");
         // A shoulder of the main wave is none.
         let mut shoulder = force(&[7.0]);
         shoulder[26] += 0.1;
-        assert_eq!(waves(&shoulder, 20, SIMULATED), [] as [usize; 0]);
+        assert_eq!(found(&shoulder), [0; 0]);
         // One that the window cuts has no height.
-        assert_eq!(waves(&force(&[7.0, 1.0])[..41], 20, SIMULATED), [] as [usize; 0]);
+        assert_eq!(found(&force(&[7.0, 1.0])[..41]), [0; 0]);
     }
 
-    fn points(sensed: &[f64], simulated: &[f64]) -> Vec<SensedPoint> {
+    fn later(sensed: &[f64], simulated: &[f64]) -> Option<LaterWave> {
         let both = sensed.iter().zip(simulated).enumerate();
-        both.map(|(n, (&sensed, &simulated))| SensedPoint {
+        let points = both.map(|(n, (&sensed, &simulated))| SensedPoint {
             time: n as f64 * 1e-5,
             sensed,
             simulated,
-        })
-        .collect()
+        });
+        later_wave(&points.collect::<Vec<_>>())
     }
 
     #[test]
     fn the_bead_says_what_it_sensed_where_the_chain_has_a_wave() {
         let sensed = force(&[7.0, 0.0, 0.8]);
         let simulated: Vec<f64> = sensed.iter().map(|force| 0.5 * force).collect();
-        let found = later_wave(&points(&sensed, &simulated)).unwrap();
+        let found = later(&sensed, &simulated).unwrap();
         let (device, chain) = (found.device.unwrap(), found.f64_chain.unwrap());
-        assert!(
-            (device.peak_force / chain.peak_force - 2.0).abs() < 1e-9,
-            "{found:?}"
-        );
+        let ratio = device.peak_force / chain.peak_force;
+        assert!((ratio - 2.0).abs() < 1e-9, "{found:?}");
         assert!((device.after - 40e-5).abs() < 1e-12 && chain.after == device.after);
     }
 
     #[test]
     fn a_wave_of_the_bead_alone_must_be_plain() {
-        let quiet = force(&[7.0]);
-        let mut simulated = quiet.clone();
+        let mut simulated = force(&[7.0]);
         simulated.resize(80, 0.0);
-        let alone = |height| later_wave(&points(&force(&[7.0, 0.0, height]), &simulated));
+        let alone = |height| later(&force(&[7.0, 0.0, height]), &simulated);
         let found = alone(0.8).unwrap();
         assert!(found.f64_chain.is_none() && found.device.is_some());
         assert_eq!(alone(0.1), None);

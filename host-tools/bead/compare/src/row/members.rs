@@ -1,12 +1,12 @@
 //! The beads of a recording that belong to the row of a scenario.
 
-use crate::row::chain::Chain;
+use crate::row::chain::RowChain;
 use bead_recording::file::{Bead, Part};
 use bead_recording::received::Received;
 
 /// A bead of a recording at its place in the chain.
 #[derive(Debug, Clone)]
-pub struct Place {
+pub struct PlacedBead {
     /// Its place.
     pub bead: usize,
     /// Its frames.
@@ -16,8 +16,8 @@ pub struct Place {
 /// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
 /// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
 /// it.
-pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec<String>) {
-    let mut places: Vec<Place> = Vec::new();
+pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBead>, Vec<String>) {
+    let mut places: Vec<PlacedBead> = Vec::new();
     let mut notes = Vec::new();
     for (bead, received) in received.recording.beads.iter().zip(received.each()) {
         let (address, at) = (bead.origin.address, bead.place());
@@ -30,7 +30,7 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
         };
         match why {
             Some(why) => notes.push(format!("bead {at} (address {address}) is left out: it {why}")),
-            None => places.push(Place { bead: at, received }),
+            None => places.push(PlacedBead { bead: at, received }),
         }
     }
     places.sort_by_key(|place| place.bead);
@@ -38,12 +38,8 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
         return (places, notes);
     }
     let is_missing = |host: &&usize| places.iter().all(|place| place.bead != **host);
-    let missing: Vec<String> = chain
-        .hosts
-        .iter()
-        .filter(is_missing)
-        .map(usize::to_string)
-        .collect();
+    let missing = chain.hosts.iter().filter(is_missing).map(usize::to_string);
+    let missing: Vec<String> = missing.collect();
     if !missing.is_empty() {
         let (beads, took) = match missing.len() {
             1 => ("bead", "its intruder"),

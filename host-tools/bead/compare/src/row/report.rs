@@ -1,17 +1,19 @@
 //! The report of a row.
 
+use hertz_charts::Chart;
+
 use crate::report::{
     Block, Cell, DASH, EnergyUnit, Fact, Report, Section, Table, count, number, percent, percent_within,
     signed,
 };
 use crate::row::arrivals::Speed;
-use crate::row::chain::Chain;
+use crate::row::chain::RowChain;
 use crate::row::compare::RowComparison;
-use crate::row::energy::{After, EnergyAlong, Fit};
+use crate::row::energy::{After, EnergyAlong, TransmissionLine};
 use crate::row::later::Wave;
-use crate::row::member::{BeadOfRow, Pair};
-use crate::row::pictures::{details, overview};
-use crate::row::strikes::Row;
+use crate::row::member::{BeadOfRow, DeviceAndChain};
+use crate::row::pictures::charts;
+use crate::row::strikes::BeadRow;
 use crate::spread::Spread;
 
 /// A row, compared, and what is known of the run.
@@ -19,9 +21,9 @@ pub struct ComparedRow<'a> {
     /// The recording's name.
     pub recording: &'a str,
     /// The beads' strikes.
-    pub row: &'a Row,
+    pub row: &'a BeadRow,
     /// The chain that they are held against.
-    pub chain: &'a Chain,
+    pub chain: &'a RowChain,
     /// The comparison.
     pub compared: &'a RowComparison,
     /// The striker's velocity in words, if it was fitted.
@@ -39,15 +41,17 @@ impl ComparedRow<'_> {
         let title = &self.chain.scenario.title[..];
         let strikes = count(compared.strikes as u64, "strike");
         let missing = Section::new("What is missing").with(Block::List(compared.notes.clone()));
+        let [overview, details] = charts(self.row, self.chain, compared);
+        let intruders = "Their accelerations, and the part of the wave’s energy that each lets pass.";
         let sections = [
             (!compared.notes.is_empty()).then_some(missing),
-            Some(self.wave()),
+            Some(self.wave(overview)),
             Some(self.beads()),
             Some(Section::new("All beads").table(self.totals())),
             Some(Section::new("Speed of the wave").table(self.speeds())),
             self.later(),
             energy(&compared.energy),
-            Some(self.intruders()),
+            Some(Section::new("The intruders").text(intruders).chart(details)),
             Some(self.facts()),
             Some(Section::scenario(self.scenario)),
         ];
@@ -62,47 +66,35 @@ impl ComparedRow<'_> {
 
     fn tiles(&self) -> Vec<(String, String)> {
         let compared = self.compared;
-        let identical = compared
-            .beads
-            .iter()
-            .filter(|bead| bead.replay_identical == Some(true));
-        let identical = format!("{} of {}", identical.count(), compared.beads.len());
+        let is_same = |bead: &&BeadOfRow| bead.replay_identical == Some(true);
+        let identical = compared.beads.iter().filter(is_same).count();
+        let identical = format!("{identical} of {}", compared.beads.len());
         let worst = |which: usize| {
             let spreads = compared.beads.iter().filter_map(|bead| bead.spread.get(which));
             let worst = spreads.max_by(|a, b| a.mean.abs().total_cmp(&b.mean.abs()));
             worst.map_or(DASH.to_owned(), |worst| percent(worst.mean))
         };
-        let fit = |fit: Option<Fit>| fit.map_or(DASH.to_owned(), |fit| format!("{:.5}", fit.transmission));
-        let rms = compared
-            .arrivals
-            .off_rms_s
-            .map(|rms| format!("{:.2} µs", rms * 1e6));
+        let fit = |fit: Option<TransmissionLine>| {
+            fit.map_or(DASH.to_owned(), |fit| format!("{:.5}", fit.transmission))
+        };
+        let rms = compared.arrivals.off_rms_s;
+        let rms = rms.map_or(DASH.to_owned(), |rms| format!("{:.2} µs", rms * 1e6));
         let in_simulation = fit(compared.energy.fit.f64_chain);
         let transmission = format!("T of an intruder, by the beads’ A; {in_simulation} in the simulation");
         vec![
             (fit(compared.energy.fit.by_a), transmission),
             (worst(0), "A, where it is furthest off".to_owned()),
             (worst(1), "B, where it is furthest off".to_owned()),
-            (
-                rms.unwrap_or(DASH.to_owned()),
-                "arrivals off the simulation, rms".to_owned(),
-            ),
+            (rms, "arrivals off the simulation, rms".to_owned()),
             (identical, "beads replayed bit for bit".to_owned()),
         ]
     }
 
-    fn wave(&self) -> Section {
+    fn wave(&self, chart: Chart) -> Section {
         let text = "Green is what the beads sensed, each at its place in the chain and on the time that their sync edges give \
                     them in common. Grey below it is the simulation. What is left after n intruders is what came to the first \
                     bead, less what the beads measured that their intruders took.";
-        let chart = overview(self.row, self.chain, self.compared);
         Section::new("The wave along the row").text(text).chart(chart)
-    }
-
-    fn intruders(&self) -> Section {
-        let text = "Their accelerations, and the part of the wave’s energy that each lets pass.";
-        let chart = details(self.row, self.chain, self.compared);
-        Section::new("The intruders").text(text).chart(chart)
     }
 
     fn beads(&self) -> Section {
@@ -134,14 +126,12 @@ impl ComparedRow<'_> {
 
     fn table_of_beads(&self) -> Table {
         let compared = self.compared;
-        let energies = |of: fn(&BeadOfRow) -> Option<Pair>| {
+        let energies = |of: fn(&BeadOfRow) -> Option<DeviceAndChain>| {
             EnergyUnit::of(compared.beads.iter().filter_map(of).map(|pair| pair.device))
         };
-        let (wave, a, b) = (
-            energies(|bead| bead.incident),
-            energies(|bead| bead.absorbed_measured),
-            energies(|bead| bead.absorbed_predicted),
-        );
+        let wave = energies(|bead| bead.incident);
+        let a = energies(|bead| bead.absorbed_measured);
+        let b = energies(|bead| bead.absorbed_predicted);
         let row = |bead: &BeadOfRow| {
             let arrival = compared.arrivals.at(bead.bead);
             let flags = Some(bead.flags.join(", ")).filter(|flags| !flags.is_empty());
@@ -174,12 +164,12 @@ impl ComparedRow<'_> {
     /// The losses of all beads together.
     fn totals(&self) -> Table {
         let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>().to_string();
-        let most = self
+        let costs = self
             .compared
             .beads
             .iter()
             .filter_map(|bead| bead.instructions_per_sample);
-        let most = most.reduce(f64::max).map(|most| format!("{most:.1}"));
+        let most = costs.reduce(f64::max).map(|most| format!("{most:.1}"));
         let rows = [
             ("frames lost", Some(sum(|bead| bead.frames_lost))),
             ("frames corrupt", Some(sum(|bead| bead.frames_corrupt))),
@@ -192,12 +182,11 @@ impl ComparedRow<'_> {
 
     fn speeds(&self) -> Table {
         let row = |speed: &Speed| {
-            vec![
-                format!("{} to {}", speed.from, speed.to).into(),
-                format!("{:.3}", speed.device).into(),
-                format!("{:.3}", speed.f64_chain).into(),
-                percent(speed.off()).into(),
-            ]
+            let between = format!("{} to {}", speed.from, speed.to);
+            let [device, chain] = [speed.device, speed.f64_chain].map(|speed| format!("{speed:.3}"));
+            [between, device, chain, percent(speed.off())]
+                .map(Cell::from)
+                .into()
         };
         let headings = "from bead | wave (m/s) | f64 chain (m/s) | off by";
         Table::new(headings, self.compared.arrivals.speeds.iter().map(row))
@@ -231,7 +220,7 @@ impl ComparedRow<'_> {
 }
 
 /// The bead's value, and its deviation.
-fn pair(pair: Option<Pair>, scale: f64, digits: usize) -> [Cell; 2] {
+fn pair(pair: Option<DeviceAndChain>, scale: f64, digits: usize) -> [Cell; 2] {
     [
         Cell::known(pair.map(|pair| number(pair.device * scale, digits))),
         Cell::known(pair.map(|pair| percent(pair.off()))),
@@ -263,7 +252,7 @@ fn energy(energy: &EnergyAlong) -> Option<Section> {
     };
     let mut fit: Vec<Cell> = vec!["Tⁿ".into()];
     fit.resize(6, "".into());
-    let shown = |fit: Fit| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
+    let shown = |fit: TransmissionLine| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
     fit.extend(energy.fit.each().map(|fit| Cell::known(fit.map(shown))));
     // A narrow window has the two sides that are compared.
     let headings =

@@ -1,30 +1,53 @@
 //! The strikes of a row of beads: the ones of several beads that are one.
 
-use std::collections::BTreeMap;
+use std::cmp::Ordering;
 
-use crate::row::member::{Felt, Member};
+use rayon::prelude::*;
+
+use crate::error::CompareError;
+use crate::row::chain::RowChain;
+use crate::row::member::{FeltStrike, RowBead};
+use crate::row::members::PlacedBead;
+use crate::velocity::FittedVelocity;
+use bead_recording::clock::CommonTime;
+use bead_recording::received::Received;
 
 /// Two beads' strikes are one if the striker hit within this time, s. A bead measures no two strikes within
 /// twice of it, and the host's time is within a millisecond for each.
 const SAME: f64 = 7.5e-3;
 
 /// The beads of a row, and their strikes.
-pub struct Row {
+pub struct BeadRow {
     /// The beads, from the striker on.
-    pub members: Vec<Member>,
+    pub members: Vec<RowBead>,
     /// Each strike: for each bead, which of its strikes that is.
     pub strikes: Vec<Vec<Option<usize>>>,
 }
 
-impl Row {
-    /// Finds which strikes are one.
-    pub fn of(members: Vec<Member>) -> Self {
+impl BeadRow {
+    /// Reads what came from the beads, holds it against the chain, and finds which strikes are one. `fitted`
+    /// is the striker's velocity in the chain, if it was fitted.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn read(
+        received: &Received,
+        beads: &[PlacedBead],
+        chain: &RowChain,
+        fitted: Option<&FittedVelocity>,
+    ) -> Result<Self, CompareError> {
+        let time = CommonTime::of(&received.recording)?;
+        let members = beads
+            .par_iter()
+            .map(|placed| RowBead::read(placed, chain, &time, fitted));
+        let members: Vec<_> = members.collect();
+        let members = members.into_iter().collect::<Result<Vec<_>, _>>()?;
         let strikes = together(&members);
-        Self { members, strikes }
+        Ok(Self { members, strikes })
     }
 
     /// Each bead's record of a strike.
-    pub(super) fn felt(&self, strike: &[Option<usize>]) -> Vec<Option<&Felt>> {
+    pub(super) fn felt(&self, strike: &[Option<usize>]) -> Vec<Option<&FeltStrike>> {
         let beads = self.members.iter().zip(strike);
         beads.map(|(member, at)| Some(&member.felt[(*at)?])).collect()
     }
@@ -50,130 +73,133 @@ impl Row {
                  by their time they belong to no strike of another bead"
             )
         });
-        let of = |(place, member): (usize, &Member)| {
+        let of = |(place, member): (usize, &RowBead)| {
             let felt = self
                 .strikes
                 .iter()
                 .filter(|strike| strike[place].is_some())
                 .count();
             let bead = member.bead;
+            let never =
+                || format!("bead {bead} never saw a strike: what its intruder took is the simulation's");
             match felt {
-                0 => Some(format!(
-                    "bead {bead} never saw a strike: what its intruder took is the simulation's"
-                )),
-                _ if felt < all => Some(format!("bead {bead} has {felt} of {all} strikes")),
-                _ => None,
+                0 => Some(never()),
+                _ => (felt < all).then(|| format!("bead {bead} has {felt} of {all} strikes")),
             }
         };
-        apart
-            .into_iter()
-            .chain(self.members.iter().enumerate().filter_map(of))
-            .collect()
+        let missed = self.members.iter().enumerate().filter_map(of);
+        apart.into_iter().chain(missed).collect()
     }
 }
 
-/// A strike of a bead: its number, the bead's place, and which of the bead's strikes it is.
-type Numbered = (u32, usize, usize);
+/// A strike at a bead.
+#[derive(Debug, Clone, Copy)]
+struct StrikeAtBead {
+    /// When the striker hit, s, if that is known.
+    struck: Option<f64>,
+    /// Its number since the bead's reset.
+    number: u32,
+    /// The bead's place among the beads.
+    place: usize,
+    /// Its place among the bead's strikes.
+    at: usize,
+}
 
 /// The strikes, in the order of their time: for each bead, which of its strikes that is.
-fn together(members: &[Member]) -> Vec<Vec<Option<usize>>> {
+fn together(members: &[RowBead]) -> Vec<Vec<Option<usize>>> {
     let mut all = Vec::new();
     for (place, member) in members.iter().enumerate() {
-        let of = |(at, felt): (usize, &Felt)| (felt.struck, (felt.number, place, at));
-        all.extend(member.felt.iter().enumerate().map(of));
+        all.extend(member.felt.iter().enumerate().map(|(at, felt)| StrikeAtBead {
+            struck: felt.struck,
+            number: felt.number,
+            place,
+            at,
+        }));
     }
-    by_time_or_number(all, members.len())
+    grouped(all, members.len())
 }
 
-/// Of strikes with the time at which the striker hit, if that is known. Among those without, one number is
-/// one strike.
-fn by_time_or_number(all: Vec<(Option<f64>, Numbered)>, beads: usize) -> Vec<Vec<Option<usize>>> {
-    let (mut timed, mut timeless) = (Vec::new(), Vec::new());
-    for (struck, strike) in all {
-        match struck {
-            Some(struck) => timed.push((struck, strike.1, strike.2)),
-            None => timeless.push(strike),
-        }
-    }
-    let mut strikes = by_time(timed, beads);
-    strikes.extend(by_number(timeless, beads));
-    strikes
-}
-
-fn by_number(mut told: Vec<Numbered>, beads: usize) -> Vec<Vec<Option<usize>>> {
-    told.sort_unstable();
-    let mut strikes = BTreeMap::new();
-    for (number, place, at) in told {
-        let strike = strikes.entry(number).or_insert_with(|| vec![None; beads]);
-        // After a reset the numbers begin anew; only the first of them can be told.
-        strike[place].get_or_insert(at);
-    }
-    strikes.into_values().collect()
-}
-
-/// Of strikes with the time at which the striker hit, the bead's place among `beads`, and which of its
-/// strikes it is.
-fn by_time(mut told: Vec<(f64, usize, usize)>, beads: usize) -> Vec<Vec<Option<usize>>> {
-    told.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut strikes: Vec<(f64, Vec<Option<usize>>)> = Vec::new();
-    for (struck, place, at) in told {
+/// Strikes by their time, and behind them those without a time: among these, one number is one strike.
+fn grouped(mut all: Vec<StrikeAtBead>, beads: usize) -> Vec<Vec<Option<usize>>> {
+    all.sort_by(|a, b| {
+        let [a_time, b_time] = [a, b].map(|strike| strike.struck.unwrap_or(f64::INFINITY));
+        let ids = |strike: &StrikeAtBead| (strike.number, strike.place, strike.at);
+        let by_number = || {
+            if a.struck.is_none() {
+                ids(a).cmp(&ids(b))
+            } else {
+                Ordering::Equal
+            }
+        };
+        a_time.total_cmp(&b_time).then_with(by_number)
+    });
+    let mut strikes: Vec<Vec<Option<usize>>> = Vec::new();
+    let mut first: Option<StrikeAtBead> = None;
+    for strike in all {
+        let is_same = first.is_some_and(|first| match (first.struck, strike.struck) {
+            (Some(first), Some(struck)) => struck - first < SAME,
+            (None, None) => first.number == strike.number,
+            _ => false,
+        });
         match strikes.last_mut() {
-            Some((first, strike)) if struck - *first < SAME && strike[place].is_none() => {
-                strike[place] = Some(at)
-            }
+            Some(beads) if is_same && beads[strike.place].is_none() => beads[strike.place] = Some(strike.at),
+            // After a reset the numbers begin anew; only the first of them can be told.
+            Some(_) if is_same && strike.struck.is_none() => {}
             _ => {
-                let mut strike = vec![None; beads];
-                strike[place] = Some(at);
-                strikes.push((struck, strike));
+                let mut next = vec![None; beads];
+                next[strike.place] = Some(strike.at);
+                strikes.push(next);
+                first = Some(strike);
             }
         }
     }
-    strikes.into_iter().map(|(_, strike)| strike).collect()
+    strikes
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// A strike at the time `struck`, s: its number, the bead's place, and which of its strikes it is.
+    fn at(struck: impl Into<Option<f64>>, (number, place, at): (u32, usize, usize)) -> StrikeAtBead {
+        StrikeAtBead {
+            struck: struck.into(),
+            number,
+            place,
+            at,
+        }
+    }
+
     #[test]
     fn strikes_are_told_apart_by_their_time_also_where_a_bead_lost_one() {
         // Three strikes, 50 ms apart; the second bead lost the first of them.
         let of = |place: usize, from: usize| {
-            (from..3).map(move |n| (n as f64 * 0.05 + place as f64 * 3e-4, place, n - from))
+            let strike = move |n: usize| at(n as f64 * 0.05 + place as f64 * 3e-4, (0, place, n - from));
+            (from..3).map(strike)
         };
-        let told = of(0, 0).chain(of(1, 1)).chain(of(2, 0)).collect();
+        let all = of(0, 0).chain(of(1, 1)).chain(of(2, 0)).collect();
+        let first = [Some(0), None, Some(0)];
         assert_eq!(
-            by_time(told, 3),
-            [
-                [Some(0), None, Some(0)],
-                [Some(1), Some(0), Some(1)],
-                [Some(2), Some(1), Some(2)]
-            ]
+            grouped(all, 3),
+            [first, [Some(1), Some(0), Some(1)], [Some(2), Some(1), Some(2)]]
+        );
+        // A bead has one strike of each.
+        assert_eq!(
+            grouped(vec![at(0.0, (0, 0, 0)), at(1e-3, (0, 0, 1))], 1),
+            [[Some(0)], [Some(1)]]
         );
     }
 
     #[test]
     fn strikes_without_a_time_go_by_their_number_and_leave_the_others_to_their_time() {
         // The second bead lost its first strike: by number the others would be another's.
-        let timed = [(0.0, (0, 0, 0)), (0.05, (1, 0, 1)), (0.05, (0, 1, 0))];
-        let timed = timed.map(|(struck, strike)| (Some(struck), strike));
-        let timeless = [(None, (0, 0, 2)), (None, (0, 1, 1)), (None, (1, 1, 2))];
+        let timed = [at(0.0, (0, 0, 0)), at(0.05, (1, 0, 1)), at(0.05, (0, 1, 0))];
+        let timeless = [(0, 0, 2), (0, 1, 1), (1, 1, 2)].map(|strike| at(None, strike));
+        let by_time = [[Some(0), None], [Some(1), Some(0)]];
+        let by_number = [[Some(2), Some(1)], [None, Some(2)]];
         assert_eq!(
-            by_time_or_number([timed, timeless].concat(), 2),
-            [
-                [Some(0), None],
-                [Some(1), Some(0)],
-                [Some(2), Some(1)],
-                [None, Some(2)]
-            ]
-        );
-    }
-
-    #[test]
-    fn a_bead_has_one_strike_of_each() {
-        assert_eq!(
-            by_time(vec![(0.0, 0, 0), (1e-3, 0, 1)], 1),
-            [[Some(0)], [Some(1)]]
+            grouped([timed, timeless].concat(), 2),
+            [by_time, by_number].concat()
         );
     }
 }

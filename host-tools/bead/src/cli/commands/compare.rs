@@ -3,15 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bead_model::Settings;
 use clap::Args;
-use indicatif::ProgressBar;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::beads::Beads;
 use crate::cli::commands::compared::{
-    Velocity, draw, echoes_left_out, figures, made, publish, scenario, set_velocity, shown,
+    Velocity, draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
 };
 use crate::cli::commands::{compare_reference, compare_row};
 use crate::cli::failure::Failure;
@@ -19,18 +17,17 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{Kind, Overwrite};
 use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
-use bead_compare::emulated::{EmulatorReport, RunTruth};
+use bead_compare::bead::ComparedBead;
+use bead_compare::emulated::RunTruth;
 use bead_compare::pictures::{residual_chart, strike_chart};
-use bead_compare::replay::replay;
 use bead_compare::sensed::{only_host, simulate_with_ring_down};
-use bead_compare::spread::{Deviations, Spread};
+use bead_compare::spread::Spread;
 use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
-use bead_compare::verdict::{Echoes, Soundness, failure, other_length, overruns};
+use bead_compare::verdict::{Echoes, other_length};
 use bead_recording::file::{Bead, Part};
 use bead_recording::received::Received;
-use bead_recording::strikes::RecordedStrike;
 use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -134,9 +131,6 @@ pub(crate) struct Report<'a> {
     failure: Option<&'a str>,
 }
 
-/// Strikes that are kept and shown at most. The means are over all.
-const STRIKES_MOST: usize = 10_000;
-
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.reference.is_none() {
         arguments.columns.without("--reference")?;
@@ -171,21 +165,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The strikes of a recording beside the simulation.
-struct Compared {
-    /// The first [`STRIKES_MOST`] of them.
-    strikes: Vec<StrikeComparison>,
-    deviations: Deviations,
-    /// Number of strikes, also of those that are not kept.
-    count: usize,
-    /// Number of echoes.
-    echoes: usize,
-    /// The first difference of a replay, also of an echo.
-    first_difference: Option<String>,
-    /// The settings of the first strike.
-    settings: Option<Settings>,
-}
-
 /// Compares the strikes of one bead with the simulation. `asked` is the bead's number on the command line,
 /// `place` the one in the recording.
 fn compare(
@@ -198,7 +177,6 @@ fn compare(
     let given = scenario(arguments.scenario.as_deref(), received)?;
     let mut scenario = given.scenario.clone();
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
-    let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
     let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
     let bead = bead.map_or_else(|| only_host(&scenario), Ok)?;
     let echoes = Echoes::of(&scenario, truth);
@@ -209,42 +187,31 @@ fn compare(
     if let Some(note) = chain.note() {
         progress.suspend(|| note!("{note}"));
     }
-    let mut recorded = received.strikes()?;
-    let mut compared = beside(&chain, recorded.by_ref(), echoes, fitted.as_ref(), &progress);
+    let mut count = 0;
+    let compared = ComparedBead::read(received, &chain, echoes, fitted.as_ref(), |_, _| {
+        count += 1;
+        progress.set_message(format!(
+            "compared {}",
+            bead_compare::report::count(count, "strike")
+        ));
+    })?;
     progress.finish_and_clear();
-    let frames = recorded.frames();
     if compared.strikes.is_empty() {
-        return Err(received.no_strike(frames).into());
+        return Err(no_strike(received));
     }
-    let settings = compared.settings;
-    let length = settings.and_then(|of| other_length(&scenario, &solution, &chain, bead, of.window));
+    let window = compared.settings.map(|settings| settings.window);
+    let length = window.and_then(|window| other_length(&scenario, &solution, &chain, bead, window));
     let left = (compared.echoes > 0).then(|| echoes_left_out(&compared.echoes.to_string()));
     for note in length.into_iter().chain(left) {
         note!("{note}");
     }
-    if compared.strikes.len() > 1 || fitted.is_some() {
-        let strikes = compared.strikes.into_iter();
-        compared.strikes = strikes.map(StrikeComparison::among_others).collect();
-    }
-    let spread = compared.deviations.spread();
-    let soundness = Soundness::of(frames.counters(), overruns(received)?, emulator.as_ref());
-    let failure = failure(compared.first_difference.as_deref(), &soundness, &spread);
     let compared_with = provenance::scenario(&given.text);
     let report = ComparedStrikes {
         title: &scenario.title,
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
         bead,
-        strikes: &compared.strikes,
-        left_out: compared.count - compared.strikes.len(),
-        spread: &spread,
-        soundness: &soundness,
+        compared: &compared,
         velocity: fitted.as_ref().map(shown),
-        failure: failure.as_deref(),
-        counters: frames.counters(),
-        identity: frames.identity.as_ref(),
-        status: frames.status.as_ref(),
-        settings: settings.as_ref(),
-        emulator: emulator.as_ref(),
         made: &made(page.as_ref(), received, compared_with)?,
         scenario: &given.text,
     };
@@ -259,71 +226,22 @@ fn compare(
             }
         }
     }
+    let soundness = &compared.soundness;
     let result = Report {
         bead,
         striker_velocity: fitted,
         strikes: &compared.strikes,
-        strikes_left_out: report.left_out,
-        spread: &spread,
+        strikes_left_out: compared.count - compared.strikes.len(),
+        spread: &compared.spread,
         frames_lost: soundness.lost,
         frames_corrupt: soundness.corrupt,
         overruns: soundness.overruns,
         instructions_per_sample: soundness.instructions.map(|(total, _)| total),
-        pass: failure.is_none(),
-        failure: failure.as_deref(),
+        pass: compared.failure.is_none(),
+        failure: compared.failure.as_deref(),
     };
     publish(arguments.format, page.as_ref(), &report.report(), &result)?;
-    given.end(failure)
-}
-
-/// Holds each strike against the chain; echoes are only replayed.
-fn beside(
-    chain: &FullChain,
-    recorded: impl Iterator<Item = RecordedStrike>,
-    mut echoes: Echoes,
-    fitted: Option<&FittedVelocity>,
-    progress: &ProgressBar,
-) -> Compared {
-    // The energy goes with the square of the velocity.
-    let truth = fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity);
-    let mut compared = Compared {
-        strikes: Vec::new(),
-        deviations: Deviations::within(truth),
-        count: 0,
-        echoes: 0,
-        first_difference: None,
-        settings: None,
-    };
-    let mut drawn = false;
-    for strike in recorded {
-        if echoes.has(&strike) {
-            compared.echoes += 1;
-            let difference = &mut compared.first_difference;
-            *difference = difference.take().or_else(|| replay(&strike).first_difference);
-            continue;
-        }
-        compared.count += 1;
-        progress.set_message(format!("comparing strike {}", compared.count));
-        let mut comparison = chain.compare(&strike);
-        compared.deviations.push(&comparison.deviation);
-        if compared.first_difference.is_none() {
-            compared.first_difference = comparison.first_difference.clone();
-        }
-        if compared.strikes.len() == STRIKES_MOST {
-            continue;
-        }
-        // The figures show the first strike that was received whole; the curves of others would fill the
-        // memory.
-        if drawn {
-            comparison.traces = None;
-        }
-        drawn |= comparison.traces.is_some();
-        if compared.strikes.is_empty() {
-            compared.settings = strike.settings;
-        }
-        compared.strikes.push(comparison);
-    }
-    compared
+    given.end(compared.failure.clone())
 }
 
 /// Keeps the beads of these numbers alone.

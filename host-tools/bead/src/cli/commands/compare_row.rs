@@ -1,22 +1,18 @@
 //! `bead compare` of a recording of several beads: all of them and one simulation, side by side.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::cli::commands::compare::Arguments;
 use crate::cli::commands::compared::{
-    draw, echoes_left_out, figures, made, publish, scenario, set_velocity, shown,
+    draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
 };
 use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::cli::provenance;
-use bead_compare::row::{self, Chain, ComparedRow, Member, Place, Row, RowComparison, among};
+use bead_compare::row::{self, BeadRow, ComparedRow, PlacedBead, RowBead, RowChain, RowComparison, among};
 use bead_compare::sensed::unlike_the_reduced_chain;
-use bead_compare::strike::FullChain;
 use bead_compare::velocity::FittedVelocity;
-use bead_compare::verdict::{Echoes, other_length};
-use bead_recording::clock::CommonTime;
-use bead_recording::file::Part;
+use bead_compare::verdict::other_length;
 use bead_recording::received::Received;
 use bead_tables::whole::Target;
 
@@ -33,7 +29,7 @@ pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Targe
     let given = scenario(arguments.scenario.as_deref(), received)?;
     let (scenario, text) = (given.scenario.clone(), &given.text);
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let mut chain = Chain::of(scenario)?;
+    let mut chain = RowChain::of(scenario)?;
     let (places, mut notes) = among(received, &chain, text);
     if places.is_empty() {
         let (path, why) = (received.path.display(), notes.join("; "));
@@ -44,28 +40,17 @@ pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Targe
         let mut scenario = chain.scenario.clone();
         let beads = places.iter().map(|place| (place.bead, &place.received));
         fitted = set_velocity(&mut scenario, arguments.velocity, beads)?;
-        chain = Chain::of(scenario)?;
+        chain = RowChain::of(scenario)?;
     }
-    // The energy goes with the square of the velocity.
-    let truth = fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity);
-    let time = CommonTime::of(&received.recording)?;
     progress.set_message(format!("comparing {} beads", places.len()));
-    let read = |Place { bead, received }: &Place| -> Result<Member, Failure> {
-        let full = FullChain::of(&chain.scenario, &chain.solution, *bead)?;
-        let echoes = Echoes::of(&chain.scenario, received.json(Part::Truth)?);
-        Ok(Member::read(*bead, received, full, &time, truth, echoes)?)
-    };
-    let members: Vec<_> = places.par_iter().map(read).collect();
-    let row = Row::of(members.into_iter().collect::<Result<_, _>>()?);
+    let row = BeadRow::read(received, &places, &chain, fitted.as_ref())?;
     progress.finish_and_clear();
     if row.strikes.is_empty() {
-        let mut recorded = received.strikes()?;
-        recorded.by_ref().for_each(drop);
-        return Err(received.no_strike(recorded.frames()).into());
+        return Err(no_strike(received));
     }
     notes.extend(echoed(&row));
     let told = row::compare(&row, &chain, notes)?;
-    let warning = |place: &Place| unlike_the_reduced_chain(&chain.solution, place.bead);
+    let warning = |place: &PlacedBead| unlike_the_reduced_chain(&chain.solution, place.bead);
     let mut warnings: Vec<_> = places.iter().filter_map(warning).collect();
     // A load is that of all.
     warnings.dedup();
@@ -83,8 +68,7 @@ pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Targe
         scenario: text,
     };
     if let Some(figures) = figures {
-        let overview = row::overview(&row, &chain, &told);
-        draw(&figures, [overview, row::details(&row, &chain, &told)])?;
+        draw(&figures, row::charts(&row, &chain, &told))?;
     }
     let printed = Report {
         striker_velocity: fitted,
@@ -96,9 +80,9 @@ pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Targe
 
 /// A warning where the scenario's duration is not that of the windows: of the first bead, and for how many it
 /// holds.
-fn length(row: &Row, chain: &Chain) -> Option<String> {
-    let of = |member: &Member| {
-        let Member { bead, window, .. } = member;
+fn length(row: &BeadRow, chain: &RowChain) -> Option<String> {
+    let of = |member: &RowBead| {
+        let RowBead { bead, window, .. } = member;
         other_length(&chain.scenario, &chain.solution, &member.chain, *bead, (*window)?)
     };
     let mut notes = row.members.iter().filter_map(of);
@@ -110,7 +94,7 @@ fn length(row: &Row, chain: &Chain) -> Option<String> {
 }
 
 /// The echoes of a row, if there are any.
-fn echoed(row: &Row) -> Option<String> {
+fn echoed(row: &BeadRow) -> Option<String> {
     let with_echoes = row.members.iter().filter(|member| member.echoes > 0);
     let which: Vec<_> = with_echoes
         .map(|member| format!("{} of bead {}", member.echoes, member.bead))

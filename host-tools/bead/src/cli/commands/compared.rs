@@ -192,3 +192,14 @@ pub(super) fn draw(figures: &[Target], charts: [Chart; 2]) -> Result<(), Failure
     }
     Ok(())
 }
+
+/// The failure of a recording in whose frames no strike came.
+pub(super) fn no_strike(received: &Received) -> Failure {
+    match received.strikes() {
+        Ok(mut strikes) => {
+            strikes.by_ref().for_each(drop);
+            received.no_strike(strikes.frames()).into()
+        }
+        Err(error) => error.into(),
+    }
+}

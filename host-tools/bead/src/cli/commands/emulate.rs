@@ -31,7 +31,7 @@ use bead_bench::several;
 use bead_bench::tables::BenchTables;
 use bead_compare::emulated::StimulusFile;
 use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
-use bead_compare::given::Given;
+use bead_compare::given::GivenEstimates;
 use bead_compare::sensed::{
     Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
@@ -418,7 +418,7 @@ impl<'a> Bench<'a> {
             None => Emulation::place(self.scenario, solution, placed, front_end, timing, image)?,
             Some(Played { waveform, file, .. }) => {
                 let settings = settings_of(solution, placed, front_end)?;
-                let truth = Given::around_its_peak(waveform, &settings).truth();
+                let truth = GivenEstimates::around_its_peak(waveform, &settings).truth();
                 let waveform = waveform.clone();
                 let mut emulation =
                     Emulation::play(solution, placed, front_end, timing, image, waveform, truth)?;

@@ -3,7 +3,7 @@
 use crate::cli::commands::emulate::EmulatedBead;
 use crate::cli::output;
 use bead_bench::run::{MeasuredStrike, RunReport};
-use bead_compare::given::Given;
+use bead_compare::given::GivenEstimates;
 use bead_compare::report::{DASH, EnergyUnit, percent, signed};
 use bead_compare::sensed::Truth;
 
@@ -60,7 +60,7 @@ fn strikes(report: &RunReport) -> String {
 /// A strike: its values beside the truth, or beside f64 estimates of the waveform that was played.
 fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
     let [peak, a, b] = if played {
-        let given = |of: fn(&Given) -> Option<f64>| strike.given.as_ref().and_then(of);
+        let given = |of: fn(&GivenEstimates) -> Option<f64>| strike.given.as_ref().and_then(of);
         [
             given(|given| given.peak_force),
             given(|given| given.absorbed_measured),

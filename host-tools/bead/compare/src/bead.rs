@@ -1,0 +1,107 @@
+//! The strikes of one bead against the simulation, and the verdict on them.
+
+use bead_model::Settings;
+use bead_wire::{Counters, Identity, Status};
+
+use crate::emulated::EmulatorReport;
+use crate::replay::replay;
+use crate::spread::{Deviations, Spread};
+use crate::strike::{FullChain, StrikeComparison};
+use crate::velocity::FittedVelocity;
+use crate::verdict::{Echoes, Soundness, failure};
+use bead_recording::file::{Part, RecordingError};
+use bead_recording::received::Received;
+use bead_recording::strikes::RecordedStrike;
+
+/// Strikes that are kept at most. Means and verdicts are over all.
+pub(crate) const STRIKES_MOST: usize = 10_000;
+
+/// The strikes of a bead beside the simulation.
+#[derive(Debug, Default)]
+pub struct ComparedBead {
+    /// The first 10 000 strikes. Only the first that was received whole has curves.
+    pub strikes: Vec<StrikeComparison>,
+    /// Number of strikes, also of those that are not kept.
+    pub count: usize,
+    /// Number of echoes.
+    pub echoes: usize,
+    /// Mean and scatter of A and of B against their goals.
+    pub spread: [Spread; 2],
+    /// The checks of the run as a whole.
+    pub soundness: Soundness,
+    /// The first difference of a replay, also of an echo.
+    pub first_difference: Option<String>,
+    /// The first check that failed, gravest first.
+    pub failure: Option<String>,
+    /// The settings of the first strike that has any.
+    pub settings: Option<Settings>,
+    /// Counts of the bead's frames.
+    pub counters: Counters,
+    /// The bead's last identity.
+    pub identity: Option<Identity>,
+    /// The bead's last status.
+    pub status: Option<Status>,
+    /// The emulator's measurements, of an emulated run.
+    pub emulator: Option<EmulatorReport>,
+}
+
+impl ComparedBead {
+    /// Holds each strike of a bead against the chain; echoes are only replayed. `fitted` is the striker's
+    /// velocity in the chain, if it was fitted. `each` takes every strike that is no echo.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn read(
+        received: &Received,
+        chain: &FullChain,
+        mut echoes: Echoes,
+        fitted: Option<&FittedVelocity>,
+        mut each: impl FnMut(&RecordedStrike, &mut StrikeComparison),
+    ) -> Result<Self, RecordingError> {
+        let mut compared = Self {
+            emulator: received.json(Part::EmulatorReport)?,
+            ..Self::default()
+        };
+        let truth = fitted.map_or(0.0, FittedVelocity::energy_uncertainty);
+        let mut deviations = Deviations::within(truth);
+        let (mut drawn, mut recorded) = (false, received.strikes()?);
+        for strike in recorded.by_ref() {
+            let differs = &mut compared.first_difference;
+            if echoes.has(&strike) {
+                compared.echoes += 1;
+                *differs = differs.take().or_else(|| replay(&strike).first_difference);
+                continue;
+            }
+            compared.count += 1;
+            compared.settings = compared.settings.or(strike.settings);
+            let mut comparison = chain.compare(&strike);
+            deviations.push(&comparison.deviation);
+            *differs = differs.take().or_else(|| comparison.first_difference.clone());
+            each(&strike, &mut comparison);
+            if compared.strikes.len() < STRIKES_MOST {
+                // The curves of all would fill the memory.
+                comparison.traces = comparison.traces.filter(|_| !drawn);
+                drawn |= comparison.traces.is_some();
+                compared.strikes.push(comparison);
+            }
+        }
+        if compared.strikes.len() > 1 || fitted.is_some() {
+            compared
+                .strikes
+                .iter_mut()
+                .for_each(StrikeComparison::join_others);
+        }
+        let frames = recorded.frames();
+        compared.spread = deviations.spread();
+        compared.soundness = Soundness::of(frames, compared.emulator.as_ref());
+        let spread = if compared.count > 0 {
+            &compared.spread[..]
+        } else {
+            &[]
+        };
+        compared.failure = failure(compared.first_difference.as_deref(), &compared.soundness, spread);
+        compared.counters = frames.counters().clone();
+        (compared.identity, compared.status) = (frames.identity.clone(), frames.status);
+        Ok(compared)
+    }
+}
