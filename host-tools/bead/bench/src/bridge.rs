@@ -2,13 +2,9 @@
 //!
 //! # Design
 //! The image stands still in its virtual time until the bridge lets some of it pass
-//! ([`stm32f405_qemu::Live`]). So a request costs what its answer takes the image, however long the bead has
-//! run. Bead and strikes do exactly what they do in any other run: the same bytes at the same virtual times
-//! give the same answers.
-//!
-//! Without a pace the image's time passes while a program is connected, as fast as it can, and stands still
-//! otherwise. With a pace it follows the time of this computer. Several programs may be connected, as to one
-//! line.
+//! ([`stm32f405_qemu::Live`]). The same bytes at the same virtual times give the same answers as in any other
+//! run. Without a pace the image's time passes while a program is connected, as fast as it can, and stands
+//! still otherwise. With a pace it follows the time of this computer.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};

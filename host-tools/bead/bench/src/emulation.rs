@@ -361,16 +361,15 @@ impl Emulation {
         let outcome = self.machine().execute()?;
         let (frames, counters) = frames::decode(&outcome.uart);
         let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
-        let failure = failure(&outcome);
-        let changes = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
+        let pulled = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
         Ok(Ran {
-            pulls_ns: changes.map_or_else(Vec::new, |pin| pulls(&pin.changes)),
+            failure: failure(&outcome),
+            pulls_ns: pulled.map_or_else(Vec::new, |pin| pulls(&pin.changes)),
             first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
             stream: outcome.uart,
             frames,
             counters,
             sent_ns: outcome.uart_ns,
-            failure,
             resets: outcome.resets,
             report,
         })
@@ -400,11 +399,14 @@ impl Emulation {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
-        let windows = frames.iter().filter_map(|frame| match &frame.message {
-            Message::Strike(strike) => Some(strike.samples),
-            _ => None,
-        });
-        let (in_windows, estimated) = samples_in(windows);
+        let (mut in_windows, mut estimated) = (0, 0);
+        for frame in frames {
+            if let Message::Strike(strike) = &frame.message {
+                in_windows += u64::from(strike.samples);
+                // An image of another firmware may give any length.
+                estimated += u64::from(strike.samples.saturating_sub(BASELINE));
+            }
+        }
         let registers = outcome.unknown_registers.iter();
         Ok(EmulatorReport {
             image: image::file_name(&self.image),
@@ -434,25 +436,16 @@ impl Emulation {
     }
 }
 
-/// Samples in windows of these lengths, and those of them that the estimates took.
-fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
-    windows.fold((0, 0), |(all, estimated), samples| {
-        // An image of another firmware may give any length.
-        let after_baseline = u64::from(samples).saturating_sub(BASELINE.into());
-        (all + u64::from(samples), estimated + after_baseline)
-    })
-}
-
 /// Failure of an image that ended before its time was over. A fault that a reset follows is none.
 fn failure(outcome: &Outcome) -> Option<String> {
-    match &outcome.end {
-        // That is how test firmware ends. A bead's never does.
-        RunEnd::Breakpoint(place) => Some(format!(
-            "the image stopped at a breakpoint of its own, at {place}, at {:.6} s",
-            outcome.virtual_ns as f64 * 1e-9
-        )),
-        _ => outcome.verdict().err(),
-    }
+    // A breakpoint is how test firmware ends. A bead's never does.
+    let RunEnd::Breakpoint(place) = &outcome.end else {
+        return outcome.verdict().err();
+    };
+    let seconds = outcome.virtual_ns as f64 * 1e-9;
+    Some(format!(
+        "the image stopped at a breakpoint of its own, at {place}, at {seconds:.6} s"
+    ))
 }
 
 /// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is
@@ -506,12 +499,6 @@ mod tests {
     use stm32f405_qemu::CodeAddress;
 
     use super::*;
-
-    #[test]
-    fn windows_shorter_than_their_baseline_are_counted() {
-        let samples = samples_in([672, 9, 0].into_iter());
-        assert_eq!(samples, (681, 672 - u64::from(BASELINE)));
-    }
 
     #[test]
     fn an_image_that_ends_before_its_time_has_failed() {

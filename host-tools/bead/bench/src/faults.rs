@@ -85,10 +85,6 @@ const GIVEN_UP: f64 = 1.5;
 /// Time-out of the watchdog, s.
 const WATCHDOG: f64 = 2.0;
 
-/// Most faults of a run. A fault of a sensor changes the stimulus to its end, so many of them take long to
-/// prepare.
-const MOST: usize = 10_000;
-
 impl PlannedKind {
     /// Name in the file.
     pub fn name(self) -> &'static str {
@@ -322,11 +318,6 @@ fn entries(file: &TomlFile<'_>) -> Result<Vec<FaultTable>, InputError> {
         let advice = "add a table [[fault]] with at and kind";
         return Err(file.locate(InputError::at("", "no fault", advice)));
     }
-    let many = faults.fault.len();
-    if many > MOST {
-        let what = format!("{many} faults are more than {MOST}");
-        return Err(file.locate(InputError::at("fault", what, "provoke fewer in one run")));
-    }
     Ok(faults.fault)
 }
 
@@ -438,19 +429,6 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
             let (said, expected) = (refused(&text), format!("f.toml:{expected}"));
             assert!(said.starts_with(&expected), "{text:?}: {said}");
         }
-    }
-
-    #[test]
-    fn a_file_has_ten_thousand_faults_at_most() {
-        let many = |count: usize| "[[fault]]\nat = 1.0\nkind = \"panic\"\n".repeat(count);
-        assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 10_000);
-        let said = refused(&many(MOST + 1));
-        assert_eq!(
-            said,
-            "f.toml:1: fault: 10001 faults are more than 10000; provoke fewer in one run"
-        );
-        let page = include_str!("../../../../docs/how-to.md");
-        assert!(page.contains("A file has up to 10,000 faults."));
     }
 
     #[test]

@@ -1,14 +1,13 @@
 //! Several beads of one chain on one strike and one time: their places, and their runs.
 //!
 //! # Design
-//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the
-//! beads share is true time: the strike, the sync line, and the times in the recording.
+//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. The beads
+//! share true time: the strike, the sync line, and the times in the recording.
 //!
-//! The trigger line goes from bead to bead. All beads run without it first. A bead that would have kept a
-//! window for what the others pulled then runs once more, with the line as they pulled it, until nothing
-//! changes any more (waveform relaxation: Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls
-//! milliseconds after what made it pull, so each round is right for that much longer, and the last one to the
-//! nanosecond. Where all beads feel the strike, none runs twice.
+//! All beads run without the trigger line first. A bead that would have kept a window for a pull of another
+//! then runs once more, with the line as the others pulled it, until nothing changes (waveform relaxation:
+//! Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls milliseconds after its cause, so each
+//! round is right for that much longer. Where all beads feel the strike, none runs twice.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};

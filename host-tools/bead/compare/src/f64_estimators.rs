@@ -1,11 +1,11 @@
-//! Estimates A and B in f64, from the same samples that the bead had. They show what the bead's fixed point
-//! and its single step for each sample cost.
+//! Estimates A and B in f64, from the same samples that the bead had. They show the cost of the bead's fixed
+//! point and of its single step for each sample.
 //!
 //! # Design
 //! This code shares only the physics with the fixed-point code, so that an error in one shows against the
 //! other. A integrates the intruder's first-order law exactly for an acceleration that is straight between
 //! samples; B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated
-//! by cubics. Both return the running energy, sample by sample.
+//! by cubics.
 
 use bead_model::design::{Bead, Intruder, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;

@@ -1,20 +1,11 @@
 //! The sensing front end of a bead, from newtons and m/s² to 12-bit codes.
 //!
 //! # Design
-//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it: an amplifier
-//! (gain and offset), noise, and the converter: sampled at the scan rate, rounded to 12 bits, saturated at
-//! the rails. The low-pass sees the signal every half microsecond. Between those points it uses the exact
-//! solution for a straight signal, so that the only error is that of the straight line.
-//!
-//! One scan converts the four channels one after the other, [`CONVERSION`] each: acceleration is held
-//! [`SCAN_SKEW`] after force. The model keeps that skew; a comparison with the simulation must correct for
-//! it. Within one sensor the settings correct it.
-//!
-//! Noise is white from sample to sample and is added after the low-pass. It is the noise of conditioner and
-//! converter at the code, in the sensor's unit.
-//!
-//! The four channels are converted at the same time, on as many threads. Where nothing is felt, only the
-//! noise is computed.
+//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it. A channel is an
+//! amplifier (gain, offset), white noise in the sensor's unit, and a converter that samples at the scan rate,
+//! rounds to 12 bits and saturates at the rails. The low-pass is exact for a signal that is straight over half
+//! a microsecond. One scan converts the four channels one after the other, [`CONVERSION`] each, so the
+//! acceleration is held [`SCAN_SKEW`] after the force; a comparison with the simulation corrects for it.
 
 use bead_model::converter::CONVERSION;
 use bead_model::design::{self, SensorScale};
@@ -43,7 +34,7 @@ const FINE_STEPS: u32 = 20;
 
 /// One sensor with its amplifier and filter. `unit` is N for the force, m/s² for the acceleration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Channel {
+pub struct SensorChannel {
     /// Volts per unit at the sensor.
     pub sensitivity: f64,
     /// Volts at the converter per volt at the sensor.
@@ -56,7 +47,7 @@ pub struct Channel {
     pub noise_rms: f64,
 }
 
-impl Channel {
+impl SensorChannel {
     /// An ideal channel whose codes span `span` units, with the quiet sensor at `zero_code`: no pole, no
     /// noise.
     fn spanning(sensitivity: f64, span: f64, zero_code: f64) -> Self {
@@ -109,17 +100,17 @@ impl Channel {
 
 /// One sensor behind two gains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Sensor {
+pub struct DualSensor {
     /// At the high gain: converted first.
-    pub sensitive: Channel,
+    pub sensitive: SensorChannel,
     /// At the low gain.
-    pub wide: Channel,
+    pub wide: SensorChannel,
 }
 
-impl Sensor {
+impl DualSensor {
     /// Scale of the sensor, as the settings of a bead state it.
     fn scale(&self) -> SensorScale {
-        let pole = |channel: &Channel| channel.pole_hz.unwrap_or(0.0);
+        let pole = |channel: &SensorChannel| channel.pole_hz.unwrap_or(0.0);
         SensorScale {
             per_code: 1.0 / self.sensitive.codes_per_unit(),
             wide_per_code: 1.0 / self.wide.codes_per_unit(),
@@ -134,9 +125,9 @@ impl Sensor {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrontEnd {
     /// The force at the bead's incoming contact.
-    pub force: Sensor,
+    pub force: DualSensor,
     /// The absolute acceleration of its intruder.
-    pub acceleration: Sensor,
+    pub acceleration: DualSensor,
 }
 
 impl Default for FrontEnd {
@@ -148,12 +139,12 @@ impl Default for FrontEnd {
     /// what real sensors add); at the low gain it is the converter's, three quarters of a code.
     fn default() -> Self {
         let sensor = |sensitivity: f64, span: f64, zero_code: f64, noise: [f64; 2]| {
-            let channel = |span: f64, noise_rms: f64| Channel {
+            let channel = |span: f64, noise_rms: f64| SensorChannel {
                 pole_hz: Some(40e3),
                 noise_rms,
-                ..Channel::spanning(sensitivity, span, zero_code)
+                ..SensorChannel::spanning(sensitivity, span, zero_code)
             };
-            Sensor {
+            DualSensor {
                 sensitive: channel(span, noise[0]),
                 wide: channel(WIDER * span, noise[1]),
             }
@@ -166,7 +157,7 @@ impl Default for FrontEnd {
 }
 
 /// Signals at the two sensors, as functions of time in seconds. Each channel reads a copy.
-pub trait Stimulus: Clone + Sync {
+pub trait SensorStimulus: Clone + Sync {
     /// Total force at the incoming contact in N, compression positive.
     fn force(&mut self, time: f64) -> f64;
     /// Absolute acceleration of the intruder in m/s².
@@ -207,7 +198,7 @@ impl FrontEnd {
     }
 
     /// The channels, in the order of their conversion.
-    pub fn channels_mut(&mut self) -> [&mut Channel; 4] {
+    pub fn channels_mut(&mut self) -> [&mut SensorChannel; 4] {
         let Self { force, acceleration } = self;
         [
             &mut force.sensitive,
@@ -221,7 +212,7 @@ impl FrontEnd {
     /// been at their value of time 0.
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
-    pub fn digitise(&self, stimulus: &impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
+    pub fn digitise(&self, stimulus: &impl SensorStimulus, scans: usize, seed: Option<u64>) -> Digitised {
         let Self { force, acceleration } = self;
         let channels = [
             &force.sensitive,
@@ -247,9 +238,9 @@ const NOISE_STREAMS: [u64; 4] = [0, 2, 1, 3];
 /// The codes at times 0, T, 2T, … of the channel with this number in the order of the conversions, and how
 /// many lay beyond a rail.
 fn convert(
-    channel: &Channel,
+    channel: &SensorChannel,
     number: usize,
-    stimulus: &impl Stimulus,
+    stimulus: &impl SensorStimulus,
     scans: usize,
     seed: Option<u64>,
 ) -> (Vec<u16>, usize) {
@@ -356,7 +347,7 @@ mod tests {
     #[derive(Clone)]
     struct Sine(f64, f64);
 
-    impl Stimulus for Sine {
+    impl SensorStimulus for Sine {
         fn force(&mut self, time: f64) -> f64 {
             8.0 + self.acceleration(time)
         }

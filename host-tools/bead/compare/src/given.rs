@@ -1,11 +1,11 @@
-//! f64 estimates from a waveform: the equations of the bead, at steps that are much finer,
-//! without codes and filter. A takes the acceleration, B the force.
+//! f64 estimates from a waveform: the bead's equations at much finer steps, without codes and filter. A takes
+//! the acceleration, B the force.
 //!
 //! # Design
 //! A record has noise and a zero of its own, and both change energies: a force that is off by 1 % of its peak
-//! changes B by more than a quarter. So a window is treated as the bead treats its own (docs/estimators.md).
-//! Its first samples are its zero, the energy that noise adds to A before the strike is taken off, and a weak
-//! force counts as none for B.
+//! changes B by more than a quarter. A window is therefore treated as the bead treats its own
+//! (docs/estimators.md): its first samples are its zero, the energy that noise adds to A is taken off, and a
+//! weak force counts as none for B.
 
 use std::ops::Range;
 

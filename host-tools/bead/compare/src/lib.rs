@@ -6,7 +6,7 @@ pub mod error;
 pub mod f64_estimators;
 pub mod front_end;
 pub mod given;
-pub mod pictures;
+mod pictures;
 mod quantities;
 pub mod reference;
 pub mod reference_report;

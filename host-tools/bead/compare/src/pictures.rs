@@ -7,7 +7,7 @@ use crate::report::EnergyUnit;
 use crate::strike::{AbsorbedPoint, SensedPoint, Traces};
 
 /// Force, acceleration and absorbed energy of a strike over one time axis.
-pub fn strike_chart(traces: &Traces) -> Chart {
+pub(crate) fn strike_chart(traces: &Traces) -> Chart {
     let sensed = |points: &[SensedPoint], y_label: &str, [simulated, sensed]: [&str; 2]| {
         let of = |value: fn(&SensedPoint) -> f64| points.iter().map(move |point| (point.time, value(point)));
         let chain = over_ms(of(|point| point.simulated), 1.0);
@@ -46,7 +46,7 @@ pub fn strike_chart(traces: &Traces) -> Chart {
 }
 
 /// The three curves of [`strike_chart`] less the simulation.
-pub fn residual_chart(traces: &Traces) -> Chart {
+pub(crate) fn residual_chart(traces: &Traces) -> Chart {
     let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
         let off = points
             .iter()

@@ -1,10 +1,9 @@
 //! A strike as its bead measured it, held against the record of another instrument.
 //!
 //! # Design
-//! The two share no clock and perhaps no calibration. So a delay and a gain are found first, for force and
-//! for acceleration each: the delay where the cross-correlation is greatest, then between samples where the
-//! correlation is; the gain by least squares. Everything else is said of the two as they then lie over each
-//! other, at the bead's samples, as far as the other record reaches.
+//! The two share no clock and perhaps no calibration. For force and for acceleration, a delay is found where
+//! the cross-correlation is greatest, then between samples by the correlation; and a gain by least squares. All
+//! other values compare the two as they then lie over each other, at the bead's samples.
 
 use serde::Serialize;
 

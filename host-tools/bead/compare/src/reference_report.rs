@@ -4,7 +4,7 @@ use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 
 use crate::pictures::{curve, ends, wide};
 use crate::reference::{Absorbed, AgainstReference, AlignedPoint, AlignedQuantity, BothSides};
-use crate::report::{Cell, EnergyUnit, Fact, Report, Section, Table, number, percent, signed};
+use crate::report::{Chapter, EnergyUnit, Fact, Grid, GridCell, Report, number, percent, signed};
 
 /// A strike against a reference, and what is known of both.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ impl ComparedReference<'_> {
             sections: vec![
                 self.pictures(),
                 self.tables(),
-                Section::facts("How it was made", self.made.iter().cloned()),
+                Chapter::facts("How it was made", self.made.iter().cloned()),
             ],
         }
     }
@@ -52,18 +52,18 @@ impl ComparedReference<'_> {
             .filter_map(|(name, unit, aligned)| Some((name, unit, aligned.as_ref()?)))
     }
 
-    fn pictures(&self) -> Section {
+    fn pictures(&self) -> Chapter {
         let text = "The reference is shifted by the delay and scaled by the gain that fit best. Below is what is left of the \
                     bead’s samples when it is subtracted.";
-        let section = Section::new("One over the other").text(text);
+        let section = Chapter::new("One over the other").text(text);
         self.quantities().fold(section, |section, (name, unit, aligned)| {
             section.chart(chart(name, unit, &aligned.points))
         })
     }
 
-    fn tables(&self) -> Section {
-        let table = |name: &str, rows| Table::new(" | bead | reference | bead off by", rows).group(name);
-        let section = Section::new("In numbers");
+    fn tables(&self) -> Chapter {
+        let table = |name: &str, rows| Grid::new(" | bead | reference | bead off by", rows).group(name);
+        let section = Chapter::new("In numbers");
         let section = self.quantities().fold(section, |section, (name, unit, aligned)| {
             section.table(table(name, rows(aligned, unit)))
         });
@@ -102,7 +102,7 @@ fn tiles(name: &str, aligned: &AlignedQuantity) -> [(String, String); 3] {
 }
 
 /// The rows of one quantity, whose values have this unit.
-fn rows(aligned: &AlignedQuantity, unit: &str) -> Vec<Vec<Cell>> {
+fn rows(aligned: &AlignedQuantity, unit: &str) -> Vec<Vec<GridCell>> {
     // Five digits.
     let shown = |value: f64| {
         let digits = (4.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
@@ -138,16 +138,16 @@ fn rows(aligned: &AlignedQuantity, unit: &str) -> Vec<Vec<Cell>> {
         sides(square.to_owned(), &aligned.energy),
         one(&residual, format!("{residual_rms:.5}"), &part),
     ];
-    rows.map(|row| row.map(Cell::from).into()).into()
+    rows.map(|row| row.map(GridCell::from).into()).into()
 }
 
-fn absorbed_row(name: &str, absorbed: &Absorbed, unit: EnergyUnit) -> Vec<Cell> {
+fn absorbed_row(name: &str, absorbed: &Absorbed, unit: EnergyUnit) -> Vec<GridCell> {
     let reference = absorbed.reference.filter(|joules| *joules > 0.0);
     vec![
         format!("{name} ({})", unit.symbol).into(),
         unit.number(absorbed.bead, 3).into(),
-        Cell::known(reference.map(|joules| unit.number(joules, 3))),
-        Cell::known(reference.map(|joules| percent(absorbed.bead / joules - 1.0))),
+        GridCell::known(reference.map(|joules| unit.number(joules, 3))),
+        GridCell::known(reference.map(|joules| percent(absorbed.bead / joules - 1.0))),
     ]
 }
 

@@ -9,7 +9,7 @@ use hertz_chain::{Curve, Options, Scenario, Solution, read_text, simulate_with};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CompareError;
-use crate::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use crate::front_end::{SAMPLE_RATE_HZ, SensorStimulus};
 use bead_instrument::Waveform;
 use bead_instrument::trace::{FADE, Trace};
 use bead_tables::printable::first_of;
@@ -341,7 +341,7 @@ impl Sensed {
     }
 }
 
-impl Stimulus for Sensed {
+impl SensorStimulus for Sensed {
     fn force(&mut self, time: f64) -> f64 {
         let since = self.since_start(time / self.clock_rate);
         let felt = since.zip(self.force.as_mut());

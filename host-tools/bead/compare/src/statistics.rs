@@ -4,7 +4,7 @@ use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 
 use crate::pictures::{curve, wide};
 use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
-use crate::report::{Cell, DASH, EnergyUnit, Section, Table, percent_within};
+use crate::report::{Chapter, DASH, EnergyUnit, Grid, GridCell, percent_within};
 use crate::spread::{Spread, mean_uncertainty};
 use crate::strike::StrikeComparison;
 
@@ -54,7 +54,7 @@ impl Distribution {
 }
 
 /// The section about all strikes; `None` for one strike. `goals` are those of A and of B.
-pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Option<Section> {
+pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Option<Chapter> {
     let unit = energy_unit(strikes);
     let quantities = QUANTITIES
         .iter()
@@ -67,9 +67,9 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Opti
     let headings =
         format!("all {count} strikes | mean | spread | ~least | ~greatest | mean off by | #values");
     (count > 1).then(|| {
-        Section::new(format!("All {count} strikes"))
+        Chapter::new(format!("All {count} strikes"))
             .text(text)
-            .table(Table::new(&headings, rows))
+            .table(Grid::new(&headings, rows))
             .chart(history(strikes))
     })
 }
@@ -79,7 +79,7 @@ fn row(
     strikes: &[StrikeComparison],
     goal: Option<&Spread>,
     unit: EnergyUnit,
-) -> Option<Vec<Cell>> {
+) -> Option<Vec<GridCell>> {
     let values = strikes
         .iter()
         .filter_map(|strike| quantity.value(strike, ValueSource::Device));
@@ -99,11 +99,11 @@ fn row(
     Some(vec![
         name.into(),
         shown(distribution.mean).into(),
-        Cell::judged(shown(distribution.deviation), goal.map(Spread::scatter_met)),
+        GridCell::judged(shown(distribution.deviation), goal.map(Spread::scatter_met)),
         shown(distribution.least).into(),
         shown(distribution.greatest).into(),
-        Cell::judged(off, goal.map(Spread::mean_met)),
-        Cell::Histogram(distribution.histogram(&values)),
+        GridCell::judged(off, goal.map(Spread::mean_met)),
+        GridCell::Histogram(distribution.histogram(&values)),
     ])
 }
 

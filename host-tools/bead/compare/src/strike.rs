@@ -1,12 +1,10 @@
 //! Device, replay, f64 from the same samples and the full f64 chain, side by side.
 //!
 //! # Design
-//! Each step from the full chain to the device adds one source of error. The first adds sampling, twelve
-//! bits, noise and the reduced chain. The second adds fixed point. The third adds nothing: replay and device
-//! must agree in every bit.
-//!
-//! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
-//! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
+//! Each step from the full chain to the device adds one source of error: first sampling, twelve bits, noise and
+//! the reduced chain, then fixed point. The last step, from replay to device, adds nothing: they must agree in
+//! every bit. The recording does not say when the striker hit. Each strike is placed at the time where its
+//! force fits the simulated force best; the acceleration was taken [`SCAN_SKEW`] later.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,17 +12,19 @@ use std::sync::Arc;
 use bead_model::design::{Bead, Capture, FrontEnd, Neighbours};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Curve, Pulse, PulseSearch, Scenario, Solution};
+use hertz_charts::Chart;
 use serde::Serialize;
 
 use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
+use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, replay};
 use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down, unlike_the_reduced_chain};
 use crate::signal::{StrikeSignals, force_noise, least};
 use bead_recording::strikes::RecordedStrike;
 
 /// Goals for the two estimates against the full chain.
-pub(crate) const GOAL: Goal = Goal {
+pub(crate) const GOAL: StrikeGoal = StrikeGoal {
     absorbed_measured: 2e-3,
     absorbed_predicted: 5e-3,
 };
@@ -83,7 +83,7 @@ pub struct StrikeComparison {
     /// Device against full chain, as a part of it.
     pub deviation: StrikeValues,
     /// Greatest deviations of A and B.
-    pub goal: Goal,
+    pub goal: StrikeGoal,
     /// Noise of the force before the strike, N rms.
     pub force_noise: f64,
     /// Names of the strike's flags.
@@ -94,7 +94,7 @@ pub struct StrikeComparison {
     pub pass: bool,
     /// True if it is the only strike, and is itself held to the goals.
     #[serde(skip)]
-    pub alone: bool,
+    pub(crate) alone: bool,
     /// Energy that the main wave brought by the bead's force and the reduced chain behind it, as in estimate
     /// B, in f64, J. None where samples or settings are missing, the force left the range of the sensor, or
     /// the chain is under a load, which the reduced one is not.
@@ -102,7 +102,7 @@ pub struct StrikeComparison {
     pub(crate) incident: Option<f64>,
     /// The curves of the figures.
     #[serde(skip)]
-    pub traces: Option<Traces>,
+    pub(crate) traces: Option<Traces>,
 }
 
 impl StrikeComparison {
@@ -110,6 +110,12 @@ impl StrikeComparison {
     pub(crate) fn join_others(&mut self) {
         self.pass = self.replay_identical;
         self.alone = false;
+    }
+
+    /// The strike and what is left of it without the simulation, as charts; `None` if its curves are not kept.
+    pub fn charts(&self) -> Option<[Chart; 2]> {
+        let traces = self.traces.as_ref()?;
+        Some([strike_chart(traces), residual_chart(traces)])
     }
 }
 
@@ -157,48 +163,42 @@ impl ShapeValues {
 
 /// Goals for the estimates of a strike.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Goal {
+pub struct StrikeGoal {
     /// For A.
     pub absorbed_measured: f64,
     /// For B.
     pub absorbed_predicted: f64,
 }
 
-/// A value of a sensor, and the chain's at that time.
+/// A value of a sensor, its filter's pole removed, and the chain's at that time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SensedPoint {
+pub(crate) struct SensedPoint {
     /// Time since the striker hit, s.
-    pub time: f64,
-    /// Sensed, with the front end's pole removed.
-    pub sensed: f64,
-    /// Simulated at that time.
-    pub simulated: f64,
+    pub(crate) time: f64,
+    pub(crate) sensed: f64,
+    pub(crate) simulated: f64,
 }
 
-/// An estimate of the absorbed energy at one time.
+/// An estimate of the absorbed energy, J, and the chain's at that time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AbsorbedPoint {
+pub(crate) struct AbsorbedPoint {
     /// Time since the striker hit, s.
-    pub time: f64,
-    /// By the estimate, J.
-    pub estimate: f64,
-    /// By the full chain at that time, J.
-    pub chain: f64,
+    pub(crate) time: f64,
+    pub(crate) estimate: f64,
+    pub(crate) chain: f64,
 }
 
-/// Curves of a strike.
+/// Curves of a strike; energies by A and by B.
 #[derive(Debug, Clone, Default)]
-pub struct Traces {
-    /// Force, N.
-    pub force: Vec<SensedPoint>,
-    /// Acceleration, m/s², taken [`SCAN_SKEW`] after the force.
-    pub acceleration: Vec<SensedPoint>,
-    /// A and B in f64 from the same samples.
-    pub f64_samples: [Vec<AbsorbedPoint>; 2],
-    /// A and B replayed.
-    pub replay: [Vec<AbsorbedPoint>; 2],
-    /// A and B from the device, at the ends of its chunks.
-    pub device: [Vec<AbsorbedPoint>; 2],
+pub(crate) struct Traces {
+    /// N.
+    pub(crate) force: Vec<SensedPoint>,
+    /// m/s², taken [`SCAN_SKEW`] after the force.
+    pub(crate) acceleration: Vec<SensedPoint>,
+    pub(crate) f64_samples: [Vec<AbsorbedPoint>; 2],
+    pub(crate) replay: [Vec<AbsorbedPoint>; 2],
+    /// From the device, at the ends of its chunks.
+    pub(crate) device: [Vec<AbsorbedPoint>; 2],
 }
 
 /// The first wave of at least this part of the highest one's height opens the window of the main wave.

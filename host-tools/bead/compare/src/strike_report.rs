@@ -7,10 +7,9 @@ use bead_wire::{Counters, Identity, SettingsSource, Status};
 
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
-use crate::pictures::{residual_chart, strike_chart};
 use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
 use crate::report::{
-    Block, Cell, DASH, EnergyUnit, Fact, Medium, Report, Section, Table, count, energy, percent,
+    Chapter, Content, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Report, count, energy, percent,
     percent_within,
 };
 use crate::statistics;
@@ -54,7 +53,7 @@ impl ComparedStrikes<'_> {
             self.compared.emulator.as_ref().map(cost),
             Some(self.facts()),
             self.log(),
-            Some(Section::scenario(self.scenario)),
+            Some(Chapter::scenario(self.scenario)),
         ];
         let failure = self.compared.failure.clone();
         Report {
@@ -96,13 +95,13 @@ impl ComparedStrikes<'_> {
     }
 
     /// Every strike beside the simulation: in full, or a line each if there are many.
-    fn agreement(&self) -> Section {
+    fn agreement(&self) -> Chapter {
         let text = "From right to left each column adds one source of error. The first adds sampling, twelve bits, noise and \
                     the reduced chain. The second adds fixed point. The last adds nothing: device and replay must agree in \
                     every bit.";
         let many = self.compared.strikes.len() > IN_FULL;
         let unit = energy_unit(&self.compared.strikes);
-        let mut section = Section::new("Agreement").text(text);
+        let mut section = Chapter::new("Agreement").text(text);
         for at in self.in_full() {
             let strike = &self.compared.strikes[at];
             let (number, sample) = (strike.strike, strike.sample_index);
@@ -110,7 +109,7 @@ impl ComparedStrikes<'_> {
             let medium = if many { Medium::Page } else { Medium::Both };
             section = section.table(in_full(strike, unit).group(heading).on(medium));
             let difference = strike.first_difference.clone();
-            section.blocks.extend(difference.map(Block::Failure));
+            section = section.with(difference.map(Content::Failure));
         }
         if !many {
             return section;
@@ -118,13 +117,13 @@ impl ComparedStrikes<'_> {
         let more = self.compared.strikes.len().saturating_sub(LINES);
         let more =
             (more > 0).then(|| format!("{more} more strikes: bead compare --format json has them all"));
-        let folded = Block::Folded {
+        let folded = Content::Folded {
             summary: "Every strike, a line each",
             open: false,
-            blocks: vec![Block::Table(self.lines().on(Medium::Page))],
+            content: vec![Content::Grid(self.lines().on(Medium::Page))],
         };
         let lines = self.lines().on(Medium::Terminal);
-        section.table(lines).with(folded).line(more)
+        section.table(lines).with([folded]).line(more)
     }
 
     /// The reason why a strike among many is shown in full.
@@ -160,7 +159,7 @@ impl ComparedStrikes<'_> {
     }
 
     /// A line for each strike.
-    fn lines(&self) -> Table {
+    fn lines(&self) -> Grid {
         let line = |strike: &StrikeComparison| {
             let off = strike.deviation;
             let is_same = strike.replay_identical;
@@ -171,18 +170,18 @@ impl ComparedStrikes<'_> {
                 percent(off.absorbed_measured).into(),
                 percent(off.absorbed_predicted).into(),
                 percent(off.peak_force).into(),
-                Cell::judged(replay, (!is_same).then_some(false)),
+                GridCell::judged(replay, (!is_same).then_some(false)),
                 strike.flags.join(", ").into(),
             ]
         };
         let headings = "strike | ~sample | A off by | B off by | peak off by | replay | ~flags";
-        Table::new(headings, self.compared.strikes.iter().take(LINES).map(line))
+        Grid::new(headings, self.compared.strikes.iter().take(LINES).map(line))
     }
 
     /// The goals of several strikes, the checks of the run, and the reach of both.
-    fn checks(&self) -> Section {
+    fn checks(&self) -> Chapter {
         let row = |name: String, found: String, goal: String, met: bool| {
-            let (found, verdict) = (Cell::judged(found, Some(met)), Cell::verdict(Some(met)));
+            let (found, verdict) = (GridCell::judged(found, Some(met)), GridCell::verdict(Some(met)));
             vec![name.into(), found, goal.into(), verdict]
         };
         let mut rows = Vec::new();
@@ -209,30 +208,25 @@ impl ComparedStrikes<'_> {
             let more = count((all - shown) as u64, "strike");
             format!("{more} more than are shown; means, scatter and the verdict are over all {all}")
         });
-        Section::new("Checks")
-            .table(Table::new("check | found | goal |", rows))
+        Chapter::new("Checks")
+            .table(Grid::new("check | found | goal |", rows))
             .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")))
             .line(left_out)
     }
 
-    fn pictures(&self) -> Option<Section> {
-        let traces = self
-            .compared
-            .strikes
-            .iter()
-            .find_map(|strike| strike.traces.as_ref())?;
+    fn pictures(&self) -> Option<Chapter> {
+        let [strike_chart, residual_chart] =
+            self.compared.strikes.iter().find_map(StrikeComparison::charts)?;
         let strike = "Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are \
                       the running energies that the bead sent, one of each for a chunk of samples.";
         let residual = "What is left when the simulation is subtracted. For the sensors: noise, and the steps of the twelve \
                         bits. For the energies: the error of each estimate on its way. f64 is the same estimate in floating \
                         point from the same samples.";
-        let section = Section::new("The strike")
-            .text(strike)
-            .chart(strike_chart(traces));
-        Some(section.text(residual).chart(residual_chart(traces)))
+        let section = Chapter::new("The strike").text(strike).chart(strike_chart);
+        Some(section.text(residual).chart(residual_chart))
     }
 
-    fn facts(&self) -> Section {
+    fn facts(&self) -> Chapter {
         let facts = [
             self.made.to_vec(),
             self.compared.identity.as_ref().map_or_else(Vec::new, of_identity),
@@ -241,7 +235,7 @@ impl ComparedStrikes<'_> {
             self.compared.status.as_ref().map_or_else(Vec::new, of_status),
             self.compared.emulator.as_ref().map_or_else(Vec::new, of_emulator),
         ];
-        Section::facts("The run", facts.into_iter().flatten())
+        Chapter::facts("The run", facts.into_iter().flatten())
     }
 
     fn received(&self) -> Vec<Fact> {
@@ -257,9 +251,10 @@ impl ComparedStrikes<'_> {
         noise.into_iter().chain([("frames", frames)]).collect()
     }
 
-    fn log(&self) -> Option<Section> {
+    fn log(&self) -> Option<Chapter> {
         let log = &self.compared.emulator.as_ref()?.log;
-        (!log.is_empty()).then(|| Section::new("The image’s own log").with(Block::Verbatim(log.join("\n"))))
+        (!log.is_empty())
+            .then(|| Chapter::new("The image’s own log").with([Content::Verbatim(log.join("\n"))]))
     }
 }
 
@@ -268,7 +263,7 @@ fn goal_of(goal: f64) -> String {
 }
 
 /// A strike by all four sources. One of several strikes has no goals: they are judged together.
-fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Table {
+fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     let goals = [strike.goal.absorbed_measured, strike.goal.absorbed_predicted];
     let row = |(place, quantity): (usize, &StrikeQuantity)| {
         let ((name, scale), digits) = (quantity.shown_in(unit), quantity.digits);
@@ -278,16 +273,20 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Table {
             let value = quantity
                 .value(strike, source)
                 .map(|value| format!("{:.digits$}", value * scale));
-            if is_shown { Cell::known(value) } else { "".into() }
+            if is_shown {
+                GridCell::known(value)
+            } else {
+                "".into()
+            }
         };
         let off = quantity.off(strike);
         let goal = goals.get(place).filter(|_| strike.alone);
         let met = goal.map(|goal| off.is_some_and(|off| off.abs() <= *goal));
         let mut cells = vec![name.into()];
         cells.extend(ValueSource::ALL.map(value));
-        cells.push(Cell::judged(off.map_or(DASH.to_owned(), percent), met));
+        cells.push(GridCell::judged(off.map_or(DASH.to_owned(), percent), met));
         cells.push(goal.map_or_else(String::new, |goal| goal_of(*goal)).into());
-        cells.push(Cell::verdict(met));
+        cells.push(GridCell::verdict(met));
         cells
     };
     let is_known =
@@ -295,32 +294,32 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Table {
     let known = QUANTITIES.iter().enumerate().filter(is_known);
     let mut rows: Vec<_> = known.map(row).collect();
     let is_same = strike.replay_identical;
-    let replay = Cell::judged(if is_same { "identical" } else { "differ" }, Some(is_same));
+    let replay = GridCell::judged(if is_same { "identical" } else { "differ" }, Some(is_same));
     rows.insert(3, vec!["bits of device and replay".into(), replay]);
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
     }
     let headings = " | device | ~replay | ~f64, same samples | f64 chain | device off by | ~goal |";
-    Table::new(headings, rows)
+    Grid::new(headings, rows)
 }
 
 /// The instructions that a sample costs.
-fn cost(emulator: &EmulatorReport) -> Section {
+fn cost(emulator: &EmulatorReport) -> Chapter {
     let available = emulator.instructions_available;
     let rows = emulator.instructions_per_sample.rows().into_iter();
     let known = rows.filter_map(|(name, count)| Some((name, count?)));
     let row = |(name, count): (&str, f64)| {
         let part = count / available;
         let (count, percent) = (format!("{count:.0}"), format!("{:.1} %", part * 100.0));
-        let cells = [name.to_owned(), count, percent].map(Cell::from).into_iter();
-        cells.chain([Cell::Bar(part)]).collect()
+        let cells = [name.to_owned(), count, percent].map(GridCell::from).into_iter();
+        cells.chain([GridCell::Bar(part)]).collect()
     };
     let text = format!(
         "Instructions for each sample. The emulator executes {available:.0} in a sample period; the core at 168 MHz has 1680 \
          cycles."
     );
-    let table = Table::new(" | instructions | of those that fit |", known.map(row));
-    Section::new("What it costs")
+    let table = Grid::new(" | instructions | of those that fit |", known.map(row));
+    Chapter::new("What it costs")
         .text(text)
         .table(table.on(Medium::Page))
 }

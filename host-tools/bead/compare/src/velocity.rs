@@ -1,15 +1,14 @@
 //! The striker's velocity, from the forces that a bead recorded.
 //!
 //! # Design
-//! The force of the first wave at the bead's incoming contact goes as v^(6/5) for elastic spheres, and nearly
-//! so with losses. The recorded force, with the front end's pole removed, is held against that of the full
-//! chain over the whole pulse by least squares: its highest sample alone would lie below the peak, and noise
-//! would lift it. Where the recorded force is r times the simulated one, the chain is run again at v r^(5/6),
-//! until r is 1.
+//! The force of the first wave goes as v^(6/5) for elastic spheres, and nearly so with losses. The recorded
+//! force is held against the full chain's over the whole pulse by least squares, since its highest sample lies
+//! below the peak and noise lifts it. Where it is r times the simulated force, the chain is run again at
+//! v r^(5/6), until r is 1.
 //!
-//! Only the force is used. So estimate A, which comes from the acceleration, can be judged against the chain
-//! at that velocity, and B, whose energy goes as v² while the force goes as v^(6/5). An error of the force's
-//! calibration is not seen: 1 % of it is 0.8 % of the velocity, and 1.7 % of the energy.
+//! Only the force is used, so A, which comes from the acceleration, and B, whose energy goes as v², can be
+//! judged at that velocity. A force calibration that is off by 1 % is not seen: it changes the velocity by
+//! 0.8 %, and the energy by 1.7 %.
 
 use hertz_chain::Scenario;
 use serde::Serialize;

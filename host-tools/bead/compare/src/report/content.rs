@@ -12,64 +12,55 @@ pub const DASH: &str = "–";
 #[derive(Debug)]
 pub struct Report {
     /// The subject, in one line above the heading.
-    pub above: String,
+    pub(crate) above: String,
     /// The heading and the page's title.
-    pub title: String,
+    pub(crate) title: String,
     /// The good news, or the reason of the failure.
-    pub verdict: Result<&'static str, String>,
+    pub(crate) verdict: Result<&'static str, String>,
     /// The most important values, each with its name.
-    pub tiles: Vec<(String, String)>,
-    /// The sections, in order. Those without blocks are left out.
-    pub sections: Vec<Section>,
+    pub(crate) tiles: Vec<(String, String)>,
+    /// The sections, in order. Those without content are left out.
+    pub(crate) sections: Vec<Chapter>,
 }
 
-/// A part of a report under a heading of its own.
+/// A part of a report under a heading of its own, which only the page shows.
 #[derive(Debug)]
-pub struct Section {
-    /// The heading; only the page shows it.
-    pub heading: String,
-    /// The content, in order.
-    pub blocks: Vec<Block>,
+pub(crate) struct Chapter {
+    pub(super) heading: String,
+    pub(super) content: Vec<Content>,
 }
 
-/// A piece of a section.
+/// A piece of a section. All but lines and tables are for the page alone.
 #[derive(Debug)]
-pub enum Block {
-    /// A paragraph of the page.
+pub(crate) enum Content {
+    /// A paragraph.
     Text(String),
-    /// A paragraph of the page about something that failed.
+    /// A paragraph about something that failed.
     Failure(String),
-    /// A list of the page.
     List(Vec<String>),
-    /// A line for both, below the table before it.
+    /// A line below the table before it.
     Line(String),
-    /// A table.
-    Table(Table),
-    /// A chart of the page. It is drawn for a wide window, and once more for a narrow one.
+    Grid(Grid),
+    /// A chart. It is drawn for a wide window, and once more for a narrow one.
     Chart(Box<Chart>),
-    /// Text of the page that keeps its lines, such as a scenario.
+    /// Text that keeps its lines, such as a scenario.
     Verbatim(String),
-    /// Blocks of the page that a summary opens.
+    /// Content that a summary opens.
     Folded {
-        /// The summary.
         summary: &'static str,
         /// True if it is open at first.
         open: bool,
-        /// The hidden blocks.
-        blocks: Vec<Block>,
+        content: Vec<Content>,
     },
 }
 
 /// The renderers that show something.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Medium {
-    /// Terminal and page.
+pub(crate) enum Medium {
     Both,
     /// The terminal, and the page in wide windows.
     Wide,
-    /// The page alone.
     Page,
-    /// The terminal alone.
     Terminal,
 }
 
@@ -85,28 +76,28 @@ impl Medium {
 
 /// A table. Its first column has names, the others numbers.
 #[derive(Debug)]
-pub struct Table {
+pub(crate) struct Grid {
     /// The renderers that show it; [`Medium::Wide`] is as [`Medium::Both`].
-    pub medium: Medium,
+    pub(super) medium: Medium,
     /// The name of the group of its rows. The page has it in place of the first heading. On the terminal it
     /// is a row of its own, with the rows indented below it, and tables with equal columns are one.
-    pub group: Option<String>,
+    pub(super) group: Option<String>,
     /// The headings. Without one, the table has none.
-    pub(super) columns: Vec<Column>,
+    pub(super) columns: Vec<GridColumn>,
     /// The rows. One that is shorter than the headings ends in empty cells.
-    pub rows: Vec<Vec<Cell>>,
+    pub(crate) rows: Vec<Vec<GridCell>>,
 }
 
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Column {
+pub(super) struct GridColumn {
     pub(super) name: String,
     pub(super) medium: Medium,
 }
 
 /// A cell of a table.
 #[derive(Debug, Clone)]
-pub enum Cell {
+pub(crate) enum GridCell {
     /// A value.
     Text(String),
     /// A value, and whether it is within its goal.
@@ -117,111 +108,96 @@ pub enum Cell {
     Bar(f64),
 }
 
-impl Section {
-    /// A section without blocks.
-    pub fn new(heading: impl Into<String>) -> Self {
+impl Chapter {
+    /// A section without content.
+    pub(crate) fn new(heading: impl Into<String>) -> Self {
         Self {
             heading: heading.into(),
-            blocks: Vec::new(),
+            content: Vec::new(),
         }
     }
 
-    /// This section with one more block.
-    #[must_use]
-    pub fn with(mut self, block: Block) -> Self {
-        self.blocks.push(block);
+    /// This section with more content.
+    pub(crate) fn with(mut self, content: impl IntoIterator<Item = Content>) -> Self {
+        self.content.extend(content);
         self
     }
 
-    /// This section with a paragraph for the page.
-    #[must_use]
-    pub fn text(self, text: impl Into<String>) -> Self {
-        self.with(Block::Text(text.into()))
+    pub(crate) fn text(self, text: impl Into<String>) -> Self {
+        self.with([Content::Text(text.into())])
     }
 
-    /// This section with a table.
-    #[must_use]
-    pub fn table(self, table: Table) -> Self {
-        self.with(Block::Table(table))
+    pub(crate) fn table(self, table: Grid) -> Self {
+        self.with([Content::Grid(table)])
     }
 
-    /// This section with a chart.
-    #[must_use]
-    pub fn chart(self, chart: Chart) -> Self {
-        self.with(Block::Chart(Box::new(chart)))
+    pub(crate) fn chart(self, chart: Chart) -> Self {
+        self.with([Content::Chart(Box::new(chart))])
     }
 
-    /// This section with a line for terminal and page, if there is one.
-    #[must_use]
-    pub fn line(self, line: Option<String>) -> Self {
-        match line {
-            Some(line) => self.with(Block::Line(line)),
-            None => self,
-        }
+    /// This section with a line, if there is one.
+    pub(crate) fn line(self, line: Option<String>) -> Self {
+        self.with(line.map(Content::Line))
     }
 
     /// A section of facts: a table of names and values, for the page alone.
-    pub fn facts(heading: &str, facts: impl IntoIterator<Item = Fact>) -> Self {
+    pub(crate) fn facts(heading: &str, facts: impl IntoIterator<Item = Fact>) -> Self {
         let facts = facts.into_iter();
         let rows = facts.map(|(name, value)| vec![name.into(), value.into()]);
-        Self::new(heading).table(Table::new("", rows).on(Medium::Page))
+        Self::new(heading).table(Grid::new("", rows).on(Medium::Page))
     }
 
     /// The scenario, as its author wrote it.
-    pub fn scenario(text: &str) -> Self {
-        Self::new("The scenario").with(Block::Folded {
+    pub(crate) fn scenario(text: &str) -> Self {
+        Self::new("The scenario").with([Content::Folded {
             summary: "as it was given",
             open: true,
-            blocks: vec![Block::Verbatim(text.to_owned())],
-        })
+            content: vec![Content::Verbatim(text.to_owned())],
+        }])
     }
 }
 
-impl Table {
+impl Grid {
     /// A table for both renderers. `|` separates the headings. A mark before one says which renderers show
     /// its column: `~` the page in wide windows only, `^` the terminal alone, `#` the page alone.
-    pub fn new(headings: &str, rows: impl IntoIterator<Item = Vec<Cell>>) -> Self {
+    pub(crate) fn new(headings: &str, rows: impl IntoIterator<Item = Vec<GridCell>>) -> Self {
         let headings = headings.split('|').filter(|_| !headings.is_empty());
-        let columns = headings.map(|heading| Column::marked(heading.trim())).collect();
         Self {
             medium: Medium::Both,
             group: None,
-            columns,
+            columns: headings.map(GridColumn::marked).collect(),
             rows: rows.into_iter().collect(),
         }
     }
 
     /// This table for these renderers.
-    #[must_use]
-    pub fn on(self, medium: Medium) -> Self {
+    pub(crate) fn on(self, medium: Medium) -> Self {
         Self { medium, ..self }
     }
 
     /// This table with its rows in a group.
-    #[must_use]
-    pub fn group(self, name: impl Into<String>) -> Self {
-        Self {
-            group: Some(name.into()),
-            ..self
-        }
+    pub(crate) fn group(self, name: impl Into<String>) -> Self {
+        let group = Some(name.into());
+        Self { group, ..self }
     }
 }
 
-impl Column {
+impl GridColumn {
     fn marked(heading: &str) -> Self {
         let marks = [('~', Medium::Wide), ('^', Medium::Terminal), ('#', Medium::Page)];
-        let strip = |&(mark, medium)| Some((heading.strip_prefix::<char>(mark)?, medium));
-        let (name, medium) = marks.iter().find_map(strip).unwrap_or((heading, Medium::Both));
-        Self {
-            name: name.to_owned(),
-            medium,
-        }
+        let strip = |&(mark, medium)| Some((heading.trim().strip_prefix::<char>(mark)?, medium));
+        let (name, medium) = marks
+            .iter()
+            .find_map(strip)
+            .unwrap_or((heading.trim(), Medium::Both));
+        let name = name.to_owned();
+        Self { name, medium }
     }
 }
 
-impl Cell {
+impl GridCell {
     /// A value, and whether it is within its goal if it has one.
-    pub fn judged(text: impl Into<String>, met: Option<bool>) -> Self {
+    pub(crate) fn judged(text: impl Into<String>, met: Option<bool>) -> Self {
         match met {
             Some(met) => Self::Judged(text.into(), met),
             None => Self::Text(text.into()),
@@ -229,18 +205,18 @@ impl Cell {
     }
 
     /// `met` or `missed`; empty without a goal.
-    pub fn verdict(met: Option<bool>) -> Self {
+    pub(crate) fn verdict(met: Option<bool>) -> Self {
         let text = met.map_or("", |met| if met { "met" } else { "missed" });
         Self::judged(text, met)
     }
 
     /// A value, or a dash.
-    pub fn known(text: Option<String>) -> Self {
+    pub(crate) fn known(text: Option<String>) -> Self {
         Self::Text(text.unwrap_or_else(|| DASH.to_owned()))
     }
 }
 
-impl<T: Into<String>> From<T> for Cell {
+impl<T: Into<String>> From<T> for GridCell {
     fn from(text: T) -> Self {
         Self::Text(text.into())
     }

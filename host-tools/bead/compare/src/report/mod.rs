@@ -1,15 +1,13 @@
-//! A result for people: tiles, and sections of text, tables and charts.
-//!
-//! # Design
-//! A comparison is put into words once, as a [`Report`]. Two renderers show it: [`Report::terminal`] as
-//! aligned columns, [`Report::page`] as one HTML file that needs nothing from outside. What only one of them
-//! shows is marked, as pictures need a page and long tables need a narrow one.
+//! A result for people: tiles, and sections of text, tables and charts. A comparison is put into words once, as
+//! a [`Report`]. [`Report::terminal`] shows it as aligned columns, [`Report::page`] as one HTML file that needs
+//! nothing from outside; content for one of them alone is marked.
 
 mod content;
 mod page;
 mod quantity;
 mod terminal;
 
-pub use content::{Block, Cell, DASH, Fact, Medium, Report, Section, Table};
+pub(crate) use content::{Chapter, Content, Grid, GridCell, Medium};
+pub use content::{DASH, Fact, Report};
 pub use quantity::{EnergyUnit, count, energy, number, percent, percent_within, signed};
 pub use terminal::aligned;

@@ -3,7 +3,7 @@
 use hertz_charts::{COLUMN, Chart, Error, style};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::report::content::{Block, Cell, Column, Medium, Report, Section, Table};
+use crate::report::content::{Chapter, Content, Grid, GridCell, GridColumn, Medium, Report};
 
 const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\
@@ -83,33 +83,33 @@ impl Report {
     }
 }
 
-impl Section {
+impl Chapter {
     fn is_on_page(&self) -> bool {
-        self.blocks.iter().any(|block| match block {
-            Block::Table(table) => table.medium.is_page() && !table.rows.is_empty(),
+        self.content.iter().any(|block| match block {
+            Content::Grid(table) => table.medium.is_page() && !table.rows.is_empty(),
             _ => true,
         })
     }
 }
 
-fn section(section: &Section) -> Result<Markup, Error> {
-    let blocks = blocks(&section.blocks)?;
+fn section(section: &Chapter) -> Result<Markup, Error> {
+    let blocks = blocks(&section.content)?;
     Ok(html! { h2 { (section.heading) } (blocks) })
 }
 
-fn blocks(blocks: &[Block]) -> Result<Markup, Error> {
+fn blocks(blocks: &[Content]) -> Result<Markup, Error> {
     let blocks: Vec<Markup> = blocks.iter().map(block).collect::<Result<_, _>>()?;
     Ok(html! { @for block in blocks { (block) } })
 }
 
-fn block(block: &Block) -> Result<Markup, Error> {
+fn block(block: &Content) -> Result<Markup, Error> {
     Ok(match block {
-        Block::Text(text) | Block::Line(text) => html! { p { (text) } },
-        Block::Failure(text) => html! { p.fail { (text) } },
-        Block::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
-        Block::Table(shown) if shown.medium.is_page() && !shown.rows.is_empty() => table(shown),
-        Block::Table(_) => html! {},
-        Block::Chart(wide) => {
+        Content::Text(text) | Content::Line(text) => html! { p { (text) } },
+        Content::Failure(text) => html! { p.fail { (text) } },
+        Content::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
+        Content::Grid(shown) if shown.medium.is_page() && !shown.rows.is_empty() => table(shown),
+        Content::Grid(_) => html! {},
+        Content::Chart(wide) => {
             let narrow = Chart {
                 width: COLUMN,
                 ..Chart::clone(wide)
@@ -117,11 +117,11 @@ fn block(block: &Block) -> Result<Markup, Error> {
             let [wide, narrow] = [wide.inline_svg()?, narrow.inline_svg()?];
             html! { div.wide { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } }
         }
-        Block::Verbatim(text) => html! { pre { (text) } },
-        Block::Folded {
+        Content::Verbatim(text) => html! { pre { (text) } },
+        Content::Folded {
             summary,
             open,
-            blocks: hidden,
+            content: hidden,
         } => {
             let hidden = blocks(hidden)?;
             html! { details open[*open] { summary { (summary) } (hidden) } }
@@ -129,7 +129,7 @@ fn block(block: &Block) -> Result<Markup, Error> {
     })
 }
 
-fn table(table: &Table) -> Markup {
+fn table(table: &Grid) -> Markup {
     if table.columns.is_empty() {
         return html! {
             table.facts {
@@ -137,7 +137,7 @@ fn table(table: &Table) -> Markup {
             }
         };
     }
-    let shown = |(_, column): &(usize, &Column)| column.medium.is_page();
+    let shown = |(_, column): &(usize, &GridColumn)| column.medium.is_page();
     let columns = || table.columns.iter().enumerate().filter(shown);
     html! {
         div.scroll {
@@ -160,9 +160,9 @@ fn table(table: &Table) -> Markup {
     }
 }
 
-const EMPTY: Cell = Cell::Text(String::new());
+const EMPTY: GridCell = GridCell::Text(String::new());
 
-fn class(column: &Column, met: Option<bool>) -> Option<&'static str> {
+fn class(column: &GridColumn, met: Option<bool>) -> Option<&'static str> {
     let judged = met.map(|met| if met { "pass" } else { "fail" });
     match (column.medium, judged) {
         (Medium::Wide, None) => Some("more"),
@@ -172,23 +172,23 @@ fn class(column: &Column, met: Option<bool>) -> Option<&'static str> {
     }
 }
 
-fn cell(cell: &Cell, column: Option<&Column>) -> Markup {
+fn cell(cell: &GridCell, column: Option<&GridColumn>) -> Markup {
     let met = match cell {
-        Cell::Judged(_, met) => Some(*met),
+        GridCell::Judged(_, met) => Some(*met),
         _ => None,
     };
     let class = column.and_then(|column| class(column, met));
     html! {
         td class=[class] {
             @match cell {
-                Cell::Text(text) | Cell::Judged(text, _) => (text),
-                Cell::Histogram(counts) => {
+                GridCell::Text(text) | GridCell::Judged(text, _) => (text),
+                GridCell::Histogram(counts) => {
                     @let most = counts.iter().copied().max().unwrap_or(1).max(1);
                     span.bins {
                         @for count in counts { i style=(format!("height:{:.0}%", 100.0 * *count as f64 / most as f64)) {} }
                     }
                 }
-                Cell::Bar(part) => {
+                GridCell::Bar(part) => {
                     div.bar { i style=(format!("width:{:.1}%", 100.0 * part.clamp(0.0, 1.0))) {} }
                 }
             }
@@ -210,21 +210,24 @@ mod tests {
             points: vec![(0.0, 0.0), (1.0, 1.0)],
         };
         let chart = Chart::new(Axis::new("<x>", 0.0..1.0), vec![Panel::new("<y>", vec![curve])]);
-        let table = Table::new("<a> | <b>", [vec!["<c>".into(), Cell::judged("<d>", Some(true))]]);
+        let table = Grid::new(
+            "<a> | <b>",
+            [vec!["<c>".into(), GridCell::judged("<d>", Some(true))]],
+        );
         let report = Report {
             above: "<above>".to_owned(),
             title: "<title>".to_owned(),
             verdict: Err("<why>".to_owned()),
             tiles: vec![("<1>".to_owned(), "<tile>".to_owned())],
             sections: vec![
-                Section::new("<heading>")
+                Chapter::new("<heading>")
                     .text("<text>")
-                    .with(Block::Failure("<failure>".to_owned()))
-                    .with(Block::List(vec!["<line>".to_owned()]))
+                    .with([Content::Failure("<failure>".to_owned())])
+                    .with([Content::List(vec!["<line>".to_owned()])])
                     .table(table.group("<group>"))
                     .chart(chart),
-                Section::facts("facts", [("name", "<fact>".to_owned())]),
-                Section::scenario("title = \"<scenario>\""),
+                Chapter::facts("facts", [("name", "<fact>".to_owned())]),
+                Chapter::scenario("title = \"<scenario>\""),
             ],
         };
         let page = report.page().unwrap();

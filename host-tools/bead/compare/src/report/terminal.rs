@@ -1,12 +1,12 @@
 //! A report as aligned columns.
 
-use comfy_table::{CellAlignment, Table as Grid, presets};
+use comfy_table::{CellAlignment, presets};
 
-use crate::report::content::{Block, Cell, Column, Report, Table};
+use crate::report::content::{Content, Grid, GridCell, GridColumn, Report};
 
 /// A table that may still grow by others with its columns.
-struct Open<'a> {
-    columns: Vec<&'a Column>,
+struct OpenGrid<'a> {
+    columns: Vec<&'a GridColumn>,
     heads: Vec<String>,
     rows: Vec<Vec<String>>,
     grouped: bool,
@@ -16,21 +16,20 @@ impl Report {
     /// The report's tables and lines as text, without a line end after the last.
     pub fn terminal(&self) -> String {
         let mut parts: Vec<String> = Vec::new();
-        let mut open: Option<Open<'_>> = None;
-        let blocks = self.sections.iter().flat_map(|section| &section.blocks);
-        for block in blocks {
-            match block {
-                Block::Table(table) if table.medium.is_terminal() && !table.rows.is_empty() => {
-                    let next = Open::of(table);
+        let mut open: Option<OpenGrid<'_>> = None;
+        for content in self.sections.iter().flat_map(|section| &section.content) {
+            match content {
+                Content::Grid(table) if table.medium.is_terminal() && !table.rows.is_empty() => {
+                    let next = OpenGrid::of(table);
                     match &mut open {
                         Some(last) if last.grouped && last.columns == next.columns => {
                             last.rows.extend(next.rows);
                         }
-                        _ => parts.extend(open.replace(next).map(Open::text)),
+                        _ => parts.extend(open.replace(next).map(OpenGrid::text)),
                     }
                 }
-                Block::Line(line) => {
-                    parts.extend(open.take().map(Open::text));
+                Content::Line(line) => {
+                    parts.extend(open.take().map(OpenGrid::text));
                     match parts.last_mut() {
                         Some(part) => *part += &format!("\n{line}"),
                         None => parts.push(line.clone()),
@@ -39,29 +38,25 @@ impl Report {
                 _ => {}
             }
         }
-        parts.extend(open.map(Open::text));
+        parts.extend(open.map(OpenGrid::text));
         parts.join("\n\n")
     }
 }
 
-impl<'a> Open<'a> {
-    fn of(table: &'a Table) -> Self {
-        let shown = |column: &&Column| column.medium.is_terminal();
-        let columns: Vec<&Column> = table.columns.iter().filter(shown).collect();
+impl<'a> OpenGrid<'a> {
+    fn of(table: &'a Grid) -> Self {
+        let is_shown = |column: &&GridColumn| column.medium.is_terminal();
+        let columns: Vec<&GridColumn> = table.columns.iter().filter(is_shown).collect();
         let mut heads: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
-        let mut rows = Vec::new();
-        if let Some(group) = table.group.as_ref().filter(|group| !group.is_empty()) {
-            rows.push(vec![group.clone()]);
-        }
+        let named = table.group.as_ref().filter(|group| !group.is_empty());
+        let mut rows: Vec<Vec<String>> = named.map(|group| vec![group.clone()]).into_iter().collect();
         for cells in &table.rows {
-            let shown = cells
-                .iter()
-                .zip(&table.columns)
-                .filter(|(_, column)| column.medium.is_terminal());
+            let shown = cells.iter().zip(&table.columns);
+            let shown = shown.filter(|(_, column)| column.medium.is_terminal());
             let mut texts: Vec<String> = shown.map(|(cell, _)| text(cell)).collect();
-            if !rows.is_empty()
-                && let Some(first) = texts.first_mut().filter(|_| table.group.is_some())
-            {
+            // The rows of a group without a name have no heading to stand under.
+            let is_below = table.group.is_some() && !rows.is_empty();
+            if let Some(first) = texts.first_mut().filter(|_| is_below) {
                 first.insert_str(0, "  ");
             }
             rows.push(texts);
@@ -82,10 +77,10 @@ impl<'a> Open<'a> {
     }
 }
 
-fn text(cell: &Cell) -> String {
+fn text(cell: &GridCell) -> String {
     match cell {
-        Cell::Text(text) | Cell::Judged(text, _) => text.clone(),
-        Cell::Histogram(_) | Cell::Bar(_) => String::new(),
+        GridCell::Text(text) | GridCell::Judged(text, _) => text.clone(),
+        GridCell::Histogram(_) | GridCell::Bar(_) => String::new(),
     }
 }
 
@@ -94,7 +89,7 @@ pub fn aligned<S: AsRef<str>, R: Into<comfy_table::Row>>(
     heads: &[S],
     rows: impl IntoIterator<Item = R>,
 ) -> String {
-    let mut grid = Grid::new();
+    let mut grid = comfy_table::Table::new();
     grid.load_style(presets::NOTHING)
         .set_header(heads.iter().map(AsRef::as_ref))
         .add_rows(rows);

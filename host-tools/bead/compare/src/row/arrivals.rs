@@ -1,10 +1,10 @@
 //! Arrivals of the wave at the beads of a row, and its speed from one to the next.
 //!
 //! # Design
-//! The wave comes when the force rises through half of its height ([`bead_recording::arrival`]). The time
-//! in common does not begin with the strike: of each strike the beads' differences from the simulation have
-//! the mean 0. So one bead alone has no arrival. A speed needs no such zero: it is the sum of the diameters
-//! between two contacts over the difference of the arrivals there.
+//! The wave arrives when the force rises through half of its height ([`bead_recording::arrival`]). Each strike
+//! is placed where the beads' differences from the simulation have the mean 0, so one bead alone has no
+//! arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the difference
+//! of the arrivals there.
 
 use serde::Serialize;
 
@@ -57,60 +57,55 @@ impl Speed {
     }
 }
 
-/// The time of the wave between two beads.
-struct Way {
-    length: f64,
-    times: Vec<f64>,
-}
-
 impl Arrivals {
     pub(super) fn of(row: &BeadRow, chain: &RowChain) -> Self {
-        let fronts: Vec<f64> = row.members.iter().map(|member| member.chain.front()).collect();
-        let mut off: Vec<Vec<f64>> = vec![Vec::new(); fronts.len()];
-        let mut ways: Vec<Way> = Vec::new();
-        for pair in row.members.windows(2) {
-            let beads = pair[0].bead..pair[1].bead;
-            ways.push(Way {
-                length: beads.map(|bead| 2.0 * chain.solution.model().radius(bead)).sum(),
-                times: Vec::new(),
-            });
-        }
-        for strike in &row.strikes {
-            let rises: Vec<Option<f64>> = row.felt(strike).into_iter().map(|felt| felt?.rise).collect();
-            if let Some(zero) = row.zero(strike) {
-                for ((off, rise), front) in off.iter_mut().zip(&rises).zip(&fronts) {
-                    off.extend(rise.map(|rise| rise - zero - front));
-                }
-            }
-            for (way, pair) in ways.iter_mut().zip(rises.windows(2)) {
-                way.times
-                    .extend(pair[1].zip(pair[0]).map(|(later, earlier)| later - earlier));
-            }
-        }
+        let members = &row.members;
+        let fronts: Vec<f64> = members.iter().map(|member| member.chain.front()).collect();
+        // For each strike its zero and, for each bead, when the force rose.
+        let strike = |strike: &Vec<Option<usize>>| {
+            let felt = row.felt(strike).into_iter();
+            let rises: Vec<Option<f64>> = felt.map(|felt| felt?.rise).collect();
+            (row.zero(strike), rises)
+        };
+        let strikes: Vec<_> = row.strikes.iter().map(strike).collect();
+        let off = |place: usize| -> Vec<f64> {
+            let off = strikes
+                .iter()
+                .map(|(zero, rises)| Some(rises[place]? - (*zero)? - fronts[place]));
+            off.flatten().collect()
+        };
+        let off: Vec<Vec<f64>> = (0..members.len()).map(off).collect();
         let all: Vec<f64> = off.iter().flatten().copied().collect();
         let squares: f64 = all.iter().map(|off| off * off).sum();
-        let beads = row.members.iter().zip(&fronts).zip(&off);
-        let arrival = |((member, front), off): ((&RowBead, &f64), &Vec<f64>)| {
-            let off = mean(off)?;
+        let arrival = |place: usize| {
+            let off_s = mean(&off[place])?;
             Some(BeadArrival {
-                bead: member.bead,
-                device_s: front + off,
-                f64_chain_s: *front,
-                off_s: off,
+                bead: members[place].bead,
+                device_s: fronts[place] + off_s,
+                f64_chain_s: fronts[place],
+                off_s,
             })
         };
-        let speed = |(at, way): (usize, &Way)| {
+        let speed = |place: usize| {
+            let (from, to) = (members[place].bead, members[place + 1].bead);
+            let length: f64 = (from..to)
+                .map(|bead| 2.0 * chain.solution.model().radius(bead))
+                .sum();
+            let times = strikes
+                .iter()
+                .map(|(_, rises)| Some(rises[place + 1]? - rises[place]?));
+            let times: Vec<f64> = times.flatten().collect();
             Some(Speed {
-                from: row.members[at].bead,
-                to: row.members[at + 1].bead,
-                device: way.length / mean(&way.times)?,
-                f64_chain: way.length / (fronts[at + 1] - fronts[at]),
+                from,
+                to,
+                device: length / mean(&times)?,
+                f64_chain: length / (fronts[place + 1] - fronts[place]),
             })
         };
         Self {
             off_rms_s: (!all.is_empty()).then(|| (squares / all.len() as f64).sqrt()),
-            beads: beads.filter_map(arrival).collect(),
-            speeds: ways.iter().enumerate().filter_map(speed).collect(),
+            beads: (0..members.len()).filter_map(arrival).collect(),
+            speeds: (1..members.len()).filter_map(|place| speed(place - 1)).collect(),
         }
     }
 
@@ -123,27 +118,23 @@ impl Arrivals {
     pub(super) fn notes(&self, row: &BeadRow) -> Vec<String> {
         let felt = row.members.iter().filter(|member| !member.felt.is_empty());
         if self.beads.is_empty() {
-            return match felt.count() {
-                0 | 1 => Vec::new(),
-                _ => vec![
-                    "no common time: no two beads saw two sync edges that are the same, so there are no arrivals and no \
-                     speeds; energies need none"
-                        .to_owned(),
-                ],
-            };
+            let none = "no common time: no two beads saw two sync edges that are the same, so there are no arrivals and no \
+                        speeds; energies need none";
+            return (felt.count() > 1).then(|| none.to_owned()).into_iter().collect();
         }
+        let note = |member: &RowBead| {
+            let bead = member.bead;
+            if member.felt.iter().any(|felt| felt.rise_drawn.is_some()) {
+                format!(
+                    "bead {bead} is not on the common time: it has no two sync edges in common with the others; \
+                     its arrival is not known"
+                )
+            } else {
+                format!("bead {bead} has no strike with all its samples: its arrival is not known")
+            }
+        };
         felt.filter(|member| self.at(member.bead).is_none())
-            .map(|member| {
-                let bead = member.bead;
-                if member.felt.iter().any(|felt| felt.rise_drawn.is_some()) {
-                    format!(
-                        "bead {bead} is not on the common time: it has no two sync edges in common with the others; \
-                         its arrival is not known"
-                    )
-                } else {
-                    format!("bead {bead} has no strike with all its samples: its arrival is not known")
-                }
-            })
+            .map(note)
             .collect()
     }
 }

@@ -1,21 +1,17 @@
 //! The energy along a row: E(n) after n intruders, and T, the part of it that each lets pass.
 //!
 //! # Design
-//! The beads measure what their intruders take. What is left after n of them is what came to the first bead
-//! less what the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is
-//! the first bead's own too: the work that its force does on the host of the reduced chain, which it moves,
-//! over the main wave. (The law of a solitary wave, by which the bead itself reports an incident energy from
-//! the peak force, holds between equal beads; a host is as light as its shell while the intruder lags behind,
-//! and with 12 g it gives 13 % too little.) Only where samples are missing, where the force left the sensor's
-//! range, or under a static load, it is the simulation's. All is a part of E(0), so that the speed of a
-//! strike does not matter, and strikes are averaged. What a host took that did not record is the
-//! simulation's. The simulation is put through the same sum.
+//! **E(n) = E(0) - Σ absorbed**: the energy that came to the first bead, less the energy that the first n
+//! intruders took, once by estimate A and once by B. E(0) is the first bead's own: the work of its force on the
+//! host of the reduced chain, over the main wave. (The law of a solitary wave between equal beads gives 13 %
+//! too little behind a host with 12 g.) It is the simulation's where samples are missing, where the force left
+//! the sensor's range, or under a static load. A host that did not record took what the simulation says. All
+//! energies are parts of E(0), so strikes of different speeds are averaged.
 //!
-//! The paper's E(n) is another: the energy at the end in a chain with n intruders, over that in one without
-//! ([`energies_left`]). In a row of ten, intruders behind the n-th send waves back to it. Where intruders are
-//! light this changes nothing (m = 2.7 g: 1e-4), with heavy ones it does (12 g: 0.02 after the first). So it
-//! stands beside as a column of its own. Where the contacts lose energy too, the sum leaves out what they
-//! lose, and the column has it.
+//! The paper's E(n) compares the energies at the end of chains with n intruders and with none
+//! ([`energies_left`]); it is a column of its own. In a row of ten, later intruders send waves back: this
+//! changes E by 1e-4 for m = 2.7 g, and by 0.02 after the first for 12 g. The column also has the energy that
+//! lossy contacts take.
 
 use hertz_chain::{TransmissionFit, energies_left};
 use serde::Serialize;

@@ -1,10 +1,10 @@
 //! Waves that come to a bead after the main one.
 //!
 //! # Design
-//! Such a wave is low and on a tail of the main one, and noise alone makes or hides dips beside it. So the
-//! simulated force, which has no noise, says where there is one, and the bead what it sensed about then.
-//! Where the simulation has none the bead's own must be plain to count. Both forces are means over `SMOOTH`
-//! samples, which takes 1 % from a wave of 0.3 ms.
+//! A later wave is low and lies on the tail of the main one, where noise makes and hides dips. The simulated
+//! force, which has no noise, says where there is a wave, and the bead what it sensed about then. Where the
+//! simulation has none, the bead's own wave must be plain. Both forces are means over `SMOOTH` samples, which
+//! takes 1 % from a wave of 0.3 ms.
 
 use std::ops::Range;
 

@@ -25,25 +25,25 @@ const DRAWN_MOST: usize = 8;
 
 /// A strike at one bead of a row.
 #[derive(Debug, Clone)]
-pub struct FeltStrike {
+pub(crate) struct FeltStrike {
     /// Its number since the bead's reset.
-    pub number: u32,
+    pub(super) number: u32,
     /// By the bead.
-    pub device: StrikeValues,
+    pub(super) device: StrikeValues,
     /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the
     /// sensor, samples are missing, or the chain is under a load.
-    pub incident: Option<f64>,
+    pub(super) incident: Option<f64>,
     /// The instant of the striker's hit, by the host's time and the simulated way of the wave, s.
-    pub struck: Option<f64>,
+    pub(super) struck: Option<f64>,
     /// The instant at which the force rose through half of its height, s on the time in common; none if it
     /// left the range of the sensor.
-    pub rise: Option<f64>,
+    pub(super) rise: Option<f64>,
     /// `rise` on the time of [`FeltStrike::traces`].
-    pub rise_drawn: Option<f64>,
+    pub(super) rise_drawn: Option<f64>,
     /// The strongest wave after the main one.
-    pub later: Option<LaterWave>,
+    pub(super) later: Option<LaterWave>,
     /// StrikeValues of the sensors, and the chain's beside them.
-    pub traces: Option<Traces>,
+    pub(super) traces: Option<Traces>,
 }
 
 /// A bead of a row.
@@ -53,7 +53,7 @@ pub struct RowBead {
     /// The chain around it.
     pub chain: FullChain,
     /// Its strikes.
-    pub felt: Vec<FeltStrike>,
+    pub(crate) felt: Vec<FeltStrike>,
     /// Its window at the first of them.
     pub window: Option<WindowSettings>,
     /// Echoes that it measured, and which are left out.

@@ -3,7 +3,7 @@
 use hertz_charts::Chart;
 
 use crate::report::{
-    Block, Cell, DASH, EnergyUnit, Fact, Report, Section, Table, count, number, percent, percent_within,
+    Chapter, Content, DASH, EnergyUnit, Fact, Grid, GridCell, Report, count, number, percent, percent_within,
     signed,
 };
 use crate::row::arrivals::Speed;
@@ -40,20 +40,20 @@ impl ComparedRow<'_> {
         let compared = self.compared;
         let title = &self.chain.scenario.title[..];
         let strikes = count(compared.strikes as u64, "strike");
-        let missing = Section::new("What is missing").with(Block::List(compared.notes.clone()));
+        let missing = Chapter::new("What is missing").with([Content::List(compared.notes.clone())]);
         let [overview, details] = charts(self.row, self.chain, compared);
         let intruders = "Their accelerations, and the part of the wave’s energy that each lets pass.";
         let sections = [
             (!compared.notes.is_empty()).then_some(missing),
             Some(self.wave(overview)),
             Some(self.beads()),
-            Some(Section::new("All beads").table(self.totals())),
-            Some(Section::new("Speed of the wave").table(self.speeds())),
+            Some(Chapter::new("All beads").table(self.totals())),
+            Some(Chapter::new("Speed of the wave").table(self.speeds())),
             self.later(),
             energy(&compared.energy),
-            Some(Section::new("The intruders").text(intruders).chart(details)),
+            Some(Chapter::new("The intruders").text(intruders).chart(details)),
             Some(self.facts()),
-            Some(Section::scenario(self.scenario)),
+            Some(Chapter::scenario(self.scenario)),
         ];
         Report {
             above: format!("{} beads, {strikes} · {}", compared.beads.len(), self.recording),
@@ -90,14 +90,14 @@ impl ComparedRow<'_> {
         ]
     }
 
-    fn wave(&self, chart: Chart) -> Section {
+    fn wave(&self, chart: Chart) -> Chapter {
         let text = "Green is what the beads sensed, each at its place in the chain and on the time that their sync edges give \
                     them in common. Grey below it is the simulation. What is left after n intruders is what came to the first \
                     bead, less what the beads measured that their intruders took.";
-        Section::new("The wave along the row").text(text).chart(chart)
+        Chapter::new("The wave along the row").text(text).chart(chart)
     }
 
-    fn beads(&self) -> Section {
+    fn beads(&self) -> Chapter {
         let compared = self.compared;
         let text = "The wave comes when the force has risen to half its height. Goals: A within 0.2 % of the simulation, B within \
                     0.5 %, every bit replayed.";
@@ -108,7 +108,7 @@ impl ComparedRow<'_> {
         });
         let rms = compared.arrivals.off_rms_s;
         let velocity = self.velocity.as_ref();
-        let mut section = Section::new("Each bead")
+        let mut section = Chapter::new("Each bead")
             .text(text)
             .table(self.table_of_beads())
             .line(more)
@@ -116,7 +116,7 @@ impl ComparedRow<'_> {
             .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")));
         for bead in &compared.beads {
             let difference = bead.first_difference.clone();
-            section.blocks.extend(difference.map(Block::Failure));
+            section = section.with(difference.map(Content::Failure));
             if !bead.flags.is_empty() {
                 section = section.text(format!("Bead {} has flags: {}", bead.bead, bead.flags.join(", ")));
             }
@@ -124,7 +124,7 @@ impl ComparedRow<'_> {
         section
     }
 
-    fn table_of_beads(&self) -> Table {
+    fn table_of_beads(&self) -> Grid {
         let compared = self.compared;
         let energies = |of: fn(&BeadOfRow) -> Option<DeviceAndChain>| {
             EnergyUnit::of(compared.beads.iter().filter_map(of).map(|pair| pair.device))
@@ -140,8 +140,8 @@ impl ComparedRow<'_> {
             let mut row = vec![
                 bead.bead.to_string().into(),
                 format!("{} of {}", bead.strikes - bead.strikes_left_out, compared.strikes).into(),
-                Cell::known(arrival.map(|arrival| format!("{:.5}", arrival.device_s * 1e3))),
-                Cell::known(arrival.map(|arrival| format!("{} µs", signed(arrival.off_s * 1e6, 2)))),
+                GridCell::known(arrival.map(|arrival| format!("{:.5}", arrival.device_s * 1e3))),
+                GridCell::known(arrival.map(|arrival| format!("{} µs", signed(arrival.off_s * 1e6, 2)))),
             ];
             row.extend(pair(bead.peak_force, 1.0, 4));
             row.extend(pair(bead.width, 1e6, 2));
@@ -150,7 +150,7 @@ impl ComparedRow<'_> {
             row.extend(judged(bead.spread.first()));
             row.push(pair(bead.absorbed_predicted, b.scale, 2)[0].clone());
             row.extend(judged(bead.spread.get(1)));
-            row.extend([Cell::known(same), Cell::known(flags)]);
+            row.extend([GridCell::known(same), GridCell::known(flags)]);
             row
         };
         let [wave, a, b] = [wave, a, b].map(|unit| unit.symbol);
@@ -158,11 +158,11 @@ impl ComparedRow<'_> {
             "bead | ^strikes | arrival (ms) | off by | peak (N) | ~off by | width (µs) | ~off by | ^wave ({wave}) | ^off by \
              | ^A ({a}) | A off by | ^±0.2 % | ^B ({b}) | B off by | ^±0.5 % | ~replay | ^flags"
         );
-        Table::new(&headings, compared.beads.iter().map(row))
+        Grid::new(&headings, compared.beads.iter().map(row))
     }
 
     /// The losses of all beads together.
-    fn totals(&self) -> Table {
+    fn totals(&self) -> Grid {
         let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>().to_string();
         let costs = self
             .compared
@@ -177,26 +177,26 @@ impl ComparedRow<'_> {
             ("instructions a sample, at most", most),
         ];
         let row = |(name, value): (&str, Option<String>)| Some(vec![name.into(), value?.into()]);
-        Table::new("all beads |", rows.into_iter().filter_map(row))
+        Grid::new("all beads |", rows.into_iter().filter_map(row))
     }
 
-    fn speeds(&self) -> Table {
+    fn speeds(&self) -> Grid {
         let row = |speed: &Speed| {
             let between = format!("{} to {}", speed.from, speed.to);
             let [device, chain] = [speed.device, speed.f64_chain].map(|speed| format!("{speed:.3}"));
             [between, device, chain, percent(speed.off())]
-                .map(Cell::from)
+                .map(GridCell::from)
                 .into()
         };
         let headings = "from bead | wave (m/s) | f64 chain (m/s) | off by";
-        Table::new(headings, self.compared.arrivals.speeds.iter().map(row))
+        Grid::new(headings, self.compared.arrivals.speeds.iter().map(row))
     }
 
-    fn later(&self) -> Option<Section> {
+    fn later(&self) -> Option<Chapter> {
         let cells = |wave: Option<Wave>| {
             [
-                Cell::known(wave.map(|wave| number(wave.peak_force * 1e3, 1))),
-                Cell::known(wave.map(|wave| number(wave.after * 1e3, 3))),
+                GridCell::known(wave.map(|wave| number(wave.peak_force * 1e3, 1))),
+                GridCell::known(wave.map(|wave| number(wave.after * 1e3, 3))),
             ]
         };
         let row = |bead: &BeadOfRow| {
@@ -206,58 +206,58 @@ impl ComparedRow<'_> {
             Some(row)
         };
         let headings = "later wave at bead | peak (mN) | ~after (ms) | f64 chain (mN) | ~after (ms)";
-        let table = Table::new(headings, self.compared.beads.iter().filter_map(row));
+        let table = Grid::new(headings, self.compared.beads.iter().filter_map(row));
         let text = "The strongest wave after the main one, where there is one.";
-        (!table.rows.is_empty()).then(|| Section::new("Later waves").text(text).table(table))
+        (!table.rows.is_empty()).then(|| Chapter::new("Later waves").text(text).table(table))
     }
 
-    fn facts(&self) -> Section {
+    fn facts(&self) -> Chapter {
         let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>();
         let (lost, refused) = (sum(|bead| bead.frames_lost), sum(|bead| bead.frames_corrupt));
         let frames = ("frames", format!("{lost} lost, {refused} refused"));
-        Section::facts("The run", self.made.iter().cloned().chain([frames]))
+        Chapter::facts("The run", self.made.iter().cloned().chain([frames]))
     }
 }
 
 /// The bead's value, and its deviation.
-fn pair(pair: Option<DeviceAndChain>, scale: f64, digits: usize) -> [Cell; 2] {
+fn pair(pair: Option<DeviceAndChain>, scale: f64, digits: usize) -> [GridCell; 2] {
     [
-        Cell::known(pair.map(|pair| number(pair.device * scale, digits))),
-        Cell::known(pair.map(|pair| percent(pair.off()))),
+        GridCell::known(pair.map(|pair| number(pair.device * scale, digits))),
+        GridCell::known(pair.map(|pair| percent(pair.off()))),
     ]
 }
 
 /// The deviation of an estimate, and whether its goals are met.
-fn judged(spread: Option<&Spread>) -> [Cell; 2] {
+fn judged(spread: Option<&Spread>) -> [GridCell; 2] {
     let met = spread.map(|spread| spread.pass);
     let off = spread.map(|spread| percent_within(spread.mean, spread.uncertainty));
     [
-        Cell::judged(off.unwrap_or(DASH.to_owned()), met),
-        Cell::verdict(met),
+        GridCell::judged(off.unwrap_or(DASH.to_owned()), met),
+        GridCell::verdict(met),
     ]
 }
 
 /// The energy along the row; `None` where no wave came to it.
-fn energy(energy: &EnergyAlong) -> Option<Section> {
+fn energy(energy: &EnergyAlong) -> Option<Chapter> {
     let (incident, at) = (energy.incident?, energy.incident_at?);
     let row = |after: &After| {
         let mut row = vec![
             after.n.to_string().into(),
-            Cell::known(after.bead.map(|bead| bead.to_string())),
+            GridCell::known(after.bead.map(|bead| bead.to_string())),
         ];
         row.extend(after.left.each().map(|left| number(left * 100.0, 3).into()));
         let through = after.transmission.map_or([None; 4], |through| through.each());
-        row.extend(through.map(|through| Cell::known(through.map(|through| number(through, 5)))));
+        row.extend(through.map(|through| GridCell::known(through.map(|through| number(through, 5)))));
         row
     };
-    let mut fit: Vec<Cell> = vec!["Tⁿ".into()];
+    let mut fit: Vec<GridCell> = vec!["Tⁿ".into()];
     fit.resize(6, "".into());
     let shown = |fit: TransmissionLine| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
-    fit.extend(energy.fit.each().map(|fit| Cell::known(fit.map(shown))));
+    fit.extend(energy.fit.each().map(|fit| GridCell::known(fit.map(shown))));
     // A narrow window has the two sides that are compared.
     let headings =
         "n | ~bead | E(n), % by A | ~by B | f64 chain | ~rows of n | T by A | ~by B | f64 chain | ~rows of n";
-    let table = Table::new(headings, energy.after.iter().map(row).chain([fit]));
+    let table = Grid::new(headings, energy.after.iter().map(row).chain([fit]));
     let by = if energy.incident_by == "bead" {
         "by its own force"
     } else {
@@ -274,6 +274,6 @@ fn energy(energy: &EnergyAlong) -> Option<Section> {
                 n intruders, and the energy that it has at the end. Heavy intruders send waves back to those before them, and \
                 then the two differ. The line through ln E(n) gives one T for all; what stands after ± is its standard error, \
                 from the distance of the energies from the line.";
-    let section = Section::new("Energy after n intruders");
+    let section = Chapter::new("Energy after n intruders");
     Some(section.text(text).table(table).line(Some(line)))
 }

@@ -19,7 +19,6 @@ use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_compare::bead::ComparedBead;
 use bead_compare::emulated::RunTruth;
-use bead_compare::pictures::{residual_chart, strike_chart};
 use bead_compare::sensed::{only_host, simulate_with_ring_down};
 use bead_compare::spread::Spread;
 use bead_compare::strike::{FullChain, StrikeComparison};
@@ -216,8 +215,8 @@ fn compare(
         scenario: &given.text,
     };
     if let Some(figures) = figures {
-        match compared.strikes.iter().find_map(|strike| strike.traces.as_ref()) {
-            Some(traces) => draw(&figures, [strike_chart(traces), residual_chart(traces)])?,
+        match compared.strikes.iter().find_map(StrikeComparison::charts) {
+            Some(charts) => draw(&figures, charts)?,
             // Its replay is impossible, too, and so the comparison says no.
             None => {
                 note!(
