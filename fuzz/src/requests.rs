@@ -1,7 +1,7 @@
 //! Requests of a host: the bead's decoder, what it writes again, and the lock that a key closes.
 
 use bead_wire::{
-    Cause, Heard, Key, Lock, MAX_REQUEST, Moment, Request, RequestDecoder, VERSION, encode_request,
+    Cause, Key, Lock, MAX_REQUEST, Moment, ReceivedRequest, Request, RequestDecoder, VERSION, encode_request,
 };
 
 use crate::line::{crc, from_cobs, mended, runs};
@@ -48,7 +48,7 @@ fn read(bytes: &[u8]) {
             }
             (heard, said) => panic!("{heard:?}, {said:?}"),
         }
-        let Ok(Heard {
+        let Ok(ReceivedRequest {
             address,
             number,
             request: Ok(request),
@@ -79,7 +79,7 @@ fn written_again(address: u8, number: u16, request: &Request) {
     let bytes = encode_request(address, number, request, &mut buffer).expect("a request fits");
     let mut decoder = RequestDecoder::new();
     let heard: Vec<_> = bytes.iter().filter_map(|byte| decoder.push(*byte)).collect();
-    let same = Heard {
+    let same = ReceivedRequest {
         address,
         number,
         request: Ok(request.clone()),

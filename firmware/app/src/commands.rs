@@ -9,7 +9,7 @@
 use bead_model::WindowRecord;
 use bead_store::{Pace, Secret, StoreError, Vault};
 use bead_wire::{
-    AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcome, Reply, Request, Standing,
+    AHEAD, ANY, Cause, Detail, ReceivedRequest, KEY, Key, Lock, Moment, Outcome, Reply, Request, Standing,
 };
 
 use crate::bead::Bead;
@@ -94,7 +94,7 @@ impl<D: Device> Commands<D> {
     }
 
     /// Does what a request asks for, and replies. Requests for other beads get no reply.
-    pub async fn answer(&mut self, heard: Heard) {
+    pub async fn answer(&mut self, heard: ReceivedRequest) {
         let bead = self.bead;
         if heard.address != ANY && heard.address != bead.outbox.address() {
             return;
@@ -128,7 +128,7 @@ impl<D: Device> Commands<D> {
     }
 
     /// Does what a request asks for, as far as nothing has to be waited for.
-    fn begin(&mut self, heard: Heard) -> Step {
+    fn begin(&mut self, heard: ReceivedRequest) -> Step {
         let done = heard
             .request
             .map_err(not_understood)

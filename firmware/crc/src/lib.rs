@@ -33,15 +33,15 @@ fn of(parts: &[&[u8]]) -> u32 {
 
 /// The CRC of bytes that are taken piece by piece.
 #[derive(Clone)]
-pub struct Running(Digest<'static, u32, Table<1>>);
+pub struct RunningChecksum(Digest<'static, u32, Table<1>>);
 
-impl Default for Running {
+impl Default for RunningChecksum {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Running {
+impl RunningChecksum {
     /// Of no bytes yet.
     pub fn new() -> Self {
         Self(CRC.digest())
@@ -67,7 +67,7 @@ mod tests {
     fn the_checksum_of_the_catalogues_text_is_the_catalogues() {
         assert_eq!(checksum(b"123456789"), 0xCBF4_3926);
         assert_eq!(checksum_of([b"1234", b"", b"56789"]), 0xCBF4_3926);
-        let mut running = Running::new();
+        let mut running = RunningChecksum::new();
         [&b"12345"[..], b"6789"]
             .into_iter()
             .for_each(|piece| running.update(piece));

@@ -14,8 +14,8 @@ use core::f64::consts::TAU;
 use core::ops::Range;
 
 use fixed::FixedI32;
+use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
-use fixed::types::{I0F32, I2F30, I16F16};
 
 use crate::calibration::Channel;
 use crate::company::Company;
@@ -25,7 +25,7 @@ use crate::front_end::SensorScale;
 use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::physics::{Bead, Intruder, SOLITARY_WAVE_ENERGY, power};
-use crate::quantity::{EnergyScale, SensedForce};
+use crate::quantity::SensedForce;
 use crate::reduced_chain::ReducedChain;
 use crate::scale::{INCOMING_MAX, POWERS_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
@@ -116,17 +116,14 @@ fn behind(intruder: &Intruder, bead_mass: f64, dt: f64) -> [f64; 3] {
 
 /// A fixed-point format of 32 bits.
 #[derive(Clone, Copy)]
-struct Format {
+struct FixedFormat {
     /// Bits of the fraction.
     fraction: u32,
     /// Least and greatest number, in units of the last bit.
     bits: [f64; 2],
 }
 
-impl Format {
-    const I0F32: Self = Self::signed(32);
-    const I2F30: Self = Self::signed(30);
-    const I16F16: Self = Self::signed(16);
+impl FixedFormat {
     const U16F16: Self = Self {
         fraction: 16,
         bits: [0.0, u32::MAX as f64],
@@ -149,18 +146,6 @@ impl Format {
         (exact && (least..=most).contains(&rounded)).then_some(rounded as i64)
     }
 
-    /// Bits of a coefficient.
-    fn hold(self, key: Key, coefficient: Coefficient, value: f64) -> Result<i64, Violation> {
-        self.exact(value).ok_or(Violation {
-            key,
-            bound: Bound::Format {
-                coefficient,
-                value,
-                range: self.range(),
-            },
-        })
-    }
-
     /// The least and the greatest number above 0 that the format holds to 1e-4 of itself.
     fn range(self) -> [f64; 2] {
         let last = two_to(-(self.fraction as i32));
@@ -168,152 +153,107 @@ impl Format {
     }
 }
 
-/// Each coefficient, the setting that is blamed if its format does not hold it, and that format.
-const FORMATS: [(Key, Coefficient, Format); 17] = [
-    (Key::IntruderDamping, Coefficient::OldAcceleration, Format::I0F32),
-    (Key::IntruderDamping, Coefficient::NewAcceleration, Format::I0F32),
-    (
-        Key::IntruderMass,
-        Coefficient::EnergyByAcceleration,
-        Format::I2F30,
-    ),
-    (Key::ContactStiffness, Coefficient::Contact, Format::I0F32),
-    (Key::ContactRelaxation, Coefficient::Relaxation, Format::I2F30),
-    (Key::BeadMass, Coefficient::Incoming, Format::I0F32),
-    (Key::IntruderStiffness, Coefficient::Stiffness, Format::I0F32),
-    (Key::IntruderDamping, Coefficient::Damping, Format::I0F32),
-    (Key::IntruderMass, Coefficient::Intruder, Format::I0F32),
-    (Key::BeadMass, Coefficient::Host, Format::I0F32),
-    (
-        Key::IntruderDamping,
-        Coefficient::EnergyByVelocity,
-        Format::I16F16,
-    ),
-    (Key::ContactStiffness, Coefficient::Incident, Format::I16F16),
-    (Key::IntruderStiffness, Coefficient::RingFrequency, Format::U16F16),
-    (Key::IntruderDamping, Coefficient::RingDecay, Format::U16F16),
-    (
-        Key::CompanyStiffness,
-        Coefficient::CompanyStiffness,
-        Format::I0F32,
-    ),
-    (Key::CompanyDamping, Coefficient::CompanyDamping, Format::I0F32),
-    (Key::CompanyMass, Coefficient::CompanyRatio, Format::I0F32),
-];
+/// Bits of a coefficient; `key` is the setting that is blamed if its format does not hold it. Never inlined:
+/// it would be there seventeen times.
+#[inline(never)]
+fn hold(format: FixedFormat, key: Key, coefficient: Coefficient, value: f64) -> Result<i64, Violation> {
+    format.exact(value).ok_or(Violation {
+        key,
+        bound: Bound::Format {
+            coefficient,
+            value,
+            range: format.range(),
+        },
+    })
+}
+
+/// A coefficient in the signed format of its type.
+fn signed<F: LeEqU32>(key: Key, coefficient: Coefficient, value: f64) -> Result<FixedI32<F>, Violation> {
+    hold(FixedFormat::signed(F::U32), key, coefficient, value).map(|bits| FixedI32::from_bits(bits as i32))
+}
+
+/// A coefficient that is a rate.
+fn rate(key: Key, coefficient: Coefficient, value: f64) -> Result<Fine, Violation> {
+    hold(FixedFormat::U16F16, key, coefficient, value).map(|bits| Fine::from_bits(bits as u32))
+}
 
 impl Coefficients {
-    /// The coefficients of a bead whose description was checked. `behind` has its followers with an intruder
+    /// The coefficients of a bead whose description was checked. `places` has its followers with an intruder
     /// as bits.
     ///
     /// # Errors
     /// A coefficient that its format does not hold.
     pub(crate) fn new(description: &Description, places: u8) -> Result<Self, Violation> {
-        let dt = 1.0 / f64::from(description.capture.sample_rate_hz);
+        let capture = &description.capture;
+        let dt = 1.0 / f64::from(capture.sample_rate_hz);
         let exact = Exact::new(&description.physics(), dt);
         let [stiffness, damping, ratio] = if places == 0 {
             [0.0; 3]
         } else {
             behind(&description.company.intruder(), description.bead.mass, dt)
         };
-        let masses = [exact.intruder, exact.host, ratio];
         let scale = Scale {
             contact: shift(&[exact.contact], SHIFT_MAX),
             incoming: shift(&[exact.incoming], INCOMING_MAX),
-            masses: shift(&masses, SHIFT_MAX),
+            masses: shift(&[exact.intruder, exact.host, ratio], SHIFT_MAX),
             observer: shift(&[exact.end], 1),
             measured: shift_into(exact.measured, 1.0 / 65536.0..1.0),
             predicted: shift_into(exact.predicted, 0.1..16384.0),
         };
         let without = |value: f64, powers: u8| value * two_to(-i32::from(powers));
-        let values = [
-            exact.start,
-            without(exact.end, scale.observer),
-            exact.measured * two_to(-i32::from(scale.measured)),
-            without(exact.contact, scale.contact),
-            exact.relaxation,
-            without(exact.incoming, scale.incoming),
-            exact.stiffness,
-            exact.damping,
-            without(exact.intruder, scale.masses),
-            without(exact.host, scale.masses),
-            exact.predicted * two_to(-i32::from(scale.predicted)),
-            exact.incident,
-            exact.ring_frequency,
-            exact.ring_decay,
-            stiffness,
-            damping,
-            without(ratio, scale.masses),
-        ];
-        let mut bits = [0; FORMATS.len()];
-        hold_all(&values, &mut bits)?;
-        Ok(Self::from_bits(bits, scale, description, places))
-    }
-
-    /// Puts the bits into their places, in the order of [`FORMATS`].
-    fn from_bits(bits: [i64; FORMATS.len()], scale: Scale, description: &Description, places: u8) -> Self {
-        let [
-            start,
-            end,
-            measured,
-            contact,
-            relaxation,
-            incoming,
-            stiffness,
-            damping,
-            intruder,
-            host,
-            predicted,
-            incident,
-            ring_frequency,
-            ring_decay,
-            company_stiffness,
-            company_damping,
-            ratio,
-        ] = bits;
-        let capture = &description.capture;
-        Self {
+        let measured = exact.measured * two_to(-i32::from(scale.measured));
+        let predicted = exact.predicted * two_to(-i32::from(scale.predicted));
+        use Coefficient as C;
+        Ok(Self {
             observer: Observer {
-                start: I0F32::from_bits(start as i32),
-                end: I0F32::from_bits(end as i32),
-                energy: I2F30::from_bits(measured as i32),
+                start: signed(Key::IntruderDamping, C::OldAcceleration, exact.start)?,
+                end: signed(
+                    Key::IntruderDamping,
+                    C::NewAcceleration,
+                    without(exact.end, scale.observer),
+                )?,
+                energy: signed(Key::IntruderMass, C::EnergyByAcceleration, measured)?,
             },
             chain: ReducedChain {
-                contact: I0F32::from_bits(contact as i32),
-                relaxation: I2F30::from_bits(relaxation as i32),
-                incoming: I0F32::from_bits(incoming as i32),
-                stiffness: I0F32::from_bits(stiffness as i32),
-                damping: I0F32::from_bits(damping as i32),
-                intruder: I0F32::from_bits(intruder as i32),
-                host: I0F32::from_bits(host as i32),
+                contact: signed(
+                    Key::ContactStiffness,
+                    C::Contact,
+                    without(exact.contact, scale.contact),
+                )?,
+                relaxation: signed(Key::ContactRelaxation, C::Relaxation, exact.relaxation)?,
+                incoming: signed(
+                    Key::BeadMass,
+                    C::Incoming,
+                    without(exact.incoming, scale.incoming),
+                )?,
+                stiffness: signed(Key::IntruderStiffness, C::Stiffness, exact.stiffness)?,
+                damping: signed(Key::IntruderDamping, C::Damping, exact.damping)?,
+                intruder: signed(
+                    Key::IntruderMass,
+                    C::Intruder,
+                    without(exact.intruder, scale.masses),
+                )?,
+                host: signed(Key::BeadMass, C::Host, without(exact.host, scale.masses))?,
                 gate: gate(&description.force),
-                energy: EnergyScale::from_bits(predicted as i32),
+                energy: signed(Key::IntruderDamping, C::EnergyByVelocity, predicted)?,
+            },
+            incident: signed(Key::ContactStiffness, C::Incident, exact.incident)?,
+            ringing: Ringing {
+                frequency: rate(Key::IntruderStiffness, C::RingFrequency, exact.ring_frequency)?,
+                frequency_tolerance: nearest(capture.ring_frequency_tolerance),
+                decay: rate(Key::IntruderDamping, C::RingDecay, exact.ring_decay)?,
+                decay_tolerance: nearest(capture.ring_decay_tolerance),
             },
             company: Company {
                 behind: places,
                 elsewhere: description.company.elsewhere == 1,
-                stiffness: I0F32::from_bits(company_stiffness as i32),
-                damping: I0F32::from_bits(company_damping as i32),
-                ratio: I0F32::from_bits(ratio as i32),
+                stiffness: signed(Key::CompanyStiffness, C::CompanyStiffness, stiffness)?,
+                damping: signed(Key::CompanyDamping, C::CompanyDamping, damping)?,
+                ratio: signed(Key::CompanyMass, C::CompanyRatio, without(ratio, scale.masses))?,
             },
             scale,
-            incident: I16F16::from_bits(incident as i32),
-            ringing: Ringing {
-                frequency: Fine::from_bits(ring_frequency as u32),
-                frequency_tolerance: nearest(capture.ring_frequency_tolerance),
-                decay: Fine::from_bits(ring_decay as u32),
-                decay_tolerance: nearest(capture.ring_decay_tolerance),
-            },
-        }
+        })
     }
-}
-
-/// Converts each value to its format. Never inlined: the loop would be unrolled.
-#[inline(never)]
-fn hold_all(values: &[f64], bits: &mut [i64]) -> Result<(), Violation> {
-    for ((bits, value), (key, coefficient, format)) in bits.iter_mut().zip(values).zip(&FORMATS) {
-        *bits = format.hold(*key, *coefficient, *value)?;
-    }
-    Ok(())
 }
 
 /// Three standard deviations of the force's noise and rounding.
@@ -334,7 +274,7 @@ pub(crate) fn sensor<F: LeEqU32>(
     let channel = |per_code: f64, pole: f64, delay: f64, unit: Key| {
         let lag = if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 };
         let slope = per_code * (lag - delay) / (2.0 * dt);
-        let format = Format::signed(F::U32);
+        let format = FixedFormat::signed(F::U32);
         let per_code = format.exact(per_code).ok_or(Violation {
             key: unit,
             bound: Bound::Unit {
@@ -452,11 +392,11 @@ mod tests {
             (f64::INFINITY, None),
             (f64::NAN, None),
         ] {
-            assert_eq!(Format::I16F16.exact(value), bits, "{value}");
+            assert_eq!(FixedFormat::signed(16).exact(value), bits, "{value}");
         }
-        let unsigned = [-1.0, 65_535.0, 65_536.0].map(|value| Format::U16F16.exact(value));
+        let unsigned = [-1.0, 65_535.0, 65_536.0].map(|value| FixedFormat::U16F16.exact(value));
         assert_eq!(unsigned, [None, Some(0xFFFF_0000), None]);
-        let found = Format::I16F16.hold(Key::BeadMass, Coefficient::Host, 4e4);
+        let found = hold(FixedFormat::signed(16), Key::BeadMass, Coefficient::Host, 4e4);
         let expected = Violation {
             key: Key::BeadMass,
             bound: Bound::Format {

@@ -79,7 +79,7 @@ struct Coordinate {
 impl Coordinate {
     /// Advances by one sample; `a` is the acceleration at this sample, in twelfths.
     #[inline(always)]
-    fn advance(&mut self, a: i32, watch: &mut Watch) {
+    fn advance(&mut self, a: i32, watch: &mut RangeWatch) {
         let step = self.step.saturating_add(14 * a);
         watch.state(step);
         // Rounding down costs a quarter of a picometre a sample.
@@ -102,9 +102,9 @@ const LIMIT: i32 = 1 << 23;
 /// scaled so that [`LIMIT`] is half of their format. Two instructions collect the bits; a comparison would
 /// take four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Watch(i32);
+struct RangeWatch(i32);
 
-impl Watch {
+impl RangeWatch {
     /// Adds a state.
     #[inline(always)]
     fn state(&mut self, value: i32) {
@@ -135,7 +135,7 @@ pub struct ReducedChainState {
     /// Displacements of the followers' intruders relative to their hosts, where they hold one.
     behind: [Coordinate; FOLLOWERS],
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
-    watch: Watch,
+    watch: RangeWatch,
     /// Samples since the force was above the gate, or since the start.
     silent: u16,
     /// Forces below this are noise, by the noise before the strike.
@@ -173,7 +173,7 @@ impl ReducedChain {
         forces: &[SensedForce],
     ) {
         let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
-        let powers = &Powers::new(scale);
+        let powers = &LoopPowers::new(scale);
         match (scaled, company.behind > 0) {
             (false, false) => self.run::<false, false>(powers, company, state, forces),
             (true, false) => self.run::<true, false>(powers, company, state, forces),
@@ -187,7 +187,7 @@ impl ReducedChain {
     #[inline(always)]
     fn run<const SCALED: bool, const ROW: bool>(
         &self,
-        powers: &Powers,
+        powers: &LoopPowers,
         company: &Company,
         state: &mut ReducedChainState,
         forces: &[SensedForce],
@@ -259,9 +259,9 @@ impl ReducedChain {
     #[inline(always)]
     fn contact_force<const SCALED: bool>(
         &self,
-        powers: &Powers,
+        powers: &LoopPowers,
         contact: &Coordinate,
-        watch: &mut Watch,
+        watch: &mut RangeWatch,
     ) -> i32 {
         let overlap = contact.position;
         if overlap <= 0 {
@@ -295,9 +295,9 @@ impl Company {
         &self,
         follower: usize,
         pushed: i32,
-        powers: &Powers,
+        powers: &LoopPowers,
         intruders: &mut [Coordinate; FOLLOWERS],
-        watch: &mut Watch,
+        watch: &mut RangeWatch,
     ) -> i32 {
         if !self.holds(follower) {
             return pushed;
@@ -319,7 +319,7 @@ impl Company {
 
 /// [`Scale`] as the loop needs it.
 #[derive(Clone, Copy, Debug, Default)]
-struct Powers {
+struct LoopPowers {
     contact: u8,
     incoming: u8,
     masses: u8,
@@ -329,7 +329,7 @@ struct Powers {
     watch: u8,
 }
 
-impl Powers {
+impl LoopPowers {
     fn new(scale: &Scale) -> Self {
         // The stiffness stays below 2^31 if √(overlap in µm) < 2^(6 - contact), that is, if the overlap is
         // below 2^(12 - 2·contact) µm. A thousandth less leaves room for the error of the root.
@@ -370,20 +370,20 @@ mod tests {
             (-LIMIT, -LIMIT, false),
             (-LIMIT - 1, -LIMIT, true),
         ] {
-            let mut watch = Watch::default();
+            let mut watch = RangeWatch::default();
             assert_eq!(watch.limited(value), limited);
             // What comes after it is small.
             watch.state(1);
             assert_eq!(watch.0 >= LIMIT, left, "{value}");
             for state in [value << 7, (value << 7) + 0x7F] {
-                let mut watch = Watch::default();
+                let mut watch = RangeWatch::default();
                 watch.state(state);
                 watch.limited(-1);
                 assert_eq!(watch.0 >= LIMIT, left, "{state}");
             }
         }
         assert_eq!(
-            [i32::MIN, i32::MAX].map(|a| Watch::default().limited(a)),
+            [i32::MIN, i32::MAX].map(|a| RangeWatch::default().limited(a)),
             [-LIMIT, LIMIT - 1]
         );
     }
@@ -403,7 +403,7 @@ mod tests {
             energy: EnergyScale::ZERO,
         };
         let left = |contact: u8, position: i32| {
-            let powers = Powers::new(&Scale {
+            let powers = LoopPowers::new(&Scale {
                 contact,
                 ..Scale::default()
             });
@@ -411,7 +411,7 @@ mod tests {
                 position,
                 ..Coordinate::default()
             };
-            let mut watch = Watch::default();
+            let mut watch = RangeWatch::default();
             chain.contact_force::<true>(&powers, &overlap, &mut watch);
             watch.0 >= LIMIT
         };

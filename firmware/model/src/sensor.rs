@@ -36,7 +36,7 @@ const MARGIN: u16 = 64;
 /// A signal moves if it is more than this many sensitive codes away from its zero: a quarter of the range.
 const MOVING: u16 = 1024;
 
-/// Bits in the sums of [`Overlap`] of a signal that fills the sensitive range.
+/// Bits in the sums of [`GainOverlap`] of a signal that fills the sensitive range.
 const OVERLAP_BITS: u32 = 20;
 
 /// Calibration of a sensor's two channels.
@@ -63,7 +63,7 @@ pub struct SensorState {
     hold: u8,
     /// Error of the wide channel's zero: it is subtracted from its values.
     offset: i32,
-    overlap: Overlap,
+    overlap: GainOverlap,
 }
 
 /// Which channels measured some samples.
@@ -171,7 +171,7 @@ impl<F: LeEqU32> Sensor<F> {
 
 /// Sums over the samples in which both channels see a signal that moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Overlap {
+struct GainOverlap {
     samples: i32,
     /// Σ of the signal, of the wide channel less the signal, and of their products.
     signal: i64,
@@ -181,7 +181,7 @@ struct Overlap {
     difference_difference: i64,
 }
 
-impl Overlap {
+impl GainOverlap {
     #[inline(always)]
     fn add(&mut self, signal: i32, difference: i32) {
         // With the clamp the sums stay in range, even if the wide channel reads nonsense.
@@ -423,7 +423,7 @@ mod tests {
             (-(1 << 24), -(1 << 24)),
             (i32::MIN, -(1 << 24)),
         ] {
-            let mut overlap = Overlap::default();
+            let mut overlap = GainOverlap::default();
             overlap.add(1, difference);
             assert_eq!(overlap.mean_difference(0), counts, "{difference}");
         }

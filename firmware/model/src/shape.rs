@@ -116,7 +116,7 @@ impl Ringing {
 }
 
 /// The extremes of a window.
-pub(crate) struct Peaks {
+pub(crate) struct WindowPeaks {
     /// The highest force; 0 if no force was positive.
     pub(crate) force: SensedForce,
     /// The first sample with the highest force.
@@ -166,7 +166,7 @@ impl WindowRecord {
         self.length = end;
     }
 
-    pub(crate) fn peaks(&self) -> Peaks {
+    pub(crate) fn peaks(&self) -> WindowPeaks {
         let (mut force, mut sample) = (SensedForce::ZERO, 0);
         let [mut low, mut high] = [SensedAcceleration::ZERO; 2];
         for (at, (pushes, acceleration)) in self.samples().enumerate() {
@@ -176,7 +176,7 @@ impl WindowRecord {
             low = low.min(acceleration);
             high = high.max(acceleration);
         }
-        Peaks {
+        WindowPeaks {
             force,
             sample,
             acceleration: low..=high,

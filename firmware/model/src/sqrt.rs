@@ -11,24 +11,24 @@ pub type SqrtLength = I6F26;
 
 /// `2^15 √m` as `offset + slope·m/2^32`.
 #[derive(Clone, Copy)]
-struct Segment {
+struct RootSegment {
     offset: u32,
     slope: u32,
 }
 
-/// Segment `i` is for `m >> 24 == i`. An even shift brings every argument to 2^30 or above, so the first
+/// RootSegment `i` is for `m >> 24 == i`. An even shift brings every argument to 2^30 or above, so the first
 /// quarter is never used; with it, eight bits are an index.
-static SEGMENTS: [Segment; 256] = segments();
+static SEGMENTS: [RootSegment; 256] = segments();
 
-const fn segments() -> [Segment; 256] {
-    let mut segments = [Segment { offset: 0, slope: 0 }; 256];
+const fn segments() -> [RootSegment; 256] {
+    let mut segments = [RootSegment { offset: 0, slope: 0 }; 256];
     let mut i = 64;
     while i < 256 {
         let [start, middle, end] = [scaled_root(2 * i), scaled_root(2 * i + 1), scaled_root(2 * i + 2)];
         // The root lies above its chord, farthest in the middle. Half of that distance puts the line between
         // them.
         let bulge = middle - (start + end) / 2;
-        segments[i as usize] = Segment {
+        segments[i as usize] = RootSegment {
             offset: (start + bulge / 2 - i * (end - start)) as u32,
             slope: ((end - start) << 8) as u32,
         };
@@ -49,7 +49,7 @@ pub(crate) fn sqrt(length: Length) -> SqrtLength {
     // √bits = √m·2^(-shift/2), and √(bits·2^-22) = √bits·2^15·2^-26.
     let shift = bits.leading_zeros() & !1;
     let m = bits.wrapping_shl(shift);
-    let Segment { offset, slope } = SEGMENTS[(m >> 24) as usize];
+    let RootSegment { offset, slope } = SEGMENTS[(m >> 24) as usize];
     let root = offset + ((u64::from(slope) * u64::from(m)) >> 32) as u32;
     SqrtLength::from_bits((root >> (shift / 2)) as i32)
 }

@@ -9,7 +9,7 @@ use crate::quantity::{Scan, SensedAcceleration, SensedForce};
 use crate::reduced_chain::ReducedChainState;
 use crate::sensor::{Loudness, SensorState, gains_differ};
 use crate::settings::Settings;
-use crate::shape::{Peaks, WindowRecord, shape};
+use crate::shape::{WindowPeaks, WindowRecord, shape};
 use bead_wire::{Acceleration, Energy, Force, Fraction, Shape, Strike, StrikeFlags};
 use fixed::types::{I16F16, I40F24};
 use micromath::F32Ext;
@@ -159,7 +159,7 @@ impl Window {
             self.absorbed_predicted(settings),
         ];
         let noise_energy = settings.observer.noise(settings.scale.measured, &self.observer);
-        let Peaks {
+        let WindowPeaks {
             force: peak_force,
             sample: peak_sample,
             acceleration,

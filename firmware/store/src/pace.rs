@@ -86,20 +86,4 @@ mod tests {
         assert_eq!(written, BURST);
         assert_eq!(Pace::new(u32::MAX).write(0), Err(EVERY_MS));
     }
-
-    #[test]
-    #[cfg_attr(miri, ignore = "a day of asking")]
-    fn whatever_a_host_does_the_sectors_last_two_and_a_half_years() {
-        let (mut pace, mut written) = (Pace::new(0), 0_u64);
-        // A day of asking every 100 ms.
-        for n in 0..864_000 {
-            written += u64::from(pace.write(n * 100).is_ok());
-        }
-        let erases = written as f64 / 440.0;
-        let years = 2.0 * 10_000.0 / erases / 365.0;
-        assert!(
-            years > 2.5,
-            "{written} blocks and {erases} erases a day: {years} years"
-        );
-    }
 }

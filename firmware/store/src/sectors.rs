@@ -13,8 +13,8 @@ const BLANK: u8 = 0xFF;
 const CHUNK: usize = 256;
 
 pub(crate) struct Sectors<F> {
-    flash: F,
-    range: Range<u32>,
+    pub(crate) flash: F,
+    pub(crate) range: Range<u32>,
     /// If set, all other flash reads as blank.
     pub(crate) alone: Option<Range<u32>>,
     /// True if a sector may be erased.
@@ -45,14 +45,6 @@ impl<F: NorFlash> Sectors<F> {
             may_erase: false,
             erased: 0,
         }
-    }
-
-    pub(crate) fn range(&self) -> Range<u32> {
-        self.range.clone()
-    }
-
-    pub(crate) fn into_flash(self) -> F {
-        self.flash
     }
 
     pub(crate) fn each(&self) -> [Range<u32>; COUNT] {
@@ -117,7 +109,7 @@ impl<F: NorFlash> Sectors<F> {
     }
 
     pub(crate) fn erase_all(&mut self) -> Result<(), SectorError> {
-        self.erase(&self.range())
+        self.erase(&self.range.clone())
     }
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), SectorError> {
@@ -218,7 +210,7 @@ mod tests {
             assert_eq!(sectors.erase_all().is_ok(), erased > 0);
             assert_eq!(sectors.erased, erased);
             let byte = if erased > 0 { BLANK } else { 0 };
-            assert_eq!(sectors.into_flash().bytes[SECTOR..3 * SECTOR], [byte; 2 * SECTOR]);
+            assert_eq!(sectors.flash.bytes[SECTOR..3 * SECTOR], [byte; 2 * SECTOR]);
         }
     }
 

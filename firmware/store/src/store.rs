@@ -192,7 +192,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Gives the flash back.
     pub fn into_flash(self) -> F {
-        self.sectors.into_flash()
+        self.sectors.flash
     }
 
     /// Returns `true` if the sector holds a whole block. The other sector reads as blank meanwhile.
@@ -233,7 +233,7 @@ fn map<F: NorFlash>(sectors: &mut Sectors<F>) -> MapStorage<u8, &mut Sectors<F>,
         ArrayPagePointers::new(),
         ArrayKeyPointers::new(),
     );
-    let config = MapConfig::new(sectors.range());
+    let config = MapConfig::new(sectors.range.clone());
     MapStorage::new(sectors, config, cache)
 }
 

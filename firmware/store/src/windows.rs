@@ -13,7 +13,7 @@
 //! afterwards, [`STEP`] bytes at a time ([`Windows::seal`]). Until then a window can be read, but a reset
 //! loses it.
 
-use bead_crc::{Running, checksum};
+use bead_crc::{RunningChecksum, checksum};
 
 /// Most windows that are kept.
 pub const WINDOWS: usize = 32;
@@ -141,7 +141,7 @@ pub struct Windows<'m, const N: usize> {
     /// The first window that is not sealed, how far its checksum is, and the checksum.
     unsealed: u32,
     summed: usize,
-    sum: Running,
+    sum: RunningChecksum,
 }
 
 impl<'m, const N: usize> Windows<'m, N> {
@@ -157,7 +157,7 @@ impl<'m, const N: usize> Windows<'m, N> {
             open: None,
             unsealed: 0,
             summed: 0,
-            sum: Running::new(),
+            sum: RunningChecksum::new(),
         };
         windows.take_up(survived);
         windows.unsealed = windows.next;
@@ -224,7 +224,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         if !fits {
             return false;
         }
-        let mut sum = Running::new();
+        let mut sum = RunningChecksum::new();
         for slice in slices(&self.memory.ring, start, length) {
             sum.update(slice);
         }
@@ -323,7 +323,7 @@ impl<'m, const N: usize> Windows<'m, N> {
 
     fn restart_sum(&mut self) {
         self.summed = 0;
-        self.sum = Running::new();
+        self.sum = RunningChecksum::new();
     }
 
     /// Makes a little of the checksums that are still to be made. Returns whether there is more to do.
@@ -451,7 +451,9 @@ mod tests {
         let mut word = || random(state) as u32 * 2 + 1;
         let mut entries = [Entry::NONE; WINDOWS];
         for entry in &mut entries {
-            FIELDS.map(|field| *field(entry) = word());
+            for field in FIELDS {
+                *field(entry) = word();
+            }
             (entry.start, entry.length, entry.parts) = (entry.start % N as u32, entry.length % N as u32, 1);
         }
         WindowMemory {

@@ -19,12 +19,12 @@ const CUTS: usize = if cfg!(miri) { 60 } else { 1 };
 /// Writes that go through both sectors many times; under Miri once.
 const WRITES: usize = if cfg!(miri) { 5 } else { 200 };
 
-type Flash = PowerCutFlash<SECTOR>;
+type CutFlash = PowerCutFlash<SECTOR>;
 
-fn blank() -> Flash {
-    Flash {
+fn blank() -> CutFlash {
+    CutFlash {
         writable: RANGE,
-        ..Flash::blank(4)
+        ..CutFlash::blank(4)
     }
 }
 
@@ -34,7 +34,7 @@ fn a_block_survives_a_start_that_reads_it_wrongly_once() {
     store.write(&block(1)).unwrap();
     let ram = store.into_flash();
     for wrong in (0..200).step_by(STEP) {
-        let flash = Flash {
+        let flash = CutFlash {
             misread_after: Some(wrong),
             ..ram.clone()
         };
@@ -54,8 +54,8 @@ fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erase
     let (mut store, _) = open(&blank());
     store.write(&block(1)).unwrap();
     let mut ram = store.into_flash();
-    let start = |ram: &Flash, wrong| {
-        let flash = Flash {
+    let start = |ram: &CutFlash, wrong| {
+        let flash = CutFlash {
             misread_after: wrong,
             refused_erases: 1,
             ..ram.clone()
@@ -80,7 +80,7 @@ fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erase
 #[test]
 fn a_store_that_is_opened_as_it_is_changes_nothing() {
     for contents in [vec![0xFF; SIZE], vec![0x5A; SIZE]] {
-        let ram = Flash {
+        let ram = CutFlash {
             bytes: contents.clone(),
             ..blank()
         };
@@ -95,15 +95,15 @@ fn a_store_that_is_opened_as_it_is_changes_nothing() {
 }
 
 /// The flash of a store, which from now on does as it should.
-fn undisturbed(store: Store<Flash>) -> Flash {
-    Flash {
+fn undisturbed(store: Store<CutFlash>) -> CutFlash {
+    CutFlash {
         misread_after: None,
         refused_erases: 0,
         ..store.into_flash()
     }
 }
 
-fn open(ram: &Flash) -> (Store<Flash>, Opened) {
+fn open(ram: &CutFlash) -> (Store<CutFlash>, Opened) {
     Store::open(ram.clone(), RANGE)
 }
 
@@ -112,12 +112,12 @@ fn block(n: usize) -> Vec<u8> {
     (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
 }
 
-fn read(store: &mut Store<Flash>) -> Option<Vec<u8>> {
+fn read(store: &mut Store<CutFlash>) -> Option<Vec<u8>> {
     store.read().unwrap().map(<[u8]>::to_vec)
 }
 
 /// Writes as a bead that restarts when its store is full.
-fn write(mut store: Store<Flash>, block: &[u8]) -> (Store<Flash>, Result<(), StoreError>) {
+fn write(mut store: Store<CutFlash>, block: &[u8]) -> (Store<CutFlash>, Result<(), StoreError>) {
     match store.write(block) {
         Err(StoreError::Full) => {
             let (mut store, _) = open(&store.into_flash());
@@ -139,7 +139,7 @@ fn a_start_of_a_store_in_order_writes_nothing_and_reads_the_last_block() {
         }
         let bytes = store.into_flash().bytes;
         let opened;
-        (store, opened) = open(&Flash {
+        (store, opened) = open(&CutFlash {
             bytes: bytes.clone(),
             ..blank()
         });
@@ -215,7 +215,7 @@ fn a_block_too_long_is_refused_and_the_longest_is_not() {
 
 #[test]
 fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
-    let (mut store, _) = open(&Flash {
+    let (mut store, _) = open(&CutFlash {
         forgets: true,
         ..blank()
     });
@@ -225,7 +225,7 @@ fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
 /// An owner's data on a bead: a key with its counter, and settings.
 type Owned = (Option<([u8; 16], u64)>, Option<Vec<u8>>);
 
-fn owned(ram: &Flash) -> (Vault<Flash>, Owned) {
+fn owned(ram: &CutFlash) -> (Vault<CutFlash>, Owned) {
     let (store, opened) = open(ram);
     assert!(!opened.lost);
     let mut vault = Vault::new(store);
@@ -254,7 +254,7 @@ fn a_vault_forgets_its_settings_keeps_its_secret_and_refuses_what_is_too_long() 
 }
 
 /// The operations of an owner on key and settings, in turn, so that a full sector is met in each.
-fn change(vault: &mut Vault<Flash>, n: usize) -> Result<(), StoreError> {
+fn change(vault: &mut Vault<CutFlash>, n: usize) -> Result<(), StoreError> {
     let secret = |key: usize| Secret {
         key: [key as u8 + 1; 16],
         counter: 64 * n as u64,
@@ -273,7 +273,7 @@ fn change(vault: &mut Vault<Flash>, n: usize) -> Result<(), StoreError> {
 }
 
 /// Changes as a bead that restarts when its store is full.
-fn changed(mut vault: Vault<Flash>, n: usize) -> (Vault<Flash>, Result<(), StoreError>) {
+fn changed(mut vault: Vault<CutFlash>, n: usize) -> (Vault<CutFlash>, Result<(), StoreError>) {
     match change(&mut vault, n) {
         Err(StoreError::Full) => {
             let mut vault = Vault::new(open(&vault.into_flash()).0);
@@ -285,8 +285,8 @@ fn changed(mut vault: Vault<Flash>, n: usize) -> (Vault<Flash>, Result<(), Store
 }
 
 /// Starts the store on flash whose power is cut after so many operations, and does the change.
-fn cut(before: &Flash, seed: u32, power: u32, n: usize) -> (Flash, Result<(), StoreError>) {
-    let ram = Flash {
+fn cut(before: &CutFlash, seed: u32, power: u32, n: usize) -> (CutFlash, Result<(), StoreError>) {
+    let ram = CutFlash {
         power_left: Some(power),
         seed,
         ..before.clone()
@@ -296,7 +296,7 @@ fn cut(before: &Flash, seed: u32, power: u32, n: usize) -> (Flash, Result<(), St
 }
 
 /// Starts the store on flash whose power is cut, or is not, after so many operations.
-fn started(mut ram: Flash, power: Option<u32>) -> Flash {
+fn started(mut ram: CutFlash, power: Option<u32>) -> CutFlash {
     ram.power_left = power;
     Store::open(ram, RANGE).0.into_flash()
 }

@@ -6,8 +6,8 @@ use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink};
 use bead_wire::{
-    Block, Header, Heard, Identity, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, ResetCauses,
-    Settings, Shape, Strike, Waveform, encode,
+    Block, Header, Identity, MAX_FRAME, Message, Outcome, ReceivedRequest, Reply, RequestDecoder,
+    ResetCauses, Settings, Shape, Strike, Waveform, encode,
 };
 
 /// A bead's end of a line. Its frames are numbered one after another.
@@ -57,7 +57,7 @@ impl Speaker {
     }
 
     /// Takes bytes from the line, passes each request in them to `answer`, and returns the frames said.
-    pub fn answer(&mut self, bytes: &[u8], mut answer: impl FnMut(&mut Self, &Heard)) -> Vec<u8> {
+    pub fn answer(&mut self, bytes: &[u8], mut answer: impl FnMut(&mut Self, &ReceivedRequest)) -> Vec<u8> {
         for byte in bytes {
             if let Some(Ok(request)) = self.decoder.push(*byte) {
                 answer(self, &request);

@@ -125,6 +125,17 @@ pub(crate) const fn counted(most: usize) -> usize {
     most + if most < 1 << 7 { 1 } else { 2 }
 }
 
+/// The greatest of some lengths.
+pub(crate) const fn longest(lengths: &[usize]) -> usize {
+    match lengths {
+        [] => 0,
+        [first, rest @ ..] => {
+            let other = longest(rest);
+            if *first > other { *first } else { other }
+        }
+    }
+}
+
 macro_rules! numbers_are_fields {
     ($($type:ty: $longest:expr),*) => {$(
         impl Field for $type {

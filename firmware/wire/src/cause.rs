@@ -65,18 +65,6 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    /// Nothing was rejected.
-    pub(crate) const NONE: Self = Self {
-        too_long: 0,
-        cobs: 0,
-        too_short: 0,
-        crc: 0,
-        version: 0,
-        kind: 0,
-        body: 0,
-        trailing: 0,
-    };
-
     /// These and others.
     pub(crate) fn and(&self, other: &Self) -> Self {
         Self {
@@ -128,7 +116,7 @@ mod tests {
             Body,
             Trailing,
         ];
-        let mut rejected = Rejected::NONE;
+        let mut rejected = Rejected::default();
         for (cause, many) in causes.into_iter().zip((0..).map(|power| 1 << power)) {
             (0..times * many).for_each(|_| rejected.count(cause));
         }

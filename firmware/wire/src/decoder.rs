@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::cause::{Reject, Rejected};
 use crate::deframer::Deframer;
 use crate::frame::{Checked, Frame, Header, MAX_ENCODED};
-use crate::sequence::{Arrival, Run};
+use crate::sequence::{Arrival, SequenceRun};
 
 /// Counts of frames received, refused and missing.
 ///
@@ -64,7 +64,7 @@ impl Counters {
 pub struct Decoder {
     deframer: Deframer<MAX_ENCODED>,
     /// A run of sequence numbers for each address.
-    runs: [Option<Run>; 256],
+    runs: [Option<SequenceRun>; 256],
     counters: Counters,
 }
 
@@ -76,20 +76,11 @@ impl Default for Decoder {
 
 impl Decoder {
     /// A decoder that has received nothing. Joining in the middle of a frame costs one reject.
-    pub const fn new() -> Self {
+    pub fn new() -> Self {
         Self {
             deframer: Deframer::new(),
             runs: [None; 256],
-            counters: Counters {
-                bytes: 0,
-                frames: 0,
-                lost: 0,
-                late: 0,
-                duplicates: 0,
-                restarts: 0,
-                first_sequence: None,
-                rejected: Rejected::NONE,
-            },
+            counters: Counters::default(),
         }
     }
 
@@ -127,7 +118,7 @@ impl Decoder {
                 ..
             } = checked.header;
             let run = &mut self.runs[usize::from(address)];
-            let arrival = Run::follow(run, boot, sequence, checked.opens_boot());
+            let arrival = SequenceRun::follow(run, boot, sequence, checked.opens_boot());
             self.counters.follow(arrival, sequence);
             Ok(Frame {
                 version: checked.version,
@@ -172,7 +163,7 @@ mod tests {
     #[test]
     fn counts_of_two_lines_are_added_and_the_later_start_of_the_two_counts() {
         let counters = |factor: u64, first_sequence| {
-            let mut rejected = Rejected::NONE;
+            let mut rejected = Rejected::default();
             (0..factor).for_each(|_| rejected.count(crate::cause::Cause::Crc));
             Counters {
                 bytes: 3 * factor,

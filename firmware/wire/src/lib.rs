@@ -45,7 +45,9 @@ pub use names::named;
 pub use payload::{BufferTooSmall, VERSION, reader};
 pub use quantity::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples};
 pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
-pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};
+pub use request::{
+    ANY, MAX_REQUEST, ReceivedRequest, Request, RequestCounters, RequestDecoder, encode_request,
+};
 pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};
 pub use text::{Block, BlockTooLong, Bytes, Inner, MAX_BLOCK, Text};

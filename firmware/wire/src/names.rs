@@ -49,12 +49,6 @@ macro_rules! names {
                     Self::Unknown(_) => None,
                 }
             }
-
-            /// The one with this name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                let row = Self::LIST.iter().find(|row| row.1 == name)?;
-                Some(Self::from_number(row.0))
-            }
         }
 
         /// Its name, or its number where it has none.

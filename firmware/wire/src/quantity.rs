@@ -58,19 +58,19 @@ quantities! {
     /// Acceleration (I16F16 of a metre per second squared).
     Acceleration(i32): metres_per_second_squared, Unit::new("m/s²", "_mps2", 16);
     /// Energy (I40F24 of a nanojoule).
-    Energy(i64): joules, Unit::new("J", "_j", 24).nano();
+    Energy(i64): joules, Unit { scale: 1e-9, ..Unit::new("J", "_j", 24) };
     /// Part of a whole (I16F16).
     Fraction(i32): ratio, Unit::new("1", "", 16);
     /// Momentum (I48F16 of a newton times a sample period). Divided by the sample rate it is in newton
     /// seconds.
-    Impulse(i64): newton_samples, Unit::new("N·s", "_n_s", 16).per_sample();
+    Impulse(i64): newton_samples, Unit { per_sample: true, ..Unit::new("N·s", "_n_s", 16) };
     /// Time finer than a sample (U16F16 of a sample period), 0 if it was not found. Divided by the sample
     /// rate it is in seconds.
-    Samples(u32): samples, Unit::new("s", "_s", 16).per_sample().zero_is_unknown();
+    Samples(u32): samples, Unit { per_sample: true, zero_is_unknown: true, ..Unit::new("s", "_s", 16) };
     /// Frequency (U16F16 of a hertz), 0 if it was not found.
-    Frequency(u32): hertz, Unit::new("Hz", "_hz", 16).zero_is_unknown();
+    Frequency(u32): hertz, Unit { zero_is_unknown: true, ..Unit::new("Hz", "_hz", 16) };
     /// Rate of decay (U16F16 of 1/s), 0 if it was not found.
-    Decay(u32): per_second, Unit::new("1/s", "_per_s", 16).zero_is_unknown();
+    Decay(u32): per_second, Unit { zero_is_unknown: true, ..Unit::new("1/s", "_per_s", 16) };
 }
 
 impl Impulse {

@@ -127,7 +127,7 @@ pub fn encode_request<'b>(
 
 /// A frame of a host whose CRC is right, so that somebody waits for a reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Heard {
+pub struct ReceivedRequest {
     /// Address of the bead that is asked, or [`ANY`].
     pub address: u8,
     /// The number that the reply must have.
@@ -147,14 +147,6 @@ pub struct RequestCounters {
     pub rejected: Rejected,
 }
 
-impl RequestCounters {
-    const NONE: Self = Self {
-        bytes: 0,
-        requests: 0,
-        rejected: Rejected::NONE,
-    };
-}
-
 /// Takes bytes one at a time, gives requests. It keeps at most one request, allocates nothing and cannot
 /// panic.
 #[derive(Clone, Debug)]
@@ -171,10 +163,10 @@ impl Default for RequestDecoder {
 
 impl RequestDecoder {
     /// A decoder that has received nothing.
-    pub const fn new() -> Self {
+    pub fn new() -> Self {
         Self {
             deframer: Deframer::new(),
-            counters: RequestCounters::NONE,
+            counters: RequestCounters::default(),
         }
     }
 
@@ -185,17 +177,17 @@ impl RequestDecoder {
 
     /// Takes what was received so far; the counts begin again at 0. Bytes since the last delimiter are kept.
     pub fn take_counters(&mut self) -> RequestCounters {
-        core::mem::replace(&mut self.counters, RequestCounters::NONE)
+        core::mem::take(&mut self.counters)
     }
 
     /// Takes one byte. A delimiter may give a frame, or the cause why the bytes before it are none. Nobody
     /// waits for a reply to bytes that are no frame.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Heard, Cause>> {
+    pub fn push(&mut self, byte: u8) -> Option<Result<ReceivedRequest, Cause>> {
         self.counters.bytes += 1;
         let heard = self.deframer.push(byte)?.payload.and_then(read);
         match &heard {
-            Ok(Heard { request: Ok(_), .. }) => self.counters.requests += 1,
-            Ok(Heard {
+            Ok(ReceivedRequest { request: Ok(_), .. }) => self.counters.requests += 1,
+            Ok(ReceivedRequest {
                 request: Err(cause), ..
             })
             | Err(cause) => self.counters.rejected.count(*cause),
@@ -204,9 +196,9 @@ impl RequestDecoder {
     }
 }
 
-fn read(payload: &[u8]) -> Result<Heard, Cause> {
+fn read(payload: &[u8]) -> Result<ReceivedRequest, Cause> {
     let (&[version, kind, low, high, address], body) = open::<HEADER>(payload)?;
-    Ok(Heard {
+    Ok(ReceivedRequest {
         address,
         number: u16::from_le_bytes([low, high]),
         request: match version {

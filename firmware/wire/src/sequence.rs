@@ -45,14 +45,14 @@ pub enum Arrival {
 
 /// State of a run of sequence numbers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
+pub(crate) struct SequenceRun {
     boot: u8,
     newest: u32,
     /// Bit `n` is set while the frame `n + 1` before the newest counts as lost.
     missing: u64,
 }
 
-impl Run {
+impl SequenceRun {
     /// Takes the next frame. `opens_boot` says that it can only be the first of a boot.
     pub(crate) fn follow(run: &mut Option<Self>, boot: u8, sequence: u32, opens_boot: bool) -> Arrival {
         let Some(now) = run else {

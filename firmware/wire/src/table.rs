@@ -118,16 +118,7 @@ macro_rules! messages {
         }
 
         /// Longest body of any kind, in bytes.
-        pub(crate) const MAX_BODY: usize = {
-            let (mut longest, mut row) = (0, 0);
-            while row < Kind::ALL.len() {
-                if Kind::ALL[row].longest() > longest {
-                    longest = Kind::ALL[row].longest();
-                }
-                row += 1;
-            }
-            longest
-        };
+        pub(crate) const MAX_BODY: usize = $crate::body::longest(&[$(<$name::$body as Body>::LONGEST),*]);
     };
 }
 pub(crate) use messages;
@@ -197,17 +188,7 @@ macro_rules! requests {
         }
 
         /// Longest body of any request, in bytes.
-        const MAX_BODY: usize = {
-            let lengths = [$(0 $($(+ <$type as Field>::LONGEST)*)?),*];
-            let (mut longest, mut row) = (0, 0);
-            while row < lengths.len() {
-                if lengths[row] > longest {
-                    longest = lengths[row];
-                }
-                row += 1;
-            }
-            longest
-        };
+        const MAX_BODY: usize = $crate::body::longest(&[$(0 $($(+ <$type as Field>::LONGEST)*)?),*]);
     };
 }
 pub(crate) use requests;

@@ -29,24 +29,6 @@ impl Unit {
         }
     }
 
-    pub(crate) const fn nano(self) -> Self {
-        Self { scale: 1e-9, ..self }
-    }
-
-    pub(crate) const fn per_sample(self) -> Self {
-        Self {
-            per_sample: true,
-            ..self
-        }
-    }
-
-    pub(crate) const fn zero_is_unknown(self) -> Self {
-        Self {
-            zero_is_unknown: true,
-            ..self
-        }
-    }
-
     /// Size of one bit in the SI unit or, if [`per_sample`](field@Self::per_sample), in the SI unit at a
     /// sample rate of 1 Hz.
     pub const fn resolution(&self) -> f64 {

@@ -133,10 +133,10 @@ fn refused(change: impl FnOnce(&mut Description)) -> (Key, Bound) {
     (key, bound)
 }
 
-type Number = fn(&mut Description) -> &mut f64;
+type NumberOf = fn(&mut Description) -> &mut f64;
 
 /// Every number of a description that is above 0.
-const POSITIVE: [(Key, Number); 13] = [
+const POSITIVE: [(Key, NumberOf); 13] = [
     (Key::BeadMass, |one| &mut one.bead.mass),
     (Key::IntruderMass, |one| &mut one.intruder.mass),
     (Key::IntruderStiffness, |one| &mut one.intruder.stiffness),
@@ -154,7 +154,7 @@ const POSITIVE: [(Key, Number); 13] = [
     (Key::CompanyDamping, |one| &mut one.company.damping),
 ];
 /// Every number that is 0 or more.
-const NOT_NEGATIVE: [(Key, Number); 8] = [
+const NOT_NEGATIVE: [(Key, NumberOf); 8] = [
     (Key::ContactRelaxation, |one| &mut one.contact.relaxation),
     (Key::ForcePole, |one| &mut one.force.pole),
     (Key::WideForcePole, |one| &mut one.force.wide_pole),

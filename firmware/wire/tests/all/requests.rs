@@ -5,8 +5,8 @@
 
 use crate::common::{STEP, most, request};
 use bead_wire::{
-    Cause, Heard, Inner, KEY, MAX_REQUEST, Rejected, Request, RequestCounters, RequestDecoder, VERSION,
-    encode_request,
+    Cause, Inner, KEY, MAX_REQUEST, ReceivedRequest, Rejected, Request, RequestCounters, RequestDecoder,
+    VERSION, encode_request,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -23,19 +23,19 @@ fn by_hand(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
     crate::common::by_hand(&[version, kind, 7, 0, ADDRESS], body)
 }
 
-fn decode(decoder: &mut RequestDecoder, stream: &[u8]) -> Vec<Result<Heard, Cause>> {
+fn decode(decoder: &mut RequestDecoder, stream: &[u8]) -> Vec<Result<ReceivedRequest, Cause>> {
     stream.iter().filter_map(|&byte| decoder.push(byte)).collect()
 }
 
 /// The one request or reject in `stream`.
-fn only(stream: &[u8]) -> Result<Heard, Cause> {
+fn only(stream: &[u8]) -> Result<ReceivedRequest, Cause> {
     let mut heard = decode(&mut RequestDecoder::new(), stream);
     assert_eq!(heard.len(), 1, "{heard:?}");
     heard.remove(0)
 }
 
-fn understood(number: u16, request: Request) -> Heard {
-    Heard {
+fn understood(number: u16, request: Request) -> ReceivedRequest {
+    ReceivedRequest {
         address: ADDRESS,
         number,
         request: Ok(request),
@@ -121,7 +121,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         (VERSION, 67, b"\x02\x01", Cause::Body),
         (VERSION, 67, b"\x02\x01\x02\x03", Cause::Trailing),
     ] {
-        let refused = Heard {
+        let refused = ReceivedRequest {
             address: ADDRESS,
             number: 7,
             request: Err(cause),

@@ -414,7 +414,7 @@ mod tests {
 
     use super::*;
     use bead_testing::Speaker;
-    use bead_wire::{Heard, Link, RequestDecoder};
+    use bead_wire::{Link, ReceivedRequest, RequestDecoder};
 
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
@@ -423,7 +423,7 @@ mod tests {
     fn talk<T>(
         asked: u8,
         patience: Duration,
-        mut answer: impl FnMut(&Heard) -> Vec<u8> + Send,
+        mut answer: impl FnMut(&ReceivedRequest) -> Vec<u8> + Send,
         talk: impl FnOnce(&mut Conversation) -> T,
     ) -> T {
         let folder = tempfile::tempdir().unwrap();
@@ -454,7 +454,7 @@ mod tests {
         }
     }
 
-    fn reply(heard: &Heard, outcome: Outcome) -> Message {
+    fn reply(heard: &ReceivedRequest, outcome: Outcome) -> Message {
         let reply = Reply {
             request: heard.number,
             outcome,
@@ -463,7 +463,7 @@ mod tests {
         reply.into()
     }
 
-    fn done(heard: &Heard, address: u8) -> Vec<u8> {
+    fn done(heard: &ReceivedRequest, address: u8) -> Vec<u8> {
         bead(address, 0).frame(0, &reply(heard, Outcome::Done))
     }
 

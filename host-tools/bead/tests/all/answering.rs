@@ -6,8 +6,8 @@ use std::process::Output;
 use crate::program::asked;
 use bead_testing::{Speaker, xorshift};
 use bead_wire::{
-    ANY, Block, Check, Codes, Guard, Heard, Identity, Kind, Link, Lock, Message, Moment, Outcome, Raw, Reply,
-    Request, SelfTest, Settings,
+    ANY, Block, Check, Codes, Guard, Identity, Kind, Link, Lock, Message, Moment, Outcome, Raw,
+    ReceivedRequest, Reply, Request, SelfTest, Settings,
 };
 
 /// A bead that knows no physics: its counts are drawn, and it passes every check.
@@ -78,7 +78,7 @@ impl AnsweringBead {
         std::mem::take(&mut self.speaker.bytes)
     }
 
-    fn answer(&mut self, asked: Heard) {
+    fn answer(&mut self, asked: ReceivedRequest) {
         let now = Moment {
             boot: self.speaker.boot,
             index: self.index(),

@@ -7,12 +7,12 @@ use std::process::Output;
 use crate::program::{self, RunningProgram, asked, assert_says, refused, said, until};
 use bead_testing::Speaker;
 use bead_wire::{
-    Block, Check, Codes, Heard, Identity, Kept, Link, Outcome, Raw, Request, SelfTest, Settings,
+    Block, Check, Codes, Identity, Kept, Link, Outcome, Raw, ReceivedRequest, Request, SelfTest, Settings,
 };
 
 /// Runs `bead` at a bead that answers each request as `answer` says. Where it adds 1 to its sequence, a frame
 /// is lost on the way.
-fn at_bead(arguments: &str, mut answer: impl FnMut(&mut Speaker, &Heard) + Send) -> Output {
+fn at_bead(arguments: &str, mut answer: impl FnMut(&mut Speaker, &ReceivedRequest) + Send) -> Output {
     let mut bead = Speaker::default();
     let folder = tempfile::tempdir().unwrap();
     let arguments = format!("{arguments} --timeout 0.3");
