@@ -4,7 +4,7 @@ use std::sync::{Arc, LazyLock};
 
 use bead_compare::replay::replay;
 use bead_model::Settings;
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::design::Capture;
 use bead_recording::arrival::rise;
 use bead_recording::clock::{Live, Segments, Tracker};
 use bead_recording::export::{samples, strikes as table};
@@ -12,6 +12,7 @@ use bead_recording::frames::{Frame, Frames, Item, Piece};
 use bead_recording::received::LastSaid;
 use bead_recording::signal::Signal;
 use bead_recording::strikes::{FetchedNames, GivenSettings, RecordedStrike, Strikes};
+use bead_testing::paper_settings;
 use bead_wire::Message;
 
 use crate::line::{mended, runs};
@@ -46,7 +47,8 @@ pub fn short_window() -> Settings {
         lookback: 0.3e-3,
         ..Capture::default()
     };
-    derive(&Bead::paper(), &FrontEnd::reference(), &capture).expect("the paper's bead has settings")
+    let short = paper_settings().with(|paper| paper.capture = capture);
+    short.expect("the paper's bead has settings")
 }
 
 /// Reads the bytes with right checksums. Each run is received at a time that its last byte gives. The strikes
@@ -103,10 +105,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 static SHORT: LazyLock<Settings> = LazyLock::new(short_window);
-static USUAL: LazyLock<Settings> = LazyLock::new(|| {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default())
-        .expect("the paper's bead has settings")
-});
+static USUAL: LazyLock<Settings> = LazyLock::new(paper_settings);
 
 /// Returns the frames without settings, and with samples that are counted so that the first strike begins at
 /// `first`.

@@ -470,13 +470,8 @@ mod tests {
             channel.slope = channel.per_code * I2F30::from_num(0.45);
         }
         // Every so often steps within a quarter of the range, or as wide as it; the wide codes are as drawn.
-        let mut state = 1_u64;
-        let mut drawn = |most: u64| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 33) % most) as u16
-        };
+        let mut random = bead_testing::xorshift(1);
+        let mut drawn = |most: u64| (random() % most) as u16;
         let codes: Vec<Pair> = (0..960)
             .map(|n| {
                 let most = if n % 40 < 3 { 4096 } else { 1200 };

@@ -44,6 +44,7 @@ struct Worn {
     weakness: Weakness,
     /// Bits that have failed.
     failed: Vec<u8>,
+    /// State of what draws the bits that fail (xorshift32, Marsaglia 2003).
     random: u32,
 }
 
@@ -69,18 +70,14 @@ impl Worn {
             failed: vec![0; SIZE],
             random: number + 1,
         };
-        flash.left = [0; 2].map(|_: u32| flash.draw() % 12);
+        flash.left = [flash.draw() % 12, flash.draw() % 12];
         flash
     }
 
     fn draw(&mut self) -> u32 {
-        // xorshift32, Marsaglia 2003.
-        for shift in [13, -17, 5i32] {
-            self.random ^= match shift {
-                ..0 => self.random >> -shift,
-                _ => self.random << shift,
-            };
-        }
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 17;
+        self.random ^= self.random << 5;
         self.random
     }
 }
@@ -105,25 +102,19 @@ impl NorFlash for Worn {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Refused> {
         for start in (from as usize..to as usize).step_by(SECTOR) {
-            let sector = start / SECTOR;
-            match self.left[sector].checked_sub(1) {
-                Some(left) => self.left[sector] = left,
-                None => {
-                    // Near the start of a sector as often as anywhere: there the library keeps its mark and
-                    // writes first.
-                    let place = match self.draw() % 2 {
-                        0 => self.draw() as usize % 32,
-                        _ => self.draw() as usize % SECTOR,
-                    };
-                    let bit = 1 << (self.draw() % 8);
-                    self.failed[start + place] |= bit;
-                }
+            let left = &mut self.left[start / SECTOR];
+            if *left > 0 {
+                *left -= 1;
+            } else {
+                // Near the start of a sector as often as anywhere: there the library keeps its mark and
+                // writes first.
+                let span = [32, SECTOR as u32][self.draw() as usize % 2];
+                let place = (self.draw() % span) as usize;
+                self.failed[start + place] |= 1 << (self.draw() % 8);
             }
             for at in start..start + SECTOR {
-                self.bytes[at] = match self.weakness {
-                    Weakness::StaysLow => !self.failed[at],
-                    _ => 0xFF,
-                };
+                let low = self.weakness == Weakness::StaysLow;
+                self.bytes[at] = if low { !self.failed[at] } else { 0xFF };
             }
         }
         Ok(())
@@ -132,12 +123,9 @@ impl NorFlash for Worn {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refused> {
         assert!(offset.is_multiple_of(4) && bytes.len().is_multiple_of(4));
         for (at, &byte) in (offset as usize..).zip(bytes) {
-            let failed = match self.weakness {
-                Weakness::StaysLow => 0,
-                _ => self.failed[at],
-            };
             let meant = self.bytes[at] & byte;
-            self.bytes[at] = meant | failed;
+            let low = self.weakness == Weakness::StaysLow;
+            self.bytes[at] = if low { meant } else { meant | self.failed[at] };
             if self.weakness == Weakness::Told && self.bytes[at] != meant {
                 return Err(Refused);
             }
@@ -149,11 +137,6 @@ impl NorFlash for Worn {
 /// Block number `n`.
 fn block(n: usize) -> Vec<u8> {
     (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
-}
-
-fn reads(flash: &Worn) -> Option<Vec<u8>> {
-    let (mut store, _) = Store::open(flash.clone(), RANGE);
-    store.read().ok().flatten().map(<[u8]>::to_vec)
 }
 
 #[test]
@@ -184,7 +167,8 @@ fn a_store_that_wears_out_keeps_what_it_acknowledged_and_refuses_the_rest() {
                     refused += 1;
                 }
             }
-            let held = reads(&flash);
+            let mut store = Store::open(flash.clone(), RANGE).0;
+            let held = store.read().ok().flatten().map(<[u8]>::to_vec);
             let which = (0..=n).rev().find(|n| held.as_ref() == Some(&block(*n)));
             assert!(
                 holds.contains(&which),

@@ -127,8 +127,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
-    use crate::message::reply::Outcome;
-    use crate::message::{Message, Reply};
+    use crate::message::Message;
     use std::collections::VecDeque;
     use std::vec::Vec;
 
@@ -146,25 +145,20 @@ mod tests {
         let mut queue = Queue::<1024>::new();
         let mut waiting: VecDeque<Vec<u8>> = VecDeque::new();
         let mut packed = Packed::new();
-        let (mut sequence, mut refused) = (0, 0);
+        let mut refused = 0;
         const ROUNDS: u32 = if cfg!(miri) { 500 } else { 80_000 };
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             if random() % 2 == 0 {
                 let kind = Kind::ALL[random() as usize % Kind::ALL.len()];
-                let message = Message::draw(kind, &mut random);
-                packed.pack(7, 2, &message).unwrap();
-                packed.stamp(sequence, u64::from(sequence) << 20);
+                packed.pack(7, 2, &Message::draw(kind, &mut random)).unwrap();
+                packed.stamp(round, u64::from(round) << 20);
                 let keep = (random() % 3) as usize * 128;
                 let fits = queue.free() >= taken(packed.bytes().len()) + keep;
-                let free = queue.free();
                 assert_eq!(queue.push(&packed, keep), fits);
                 if fits {
-                    waiting.push_back(packed.bytes().to_vec())
-                } else {
-                    assert_eq!(queue.free(), free)
+                    waiting.push_back(packed.bytes().to_vec());
                 }
                 refused += u32::from(!fits);
-                sequence += 1;
             } else {
                 assert_eq!(queue.pop(&mut packed), !waiting.is_empty());
                 if let Some(oldest) = waiting.pop_front() {
@@ -176,20 +170,5 @@ mod tests {
             assert_eq!(queue.free(), 1024 - used);
         }
         assert!(refused > ROUNDS / 80, "{refused}");
-    }
-
-    #[test]
-    fn a_reply_finds_the_room_that_bulk_left_for_it() {
-        let mut queue = Queue::<2048>::new();
-        let mut packed = Packed::new();
-        let reply = Reply {
-            request: 1,
-            outcome: Outcome::Done,
-            detail: "armed".into(),
-        };
-        packed.pack(7, 2, &reply.into()).unwrap();
-        while queue.push(&packed, 256) {}
-        assert!(queue.free() >= 256);
-        assert!(queue.push(&packed, 0), "the room that was kept");
     }
 }

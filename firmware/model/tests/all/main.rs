@@ -17,13 +17,8 @@ mod shape;
 #[cfg(not(miri))]
 mod spheres;
 
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{Scan, Settings, Window, WindowRecord};
-
-/// The paper's bead behind the reference front end.
-fn paper() -> Settings {
-    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
-}
+use bead_testing::paper_settings as paper;
 
 /// Window of the first strike, whose first scan has the index `first`, and the record of its samples.
 fn replayed(settings: &Settings, first: u64, scans: &[Scan]) -> (Window, Box<WindowRecord>) {
