@@ -9,7 +9,7 @@
 use bead_model::WindowRecord;
 use bead_store::{Pace, Secret, StoreError, Vault};
 use bead_wire::{
-    AHEAD, ANY, Cause, Detail, ReceivedRequest, KEY, Key, Lock, Moment, Outcome, Reply, Request, Standing,
+    AHEAD, ANY, Cause, Detail, KEY, Key, Lock, Moment, Outcome, ReceivedRequest, Reply, Request, Standing,
 };
 
 use crate::bead::Bead;
