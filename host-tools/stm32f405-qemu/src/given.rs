@@ -160,6 +160,14 @@ impl Since {
             Self::PowerUp => Some(ns),
         }
     }
+
+    /// Why something since then did not come, beside the end of the run.
+    pub(crate) fn missed(self, sampled: bool) -> &'static str {
+        match self {
+            Self::FirstScan if !sampled => ": there was no triggered scan to count from",
+            _ => "",
+        }
+    }
 }
 
 /// Bytes for the receiver of a USART, sent back to back at its own baud rate.

@@ -44,7 +44,6 @@ pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
-use crate::peripherals::usart::Usart;
 use chip::Chip;
 use crash::crash;
 use events::MachineEvent;
@@ -53,10 +52,10 @@ use lines::InterruptLines;
 use polls::Polls;
 use sampling::Scans;
 use table::DMA2_LINES;
-use transfers::{Transfers, part, serving};
+use transfers::{Moment, Transfers, part, serving};
 use unknown::UnknownRegisters;
 use wires::Wires;
-use wiring::SERVERS;
+use wiring::{SERVERS, known_pin};
 
 /// An STM32F405 without its processor and memory.
 #[derive(Debug, Clone)]
@@ -82,9 +81,7 @@ impl Machine {
     /// One of the pins or USARTs does not exist.
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
-        let stimulus = StimulusPlayer::new(run.stimulus, run.sample_period_ns, run.stimulus_since)
-            .with(&run.analog_inputs)
-            .on_clock(hse_hz, run.hse_hz);
+        let stimulus = StimulusPlayer::new(&run, hse_hz);
         let mut chip = Chip::new(hse_hz, run.uid, stimulus);
         for converter in &mut chip.units.adc.converters {
             converter.software_scan_under_trigger = run.software_scan_under_trigger;
@@ -92,16 +89,14 @@ impl Machine {
         for usart in &mut chip.units.usart {
             usart.dma_latency_ns = run.receive_dma_latency_ns;
         }
-        for input in &run.uart_input {
-            let usart = USARTS.iter().position(|name| *name == input.port);
-            let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
-            chip.units.usart[usart].feed(input.at_ns, &input.bytes);
-        }
+        chip.feed(&run.uart_input);
         for port in &mut chip.units.gpio {
             port.records = run.record_pins;
         }
-        let pin = |name: &str| wiring::pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"));
-        let wires = run.wires.iter().map(|wire| [pin(&wire.0), pin(&wire.1)]);
+        let wires = run
+            .wires
+            .iter()
+            .map(|wire| [known_pin(&wire.0), known_pin(&wire.1)]);
         chip.wires = Wires::new(wires.collect());
         Self {
             levels: Levels::new(&run.pin_inputs, &mut chip),
@@ -154,8 +149,9 @@ impl Machine {
         if let Err(unanswered) = self.chip.write(word, value, now) {
             self.unknown.written(word, unanswered.clock_off, value);
         }
-        self.transfers.copy_memory(&mut self.chip, now, board);
-        self.transfers.serve(&mut self.chip, now, board);
+        let mut moment = Moment::new(&mut self.chip, now, board);
+        self.transfers.copy_memory(&mut moment);
+        self.transfers.serve(&mut moment);
         self.settle(board);
     }
 
@@ -182,14 +178,9 @@ impl Machine {
     /// # Panics
     /// One of the pins or USARTs does not exist.
     pub fn feed(&mut self, inputs: Inputs, now: u64) {
-        for input in &inputs.uart {
-            let usart = USARTS.iter().position(|name| *name == input.port);
-            let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
-            self.chip.units.usart[usart].feed(input.at_ns, &input.bytes);
-        }
+        self.chip.feed(&inputs.uart);
         for level in &inputs.levels {
-            let pin = pin(&level.pin).unwrap_or_else(|| panic!("there is no pin {:?}", level.pin));
-            self.levels.add(pin, level.at_ns, level.high);
+            self.levels.add(known_pin(&level.pin), level.at_ns, level.high);
         }
         self.chip.stimulus.append(inputs.codes, now);
     }
@@ -197,7 +188,7 @@ impl Machine {
     /// Inputs and rows that are kept for later.
     pub fn held(&self) -> usize {
         let usarts = self.chip.units.usart.iter();
-        let bytes: usize = usarts.map(Usart::bytes_to_come).sum();
+        let bytes: usize = usarts.map(|usart| usart.input.len()).sum();
         bytes + self.levels.count() + self.chip.stimulus.held()
     }
 
@@ -213,7 +204,7 @@ impl Machine {
                 units.adc.converters[adc].start_extra(now);
                 self.chip.note_scan(adc, now, false);
             }
-            FaultKind::MissedTrigger => units.adc.converters[adc].miss_trigger(),
+            FaultKind::MissedTrigger => units.adc.converters[adc].misses = true,
             FaultKind::AdcDmaError => {
                 if let Some(place) = serving_adc {
                     units.dma[place.dma].failed(place.stream);
@@ -284,7 +275,7 @@ impl Machine {
 
     /// Contents of [`WRITABLE`].
     pub fn flash(&self) -> &[u8] {
-        self.chip.units.flash.contents()
+        &self.chip.units.flash.contents
     }
 
     /// Puts these bytes there.
@@ -292,7 +283,8 @@ impl Machine {
     /// # Panics
     /// The number of bytes is another one.
     pub fn set_flash(&mut self, contents: Vec<u8>) {
-        self.chip.units.flash.set_contents(contents);
+        assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
+        self.chip.units.flash.contents = contents;
     }
 
     /// Returns the machine's part of the outcome, up to `now`. Bytes and instructions are recorded by the
@@ -310,7 +302,7 @@ impl Machine {
             never_came: self.never_came(),
             hclk_ns: self.chip.hclk_ns(now),
             pins: self.pins(),
-            flash_operations: units.flash.operations().to_vec(),
+            flash_operations: units.flash.operations.clone(),
             virtual_ns: now,
             ..Outcome::default()
         }
@@ -321,22 +313,21 @@ impl Machine {
         let levels = self.levels.left(&self.chip);
         let ports = USARTS.iter().zip(&self.chip.units.usart);
         let bytes = ports
-            .filter(|(_, usart)| usart.bytes_to_come() > 0)
-            .map(|(name, usart)| format!("{} bytes for the receiver of {name}", usart.bytes_to_come()));
+            .filter(|(_, usart)| !usart.input.is_empty())
+            .map(|(name, usart)| format!("{} bytes for the receiver of {name}", usart.input.len()));
         levels.into_iter().chain(bytes).collect()
     }
 
     fn pins(&self) -> Vec<Pin> {
-        let ports = self.chip.units.gpio.iter().zip('A'..='I');
-        let pins = ports.flat_map(|(port, letter)| {
-            let pins = port.edges.iter().zip(&port.changes).enumerate();
-            pins.map(move |(number, (edges, changes))| Pin {
-                changes: changes.clone(),
-                name: format!("P{letter}{number}"),
-                edges: *edges,
-            })
-        });
-        pins.filter(|pin| pin.edges > 0).collect()
+        let gpio = &self.chip.units.gpio;
+        let pins = (0..gpio.len()).flat_map(|port| (0..16).map(move |number| (port, number)));
+        let moved = pins.filter(|(port, number)| gpio[*port].edges[*number] > 0);
+        let pin = |(port, number): (usize, usize)| Pin {
+            name: wiring::pin_name((port, number)),
+            edges: gpio[port].edges[number],
+            changes: gpio[port].changes[number].clone(),
+        };
+        moved.map(pin).collect()
     }
 
     // Time.
@@ -345,7 +336,7 @@ impl Machine {
     fn play(&mut self, now: u64, board: &mut impl Board) {
         while let Some((at, event)) = events::next(&self.chip, &self.levels).filter(|(at, _)| *at <= now) {
             self.happen(event, at, board);
-            self.transfers.serve(&mut self.chip, at, board);
+            self.transfers.serve(&mut Moment::new(&mut self.chip, at, board));
             self.scan(now, board);
         }
         for tim in &mut self.chip.units.tim {
@@ -368,7 +359,8 @@ impl Machine {
                 && trigger.is_none_or(|trigger| at <= trigger)
             {
                 self.happen(MachineEvent::Converted(adc), at, board);
-                if !self.transfers.serve_converter(&mut self.chip, adc, at, board) {
+                let mut moment = Moment::new(&mut self.chip, at, board);
+                if !self.transfers.serve_converter(adc, &mut moment) {
                     return;
                 }
             }
@@ -400,7 +392,7 @@ impl Machine {
             }
             MachineEvent::Received(usart) => self.chip.received(usart, at),
             // The DMA is served after every event.
-            MachineEvent::Fetched(usart) => units.usart[usart].fetch_is_due(),
+            MachineEvent::Fetched(usart) => units.usart[usart].fetch_at = None,
             MachineEvent::WatchdogOut => {
                 units.iwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
@@ -409,7 +401,7 @@ impl Machine {
             MachineEvent::Flash(FlashEvent::Finished) => {
                 let changed = units.flash.finish();
                 let offset = (changed.start - WRITABLE.start) as usize;
-                let bytes = &units.flash.contents()[offset..][..changed.len()];
+                let bytes = &units.flash.contents[offset..][..changed.len()];
                 board.flash_changed(changed.start, bytes);
                 board.stall(false);
             }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::mem::take;
 
 use super::stimulus::StimulusPlayer;
-use super::table::{PeripheralRow, TABLE, Units, locate};
+use super::table::{Gate, PeripheralRow, TABLE, Units, locate};
 use super::wires::Wires;
 use super::wiring::{self, ADCS};
 use crate::memory::APB;
@@ -82,8 +82,8 @@ impl Chip {
         }
         self.units.rcc.set_reset_cause(cause);
         if cause == ResetCause::PowerCut {
-            self.units.debug.power_up();
-            self.units.pwr.power_up();
+            self.units.debug.demcr = 0;
+            self.units.pwr.flags = 0;
         }
         self.pass_on(now);
     }
@@ -133,12 +133,11 @@ impl Chip {
 
     fn clocked(&self, address: u32) -> Result<(&'static PeripheralRow, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
-        match row.gate {
-            Some(gate) if !self.units.rcc.enabled(gate.bus, gate.enables) => {
-                Err(Unanswered { clock_off: true })
-            }
-            _ => Ok((row, offset)),
+        let Gate { bus, enables, .. } = row.gate;
+        if enables != 0 && !self.units.rcc.enabled(bus, enables) {
+            return Err(Unanswered { clock_off: true });
         }
+        Ok((row, offset))
     }
 
     /// Passes on what a write to one peripheral does to others.
@@ -196,7 +195,9 @@ impl Chip {
                 Some(request) => format!("{request}, which no model requests"),
                 None => format!("channel {channel}, which has no request"),
             };
-            self.units.dma[dma].note(format!("S{stream}CR: the stream waits for {of}"));
+            self.units.dma[dma]
+                .notes
+                .note(format!("S{stream}CR: the stream waits for {of}"));
         }
     }
 
@@ -204,9 +205,7 @@ impl Chip {
     fn hold_in_reset(&mut self, now: u64) {
         let mut held = 0;
         for (n, row) in TABLE.iter().enumerate() {
-            let is_held = row
-                .gate
-                .is_some_and(|gate| self.units.rcc.held_in_reset(gate.bus, gate.reset));
+            let is_held = self.units.rcc.held_in_reset(row.gate.bus, row.gate.reset);
             held |= u64::from(is_held) << n;
             if is_held && self.held >> n & 1 == 0 {
                 (row.model_mut)(&mut self.units).reset(now);
@@ -235,10 +234,8 @@ impl Chip {
         let channels = channels.map(|(adc, channel)| {
             let pin = wiring::analog_pin(adc, channel).map(wiring::pin_name);
             let pin = pin.map_or_else(|| "no pin".to_owned(), |pin| format!("pin {pin}"));
-            format!(
-                "{} channel {channel} ({pin}) has no stimulus: it reads 0",
-                ADCS[adc]
-            )
+            let adc = ADCS[adc];
+            format!("{adc} channel {channel} ({pin}) has no stimulus: it reads 0")
         });
         let silent = self.stimulus.never_began().then(|| {
             "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()

@@ -67,9 +67,7 @@ fn acquisition(chip: &Chip, number: usize) -> Option<u64> {
 /// When the DMA stream that feeds a transmitter will raise its line.
 fn transmission(chip: &Chip, number: usize) -> Option<u64> {
     let usart = &chip.units.usart[number];
-    if !usart.is_sending() {
-        return None;
-    }
+    usart.next_sent()?;
     let server = &SERVERS.transmitters[number];
     let dma = &chip.units.dma[server.dma];
     let beats = dma.beats_to_interrupt(dma.serving(&server.streams)?)?;

@@ -20,22 +20,16 @@ pub(super) struct Levels([(Since, VecDeque<LevelChange>); 2]);
 
 impl Levels {
     /// The levels that these inputs give. Every pin with an input is low at first.
-    ///
-    /// # Panics
-    /// There is no such pin.
     pub(super) fn new(inputs: &[PinInput], chip: &mut Chip) -> Self {
         Self([Since::PowerUp, Since::FirstScan].map(|since| {
             let mut levels = Vec::new();
             for input in inputs.iter().filter(|input| input.since == since) {
-                let pin =
-                    wiring::pin(&input.pin).unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
+                let pin = wiring::known_pin(&input.pin);
                 chip.units.gpio[pin.0].drive(pin.1, false);
-                let changes = input.changes_ns.iter().enumerate();
-                levels.extend(changes.map(|(n, at_ns)| LevelChange {
-                    at_ns: *at_ns,
-                    pin,
-                    high: n % 2 == 0,
-                }));
+                for (n, &at_ns) in input.changes_ns.iter().enumerate() {
+                    let high = n % 2 == 0;
+                    levels.push(LevelChange { at_ns, pin, high });
+                }
             }
             levels.sort_by_key(|level| level.at_ns);
             (since, levels.into())
@@ -72,8 +66,8 @@ impl Levels {
 
     /// The next one changes.
     pub(super) fn change(&mut self, at: u64, chip: &mut Chip) {
-        let next = self.soonest(chip).map(|(_, queue)| queue);
-        let Some(level) = next.and_then(|queue| self.0[queue].1.pop_front()) else {
+        let next = self.soonest(chip);
+        let Some(level) = next.and_then(|(_, queue)| self.0[queue].1.pop_front()) else {
             return;
         };
         chip.units.gpio[level.pin.0].drive(level.pin.1, level.high);
@@ -89,13 +83,9 @@ impl Levels {
             }
         }
         let sampled = chip.first_scan_ns().is_some();
-        let line = |(((port, pin), since), changes): (&(PinIndex, Since), &u32)| {
-            let why = match since {
-                Since::FirstScan if !sampled => ": there was no triggered scan to count from",
-                _ => "",
-            };
-            let port = char::from(b'A' + *port as u8);
-            format!("{changes} changes of the level on P{port}{pin}{why}")
+        let line = |((pin, since), changes): (&(PinIndex, Since), &u32)| {
+            let (pin, why) = (wiring::pin_name(*pin), since.missed(sampled));
+            format!("{changes} changes of the level on {pin}{why}")
         };
         pins.iter().map(line).collect()
     }
@@ -110,11 +100,9 @@ impl Levels {
             return None;
         }
         let interrupts = |level: &&LevelChange| {
-            let by_timer = captures
-                && chip
-                    .timer_input(level.pin)
-                    .is_some_and(|(n, input)| tim[n].edge_interrupts(input, level.high));
-            by_timer || chip.listens_to(level.pin, level.high)
+            let timer = chip.timer_input(level.pin).filter(|_| captures);
+            timer.is_some_and(|(n, input)| tim[n].edge_interrupts(input, level.high))
+                || chip.listens_to(level.pin, level.high)
         };
         let captures = self.0.iter().filter_map(|(since, levels)| {
             let next = levels.iter().find(interrupts)?;

@@ -60,7 +60,7 @@ impl Chip {
                 .gpio
                 .get(units.syscfg.port(line))
                 .map_or(0, |port| port.input() >> line & 1),
-            _ => u32::from(units.pwr.supply_low()),
+            _ => u32::from(units.pwr.below),
         };
         let levels = (watched != 0).then(|| {
             let lines = (0..=DETECTOR).filter(|line| watched >> line & 1 == 1);

@@ -2,8 +2,20 @@
 
 use super::chip::Chip;
 use super::wiring::{self, PinIndex, USARTS};
+use crate::given::UartInput;
+
+const NO_TRANSMITTER: &str = "CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part";
 
 impl Chip {
+    /// Takes bytes for the receivers of USARTs. A port that does not exist panics.
+    pub(super) fn feed(&mut self, inputs: &[UartInput]) {
+        for input in inputs {
+            let usart = USARTS.iter().position(|name| *name == input.port);
+            let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
+            self.units.usart[usart].feed(input.at_ns, &input.bytes);
+        }
+    }
+
     /// The pin of these that a USART is connected to, as the pins are set.
     pub(super) fn connected(&self, pins: &[(PinIndex, u32)]) -> Option<PinIndex> {
         let is_set =
@@ -16,8 +28,7 @@ impl Chip {
     pub(super) fn sent(&mut self, usart: usize, at: u64) -> Option<u16> {
         let frame = self.units.usart[usart].sent()?;
         let Some(pin) = self.connected(wiring::transmitters(usart)) else {
-            self.units.usart[usart]
-                .note("CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part");
+            self.units.usart[usart].notes.note(NO_TRANSMITTER);
             return None;
         };
         let others: Vec<PinIndex> = self.wires.from(pin).collect();
@@ -37,7 +48,7 @@ impl Chip {
         let pin = self.connected(wiring::receivers(usart));
         // Another frame may be on its way over a wire.
         let busy = pin.is_some_and(|pin| {
-            let mut senders = (0..USARTS.len()).filter(|from| self.units.usart[*from].is_sending());
+            let mut senders = (0..USARTS.len()).filter(|from| self.units.usart[*from].next_sent().is_some());
             senders.any(|from| {
                 let from = self.connected(wiring::transmitters(from));
                 from.is_some_and(|from| self.wires.from(from).any(|to| to == pin))

@@ -106,10 +106,8 @@ pub fn name(address: u32) -> String {
         _ => return format!("{address:#010x} (reserved)"),
     };
     let named = place.and_then(|place| registers(place).find(|register| register.address == address));
-    named.map_or_else(
-        || format!("{peripheral}+{:#04x}", address - start),
-        |register| register.to_string(),
-    )
+    let unnamed = || format!("{peripheral}+{:#04x}", address - start);
+    named.map_or_else(unnamed, |register| register.to_string())
 }
 
 /// Name of the register at an address in the peripheral region, `None` outside of it.

@@ -50,7 +50,7 @@ impl Chip {
     pub(super) fn code(&mut self, adc: usize, channel: u32, at: u64) -> u16 {
         /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
         const TEMPERATURE_MV: u32 = 760;
-        let supply = self.units.pwr.supply().max(1);
+        let supply = self.units.pwr.supply_mv.max(1);
         let of_supply = |millivolts: u32| (4095 * millivolts / supply).min(4095) as u16;
         let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
         match (adc, channel) {

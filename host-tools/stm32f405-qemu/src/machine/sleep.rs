@@ -20,12 +20,13 @@ impl Chip {
         if self.units.exti.pending() || self.deep_sleep.is_some() {
             return;
         }
-        self.deep_sleep = Some(if self.units.pwr.chooses_standby() {
+        let standby = self.units.pwr.chooses_standby();
+        self.deep_sleep = Some(if standby {
             DeepSleep::Standby
         } else {
             DeepSleep::Stop
         });
-        self.units.rcc.sleep();
+        self.units.rcc.asleep = true;
         self.pass_on(now);
     }
 
@@ -68,9 +69,8 @@ impl Chip {
 
     /// Returns `true` if STOP has ended since the last call.
     pub(super) fn woken_from_stop(&mut self) -> bool {
-        self.deep_sleep
-            .take_if(|sleep| *sleep == DeepSleep::StopEnds)
-            .is_some()
+        let woken = |sleep: &mut DeepSleep| *sleep == DeepSleep::StopEnds;
+        self.deep_sleep.take_if(woken).is_some()
     }
 
     /// Returns `true` if STANDBY has ended: the part is to be reset.

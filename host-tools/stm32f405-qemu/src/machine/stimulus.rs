@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::wiring::{self, PinIndex};
-use crate::given::{AnalogInput, Since};
+use crate::given::{AnalogInput, Run, Since};
 use crate::outcome::Sampling;
 
 /// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
@@ -28,46 +28,21 @@ pub struct StimulusPlayer {
 }
 
 impl StimulusPlayer {
-    /// Rows of the codes of channels 0 to 3. Without rows, all codes are 0.
-    pub fn new(rows: Vec<[u16; 4]>, period_ns: u64, since: Since) -> Self {
+    /// The analog inputs of a run, timed by a crystal of `hse_hz`: a row lasts as long as a period of that
+    /// clock. An input at PA0 to PA3 takes the place of that pin's codes. Without rows, all codes are 0.
+    pub(super) fn new(run: &Run, hse_hz: u32) -> Self {
+        let by_pin = |input: &AnalogInput| (wiring::known_pin(&input.pin), input.clone());
         Self {
-            row: [rows.first().copied().unwrap_or_default(); 3],
-            rows: rows.into(),
+            row: [run.stimulus.first().copied().unwrap_or_default(); 3],
+            rows: run.stimulus.clone().into(),
             passed: 0,
-            period_ns,
-            since,
-            hz: 1,
-            nominal_hz: 1,
+            period_ns: run.sample_period_ns,
+            since: run.stimulus_since,
+            hz: hse_hz.into(),
+            nominal_hz: run.hse_hz.into(),
             sampling: None,
-            pins: BTreeMap::new(),
+            pins: run.analog_inputs.iter().map(by_pin).collect(),
             unmapped: BTreeSet::new(),
-        }
-    }
-
-    /// Adds analog inputs at other pins. An input at PA0 to PA3 takes the place of that pin's codes.
-    ///
-    /// # Panics
-    /// There is no such pin.
-    #[must_use]
-    pub fn with(self, inputs: &[AnalogInput]) -> Self {
-        let by_pin = |input: &AnalogInput| {
-            let pin = wiring::pin(&input.pin).unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
-            (pin, input.clone())
-        };
-        Self {
-            pins: inputs.iter().map(by_pin).collect(),
-            ..self
-        }
-    }
-
-    /// Times the rows by a crystal of `hz` whose nominal frequency is `nominal_hz`: a row lasts as long as a
-    /// period of that clock.
-    #[must_use]
-    pub fn on_clock(self, hz: u32, nominal_hz: u32) -> Self {
-        Self {
-            hz: hz.into(),
-            nominal_hz: nominal_hz.into(),
-            ..self
         }
     }
 
@@ -75,11 +50,11 @@ impl StimulusPlayer {
     /// row.
     pub(super) fn begin_scan(&mut self, adc: usize, now: u64, external: bool) {
         if external {
-            let sampling = self.sampling.get_or_insert(Sampling {
-                first_ns: now,
-                scans: 0,
-            });
-            sampling.scans += 1;
+            let (first_ns, scans) = self
+                .sampling
+                .map_or((now, 0), |so_far| (so_far.first_ns, so_far.scans));
+            let scans = scans + 1;
+            self.sampling = Some(Sampling { first_ns, scans });
         }
         let Some(began) = self.began() else { return };
         let row = self.row_at(began, now).saturating_sub(self.passed);
@@ -172,32 +147,29 @@ impl StimulusPlayer {
 mod tests {
     use super::*;
 
+    /// A player of rows of a run that is otherwise changed.
+    fn player(rows: Vec<[u16; 4]>, since: Since, change: impl FnOnce(&mut Run)) -> StimulusPlayer {
+        let mut run = Run::new("");
+        (run.stimulus, run.stimulus_since) = (rows, since);
+        change(&mut run);
+        StimulusPlayer::new(&run, 8_000_000)
+    }
+
     fn three_rows() -> StimulusPlayer {
-        StimulusPlayer::new(
-            vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]],
-            10_000,
-            Since::FirstScan,
-        )
+        let rows = vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]];
+        player(rows, Since::FirstScan, |_| {})
     }
 
     #[test]
     fn rows_follow_time_from_the_first_triggered_scan_and_the_last_stays() {
         let mut stimulus = three_rows();
-        let force_at = |s: &mut StimulusPlayer, now: u64| {
-            s.begin_scan(0, now, true);
-            s.code(0, 0, 0)
-        };
-        assert_eq!(
-            [777, 10_777, 20_777, 30_777].map(|t| force_at(&mut stimulus, t)),
-            [10, 20, 30, 30]
-        );
-        assert_eq!(
-            stimulus.sampling(),
-            Some(Sampling {
-                first_ns: 777,
-                scans: 4
-            })
-        );
+        let codes = [777, 10_777, 20_777, 30_777].map(|now| {
+            stimulus.begin_scan(0, now, true);
+            stimulus.code(0, 0, 0)
+        });
+        assert_eq!(codes, [10, 20, 30, 30]);
+        let sampling = stimulus.sampling().unwrap();
+        assert_eq!((sampling.first_ns, sampling.scans), (777, 4));
         assert_eq!(stimulus.ends_at(), Some(30_777));
     }
 
@@ -205,7 +177,8 @@ mod tests {
     fn rows_keep_to_the_scans_of_a_crystal_that_is_off() {
         let rows = (0..4000).map(|n| [n, 0, 0, 0]).collect();
         // 125 ppm: one row in 8000 more.
-        let mut stimulus = StimulusPlayer::new(rows, 10_000, Since::FirstScan).on_clock(8_001_000, 8_000_000);
+        let mut stimulus = player(rows, Since::FirstScan, |_| {});
+        stimulus.hz = 8_001_000;
         for scan in 0..4000u64 {
             let at = 777 + (scan * 10_000 * 8_000).div_ceil(8_001);
             stimulus.begin_scan(0, at, true);
@@ -216,7 +189,7 @@ mod tests {
 
     #[test]
     fn rows_that_follow_are_read_at_their_time_and_those_that_have_passed_are_forgotten() {
-        let mut stimulus = StimulusPlayer::new(Vec::new(), 10_000, Since::FirstScan);
+        let mut stimulus = player(Vec::new(), Since::FirstScan, |_| {});
         stimulus.append((0..10).map(|n| [n, 0, 0, 0]), 0);
         for scan in 0..100_000u64 {
             let now = 777 + 10_000 * scan;
@@ -232,18 +205,12 @@ mod tests {
     }
 
     #[test]
-    fn a_scan_that_was_never_made_skips_its_row() {
+    fn a_scan_that_was_never_made_skips_its_row_and_one_from_before_the_first_reads_row_0() {
         let mut stimulus = three_rows();
         stimulus.begin_scan(0, 0, true);
         stimulus.begin_scan(0, 20_000, true);
-        assert_eq!(
-            [0, 1, 2, 3].map(|channel| stimulus.code(0, channel, 0)),
-            [30, 31, 32, 33]
-        );
-    }
-
-    #[test]
-    fn a_scan_from_before_the_first_triggered_one_reads_row_0() {
+        let codes = [0, 1, 2, 3].map(|channel| stimulus.code(0, channel, 0));
+        assert_eq!(codes, [30, 31, 32, 33]);
         let mut stimulus = three_rows();
         stimulus.begin_scan(0, 50_000, true);
         stimulus.begin_scan(1, 20_000, false);
@@ -262,7 +229,7 @@ mod tests {
     #[test]
     fn rows_from_power_up_on_are_played_for_software_scans_too() {
         let rows = (0..4).map(|n| [n, 0, 0, 0]).collect();
-        let mut stimulus = StimulusPlayer::new(rows, 10_000, Since::PowerUp);
+        let mut stimulus = player(rows, Since::PowerUp, |_| {});
         let read = [0, 15_000, 25_000].map(|at| {
             stimulus.begin_scan(0, at, false);
             stimulus.code(0, 0, 0)
@@ -271,26 +238,20 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_without_a_column_reads_zero_and_is_reported() {
-        let mut stimulus = three_rows();
-        stimulus.begin_scan(0, 0, true);
-        assert_eq!(stimulus.code(0, 17, 0), 0);
-        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [(0, 17)]);
-    }
-
-    #[test]
-    fn an_input_at_a_pin_is_read_by_every_converter_that_has_the_pin_at_the_time_of_the_conversion() {
+    fn a_pin_is_read_at_the_end_of_a_conversion_and_a_channel_without_an_input_is_reported() {
         let input = AnalogInput {
             pin: "PC0".into(),
             since: Since::PowerUp,
             period_ns: 1_000,
             codes: vec![7, 8, 9],
         };
-        let mut stimulus = three_rows().with(&[input]);
-        let mut read = |adc, channel, at| stimulus.code(adc, channel, at);
-        assert_eq!([0, 999, 1_000, 9_000].map(|at| read(0, 10, at)), [7, 7, 8, 9]);
-        assert_eq!([1, 2].map(|adc| read(adc, 10, 1_000)), [8, 8]);
-        assert_eq!(read(2, 4, 0), 0, "PF6, which has none");
-        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [(2, 4)]);
+        let rows = vec![[1; 4]];
+        let mut stimulus = player(rows, Since::FirstScan, |run| run.analog_inputs = vec![input]);
+        let codes = [0, 999, 1_000, 9_000].map(|at| stimulus.code(0, 10, at));
+        assert_eq!(codes, [7, 7, 8, 9]);
+        assert_eq!([1, 2].map(|adc| stimulus.code(adc, 10, 1_000)), [8, 8]);
+        // PF6, and the reference.
+        assert_eq!((stimulus.code(2, 4, 0), stimulus.code(0, 17, 0)), (0, 0));
+        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [(0, 17), (2, 4)]);
     }
 }

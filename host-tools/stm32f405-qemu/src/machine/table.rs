@@ -42,16 +42,14 @@ pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];
 pub(super) struct PeripheralRow {
     pub(super) name: &'static str,
     addresses: Range<u32>,
-    /// Its bits in RCC's enable and reset registers. Without them, its clock is always on.
-    pub(super) gate: Option<Gate>,
+    pub(super) gate: Gate,
     /// Its lines at the interrupt controller, in the order of the model's outputs.
     pub(super) lines: &'static [usize],
-    /// Its model.
     pub(super) model: fn(&Units) -> &dyn Peripheral,
     pub(super) model_mut: fn(&mut Units) -> &mut dyn Peripheral,
 }
 
-/// Bits of a bus's enable and reset registers.
+/// Bits of a bus's enable and reset registers. Without them, the clock is always on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Gate {
     pub(super) bus: Bus,
@@ -60,25 +58,24 @@ pub(super) struct Gate {
     pub(super) reset: u32,
 }
 
+/// A clock that is always on.
+const ALWAYS: Gate = Gate {
+    bus: Ahb1,
+    enables: 0,
+    reset: 0,
+};
+
 /// A peripheral with a gate of its own: one bit of the same number in both registers.
-#[expect(clippy::unnecessary_wraps, reason = "most rows have a gate, some have none")]
-const fn gate(bus: Bus, bit: u32) -> Option<Gate> {
-    Some(Gate {
-        bus,
-        enables: 1 << bit,
-        reset: 1 << bit,
-    })
+const fn gate(bus: Bus, bit: u32) -> Gate {
+    let (enables, reset) = (1 << bit, 1 << bit);
+    Gate { bus, enables, reset }
 }
 
 /// A converter: each has its clock, and all have one reset. The common registers answer with any of the
 /// clocks.
-#[expect(clippy::unnecessary_wraps, reason = "a row takes what `gate` gives")]
-const fn converter(enables: u32) -> Option<Gate> {
-    Some(Gate {
-        bus: Apb2,
-        enables,
-        reset: 1 << 8,
-    })
+const fn converter(enables: u32) -> Gate {
+    let (bus, reset) = (Apb2, 1 << 8);
+    Gate { bus, enables, reset }
 }
 
 /// Declares [`Units`] and [`TABLE`]: for each field its type and its value after power-up, then a row for
@@ -172,10 +169,10 @@ peripherals! {
         "ADC", 0x4001_2300..0x4001_2400, converter(0b111 << 8), &[];
     }
     // The whole page belongs to the unit.
-    dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, None, &[]; }
-    flash: FlashController = FlashController::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
+    dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, ALWAYS, &[]; }
+    flash: FlashController = FlashController::new() => { "FLASH", 0x4002_3c00..0x4002_4000, ALWAYS, &[4]; }
     pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, gate(Apb1, 28), &[]; }
-    rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, None, &[5, NMI]; }
+    rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, ALWAYS, &[5, NMI]; }
     usart: [Usart; 6] = PORTS.map(|kind| Usart::new(kind, HSI_HZ)) => {
         [0] "USART1", 0x4001_1000..0x4001_1400, gate(Apb2, 4), &[37];
         [1] "USART2", 0x4000_4400..0x4000_4800, gate(Apb1, 17), &[38];
@@ -195,14 +192,14 @@ peripherals! {
         [7] "GPIOH", 0x4002_1c00..0x4002_2000, gate(Ahb1, 7), &[];
         [8] "GPIOI", 0x4002_2000..0x4002_2400, gate(Ahb1, 8), &[];
     }
-    exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, None, &Exti::INTERRUPTS; }
+    exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, ALWAYS, &Exti::INTERRUPTS; }
     syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
-    iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, None, &[]; }
-    systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, None, &[]; }
-    scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, None, &[]; }
-    debug: core::Debug = core::Debug::default() => { "DCB", 0xe000_edf0..0xe000_ee00, None, &[]; }
-    dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, None, &[]; }
-    signature: Signature = Signature { uid } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, None, &[]; }
+    iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, ALWAYS, &[]; }
+    systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, ALWAYS, &[]; }
+    scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, ALWAYS, &[]; }
+    debug: core::Debug = core::Debug::default() => { "DCB", 0xe000_edf0..0xe000_ee00, ALWAYS, &[]; }
+    dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, ALWAYS, &[]; }
+    signature: Signature = Signature { uid } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
 }
 
 /// The peripheral at an address, and the offset in it.
@@ -224,9 +221,7 @@ mod tests {
             let found = locate(last).map(|(row, offset)| (row.name, offset));
             assert_eq!(found, Some((row.name, last - start)));
             assert!(name(start).starts_with(row.name), "{}", name(start));
-            if let Some(gate) = row.gate {
-                assert!(gate.enables != 0 && gate.reset != 0, "{}", row.name);
-            }
+            assert_eq!(row.gate.enables != 0, row.gate.reset != 0, "{}", row.name);
         }
         assert!(locate(0x4001_3000).is_none(), "SPI1");
     }
@@ -240,17 +235,11 @@ mod tests {
             match words[..] {
                 [which @ ("enable" | "reset"), register, bit, name] => {
                     let Some(row) = row(name) else { continue };
-                    let gate = row.gate.unwrap_or_else(|| panic!("{name} has no gate"));
-                    let bits = if which == "enable" {
-                        gate.enables
-                    } else {
-                        gate.reset
-                    };
+                    let Gate { bus, enables, reset } = row.gate;
+                    let bits = if which == "enable" { enables } else { reset };
                     assert_eq!(bits, 1 << bit.parse::<u32>().unwrap(), "{line}");
-                    assert!(
-                        register.starts_with(&format!("{:?}", gate.bus).to_uppercase()),
-                        "{line}"
-                    );
+                    let bus = format!("{bus:?}").to_uppercase();
+                    assert!(register.starts_with(&bus), "{line}");
                     held.push(name);
                 }
                 ["interrupt", number, name, _] => {
@@ -261,12 +250,10 @@ mod tests {
                 _ => {}
             }
         }
-        for row in TABLE
-            .iter()
-            .filter(|row| row.name.contains("TIM") || row.name.contains("ART"))
-        {
-            let lines = held.iter().filter(|name| **name == row.name).count();
-            assert!(lines >= 3, "{}: a gate, a reset and an interrupt", row.name);
+        let names = TABLE.iter().map(|row| row.name);
+        for row in names.filter(|name| name.contains("TIM") || name.contains("ART")) {
+            let lines = held.iter().filter(|name| **name == row).count();
+            assert!(lines >= 3, "{row}: a gate, a reset and an interrupt");
         }
     }
 }

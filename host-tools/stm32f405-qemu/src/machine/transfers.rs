@@ -19,11 +19,22 @@ pub(super) struct DmaStream {
 
 /// The stream that serves a request.
 pub(super) fn serving(chip: &Chip, server: &Server) -> Option<DmaStream> {
-    let stream = chip.units.dma[server.dma].serving(&server.streams)?;
-    Some(DmaStream {
-        dma: server.dma,
-        stream,
-    })
+    let dma = server.dma;
+    let stream = chip.units.dma[dma].serving(&server.streams)?;
+    Some(DmaStream { dma, stream })
+}
+
+/// The machine's models at a time, and its outside.
+pub(super) struct Moment<'a, B> {
+    chip: &'a mut Chip,
+    now: u64,
+    board: &'a mut B,
+}
+
+impl<'a, B: Board> Moment<'a, B> {
+    pub(super) fn new(chip: &'a mut Chip, now: u64, board: &'a mut B) -> Self {
+        Self { chip, now, board }
+    }
 }
 
 /// Transfers under way.
@@ -36,92 +47,78 @@ pub(super) struct Transfers {
 }
 
 impl Transfers {
-    /// Serves the request of a converter, if one stands. Gives whether nothing but memory has changed by
+    /// Serves the request of a converter, if one stands. Returns `true` if nothing but memory has changed by
     /// that. If not, the other requests are served too.
-    pub(super) fn serve_converter(
-        &mut self,
-        chip: &mut Chip,
-        adc: usize,
-        now: u64,
-        board: &mut impl Board,
-    ) -> bool {
-        if !chip.units.adc.converters[adc].request {
+    pub(super) fn serve_converter(&mut self, adc: usize, at: &mut Moment<'_, impl Board>) -> bool {
+        if !at.chip.units.adc.converters[adc].request {
             return true;
         }
-        let Some(stream) = serving(chip, &SERVERS.adc[adc]) else {
+        let Some(stream) = serving(at.chip, &SERVERS.adc[adc]) else {
             return true;
         };
-        let beat = chip.units.dma[stream.dma].beat(stream.stream);
+        let beat = at.chip.units.dma[stream.dma].beat(stream.stream);
         let to_memory = |beat: Beat| beat.direction == Direction::ToMemory && SRAM.contains(&beat.memory);
         if beat.is_some_and(to_memory) {
-            self.fetch_conversion(chip, adc, stream, now, board);
+            self.fetch_conversion(adc, stream, at);
             return true;
         }
-        self.serve(chip, now, board);
+        self.serve(at);
         false
     }
 
     /// Serves the requests that stand.
-    pub(super) fn serve(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
+    pub(super) fn serve(&mut self, at: &mut Moment<'_, impl Board>) {
         for adc in 0..ADCS.len() {
-            if chip.units.adc.converters[adc].request
-                && let Some(stream) = serving(chip, &SERVERS.adc[adc])
+            if at.chip.units.adc.converters[adc].request
+                && let Some(stream) = serving(at.chip, &SERVERS.adc[adc])
             {
-                self.fetch_conversion(chip, adc, stream, now, board);
+                self.fetch_conversion(adc, stream, at);
             }
         }
         for usart in 0..USARTS.len() {
             // The first byte moves on to the shift register at once, so two may be taken.
             for _ in 0..2 {
-                if chip.units.usart[usart].dma_transmit_request()
-                    && let Some(stream) = serving(chip, &SERVERS.transmitters[usart])
-                {
-                    self.transfer(chip, stream, now, board);
+                if at.chip.units.usart[usart].dma_transmit_request() {
+                    self.serve_by(&SERVERS.transmitters[usart], at);
                 }
             }
-            if chip.units.usart[usart].dma_receive_request()
-                && let Some(stream) = serving(chip, &SERVERS.receivers[usart])
-            {
-                self.transfer(chip, stream, now, board);
+            if at.chip.units.usart[usart].dma_receive_request() {
+                self.serve_by(&SERVERS.receivers[usart], at);
             }
         }
     }
 
-    fn fetch_conversion(
-        &mut self,
-        chip: &mut Chip,
-        adc: usize,
-        stream: DmaStream,
-        now: u64,
-        board: &mut impl Board,
-    ) {
-        let unserved = chip.units.dma[stream.dma].interrupt(stream.stream);
-        let progress = self.transfer(chip, stream, now, board);
-        let converter = &mut chip.units.adc.converters[adc];
+    fn serve_by(&mut self, server: &Server, at: &mut Moment<'_, impl Board>) {
+        if let Some(stream) = serving(at.chip, server) {
+            self.transfer(stream, at);
+        }
+    }
+
+    fn fetch_conversion(&mut self, adc: usize, stream: DmaStream, at: &mut Moment<'_, impl Board>) {
+        let unserved = at.chip.units.dma[stream.dma].interrupt(stream.stream);
+        let progress = self.transfer(stream, at);
+        let converter = &mut at.chip.units.adc.converters[adc];
         // Even if the stream reads another register than DR, the request is answered.
         converter.take_data();
         if progress.ended {
             converter.dma_ended();
         }
-        if progress.block && chip.sampler.is_none_or(|sampler| sampler == adc) {
-            self.flush(board);
+        if progress.block && at.chip.sampler.is_none_or(|sampler| sampler == adc) {
+            self.flush(at.board);
             // A processor that hangs is not woken for a block. What it executed belongs to no block.
-            board.acquired(if unserved {
-                0
-            } else {
-                chip.scans - self.scans_at_last_block
-            });
-            self.scans_at_last_block = chip.scans;
+            let scans = at.chip.scans - self.scans_at_last_block;
+            at.board.acquired(if unserved { 0 } else { scans });
+            self.scans_at_last_block = at.chip.scans;
         }
     }
 
     /// Streams between memories need no request. They run when they are enabled, and here they end at once.
-    pub(super) fn copy_memory(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
+    pub(super) fn copy_memory(&mut self, at: &mut Moment<'_, impl Board>) {
         for stream in 0..STREAMS {
             let place = DmaStream { dma: DMA2, stream };
             let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
-            while chip.units.dma[DMA2].beat(stream).is_some_and(copies) {
-                if self.transfer(chip, place, now, board).ended {
+            while at.chip.units.dma[DMA2].beat(stream).is_some_and(copies) {
+                if self.transfer(place, at).ended {
                     break;
                 }
             }
@@ -129,68 +126,50 @@ impl Transfers {
     }
 
     /// Moves one beat.
-    fn transfer(&mut self, chip: &mut Chip, place: DmaStream, now: u64, board: &mut impl Board) -> Progress {
-        const STOPPED: Progress = Progress {
-            block: false,
-            ended: true,
-        };
+    fn transfer(&mut self, place: DmaStream, at: &mut Moment<'_, impl Board>) -> Progress {
         let DmaStream { dma, stream } = place;
-        let Some(beat) = chip.units.dma[dma].beat(stream) else {
-            return STOPPED;
+        let Some(beat) = at.chip.units.dma[dma].beat(stream) else {
+            return Progress::STOPPED;
         };
         let (from, to) = match beat.direction {
             Direction::ToPeripheral => (beat.memory, beat.peripheral),
             Direction::ToMemory | Direction::MemoryToMemory => (beat.peripheral, beat.memory),
         };
-        let value = self.read(chip, from, beat.bytes, now, board);
-        match value.and_then(|value| self.write(chip, to, beat.bytes, value, now, board)) {
-            Some(()) => chip.units.dma[dma].moved(stream),
-            None => {
-                chip.units.dma[dma].failed(stream);
-                STOPPED
-            }
+        let value = self.read(from, beat.bytes, at);
+        let moved = value.and_then(|value| self.write(to, beat.bytes, value, at));
+        let dma = &mut at.chip.units.dma[dma];
+        if moved.is_some() {
+            return dma.moved(stream);
         }
+        dma.failed(stream);
+        Progress::STOPPED
     }
 
     /// `None` is a bus error.
-    fn read(
-        &mut self,
-        chip: &mut Chip,
-        address: u32,
-        bytes: u32,
-        now: u64,
-        board: &mut impl Board,
-    ) -> Option<u32> {
+    fn read(&mut self, address: u32, bytes: u32, at: &mut Moment<'_, impl Board>) -> Option<u32> {
         if FLASH.contains(&address) {
-            chip.units.flash.fetched_by_dma();
+            at.chip.units.flash.fetched_by_dma();
         } else if !SRAM.contains(&address) {
-            return Some(part(chip.read(address & !3, now).ok()?, address, bytes));
+            let word = at.chip.read(address & !3, at.now).ok()?;
+            return Some(part(word, address, bytes));
         }
-        self.flush(board);
+        self.flush(at.board);
         let mut word = [0; 4];
-        board.read_memory(address, &mut word[..bytes as usize]);
+        at.board.read_memory(address, &mut word[..bytes as usize]);
         Some(u32::from_le_bytes(word))
     }
 
-    fn write(
-        &mut self,
-        chip: &mut Chip,
-        address: u32,
-        bytes: u32,
-        value: u32,
-        now: u64,
-        board: &mut impl Board,
-    ) -> Option<()> {
+    /// `None` is a bus error.
+    fn write(&mut self, address: u32, bytes: u32, value: u32, at: &mut Moment<'_, impl Board>) -> Option<()> {
         if !SRAM.contains(&address) {
-            let value = chip.widen(address, bytes, value, now);
-            return chip.write(address & !3, value, now).ok();
+            let value = at.chip.widen(address, bytes, value, at.now);
+            return at.chip.write(address & !3, value, at.now).ok();
         }
         if self.written_at.wrapping_add(self.written.len() as u32) != address {
-            self.flush(board);
+            self.flush(at.board);
             self.written_at = address;
         }
-        self.written
-            .extend_from_slice(&value.to_le_bytes()[..bytes as usize]);
+        self.written.extend(&value.to_le_bytes()[..bytes as usize]);
         Some(())
     }
 

@@ -60,6 +60,7 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 }
 
 /// Pins and DMA requests from ST's database.
+#[derive(Default)]
 struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
     timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
@@ -95,23 +96,19 @@ pub(super) struct Servers {
 
 pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
     let of = |name: &str| CONNECTIONS.servers.get(name).cloned().unwrap_or_default();
+    let (transmitter, receiver) = (
+        |usart| of(&format!("{usart}_TX")),
+        |usart| of(&format!("{usart}_RX")),
+    );
     Servers {
         adc: ADCS.map(of),
-        transmitters: USARTS.map(|name| of(&format!("{name}_TX"))),
-        receivers: USARTS.map(|name| of(&format!("{name}_RX"))),
+        transmitters: USARTS.map(transmitter),
+        receivers: USARTS.map(receiver),
     }
 });
 
 static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
-    let mut found = Connections {
-        timer_inputs: BTreeMap::new(),
-        timer_pins: BTreeMap::new(),
-        lines: BTreeMap::new(),
-        analog: BTreeMap::new(),
-        requests: BTreeMap::new(),
-        lines_by_number: BTreeMap::new(),
-        servers: BTreeMap::new(),
-    };
+    let mut found = Connections::default();
     for line in TABLE.lines() {
         let words: Vec<&str> = line.split(' ').collect();
         match words[..] {
@@ -146,10 +143,8 @@ impl Connections {
         }
         let Ok(function) = function.parse() else { return };
         if let Some(usart) = position(&USARTS) {
-            self.lines
-                .entry((usart, signal))
-                .or_default()
-                .push((pin, function));
+            let pins = self.lines.entry((usart, signal)).or_default();
+            pins.push((pin, function));
         }
         if let (Some(Ok(number)), Some(Ok(channel))) = (
             peripheral.strip_prefix("TIM").map(str::parse),
@@ -215,4 +210,9 @@ pub(crate) fn pin(name: &str) -> Option<PinIndex> {
 /// The name of a pin.
 pub(super) fn pin_name((port, number): PinIndex) -> String {
     format!("P{}{number}", char::from(b'A' + port as u8))
+}
+
+/// The pin of a name. One that does not exist panics: the host checks names before.
+pub(super) fn known_pin(name: &str) -> PinIndex {
+    pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"))
 }

@@ -10,6 +10,8 @@
 //! Data that was not fetched is kept, and the new conversion is lost. With DMA on, an overrun also ends the
 //! scan, withdraws the request and blocks triggers until OVR is cleared (section 13.8.1).
 
+use std::ops::Range;
+
 use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{field, index};
@@ -45,7 +47,6 @@ const UNMODELLED: [(u32, u32, &str); 4] = [
     (0x08, 0x0070_0000, "CR2: injected conversions are not modelled"),
 ];
 
-/// A scan under way.
 #[derive(Debug, Clone, Copy)]
 struct ScanProgress {
     started_ns: u64,
@@ -54,11 +55,10 @@ struct ScanProgress {
     cycles: u32,
 }
 
-/// The registers of one converter.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Adc {
     pclk2: u32,
-    sr: u32,
+    pub(super) sr: u32,
     cr1: u32,
     cr2: u32,
     smpr: [u32; 2],
@@ -75,7 +75,7 @@ pub(crate) struct Adc {
     /// The converter starts a scan without a trigger as soon as it waits for one.
     extra: bool,
     /// It misses the next trigger.
-    misses: bool,
+    pub(crate) misses: bool,
     /// A scan has started. Whoever looks clears it.
     pub(crate) scan_started: bool,
     /// DR holds data that was not read yet.
@@ -84,7 +84,6 @@ pub(crate) struct Adc {
     pub(crate) request: bool,
     /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
-    /// Number of times that OVR was set.
     pub(crate) overruns: u64,
     /// Triggers that started nothing.
     pub(crate) triggers_ignored: u64,
@@ -92,7 +91,6 @@ pub(crate) struct Adc {
 }
 
 impl Adc {
-    /// After reset, on an APB2 clock of `pclk2`.
     pub(crate) fn new(pclk2: u32) -> Self {
         Self {
             pclk2,
@@ -114,12 +112,6 @@ impl Adc {
         self.scan.is_some() || self.external_trigger().is_some()
     }
 
-    /// SR as CSR shows it.
-    pub(crate) fn flags(&self) -> u32 {
-        self.sr & 0x3f
-    }
-
-    /// The trigger came.
     pub(crate) fn trigger(&mut self, now: u64) {
         let waits = self.external_trigger().is_some();
         if waits && std::mem::take(&mut self.misses) || self.scan.is_some() || self.blocked() {
@@ -142,11 +134,6 @@ impl Adc {
         }
     }
 
-    /// Misses the next trigger.
-    pub(crate) fn miss_trigger(&mut self) {
-        self.misses = true;
-    }
-
     /// An overrun under DMA: no conversion until OVR is cleared.
     pub(crate) fn blocked(&self) -> bool {
         self.sr & OVR != 0 && self.cr2 & DMA != 0
@@ -154,10 +141,8 @@ impl Adc {
 
     fn start(&mut self, now: u64) {
         // DocID022152, ADC characteristics, from 2.4 V on. A crystal may be off by less than 1/1000.
-        self.notes.note_if(
-            self.pclk2 / self.divider.max(1) > 36_036_000,
-            "the converter's clock is above 36 MHz",
-        );
+        let fast = self.pclk2 / self.divider.max(1) > 36_036_000;
+        self.notes.note_if(fast, "the converter's clock is above 36 MHz");
         self.sr |= STRT;
         self.scan_started = true;
         self.scan = Some(ScanProgress {
@@ -169,9 +154,10 @@ impl Adc {
 
     /// Conversions in a scan: SQR1.L + 1, or one without CR1.SCAN.
     pub(crate) fn scan_length(&self) -> u32 {
-        match self.cr1 & SCAN {
-            0 => 1,
-            _ => field(self.sqr[0], 20, 4) + 1,
+        if self.cr1 & SCAN == 0 {
+            1
+        } else {
+            field(self.sqr[0], 20, 4) + 1
         }
     }
 
@@ -195,18 +181,15 @@ impl Adc {
         12 - 2 * field(self.cr1, 24, 2)
     }
 
-    /// Time of a number of ADC clock cycles.
     fn cycles_ns(&self, cycles: u64) -> u64 {
         clock::edge(cycles * u64::from(self.divider), self.pclk2)
     }
 
-    /// When the conversion under way ends.
     pub(crate) fn next_conversion(&self) -> Option<u64> {
-        self.scan
-            .map(|s| s.started_ns.saturating_add(self.cycles_ns(u64::from(s.cycles))))
+        let scan = self.scan?;
+        Some(scan.started_ns.saturating_add(self.cycles_ns(scan.cycles.into())))
     }
 
-    /// The channel under conversion.
     pub(crate) fn converting(&self) -> Option<u32> {
         self.scan.map(|s| self.channel_at(s.rank))
     }
@@ -216,9 +199,7 @@ impl Adc {
     pub(crate) fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
         debug_assert!(n > 0);
         let length = self.scan_length();
-        let cycles = |ranks: std::ops::Range<u32>| -> u64 {
-            ranks.map(|r| u64::from(self.conversion_cycles(r))).sum()
-        };
+        let cycles = |ranks: Range<u32>| ranks.map(|r| u64::from(self.conversion_cycles(r))).sum::<u64>();
         let mut n = n - 1;
         if let Some(scan) = self.scan {
             let left = u64::from(length.saturating_sub(scan.rank)).max(1);
@@ -232,10 +213,8 @@ impl Adc {
                 let rest = u64::from(scan.cycles) + cycles(scan.rank + 1..length);
                 let whole = n / u64::from(length) * cycles(0..length);
                 let part = cycles(0..(n % u64::from(length)) as u32 + 1);
-                return Some(
-                    scan.started_ns
-                        .saturating_add(self.cycles_ns(rest + whole + part)),
-                );
+                let ns = self.cycles_ns(rest + whole + part);
+                return Some(scan.started_ns.saturating_add(ns));
             }
         }
         if self.blocked() {
@@ -260,10 +239,12 @@ impl Adc {
             let code = u32::from(code) >> (12 - self.bits());
             // Section 13.4: to the left is in a halfword, but for 6 bits in a byte.
             let width = if self.bits() == 6 { 8 } else { 16 };
-            self.dr = match self.cr2 & ALIGN {
-                0 => code,
-                _ => code << (width - self.bits()),
+            let shift = if self.cr2 & ALIGN == 0 {
+                0
+            } else {
+                width - self.bits()
             };
+            self.dr = code << shift;
             self.unread = true;
             self.request = self.requests_dma();
             if last || self.cr2 & EOCS != 0 {
@@ -323,16 +304,15 @@ impl Adc {
             self.requests_ended = false;
         }
         self.cr2 = value & 0x3f7f_0f03;
-        let modelled = |extsel| TRIGGER_OUTPUTS.contains(&extsel);
-        self.notes.note_if(
-            self.external_trigger().is_some_and(|extsel| !modelled(extsel)),
-            "CR2.EXTSEL: only TIM2, TIM3 and TIM8 TRGO are modelled",
-        );
-        let software =
-            value & SWSTART != 0 && (field(self.cr2, 28, 2) == 0 || self.software_scan_under_trigger);
+        let other = self
+            .external_trigger()
+            .is_some_and(|extsel| !TRIGGER_OUTPUTS.contains(&extsel));
+        self.notes
+            .note_if(other, "CR2.EXTSEL: only TIM2, TIM3 and TIM8 TRGO are modelled");
+        let may_start = field(self.cr2, 28, 2) == 0 || self.software_scan_under_trigger;
         if self.cr2 & ADON == 0 {
             self.scan = None;
-        } else if software && self.scan.is_none() && !self.blocked() {
+        } else if value & SWSTART != 0 && may_start && self.scan.is_none() && !self.blocked() {
             self.start(now);
         }
         self.start_if_extra(now);
@@ -377,16 +357,11 @@ impl Peripheral for Adc {
 
     /// The counts go on.
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            overruns: self.overruns,
-            triggers_ignored: self.triggers_ignored,
-            software_scan_under_trigger: self.software_scan_under_trigger,
-            extra: self.extra,
-            misses: self.misses,
-            divider: self.divider,
-            ..Self::new(self.pclk2)
-        };
+        let old = std::mem::replace(self, Self::new(self.pclk2));
+        (self.overruns, self.triggers_ignored) = (old.overruns, old.triggers_ignored);
+        (self.extra, self.misses) = (old.extra, old.misses);
+        self.software_scan_under_trigger = old.software_scan_under_trigger;
+        (self.divider, self.notes) = (old.divider, old.notes);
     }
 
     fn interrupt(&self, _output: usize) -> bool {
@@ -450,10 +425,8 @@ mod tests {
         adc.finish(7, 1);
         assert_eq!(adc.get(SR, 0), STRT);
         adc.finish(8, 2);
-        assert_eq!(
-            [SR, DR, SR].map(|register| adc.get(register, 0)),
-            [STRT | EOC, 8, STRT]
-        );
+        let read = [SR, DR, SR].map(|register| adc.get(register, 0));
+        assert_eq!(read, [STRT | EOC, 8, STRT]);
         let mut adc = scanning(EOCS | SWSTART);
         adc.finish(7, 1);
         assert_eq!(adc.get(SR, 0), STRT | EOC);
@@ -486,10 +459,7 @@ mod tests {
         assert!(adc.request);
         adc.finish(2, 6_477);
         assert_eq!(adc.get(SR, 0) & OVR, OVR);
-        assert_eq!(
-            (adc.overruns, adc.request, adc.next_conversion()),
-            (1, false, None)
-        );
+        assert!(adc.overruns == 1 && !adc.request && adc.scan.is_none());
         adc.trigger(10_000);
         assert_eq!((adc.converting(), adc.triggers_ignored), (None, 1));
         adc.take_data();

@@ -7,17 +7,14 @@ use super::register::{bit, field};
 /// Bits of registers that ask for what is not modelled.
 const UNMODELLED: [(u32, u32, &str); 1] = [(0x04, 0x1f, "CCR.MULTI: dual and triple modes are not modelled")];
 
-/// ADC1, ADC2 and ADC3.
 #[derive(Debug, Clone)]
 pub(crate) struct Adcs {
-    /// In this order.
     pub(crate) converters: [Adc; 3],
     ccr: u32,
     notes: Notes,
 }
 
 impl Adcs {
-    /// After reset, on an APB2 clock of `pclk2`.
     pub(crate) fn new(pclk2: u32) -> Self {
         Self {
             converters: std::array::from_fn(|_| Adc::new(pclk2)),
@@ -52,7 +49,7 @@ impl Peripheral for Adcs {
         match offset {
             // CSR: the flags of all three, 8 bits apart.
             0x00 => {
-                let flags = self.converters.iter().rev().map(Adc::flags);
+                let flags = self.converters.iter().rev().map(|adc| adc.sr);
                 Ok(flags.fold(0, |all, flags| all << 8 | flags))
             }
             0x04 => Ok(self.ccr),

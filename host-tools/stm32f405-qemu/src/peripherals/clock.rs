@@ -13,13 +13,10 @@ pub(crate) const LSI_HZ: u32 = 32_000;
 /// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ClockTree {
-    /// System clock.
     pub(crate) sysclk: u32,
     /// AHB and processor.
     pub(crate) hclk: u32,
-    /// APB1.
     pub(crate) pclk1: u32,
-    /// APB2.
     pub(crate) pclk2: u32,
     /// Timers on APB1: TIM2-7, 12-14.
     pub(crate) timers1: u32,
@@ -27,7 +24,6 @@ pub(crate) struct ClockTree {
     pub(crate) timers2: u32,
 }
 
-/// One of the two slower buses.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) enum Apb {
     #[default]
@@ -46,7 +42,6 @@ impl ClockTree {
         timers2: HSI_HZ,
     };
 
-    /// Clock of the peripherals on a bus, Hz.
     pub(crate) fn of_bus(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.pclk1,
@@ -54,7 +49,6 @@ impl ClockTree {
         }
     }
 
-    /// Clock of the timers on a bus, Hz.
     pub(crate) fn of_timers(&self, apb: Apb) -> u32 {
         match apb {
             Apb::One => self.timers1,

@@ -8,8 +8,9 @@ const SLEEPONEXIT: u32 = 1 << 1;
 const SLEEPDEEP: u32 = 1 << 2;
 const SEVONPEND: u32 = 1 << 4;
 const TRCENA: u32 = 1 << 24;
+const ON_EXIT: &str = "SLEEPONEXIT: the processor does not go to sleep when a handler returns";
+const ON_PEND: &str = "SEVONPEND: WFE does not wait here, so nothing wakes it";
 
-/// The system control register.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scr {
     scr: u32,
@@ -30,14 +31,8 @@ impl Peripheral for Scr {
 
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         self.scr = value & (SLEEPONEXIT | SLEEPDEEP | SEVONPEND);
-        self.notes.note_if(
-            value & SLEEPONEXIT != 0,
-            "SLEEPONEXIT: the processor does not go to sleep when a handler returns",
-        );
-        self.notes.note_if(
-            value & SEVONPEND != 0,
-            "SEVONPEND: WFE does not wait here, so nothing wakes it",
-        );
+        self.notes.note_if(value & SLEEPONEXIT != 0, ON_EXIT);
+        self.notes.note_if(value & SEVONPEND != 0, ON_PEND);
         (offset == 0).then_some(()).ok_or(NoRegister)
     }
 
@@ -53,19 +48,13 @@ impl Peripheral for Scr {
 /// The debug registers DHCSR, DCRSR, DCRDR and DEMCR. No debugger is attached.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Debug {
-    demcr: u32,
+    pub(crate) demcr: u32,
     notes: Notes,
 }
 
 impl Debug {
-    /// Returns `true` if DWT and ITM run.
     pub(crate) fn traces(&self) -> bool {
         self.demcr & TRCENA != 0
-    }
-
-    /// The power came back.
-    pub(crate) fn power_up(&mut self) {
-        self.demcr = 0;
     }
 }
 
@@ -93,7 +82,7 @@ impl Peripheral for Debug {
         Ok(())
     }
 
-    /// TRCENA stays over a reset of the processor. It goes when the power goes: see [`Self::power_up`].
+    /// TRCENA stays over a reset of the processor.
     fn reset(&mut self, _now: u64) {
         self.demcr &= TRCENA;
     }
@@ -125,7 +114,7 @@ mod tests {
         debug.write(0x0c, TRCENA, 0).unwrap();
         debug.reset(0);
         assert!(debug.traces());
-        debug.power_up();
+        debug.demcr = 0;
         assert!(!debug.traces());
     }
 }

@@ -6,7 +6,6 @@ use super::peripheral::{NoRegister, Peripheral};
 /// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
 const IDCODE: u32 = 0x1001_6413;
 
-/// DBGMCU's registers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Dbgmcu {
     cr: u32,

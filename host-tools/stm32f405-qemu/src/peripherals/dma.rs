@@ -29,7 +29,14 @@ const TCIF: u32 = 1 << 5;
 /// Where a stream's six flags start in LISR (streams 0-3) and HISR (4-7), section 10.5.1.
 const FLAGS_AT: [u32; 4] = [0, 6, 16, 22];
 
-/// Streams of a controller.
+const FLOW_CONTROLLER: &str = "SxCR.PFCTRL: the peripheral as flow controller is not modelled";
+const OFFSET: &str = "SxCR.PINCOS: an offset of 4 bytes for smaller items is not modelled";
+/// Sections 10.3.6 and 10.3.8.
+const NO_COPIES: &str =
+    "SxCR.DIR: DMA1 cannot copy between memories (section 10.3.6): the stream was not started";
+const CIRCULAR_COPY: &str =
+    "SxCR: a copy between memories cannot be circular (section 10.3.8): the stream was not started";
+
 pub(crate) const STREAMS: usize = 8;
 
 /// Which way a stream moves data (SxCR.DIR).
@@ -43,16 +50,12 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// One item to move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Beat {
-    /// Address on the peripheral port.
     pub(crate) peripheral: u32,
-    /// Address on the memory port.
     pub(crate) memory: u32,
     /// 1, 2 or 4.
     pub(crate) bytes: u32,
-    /// Which of the two is read.
     pub(crate) direction: Direction,
 }
 
@@ -62,8 +65,14 @@ pub(crate) struct Progress {
     /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
     /// TCIE.
     pub(crate) block: bool,
-    /// The stream has stopped.
     pub(crate) ended: bool,
+}
+
+impl Progress {
+    pub(crate) const STOPPED: Self = Self {
+        block: false,
+        ended: true,
+    };
 }
 
 #[derive(Debug, Clone, Default)]
@@ -78,35 +87,25 @@ struct StreamRegisters {
     flags: u32,
 }
 
-/// One controller.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
     streams: [StreamRegisters; STREAMS],
     /// Streams that were just enabled, a bit for each. Whoever looks clears them.
     pub(crate) started: u32,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Dma {
     /// After reset: DMA1 is 0, DMA2 is 1.
     pub(crate) fn new(number: usize) -> Self {
-        let stream = StreamRegisters {
-            fcr: 0x21,
-            ..StreamRegisters::default()
-        };
-        Self {
+        let mut dma = Self {
             number,
-            streams: std::array::from_fn(|_| stream.clone()),
-            started: 0,
-            notes: Notes::default(),
-        }
-    }
-
-    /// Takes a note about what is around it.
-    pub(crate) fn note(&mut self, what: String) {
-        self.notes.note(what);
+            ..Self::default()
+        };
+        dma.streams.iter_mut().for_each(|stream| stream.fcr = 0x21);
+        dma
     }
 
     /// The channel whose requests a stream listens to, if it is enabled and needs requests.
@@ -143,15 +142,11 @@ impl Dma {
         })
     }
 
-    /// The beat was moved.
     pub(crate) fn moved(&mut self, stream: usize) -> Progress {
         let s = &mut self.streams[stream];
         let Some(left) = s.ndtr.checked_sub(1) else {
             // The beat itself has reset this controller, by a write to RCC.
-            return Progress {
-                block: false,
-                ended: true,
-            };
+            return Progress::STOPPED;
         };
         let half_before = 2 * (s.total - s.ndtr) >= s.total;
         s.ndtr = left;
@@ -214,14 +209,8 @@ impl Dma {
         let enabled = s.cr & EN != 0;
         match register {
             0x00 => {
-                self.notes.note_if(
-                    bit(value, 5),
-                    "SxCR.PFCTRL: the peripheral as flow controller is not modelled",
-                );
-                self.notes.note_if(
-                    value & PINC != 0 && bit(value, 15),
-                    "SxCR.PINCOS: an offset of 4 bytes for smaller items is not modelled",
-                );
+                self.notes.note_if(bit(value, 5), FLOW_CONTROLLER);
+                self.notes.note_if(value & PINC != 0 && bit(value, 15), OFFSET);
                 if s.write_cr(value & 0x0fef_ffff) {
                     self.start(stream);
                 }
@@ -239,10 +228,7 @@ impl Dma {
                 .note("a stream's setting was written while it runs: ignored"),
         }
     }
-}
 
-impl Dma {
-    /// A stream was enabled.
     fn start(&mut self, stream: usize) {
         self.started |= 1 << stream;
         let s = &mut self.streams[stream];
@@ -251,18 +237,13 @@ impl Dma {
             // Section 10.5.10: the hardware leaves direct mode by itself.
             s.fcr |= DMDIS;
         }
-        let refused = if copies && self.number == 0 {
-            Some("SxCR.DIR: DMA1 cannot copy between memories (section 10.3.6): the stream was not started")
-        } else if copies && s.cr & (CIRC | DBM) != 0 {
-            Some(
-                "SxCR: a copy between memories cannot be circular (section 10.3.8): the stream was not started",
-            )
-        } else {
-            None
-        };
-        if let Some(why) = refused {
+        if copies && (self.number == 0 || s.cr & (CIRC | DBM) != 0) {
             s.cr &= !EN;
-            self.notes.note(why);
+            self.notes.note(if self.number == 0 {
+                NO_COPIES
+            } else {
+                CIRCULAR_COPY
+            });
         } else if s.fcr & DMDIS == 0 {
             // Section 10.5.5: in direct mode both sides have the peripheral's size, and single transfers.
             s.cr = (s.cr & !(0b11 << 13 | 0b1111 << 21)) | field(s.cr, 11, 2) << 13;
@@ -296,7 +277,6 @@ impl StreamRegisters {
         }
     }
 
-    /// Which memory address is in use.
     fn target(&self) -> usize {
         usize::from(self.cr & DBM != 0 && self.cr & CT != 0)
     }
@@ -355,12 +335,9 @@ impl Peripheral for Dma {
         Ok(())
     }
 
-    /// A reset; the notes stay.
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new(self.number)
-        };
+        let old = std::mem::replace(self, Self::new(self.number));
+        self.notes = old.notes;
     }
 
     fn interrupt(&self, stream: usize) -> bool {
@@ -395,14 +372,15 @@ mod tests {
     fn started(n: u32, items: u32, cr: u32) -> Dma {
         let mut dma = Dma::new(1);
         let cr = HALFWORDS | MINC | cr;
-        let settings = [
-            (0x04, items),
-            (0x08, 0x4001_204c),
-            (0x0c, 0x2000_0000),
-            (0, cr),
-            (0, cr | EN),
-        ];
-        dma.put(0, settings.map(|(register, value)| (stream(n, register), value)));
+        dma.put(0, [(stream(n, 0x04), items), (stream(n, 0x08), 0x4001_204c)]);
+        dma.put(
+            0,
+            [
+                (stream(n, 0x0c), 0x2000_0000),
+                (stream(n, 0), cr),
+                (stream(n, 0), cr | EN),
+            ],
+        );
         dma
     }
 

@@ -25,7 +25,6 @@ pub(crate) struct Dwt {
 }
 
 impl Dwt {
-    /// Stopped, on this clock.
     pub(crate) fn new(hclk: u32) -> Self {
         Self {
             hclk,
@@ -71,10 +70,9 @@ impl Peripheral for Dwt {
         match offset {
             0x00 => {
                 self.ctrl = NUMCOMP | (value & 1);
-                self.notes.note_if(
-                    value & 0x00ff_f000 != 0,
-                    "CTRL: events and tracing are not modelled",
-                );
+                let traces = value & 0x00ff_f000 != 0;
+                self.notes
+                    .note_if(traces, "CTRL: events and tracing are not modelled");
             }
             0x04 => self.count = value,
             // The lock access register. There is no lock for accesses by software.
@@ -85,11 +83,8 @@ impl Peripheral for Dwt {
     }
 
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            traces: self.traces,
-            ..Self::new(self.hclk)
-        };
+        let old = std::mem::replace(self, Self::new(self.hclk));
+        (self.notes, self.traces) = (old.notes, old.traces);
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {

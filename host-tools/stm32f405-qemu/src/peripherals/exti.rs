@@ -27,7 +27,6 @@ const SHARED: [u32; 14] = [
     1 << 22,
 ];
 
-/// EXTI's registers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Exti {
     imr: u32,
@@ -47,7 +46,6 @@ impl Exti {
     /// RTC alarm, USB FS, Ethernet and USB HS wake-up, tamper, RTC wake-up.
     pub(crate) const INTERRUPTS: [usize; 14] = [6, 7, 8, 9, 10, 23, 40, 1, 41, 42, 62, 76, 2, 3];
 
-    /// Lines on which an edge is asked for.
     pub(crate) fn watched(&self) -> u32 {
         self.rtsr | self.ftsr
     }
@@ -68,7 +66,6 @@ impl Exti {
         self.inputs = levels;
     }
 
-    /// Returns `true` if an interrupt of a line is pending.
     pub(crate) fn pending(&self) -> bool {
         self.pr & self.imr != 0
     }

@@ -50,7 +50,12 @@ const ERASE_NS: [u64; 4] = [2_000_000_000, 1_300_000_000, 1_000_000_000, 1_000_0
 const SECTOR_BYTES: u32 = 128 << 10;
 const ROW_BYTES: u32 = 16;
 
-/// An operation under way.
+const PROGRAMMED: &str =
+    "a sector before 10 was programmed: only 10 and 11 can be, the others read as protected";
+const ERASED: &str = "a sector before 10 was erased: only 10 and 11 can be, the others read as protected";
+const MASS_ERASED: &str = "CR.MER: only sectors 10 and 11 can be erased, the others read as protected";
+const READ_WHILE_BUSY: &str = "a DMA stream read flash while BSY: silicon holds it up, here it does not wait";
+
 #[derive(Debug, Clone, Copy)]
 struct PendingOperation {
     operation: FlashOperation,
@@ -68,7 +73,6 @@ struct PlannedCut {
     percent: u8,
 }
 
-/// An event that needs no access to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FlashEvent {
     /// The operation ends: see [`FlashController::finish`].
@@ -77,7 +81,6 @@ pub(crate) enum FlashEvent {
     PowerGone,
 }
 
-/// FLASH's registers, and the bytes of [`WRITABLE`].
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FlashController {
     hclk: u32,
@@ -89,15 +92,16 @@ pub(crate) struct FlashController {
     /// A wrong key locks CR until the next reset (section 3.6.1).
     shut: bool,
     first_option_key_seen: bool,
-    contents: Vec<u8>,
+    /// The bytes of [`WRITABLE`].
+    pub(crate) contents: Vec<u8>,
     running: Option<PendingOperation>,
     cuts: Vec<PlannedCut>,
-    operations: Vec<FlashOperation>,
+    /// Operations that have begun.
+    pub(crate) operations: Vec<FlashOperation>,
     notes: Notes,
 }
 
 impl FlashController {
-    /// After power-up, erased.
     pub(crate) fn new() -> Self {
         Self {
             hclk: HSI_HZ,
@@ -106,25 +110,6 @@ impl FlashController {
             contents: vec![0xff; WRITABLE.len()],
             ..Self::default()
         }
-    }
-
-    /// The bytes of [`WRITABLE`].
-    pub(crate) fn contents(&self) -> &[u8] {
-        &self.contents
-    }
-
-    /// Puts these bytes there, as a programmer does.
-    ///
-    /// # Panics
-    /// There are more or fewer bytes than [`WRITABLE`] has.
-    pub(crate) fn set_contents(&mut self, contents: Vec<u8>) {
-        assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
-        self.contents = contents;
-    }
-
-    /// Program and erase operations that have begun.
-    pub(crate) fn operations(&self) -> &[FlashOperation] {
-        &self.operations
     }
 
     /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
@@ -210,10 +195,7 @@ impl FlashController {
 
     /// A DMA stream reads flash.
     pub(crate) fn fetched_by_dma(&mut self) {
-        self.notes.note_if(
-            self.busy(),
-            "a DMA stream read flash while BSY: silicon holds it up, here it does not wait",
-        );
+        self.notes.note_if(self.busy(), READ_WHILE_BUSY);
     }
 
     /// The processor stores to flash (section 3.6.4).
@@ -232,9 +214,7 @@ impl FlashController {
             // The processor cuts an unaligned store into smaller ones.
             self.refuse(PGPERR);
         } else if !WRITABLE.contains(&address) {
-            self.notes.note(
-                "a sector before 10 was programmed: only 10 and 11 can be, the others read as protected",
-            );
+            self.notes.note(PROGRAMMED);
             self.refuse(WRPERR);
         } else {
             self.begin(now, address, bytes, Some(value), PROGRAM_NS);
@@ -250,15 +230,9 @@ impl FlashController {
                 let ns = ERASE_NS[field(self.cr, 8, 2) as usize];
                 return self.begin(now, address, SECTOR_BYTES, None, ns);
             }
-            (SER, 0..10) => (
-                "a sector before 10 was erased: only 10 and 11 can be, the others read as protected",
-                WRPERR,
-            ),
+            (SER, 0..10) => (ERASED, WRPERR),
             (SER, _) => ("CR.SNB names no sector: nothing was erased", 0),
-            (MER, _) => (
-                "CR.MER: only sectors 10 and 11 can be erased, the others read as protected",
-                WRPERR,
-            ),
+            (MER, _) => (MASS_ERASED, WRPERR),
             // With both set, neither erase can be performed.
             _ => ("CR.STRT without either SER or MER alone: nothing was erased", 0),
         };
@@ -364,14 +338,9 @@ impl Peripheral for FlashController {
             let share = (256 * passed.min(whole) / whole) as u32;
             self.change(running, |bit| hash(bit) & 0xff < share);
         }
-        *self = Self {
-            hclk: self.hclk,
-            contents: std::mem::take(&mut self.contents),
-            cuts: std::mem::take(&mut self.cuts),
-            operations: std::mem::take(&mut self.operations),
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new()
-        };
+        let old = std::mem::replace(self, Self::new());
+        (self.hclk, self.contents, self.operations) = (old.hclk, old.contents, old.operations);
+        (self.cuts, self.notes) = (old.cuts, old.notes);
     }
 
     fn interrupt(&self, _output: usize) -> bool {
@@ -413,7 +382,7 @@ mod tests {
 
     fn word(flash: &FlashController, address: u32) -> u32 {
         let at = (address - WRITABLE.start) as usize;
-        u32::from_le_bytes(flash.contents()[at..at + 4].try_into().unwrap())
+        u32::from_le_bytes(flash.contents[at..at + 4].try_into().unwrap())
     }
 
     /// Begins to program a word.
@@ -441,10 +410,8 @@ mod tests {
             assert_eq!(flash.get(ACR, 0), acr);
             flash.notes.iter().count()
         };
-        assert_eq!(
-            [0x705, 0x605, 0x505, 0x005, 0x705].map(&mut notes),
-            [0, 1, 1, 3, 0]
-        );
+        let counts = [0x705, 0x605, 0x505, 0x005, 0x705].map(&mut notes);
+        assert_eq!(counts, [0, 1, 1, 3, 0]);
         assert_eq!(notes(0x704), 1);
     }
 
@@ -510,8 +477,8 @@ mod tests {
         assert_eq!(store(PG | BY_WORDS, A + 14, 4), PGAERR, "across a row");
         assert_eq!(store(PG | BY_WORDS, A - 4, 4), WRPERR, "sector 9");
         assert_eq!(store(PG | BY_WORDS | ERRIE, A - 4, 4), WRPERR | OPERR);
-        assert!(flash.contents().iter().all(|byte| *byte == 0xff));
-        assert_eq!(flash.operations().len(), 0);
+        assert!(flash.contents.iter().all(|byte| *byte == 0xff));
+        assert_eq!(flash.operations.len(), 0);
     }
 
     #[test]
@@ -541,11 +508,11 @@ mod tests {
         // 256 steps of the share, and three deviations of a million bits drawn.
         for share in [0, 25, 50, 75, 100] {
             let mut flash = unlocked();
-            flash.set_contents(vec![0; WRITABLE.len()]);
+            flash.contents.fill(0);
             flash.put(0, [(CR, SER | 10 << 3 | BY_WORDS | STRT)]);
             flash.reset(share * 10_000_000);
             assert!(!flash.busy());
-            let (tenth, eleventh) = flash.contents().split_at(128 << 10);
+            let (tenth, eleventh) = flash.contents.split_at(128 << 10);
             assert!(eleventh.iter().all(|byte| *byte == 0));
             let ones: u32 = tenth.iter().map(|byte| byte.count_ones()).sum();
             let changed = f64::from(ones) / f64::from(1 << 20);
@@ -570,12 +537,9 @@ mod tests {
         assert!(word(&flash, A + 8).count_ones() > 16, "a quarter was cleared");
         flash = FlashController { cr: 0, ..flash };
         begin(&mut flash, 0, A + 12, 0, 200_000);
-        assert_eq!(
-            flash.next_event(),
-            Some((216_000, FlashEvent::Finished)),
-            "once only"
-        );
-        let addresses: Vec<u32> = flash.operations().iter().map(|o| o.address).collect();
+        // Once only.
+        assert_eq!(flash.next_event(), Some((216_000, FlashEvent::Finished)));
+        let addresses: Vec<u32> = flash.operations.iter().map(|o| o.address).collect();
         assert_eq!(addresses, [A, A + 4, A + 8, A + 12]);
     }
 

@@ -7,7 +7,6 @@ const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;
 const UNLOCK: u32 = 0x5555;
 
-/// IWDG's registers.
 #[derive(Debug, Clone)]
 pub(crate) struct Iwdg {
     prescaler: u32,

@@ -26,7 +26,6 @@ pub(crate) trait Peripheral {
     /// Counts and notes stay too.
     fn reset(&mut self, now: u64);
 
-    /// The clock tree has changed.
     fn set_clocks(&mut self, _clocks: &ClockTree, _now: u64) {}
 
     /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0 on.

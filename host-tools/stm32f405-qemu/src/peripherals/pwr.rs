@@ -10,8 +10,6 @@ const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
 const PVDE: u32 = 1 << 4;
 const PDDS: u32 = 1 << 1;
-const CWUF: u32 = 1 << 2;
-const CSBF: u32 = 1 << 3;
 /// CSR: wake-up flag, standby flag.
 const WUF: u32 = 1 << 0;
 const SBF: u32 = 1 << 1;
@@ -32,19 +30,17 @@ const DETECTOR: [[u32; 2]; 8] = [
     [2930, 3030],
     [3030, 3140],
 ];
-/// A good supply.
 const GOOD_MV: u32 = 3300;
 
-/// PWR's registers.
 #[derive(Debug, Clone)]
 pub(crate) struct Pwr {
     cr: u32,
     csr: u32,
-    supply_mv: u32,
-    /// The detector's comparator: the supply is below the threshold.
-    below: bool,
+    pub(crate) supply_mv: u32,
+    /// The detector finds the supply below its threshold: EXTI line 16.
+    pub(crate) below: bool,
     /// WUF and SBF, which outlive a reset.
-    flags: u32,
+    pub(crate) flags: u32,
     hclk: u32,
     notes: Notes,
 }
@@ -70,16 +66,6 @@ impl Pwr {
         self.compare();
     }
 
-    /// The supply, in mV.
-    pub(crate) fn supply(&self) -> u32 {
-        self.supply_mv
-    }
-
-    /// The detector finds the supply low: EXTI line 16.
-    pub(crate) fn supply_low(&self) -> bool {
-        self.below
-    }
-
     /// A deep sleep is STANDBY, not STOP.
     pub(crate) fn chooses_standby(&self) -> bool {
         self.cr & PDDS != 0
@@ -90,21 +76,15 @@ impl Pwr {
         self.csr & EWUP != 0
     }
 
-    /// The power came back.
-    pub(crate) fn power_up(&mut self) {
-        self.flags = 0;
-    }
-
     /// STANDBY has ended, by the pin.
     pub(crate) fn woken(&mut self) {
         self.flags = SBF | WUF;
     }
 
     fn check_scale(&mut self) {
-        self.notes.note_if(
-            self.cr & VOS == 0 && self.hclk > SCALE_2_HZ,
-            "CR.VOS: scale 2 is for HCLK up to 144 MHz",
-        );
+        let fast = self.cr & VOS == 0 && self.hclk > SCALE_2_HZ;
+        self.notes
+            .note_if(fast, "CR.VOS: scale 2 is for HCLK up to 144 MHz");
     }
 
     fn compare(&mut self) {
@@ -124,11 +104,10 @@ impl Peripheral for Pwr {
         match offset {
             0x00 => Ok(self.cr),
             // VOSRDY always; BRR follows BRE; PVDO.
-            0x04 => Ok(self.csr
-                | self.flags
-                | 1 << 14
-                | (u32::from(bit(self.csr, 9)) << 3)
-                | u32::from(self.below) << 2),
+            0x04 => {
+                let ready = 1 << 14 | u32::from(bit(self.csr, 9)) << 3;
+                Ok(self.csr | self.flags | ready | u32::from(self.below) << 2)
+            }
             _ => Err(NoRegister),
         }
     }
@@ -138,8 +117,8 @@ impl Peripheral for Pwr {
             0x00 => {
                 // CWUF and CSBF read as 0.
                 self.cr = value & 0x43f3;
-                self.flags &=
-                    !(if value & CWUF != 0 { WUF } else { 0 } | if value & CSBF != 0 { SBF } else { 0 });
+                // CWUF and CSBF have the order of WUF and SBF.
+                self.flags &= !(value >> 2);
                 self.compare();
                 self.check_scale();
             }
@@ -151,13 +130,9 @@ impl Peripheral for Pwr {
 
     /// The supply stays, and the flags that say why the part was woken.
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            supply_mv: self.supply_mv,
-            flags: self.flags,
-            hclk: self.hclk,
-            notes: std::mem::take(&mut self.notes),
-            ..Self::default()
-        };
+        let old = std::mem::take(self);
+        (self.supply_mv, self.flags) = (old.supply_mv, old.flags);
+        (self.hclk, self.notes) = (old.hclk, old.notes);
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
@@ -179,6 +154,7 @@ mod tests {
     const CSR: u32 = 0x04;
     const VOSRDY: u32 = 1 << 14;
     const PVDO: u32 = 1 << 2;
+    const CSBF: u32 = 1 << 3;
     /// The detector at 2.93 V.
     const DETECTING: u32 = VOS | PVDE | 6 << 5;
 

@@ -49,6 +49,10 @@ const ENABLE_BITS: [u32; 6] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33
 const SLEEP_BITS: [u32; 6] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 const SLEEP_AT_RESET: [u32; 6] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 
+const STOPPED: &str =
+    "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI";
+const PLL_RANGE: &str = "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz";
+
 /// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to
 /// part.
 const HSICAL: u32 = 0x77 << 8;
@@ -62,15 +66,11 @@ const CLEAR_AT: u32 = 16;
 /// A bus with its own enable and reset registers: their number within each row of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Bus {
-    /// AHB1.
     Ahb1 = 0,
-    /// APB1.
     Apb1 = 4,
-    /// APB2.
     Apb2 = 5,
 }
 
-/// RCC's registers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rcc {
     hse_hz: u32,
@@ -90,14 +90,13 @@ pub(crate) struct Rcc {
     /// The crystal does not swing.
     crystal_stopped: bool,
     /// STOP or STANDBY: no oscillator runs.
-    asleep: bool,
+    pub(crate) asleep: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub(crate) backup_domain_open: bool,
     notes: Notes,
 }
 
 impl Rcc {
-    /// After power-up, with a crystal of `hse_hz`.
     pub(crate) fn new(hse_hz: u32) -> Self {
         Self {
             hse_hz,
@@ -132,9 +131,8 @@ impl Rcc {
             self.cir |= CSSF;
             // The PLL is turned off with the crystal if it is the system clock.
             let of_system = match self.system_source {
-                0 => 0,
                 1 => HSEON,
-                _ if bit(self.pllcfgr, 22) => HSEON | PLLON,
+                2.. if self.pll_source() == HSEON => HSEON | PLLON,
                 _ => 0,
             };
             if of_system != 0 {
@@ -145,15 +143,7 @@ impl Rcc {
             self.cr &= !(HSEON | of_system);
         }
         self.flag_ready(ready);
-        self.notes.note_if(
-            self.clocks().sysclk == 0,
-            "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI",
-        );
-    }
-
-    /// STOP or STANDBY begins: every oscillator stops.
-    pub(crate) fn sleep(&mut self) {
-        self.asleep = true;
+        self.notes.note_if(self.clocks().sysclk == 0, STOPPED);
     }
 
     /// STOP ends: the processor goes on with HSI, all else is off (section 5.3.4).
@@ -166,15 +156,13 @@ impl Rcc {
 
     /// The enable bits of CR whose clock runs.
     fn ready(&self) -> u32 {
-        let hse = self.cr & HSEON != 0 && !self.crystal_stopped;
-        let input = if bit(self.pllcfgr, 22) {
-            hse
+        let dead = if self.crystal_stopped { HSEON } else { 0 };
+        let on = self.cr & ON_BITS & !dead;
+        if on & self.pll_source() == 0 {
+            on & !(PLLON | PLLI2SON)
         } else {
-            self.cr & HSION != 0
-        };
-        let of_hse = if hse { 0 } else { HSEON };
-        let of_plls = if input { 0 } else { PLLON | PLLI2SON };
-        self.cr & ON_BITS & !of_hse & !of_plls
+            on
+        }
     }
 
     /// Sets the flags of what runs now and did not before, if their interrupts are on (section 7.3.4).
@@ -216,8 +204,13 @@ impl Rcc {
         }
     }
 
+    /// The enable bit of the oscillator that feeds the PLLs.
+    fn pll_source(&self) -> u32 {
+        if bit(self.pllcfgr, 22) { HSEON } else { HSION }
+    }
+
     fn pll_input_hz(&self) -> u32 {
-        if bit(self.pllcfgr, 22) {
+        if self.pll_source() == HSEON {
             self.hse_hz
         } else {
             HSI_HZ
@@ -248,7 +241,7 @@ impl Rcc {
         let held = match self.system_source {
             0 => HSION,
             1 => HSEON,
-            _ => PLLON | if bit(self.pllcfgr, 22) { HSEON } else { HSION },
+            _ => PLLON | self.pll_source(),
         };
         let turned_on = value & !self.cr;
         let ready = self.ready();
@@ -261,12 +254,9 @@ impl Rcc {
                 let off = u64::from(TOLERANCE);
                 (low - low / off..=high + high / off).contains(&hz)
             };
-            let good =
-                within(vco_input.into(), 1_000_000, 2_000_000) && within(vco, 100_000_000, 432_000_000);
-            self.notes.note_if(
-                !good,
-                "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz",
-            );
+            let good_input = within(vco_input.into(), 1_000_000, 2_000_000);
+            self.notes
+                .note_if(!good_input || !within(vco, 100_000_000, 432_000_000), PLL_RANGE);
         }
         self.switch();
     }
@@ -278,14 +268,12 @@ impl Rcc {
         if self.ready() & on != 0 {
             self.system_source = wanted;
         }
-        let ClockTree {
-            sysclk, pclk1, pclk2, ..
-        } = self.clocks();
+        let tree = self.clocks();
         // DocID022152, general operating conditions.
         for (hz, limit, what) in [
-            (sysclk, 168_000_000, "SYSCLK is above 168 MHz"),
-            (pclk1, 42_000_000, "PCLK1 is above 42 MHz"),
-            (pclk2, 84_000_000, "PCLK2 is above 84 MHz"),
+            (tree.sysclk, 168_000_000, "SYSCLK is above 168 MHz"),
+            (tree.pclk1, 42_000_000, "PCLK1 is above 42 MHz"),
+            (tree.pclk2, 84_000_000, "PCLK2 is above 84 MHz"),
         ] {
             self.notes.note_if(hz > limit + limit / TOLERANCE, what);
         }
@@ -358,13 +346,9 @@ impl Peripheral for Rcc {
 
     /// A system reset. The backup domain and the reset flags stay (section 7.1.1).
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            bdcr: self.bdcr,
-            csr: self.csr & RESET_FLAGS,
-            crystal_stopped: self.crystal_stopped,
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new(self.hse_hz)
-        };
+        let old = std::mem::replace(self, Self::new(self.hse_hz));
+        (self.bdcr, self.csr) = (old.bdcr, old.csr & RESET_FLAGS);
+        (self.crystal_stopped, self.notes) = (old.crystal_stopped, old.notes);
     }
 
     /// RCC's interrupt, and the NMI of the clock security system.
@@ -489,7 +473,7 @@ mod tests {
     #[test]
     fn a_sleep_stops_every_clock_and_a_wake_gives_hsi() {
         let mut rcc = at_168_mhz();
-        rcc.sleep();
+        rcc.asleep = true;
         assert_eq!(rcc.clocks().hclk, 0);
         rcc.wake();
         assert_eq!((rcc.clocks().sysclk, rcc.get(CR, 0) & ON_BITS), (HSI_HZ, HSION));

@@ -8,7 +8,6 @@ const FLASH_KIB: u32 = 1024;
 /// internal reference voltage calibration values).
 pub(crate) const REFERENCE_CODE: u32 = 1502;
 
-/// The factory's words.
 #[derive(Debug, Clone)]
 pub(crate) struct Signature {
     /// 96-bit unique identifier, as bytes in address order.

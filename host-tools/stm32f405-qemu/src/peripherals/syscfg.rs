@@ -4,7 +4,6 @@
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::field;
 
-/// SYSCFG's registers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Syscfg {
     memrmp: u32,
@@ -47,10 +46,7 @@ impl Peripheral for Syscfg {
     }
 
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            ..Self::default()
-        };
+        self.notes = std::mem::take(self).notes;
     }
 
     fn notes(&self) -> &Notes {

@@ -35,8 +35,12 @@ const BREAK: u32 = 1 << 7;
 const MOE: u32 = 1 << 15;
 /// CCxP and CCxNP.
 const POLARITIES: u32 = 0xaaaa;
-/// Channels of the largest timer.
 const CHANNELS: usize = 4;
+
+const FILTERS: &str = "CCMR: input filters and prescalers are not modelled";
+const CAPTURE_ON_TRIGGER: &str = "CCMR: capture on the trigger input is not modelled";
+const SLAVE_MODES: &str =
+    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none";
 
 /// Bits of registers that ask for what is not modelled.
 const UNMODELLED: [(u32, u32, &str); 5] = [
@@ -51,7 +55,6 @@ const UNMODELLED: [(u32, u32, &str); 5] = [
     (0x44, 0x1000, "BDTR.BKE: the break input is not modelled"),
 ];
 
-/// One timer.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tim {
     kind: TimerKind,
@@ -64,7 +67,6 @@ pub(crate) struct Tim {
     ccer: u32,
     bdtr: u32,
     ccr: [BufferedRegister; CHANNELS],
-    /// OCxREF.
     references: [bool; CHANNELS],
     counter: Counter,
     /// Flags have been filled in up to this tick from the counter's origin.
@@ -75,7 +77,6 @@ pub(crate) struct Tim {
 }
 
 impl Tim {
-    /// A timer of a kind, on a clock of `hz`.
     pub(crate) fn new(kind: TimerKind, hz: u32) -> Self {
         let counter = Counter::new(kind.max, hz);
         Self {
@@ -117,7 +118,6 @@ impl Tim {
         waits.then(|| field(self.smcr, 4, 3))
     }
 
-    /// The trigger that it waited for comes.
     pub(crate) fn start(&mut self, at: u64) {
         self.advance(at);
         self.counter.go_on(at);
@@ -240,10 +240,8 @@ impl Tim {
                 _ if self.is_input(channel) => {}
                 0b100 => self.references[channel] = false,
                 0b101 => self.references[channel] = true,
-                mode => self.notes.note_if(
-                    mode > 0b101 && bit(self.ccer, 4 * channel as u32),
-                    "CCMR: PWM moves no pin",
-                ),
+                0b110.. if bit(self.ccer, 4 * channel as u32) => self.notes.note("CCMR: PWM moves no pin"),
+                _ => {}
             }
         }
     }
@@ -362,12 +360,8 @@ impl Tim {
         self.ccmr[n] = (self.ccmr[n] & locked) | (value & mask & !locked);
         for half in [value, value >> 8] {
             let filtered = half & 3 != 0 && half & 0xfc != 0;
-            self.notes
-                .note_if(filtered, "CCMR: input filters and prescalers are not modelled");
-            self.notes.note_if(
-                half & 3 == 3,
-                "CCMR: capture on the trigger input is not modelled",
-            );
+            self.notes.note_if(filtered, FILTERS);
+            self.notes.note_if(half & 3 == 3, CAPTURE_ON_TRIGGER);
         }
         self.load_unbuffered();
         self.force_outputs();
@@ -430,10 +424,8 @@ impl Peripheral for Tim {
             0x08 => {
                 self.smcr = value & self.kind.smcr;
                 let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
-                self.notes.note_if(
-                    value & 0x4000 != 0 || (value & 7 != 0 && !started),
-                    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
-                );
+                let other = value & 0x4000 != 0 || (value & 7 != 0 && !started);
+                self.notes.note_if(other, SLAVE_MODES);
             }
             0x0c => self.dier = value & self.kind.dier,
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
@@ -470,15 +462,11 @@ impl Peripheral for Tim {
         Ok(())
     }
 
-    /// The clock stays.
     fn reset(&mut self, now: u64) {
         let mut counter = Counter::new(self.kind.max, 0);
         counter.set_clock(self.counter.hz, now);
-        *self = Self {
-            counter,
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new(self.kind, 0)
-        };
+        let old = std::mem::replace(self, Self::new(self.kind, 0));
+        (self.counter, self.notes) = (counter, old.notes);
     }
 
     fn interrupt(&self, output: usize) -> bool {
@@ -740,10 +728,7 @@ mod tests {
         let mut tim = capturing(1);
         tim.edge(0, true, 1_000);
         tim.edge(0, true, 2_000);
-        assert_eq!(
-            [SR, CCR1].map(|register| tim.get(register, 2_000)),
-            [2 | 1 << 9, 168]
-        );
+        assert_eq!((tim.get(SR, 2_000), tim.get(CCR1, 2_000)), (2 | 1 << 9, 168));
         assert_eq!(tim.get(SR, 2_000), 1 << 9, "CC1OF is cleared by a write only");
         tim.put(2_000, [(SR, !(1 << 9))]);
         assert_eq!(tim.get(SR, 2_000), 0);
@@ -754,11 +739,8 @@ mod tests {
         let mut tim = capturing(1);
         assert!(!tim.edge_interrupts(0, true));
         tim.put(0, [(DIER, 2)]);
-        assert_eq!(
-            tim.next_interrupt(),
-            None,
-            "the counter passes CCR1, 0, unnoticed"
-        );
+        // The counter passes CCR1, which is 0, unnoticed.
+        assert_eq!(tim.next_interrupt(), None);
         assert!(tim.edge_interrupts(0, true) && !tim.edge_interrupts(0, false));
         tim.edge(0, true, 1_000);
         assert!(tim.interrupt(0));

@@ -94,7 +94,6 @@ struct ShiftedFrame {
     frame_ns: u64,
 }
 
-/// The registers of a USART and its two lines.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Usart {
     features: UsartFeatures,
@@ -109,7 +108,7 @@ pub(crate) struct Usart {
     /// No frame ends before this time.
     stalled_until_ns: u64,
     /// Bytes on their way to the receiver, each with the time before which it does not come, ns.
-    input: VecDeque<(u64, u8)>,
+    pub(crate) input: VecDeque<(u64, u8)>,
     /// When the last received frame ended.
     input_seen_ns: u64,
     /// When the receiver will call the line idle.
@@ -119,12 +118,11 @@ pub(crate) struct Usart {
     /// Time that the DMA takes to fetch a received byte, ns.
     pub(crate) dma_latency_ns: u64,
     /// When the DMA will fetch the byte that was received. Nothing once that time has come.
-    fetch_at: Option<u64>,
-    notes: Notes,
+    pub(crate) fetch_at: Option<u64>,
+    pub(crate) notes: Notes,
 }
 
 impl Usart {
-    /// After reset, on a bus clock of `pclk`.
     pub(crate) fn new(features: UsartFeatures, pclk: u32) -> Self {
         Self {
             features,
@@ -132,11 +130,6 @@ impl Usart {
             sr: TXE | TC,
             ..Self::default()
         }
-    }
-
-    /// Takes a note about what is around it.
-    pub(crate) fn note(&mut self, what: &'static str) {
-        self.notes.note(what);
     }
 
     /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
@@ -149,19 +142,9 @@ impl Usart {
         self.fetch_at.filter(|_| self.cr[2] & DMAR != 0)
     }
 
-    /// Marks the time of a fetch as reached.
-    pub(crate) fn fetch_is_due(&mut self) {
-        self.fetch_at = None;
-    }
-
     /// The receiver had no clock until now: what the other side has begun to send is lost.
     pub(crate) fn missed(&mut self, now: u64) {
         self.input.retain(|(at_ns, _)| *at_ns >= now);
-    }
-
-    /// Number of bytes that the other side has still to send.
-    pub(crate) fn bytes_to_come(&self) -> usize {
-        self.input.len()
     }
 
     fn on(&self, part: u32) -> bool {
@@ -170,10 +153,8 @@ impl Usart {
 
     /// Bus clocks in a bit (section 30.3.4): 16 or 8 times USARTDIV.
     fn bit_clocks(&self) -> u32 {
-        match self.cr[0] & OVER8 {
-            0 => self.brr & 0xffff,
-            _ => (self.brr & 0xfff0) >> 1 | (self.brr & 7),
-        }
+        let by_8 = (self.brr & 0xfff0) >> 1 | (self.brr & 7);
+        if self.cr[0] & OVER8 == 0 { self.brr } else { by_8 }
     }
 
     /// BRR is below what it can be (section 30.3.4): USARTDIV is 1 at least.
@@ -214,17 +195,10 @@ impl Usart {
         }
     }
 
-    /// When the frame being sent ends.
     pub(crate) fn next_sent(&self) -> Option<u64> {
         self.shifting.map(|f| f.ends_ns)
     }
 
-    /// Returns `true` if a frame is on the line.
-    pub(crate) fn is_sending(&self) -> bool {
-        self.shifting.is_some()
-    }
-
-    /// Ends the frame that is being sent.
     pub(crate) fn sent(&mut self) -> Option<SentFrame> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
@@ -279,11 +253,10 @@ impl Usart {
         if connected {
             self.take_in(byte.into(), now);
         } else if self.on(RE) {
-            self.note("CR1.RE: bytes came, and no pin is its receiver");
+            self.notes.note("CR1.RE: bytes came, and no pin is its receiver");
         }
     }
 
-    /// A frame comes over a wire.
     pub(crate) fn arrive(&mut self, frame: SentFrame, now: u64) {
         // Section 30.3.5, table 142: the receiver stands up to some 3 % in all.
         let off = self.frame_ns().abs_diff(frame.frame_ns);
@@ -325,7 +298,6 @@ impl Usart {
         self.received
     }
 
-    /// DR is written, by the processor or the DMA.
     pub(crate) fn put_data(&mut self, value: u32, now: u64) {
         self.sr &= !(TXE | (self.armed & TC));
         self.armed &= !TC;
@@ -377,14 +349,10 @@ impl Peripheral for Usart {
 
     /// The frame under way is cut. What the other side still sends goes on.
     fn reset(&mut self, _now: u64) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            input: std::mem::take(&mut self.input),
-            input_seen_ns: self.input_seen_ns,
-            stalled_until_ns: self.stalled_until_ns,
-            dma_latency_ns: self.dma_latency_ns,
-            ..Self::new(self.features, self.pclk)
-        };
+        let old = std::mem::replace(self, Self::new(self.features, self.pclk));
+        (self.notes, self.dma_latency_ns) = (old.notes, old.dma_latency_ns);
+        (self.input, self.input_seen_ns) = (old.input, old.input_seen_ns);
+        self.stalled_until_ns = old.stalled_until_ns;
     }
 
     fn interrupt(&self, _output: usize) -> bool {

@@ -380,24 +380,14 @@ impl Overlay {
     fn never_came(&self) -> impl Iterator<Item = String> {
         let sampled = self.machine.stimulus().sampling().is_some();
         let faults = self.faults.iter().flatten().map(move |fault| {
-            let why = match fault.since {
-                Since::FirstScan if !sampled => ": there was no triggered scan to count from",
-                _ => "",
-            };
-            format!(
-                "fault {:?} at {:.6} s{why}",
-                fault.kind,
-                fault.at_ns as f64 * 1e-9
-            )
+            let (seconds, why) = (fault.at_ns as f64 * 1e-9, fault.since.missed(sampled));
+            format!("fault {:?} at {seconds:.6} s{why}", fault.kind)
         });
-        let poke = |poke: &Poke| {
-            format!(
-                "poke of {:#010x} at {:.6} s",
-                poke.address,
-                poke.at_ns as f64 * 1e-9
-            )
-        };
-        faults.chain(self.pokes.iter().map(poke))
+        let pokes = self.pokes.iter().map(|poke| {
+            let seconds = poke.at_ns as f64 * 1e-9;
+            format!("poke of {:#010x} at {seconds:.6} s", poke.address)
+        });
+        faults.chain(pokes)
     }
 
     /// Writes the outcome, once. Gives whether this was the first time.

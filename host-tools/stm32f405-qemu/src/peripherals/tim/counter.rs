@@ -32,12 +32,9 @@ impl BufferedRegister {
     }
 }
 
-/// An up-counter.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Counter {
-    /// Its highest value.
     pub(super) max: u32,
-    /// CEN.
     pub(super) enabled: bool,
     pub(super) prescaler: BufferedRegister,
     pub(super) reload: BufferedRegister,
@@ -113,29 +110,20 @@ impl Counter {
     /// Ticks to the first overflow. A counter beyond the period runs on to its end.
     fn first_overflow(&self) -> u64 {
         let beyond = self.count > self.reload.active;
-        let end = if beyond {
-            u64::from(self.max) + 1
-        } else {
-            self.period()
-        };
-        end - u64::from(self.count)
+        let last = if beyond { self.max } else { self.reload.active };
+        u64::from(last) + 1 - u64::from(self.count)
     }
 
     pub(super) fn count(&self, now: u64) -> u32 {
         let (ticks, first) = (self.ticks(now), self.first_overflow());
-        let count = match ticks.checked_sub(first) {
-            None => u64::from(self.count) + ticks,
-            Some(past) => past % self.period(),
-        };
-        count as u32
+        let past = ticks.checked_sub(first).map(|past| past % self.period());
+        past.unwrap_or(u64::from(self.count) + ticks) as u32
     }
 
     /// Number of overflows to come without an update event.
     fn repeats(&self, now: u64) -> u32 {
-        let overflows = match self.ticks(now).checked_sub(self.first_overflow()) {
-            None => 0,
-            Some(past) => past / self.period() + 1,
-        };
+        let past = self.ticks(now).checked_sub(self.first_overflow());
+        let overflows = past.map_or(0, |past| past / self.period() + 1);
         let left = match u64::from(self.repeats).checked_sub(overflows) {
             Some(left) => left,
             None => {
@@ -252,10 +240,8 @@ mod tests {
         }
         let next = |counter: &Counter, now: u64| counter.time_of(counter.update_after(counter.ticks(now)));
         for now in [4_000_000, 4_123_456, 9_999_999] {
-            assert_eq!(
-                (moved.count(now), next(&moved, now)),
-                (still.count(now), next(&still, now))
-            );
+            assert_eq!(moved.count(now), still.count(now));
+            assert_eq!(next(&moved, now), next(&still, now));
         }
     }
 

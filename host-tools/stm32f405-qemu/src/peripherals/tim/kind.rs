@@ -8,7 +8,6 @@ use super::super::register::index;
 /// A kind of timer. Registers are masks of the bits that exist; a register without bits does not exist.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct TimerKind {
-    /// The bus that it lies on.
     pub(super) apb: Apb,
     /// The highest value of its counter.
     pub(super) max: u32,
