@@ -42,10 +42,8 @@ pub struct CodeAddress {
 impl fmt::Display for CodeAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#010x}", self.address)?;
-        match &self.function {
-            Some(function) => write!(f, " ({function})"),
-            None => Ok(()),
-        }
+        let function = self.function.as_ref();
+        function.map_or(Ok(()), |function| write!(f, " ({function})"))
     }
 }
 
@@ -117,18 +115,10 @@ impl Exception {
 
 impl fmt::Display for Exception {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self.number {
-            3 => "HardFault",
-            4 => "MemManage",
-            5 => "BusFault",
-            _ => "UsageFault",
-        };
-        write!(
-            f,
-            "{name} at {:.6} s: {}",
-            self.at_ns as f64 * 1e-9,
-            self.causes()
-        )?;
+        const NAMES: [&str; 4] = ["HardFault", "MemManage", "BusFault", "UsageFault"];
+        let name = NAMES[usize::from(self.number.saturating_sub(3)).min(3)];
+        let (seconds, causes) = (self.at_ns as f64 * 1e-9, self.causes());
+        write!(f, "{name} at {seconds:.6} s: {causes}")?;
         if let Some(address) = self.address {
             write!(f, ", {address:#010x}")?;
         }
@@ -150,13 +140,11 @@ mod tests {
 
     #[test]
     fn an_exception_says_its_cause_in_words_and_where_it_came() {
-        let fault = Exception {
+        let (address, function) = (0x0800_01a2, Some("main".into()));
+        let mut fault = Exception {
             at_ns: 1_200_000,
             number: 3,
-            pc: Some(CodeAddress {
-                address: 0x0800_01a2,
-                function: Some("main".into()),
-            }),
+            pc: Some(CodeAddress { address, function }),
             lr: None,
             cfsr: 0x8200,
             hfsr: 0x4000_0000,
@@ -169,10 +157,7 @@ mod tests {
             "HardFault at 0.001200 s: no memory at the data's address, 0xb0000000; PC 0x080001a2 (main); \
              CFSR 0x00008200, HFSR 0x40000000"
         );
-        let semihosting = Exception {
-            breakpoint: Some(0xab),
-            ..fault
-        };
-        assert!(semihosting.to_string().contains("Run::semihosting"));
+        fault.breakpoint = Some(0xab);
+        assert!(fault.to_string().contains("Run::semihosting"));
     }
 }

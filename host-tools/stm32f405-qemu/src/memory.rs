@@ -27,10 +27,6 @@ pub(crate) fn is_beyond_every_bus(address: u32) -> bool {
 
 /// Returns `true` if these bytes lie in SRAM or CCM.
 pub(crate) fn is_ram(address: u32, bytes: usize) -> bool {
-    let within = |ram: Range<u32>| {
-        address
-            .checked_sub(ram.start)
-            .is_some_and(|offset| offset as usize + bytes <= ram.len())
-    };
-    within(SRAM) || within(CCM)
+    let within = |ram: &Range<u32>| ram.contains(&address) && (ram.end - address) as usize >= bytes;
+    within(&SRAM) || within(&CCM)
 }

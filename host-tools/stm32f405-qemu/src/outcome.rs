@@ -77,44 +77,38 @@ impl Outcome {
     /// # Errors
     /// One line: how it failed.
     pub fn verdict(&self) -> Result<(), String> {
-        let last = || match self.log.last() {
-            Some(line) => format!("; the last of its log: {line}"),
-            None => String::new(),
-        };
-        let fault = || {
-            self.exceptions
-                .last()
-                .map_or_else(String::new, ToString::to_string)
-        };
+        let last = self
+            .log
+            .last()
+            .map(|line| format!("; the last of its log: {line}"));
+        let last = last.unwrap_or_default();
+        let fault = self
+            .exceptions
+            .last()
+            .map(ToString::to_string)
+            .unwrap_or_default();
+        let place = self.whereabouts();
         Err(match &self.end {
             RunEnd::Over | RunEnd::Breakpoint(_) | RunEnd::Exited(0) => return Ok(()),
-            RunEnd::Exited(status) => format!("the image ended with status {status}{}", last()),
+            RunEnd::Exited(status) => format!("the image ended with status {status}{last}"),
             RunEnd::Panicked => {
                 let at = self.panics.last().map_or(0.0, |at| *at as f64 * 1e-9);
-                format!("the image panicked at {at:.6} s{}", last())
+                format!("the image panicked at {at:.6} s{last}")
             }
-            RunEnd::Faulted => format!(
-                "the image stands in the handler of a fault: {}{}",
-                fault(),
-                last()
-            ),
-            RunEnd::LockedUp(at) => format!(
-                "the processor locked up{}: a fault in the handler of a fault, or no image at the reset vector{}{}{}",
-                at.as_ref().map_or_else(String::new, |at| format!(" at {at}")),
-                if self.exceptions.is_empty() {
-                    ""
-                } else {
-                    "; it had "
-                },
-                fault(),
-                last()
-            ),
-            RunEnd::Stuck(register) => format!(
-                "the image does nothing but read {register}, which no model knows{}",
-                self.whereabouts()
-            ),
-            RunEnd::Stopped => format!("the run was stopped{}", self.whereabouts()),
-            RunEnd::QemuEnded(how) => format!("QEMU ended{} ({how})", self.whereabouts()),
+            RunEnd::Faulted => format!("the image stands in the handler of a fault: {fault}{last}"),
+            RunEnd::LockedUp(at) => {
+                let at = at.as_ref().map(|at| format!(" at {at}")).unwrap_or_default();
+                let had = if fault.is_empty() { "" } else { "; it had " };
+                format!(
+                    "the processor locked up{at}: a fault in the handler of a fault, or no image at the reset vector\
+                     {had}{fault}{last}"
+                )
+            }
+            RunEnd::Stuck(register) => {
+                format!("the image does nothing but read {register}, which no model knows{place}")
+            }
+            RunEnd::Stopped => format!("the run was stopped{place}"),
+            RunEnd::QemuEnded(how) => format!("QEMU ended{place} ({how})"),
         })
     }
 
@@ -163,9 +157,8 @@ impl Outcome {
             .busy_with
             .as_ref()
             .map(|register| format!(", busy with {register}"));
-        let mut text = format!(" at {:.6} s", self.virtual_ns as f64 * 1e-9);
-        text.extend([place, busy].into_iter().flatten());
-        text
+        let time = format!(" at {:.6} s", self.virtual_ns as f64 * 1e-9);
+        [Some(time), place, busy].into_iter().flatten().collect()
     }
 }
 

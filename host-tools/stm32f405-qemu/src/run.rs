@@ -30,7 +30,7 @@ pub use qemu::qemu_version;
 
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, RunDescription};
-use crate::given::Run;
+use crate::given::{AnalogInput, Run};
 use crate::machine::{USARTS, pin};
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
@@ -131,22 +131,23 @@ impl Run {
             (None, Ok(text)) => (text.parse().ok(), text),
             (None, Err(_)) => (Some(3), String::new()),
         };
-        shift.filter(|shift| *shift <= 10).ok_or_else(|| {
-            RunError::Input(format!(
-                "the shift (Run::shift, {NAME}) is {said:?}; give 0 to 10, for 1 to 1024 ns an instruction"
-            ))
-        })
+        let refused = || {
+            let what = format!("the shift (Run::shift, {NAME}) is {said:?}");
+            RunError::Input(what + "; give 0 to 10, for 1 to 1024 ns an instruction")
+        };
+        shift.filter(|shift| *shift <= 10).ok_or_else(refused)
     }
 
     /// Builds the description for the plugin.
     fn describe(&self, image: &Image, live: bool) -> Result<RunDescription<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
-            labels.iter().position(|label| label == work).ok_or_else(|| {
+            let unknown = || {
                 RunError::Input(format!(
                     "{work:?} is said to be work and is no label of a function"
                 ))
-            })
+            };
+            labels.iter().position(|label| label == work).ok_or_else(unknown)
         };
         Ok(RunDescription {
             format: FORMAT,
@@ -176,22 +177,16 @@ impl Run {
         }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
-            arguments.extend([
-                "-chardev".into(),
-                format!("file,id=semihosting,path={}", said.display()).into(),
-                "-semihosting-config".into(),
-                "enable=on,target=native,chardev=semihosting".into(),
-            ]);
+            let output = format!("file,id=semihosting,path={}", said.display());
+            arguments.extend(["-chardev".into(), output.into(), "-semihosting-config".into()]);
+            arguments.push("enable=on,target=native,chardev=semihosting".into());
         }
         for (i, (address, bytes)) in self.flash.iter().enumerate() {
             // QEMU's loader refuses an empty file.
             if !bytes.is_empty() {
                 let path = folder.write(&format!("flash{i}.bin"), bytes)?;
-                let file = path.display();
-                arguments.extend([
-                    "-device".into(),
-                    format!("loader,file={file},addr={address:#x},force-raw=on").into(),
-                ]);
+                let loader = format!("loader,file={},addr={address:#x},force-raw=on", path.display());
+                arguments.extend(["-device".into(), loader.into()]);
             }
         }
         Ok(arguments)
@@ -201,87 +196,84 @@ impl Run {
     fn check(&self) -> Result<(), RunError> {
         let refused = |text: String| Err(RunError::Input(text));
         if self.sample_period_ns == 0 {
-            return refused(
-                "the sample period is 0 ns; give the time from row to row of the stimulus".into(),
-            );
+            let what = "the sample period is 0 ns; give the time from row to row of the stimulus";
+            return refused(what.into());
         }
         let too_high = |row: &[u16; 4]| row.iter().any(|code| *code > 4095);
         if let Some(row) = self.stimulus.iter().position(too_high) {
-            return refused(format!(
-                "stimulus row {row} is {:?}; codes of the 12-bit ADC are 0..=4095",
-                self.stimulus[row]
-            ));
+            let codes = self.stimulus[row];
+            return refused(format!("stimulus row {row} is {codes:?}; {TWELVE_BITS}"));
         }
         if let Some((from, to)) = self.functions.iter().find(|(_, pattern)| pattern.is_empty()) {
-            return refused(format!(
-                "label {from:?} has the pattern {to:?}, which is in every function's name"
-            ));
+            let what = format!("label {from:?} has the pattern {to:?}, which is in every function's name");
+            return refused(what);
         }
-        if self.hse_ppm.is_nan() || self.hse_ppm.abs() >= 1000.0 {
-            return refused(format!(
-                "a crystal that is off by {} ppm; give less than 1000",
-                self.hse_ppm
-            ));
+        let ppm = self.hse_ppm;
+        if ppm.is_nan() || ppm.abs() >= 1000.0 {
+            let what = format!("a crystal that is off by {ppm} ppm; give less than 1000");
+            return refused(what);
         }
-        let wired = self.wires.iter().flat_map(|(from, to)| [from, to]);
-        let analog = self.analog_inputs.iter().map(|input| &input.pin);
-        let mut pins = self
-            .pin_inputs
+        self.pin_inputs
             .iter()
-            .map(|input| &input.pin)
-            .chain(wired)
-            .chain(analog);
-        if let Some(name) = pins.find(|name| pin(name).is_none()) {
-            return refused(format!("there is no pin {name:?}; pins are PA0 to PI15"));
-        }
-        if let Some((from, _)) = self.wires.iter().find(|(from, to)| from == to) {
-            return refused(format!("a wire leads from {from} to itself; give two pins"));
-        }
-        for input in &self.analog_inputs {
-            if input.period_ns == 0 {
-                return refused(format!("the codes at {} have a period of 0 ns", input.pin));
-            }
-            if let Some(code) = input.codes.iter().find(|code| **code > 4095) {
-                return refused(format!(
-                    "a code at {} is {code}; codes of the 12-bit ADC are 0..=4095",
-                    input.pin
-                ));
+            .try_for_each(|input| check_pin(&input.pin))?;
+        for (from, to) in &self.wires {
+            check_pin(from)?;
+            check_pin(to)?;
+            if from == to {
+                return refused(format!("a wire leads from {from} to itself; give two pins"));
             }
         }
-        if let Some(input) = self
-            .uart_input
-            .iter()
-            .find(|input| !USARTS.contains(&input.port.as_str()))
+        for AnalogInput {
+            pin,
+            period_ns,
+            codes,
+            ..
+        } in &self.analog_inputs
         {
-            return refused(format!(
-                "there is no USART {:?}; give one of {}",
-                input.port,
-                USARTS.join(", ")
-            ));
+            check_pin(pin)?;
+            if *period_ns == 0 {
+                return refused(format!("the codes at {pin} have a period of 0 ns"));
+            }
+            if let Some(code) = codes.iter().find(|code| **code > 4095) {
+                return refused(format!("a code at {pin} is {code}; {TWELVE_BITS}"));
+            }
         }
+        self.uart_input
+            .iter()
+            .try_for_each(|input| check_usart(&input.port))?;
         for (address, bytes) in &self.flash {
-            let end = u64::from(*address) + bytes.len() as u64;
-            if !FLASH.contains(address) || end > u64::from(FLASH.end) {
-                return refused(format!(
-                    "{} bytes for flash at {address:#010x} are outside {:#010x}..{:#010x}",
-                    bytes.len(),
-                    FLASH.start,
-                    FLASH.end
-                ));
+            let (start, end, length) = (FLASH.start, FLASH.end, bytes.len());
+            if !FLASH.contains(address) || u64::from(*address) + length as u64 > u64::from(end) {
+                let place = format!("{length} bytes for flash at {address:#010x}");
+                return refused(format!("{place} are outside {start:#010x}..{end:#010x}"));
             }
         }
         Ok(())
     }
 }
 
+const TWELVE_BITS: &str = "codes of the 12-bit ADC are 0..=4095";
+
+fn check_pin(name: &str) -> Result<(), RunError> {
+    let unknown = || RunError::Input(format!("there is no pin {name:?}; pins are PA0 to PI15"));
+    pin(name).map(drop).ok_or_else(unknown)
+}
+
+fn check_usart(port: &str) -> Result<(), RunError> {
+    let all = USARTS.join(", ");
+    let unknown = || RunError::Input(format!("there is no USART {port:?}; give one of {all}"));
+    USARTS.contains(&port).then_some(()).ok_or_else(unknown)
+}
+
 /// Refuses a port at which QEMU's stub cannot listen. QEMU's own line on that comes when it has started.
 fn check_port(port: u16) -> Result<(), RunError> {
-    match TcpListener::bind((Ipv4Addr::LOCALHOST, port)) {
-        Ok(_) => Ok(()),
-        Err(error) => Err(RunError::Input(format!(
-            "a debugger cannot come to port {port} of this computer ({error}); give another port for gdb"
-        ))),
-    }
+    let taken = |error| {
+        let what = format!("a debugger cannot come to port {port} of this computer ({error})");
+        RunError::Input(what + "; give another port for gdb")
+    };
+    TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+        .map(drop)
+        .map_err(taken)
 }
 
 #[cfg(test)]

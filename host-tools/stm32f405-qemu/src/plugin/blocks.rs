@@ -37,18 +37,17 @@ impl Blocks {
         let Some(began) = self.began.replace(now).filter(|_| scans > 0) else {
             return;
         };
-        let block = BlockCost {
-            instructions: now[0] - began[0],
-            scans,
-        };
+        let instructions = now[0] - began[0];
+        let block = BlockCost { instructions, scans };
         let worst = self.ended.worst_block.get_or_insert(block);
         if block.instructions_per_scan() > worst.instructions_per_scan() {
             *worst = block;
         }
+        let ended = &mut self.ended;
         let alike = if now[1] > began[1] {
-            &mut self.ended.working
+            &mut ended.working
         } else {
-            &mut self.ended.idle
+            &mut ended.idle
         };
         let alike = alike.get_or_insert_default();
         alike.instructions += block.instructions;

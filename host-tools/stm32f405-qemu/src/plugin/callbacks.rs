@@ -21,17 +21,19 @@ use super::count::{InstructionCounters, Site, Sites};
 use super::failures::{self, Sighting};
 use super::handlers;
 use super::idle::IdleSchedule;
-use super::overlay::{Entries, Overlay};
+use super::overlay::Overlay;
 use super::qemu::{
-    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
-    QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, Waits,
-    exit, leave, log_moved, log_seen, on_signal_of_abort, repeats, room, say, symbol, take_no_signals,
-    wait_for_event,
+    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOG_SEEN, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
+    QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess,
+    WAITED_FOR_EVENT, Waits, exit, leave, log_moved, on_signal_of_abort, repeats, room, say, symbol,
+    take_no_signals,
 };
+use super::recorder::Outside;
 use super::self_test::self_test;
 use super::stops::{self, HostRequest};
 use crate::ending::RunEnd;
 use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
+use crate::machine::Machine;
 use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
@@ -53,7 +55,8 @@ const CPSIE_I: u32 = 0xb662;
 const MSR_PRIMASK: RangeInclusive<u32> = 0x8810_f380..=0x8810_f38f;
 
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
-static ENTRIES: OnceLock<Entries> = OnceLock::new();
+/// First addresses of the handlers of faults, and of the functions that a panic enters.
+static ENTRIES: OnceLock<[Vec<u32>; 2]> = OnceLock::new();
 
 /// The overlay and QEMU. Both are set before QEMU calls back, but for the moment in which it sets up its
 /// memory: `None`.
@@ -137,8 +140,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
         )
     })?;
     let overlay = Overlay::new(Path::new(folder))?;
-    let counters = overlay.counters();
-    let steps = overlay.steps();
+    let (counters, steps) = (overlay.counters(), overlay.steps.clone());
     ENTRIES.get_or_init(|| overlay.entries());
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
@@ -196,22 +198,16 @@ extern "C" fn on_abort(_signal: c_int) {
 /// QEMU ends before the run does. With semihosting the image has asked for it; the host knows the status.
 extern "C" fn on_exit(_: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
-        let end = if overlay.semihosting() {
-            RunEnd::Exited(0)
-        } else {
-            // The host knows how.
-            RunEnd::QemuEnded(String::new())
-        };
-        overlay.stop(end, qemu);
+        // The host knows how.
+        let ended = RunEnd::QemuEnded(String::new());
+        let exits = overlay.description.run.semihosting;
+        overlay.stop(if exits { RunEnd::Exited(0) } else { ended }, qemu);
     }
 }
 
 extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
     let Some(functions) = FUNCTIONS.get() else { return };
-    let qemu = match lay_over(functions) {
-        Ok(qemu) => qemu,
-        Err(line) => exit(SELF_TEST_STATUS, &line),
-    };
+    let qemu = lay_over(functions).unwrap_or_else(|line| exit(SELF_TEST_STATUS, &line));
     let qemu = QEMU.get_or_init(|| qemu);
     if let Err(line) = self_test(qemu) {
         exit(SELF_TEST_STATUS, &line);
@@ -252,15 +248,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             (container, 0xe000_ed18..0xe000_ed24, &PRIORITY_OPS),
         ] {
             let (region, start, size) = (room(), addresses.start, addresses.len() as u64);
-            let name = c"stm32f405".as_ptr();
-            (f.memory_region_init_io)(
-                region,
-                none,
-                &raw const *ops,
-                start as usize as Pointer,
-                name,
-                size,
-            );
+            let (name, base) = (c"stm32f405".as_ptr(), start as usize as Pointer);
+            (f.memory_region_init_io)(region, none, &raw const *ops, base, name, size);
             (f.memory_region_add_subregion_overlap)(parent, start.into(), region, PRIORITY);
         }
         if !(f.memory_region_present)(system, CCM.start.into()) {
@@ -312,52 +301,47 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
 
 /// Accepts an access. A refused one is a bus fault.
 extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
-    let address = start as usize as u32 + offset as u32;
+    let address = address_of(start, offset);
     !NO_RAM.contains(&address) && !is_beyond_every_bus(address)
 }
 
 /// The part has 4 bits of priority, the upper ones of each byte (RM0090 section 12.1.1). QEMU 7.2 has 8.
 const PRIORITY_BITS: u64 = 0xf0f0_f0f0;
 
+/// The address of an access to a region that begins at `start`.
+fn address_of(start: Pointer, offset: u64) -> u32 {
+    start as usize as u32 + offset as u32
+}
+
 extern "C" fn on_priority_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
-    let address = start as usize as u32 + offset as u32;
-    QEMU.get().map_or(0, |qemu| qemu.read_nvic(address, bytes))
+    QEMU.get()
+        .map_or(0, |qemu| qemu.read_nvic(address_of(start, offset), bytes))
 }
 
 extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
-    let address = start as usize as u32 + offset as u32;
     if let Some(qemu) = QEMU.get() {
-        qemu.write_nvic(address, value & PRIORITY_BITS, bytes);
+        qemu.write_nvic(address_of(start, offset), value & PRIORITY_BITS, bytes);
     }
 }
 
 extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
-    let address = start as u32 + offset as u32;
-    running().map_or(0, |(mut overlay, qemu)| {
-        overlay
-            .access(qemu, |machine, now, outside| {
-                machine.read(address, bytes, now, outside)
-            })
-            .into()
-    })
+    let address = address_of(start, offset);
+    access(|machine, now, outside| machine.read(address, bytes, now, outside)).into()
 }
 
 extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
-    let address = start as u32 + offset as u32;
-    if let Some((mut overlay, qemu)) = running() {
-        overlay.access(qemu, |machine, now, outside| {
-            machine.write(address, bytes, value as u32, now, outside);
-        });
-    }
+    let (address, value) = (address_of(start, offset), value as u32);
+    access(|machine, now, outside| machine.write(address, bytes, value, now, outside));
 }
 
 extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {
-    let address = start as u32 + offset as u32;
-    if let Some((mut overlay, qemu)) = running() {
-        overlay.access(qemu, |machine, now, outside| {
-            machine.store(address, bytes, value as u32, now, outside);
-        });
-    }
+    let (address, value) = (address_of(start, offset), value as u32);
+    access(|machine, now, outside| machine.store(address, bytes, value, now, outside));
+}
+
+/// The processor accesses a register, or stores to flash.
+fn access<T: Default>(access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T) -> T {
+    running().map_or_else(T::default, |(mut overlay, qemu)| overlay.access(qemu, access))
 }
 
 extern "C" fn on_timer(_: Pointer) {
@@ -372,7 +356,6 @@ extern "C" fn on_rest(_: Pointer) {
     }
 }
 
-/// The processor waits.
 extern "C" fn on_wait(_processor: Pointer, _: Pointer) {
     if let Some(qemu) = QEMU.get() {
         qemu.pass_time();
@@ -399,7 +382,7 @@ extern "C" fn on_reset(_: Pointer) {
 /// at registration does no harm.
 extern "C" fn on_translate(first: Pointer, second: Pointer) {
     let block = if second.is_null() { first } else { second };
-    let (Some(f), Some(entries)) = (FUNCTIONS.get(), ENTRIES.get()) else {
+    let (Some(f), Some([faults, panics])) = (FUNCTIONS.get(), ENTRIES.get()) else {
         return;
     };
     // SAFETY: the block and its instructions are QEMU's for the time of this call; a site is never freed.
@@ -412,11 +395,9 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             let at = address as usize as Pointer;
             let watch = f.qemu_plugin_register_vcpu_insn_exec_cb;
             let word = QEMU.get().map(|qemu| qemu.instruction(address));
-            if entries.faults.contains(&address) {
-                let entered = match word {
-                    Some(BRANCH_TO_SELF | BRANCH_TO_SELF_WIDE) => on_fault_in_loop,
-                    _ => on_fault,
-                };
+            if faults.contains(&address) {
+                let loops = matches!(word, Some(BRANCH_TO_SELF | BRANCH_TO_SELF_WIDE));
+                let entered = if loops { on_fault_in_loop } else { on_fault };
                 watch(instruction, entered, READS_REGISTERS, at);
             }
             match word {
@@ -429,7 +410,7 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
                 }
                 _ => {}
             }
-            if entries.panics.contains(&address) {
+            if panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, at);
             }
             if let Some(count) = handlers::count_at(address) {
@@ -438,9 +419,8 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             }
             if let Some((counters, sites)) = COUNTERS.get() {
                 let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
-                let site = sites
-                    .get(address, counters)
-                    .map_or(null_mut(), |s| (&raw const *s).cast_mut().cast());
+                let site = sites.get(address, counters);
+                let site = site.map_or(null_mut(), |site| (&raw const *site).cast_mut().cast());
                 watch(instruction, on_instruction, NO_REGISTERS, site);
             }
         }
@@ -454,11 +434,10 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
         && let Some((mut overlay, qemu)) = running()
         && overlay.drain_log(qemu)
     {
-        log_seen(offset);
+        LOG_SEEN.store(offset, Relaxed);
     }
 }
 
-/// A handler begins.
 extern "C" fn on_handler(_processor: u32, count: Pointer) {
     // SAFETY: the pointer is to a count that is never freed.
     if let Some(count) = unsafe { count.cast::<AtomicU64>().as_ref() } {
@@ -490,7 +469,7 @@ extern "C" fn on_fault_in_loop(processor: u32, at: Pointer) {
 
 extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
     let Some((overlay, qemu)) = running() else { return };
-    let deep = overlay.sleeps_deep();
+    let deep = overlay.machine.sleeps_deep();
     drop(overlay);
     if deep && !failures::interrupt_pending(qemu) {
         note_sighting(Sighting::DeepSleep);
@@ -499,25 +478,25 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
 }
 
 extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
-    wait_for_event();
+    WAITED_FOR_EVENT.store(true, Relaxed);
+}
+
+fn with_counters(count: impl FnOnce(&InstructionCounters)) {
+    if let Some((counters, _)) = COUNTERS.get() {
+        count(counters);
+    }
 }
 
 extern "C" fn on_mask(_processor: u32, at: Pointer) {
-    if let Some((counters, _)) = COUNTERS.get() {
-        counters.masked(at as usize as u32);
-    }
+    with_counters(|counters| counters.masked(at as usize as u32));
 }
 
 extern "C" fn on_restore_mask(_processor: u32, _: Pointer) {
-    if let Some((counters, _)) = COUNTERS.get() {
-        counters.mask_restored();
-    }
+    with_counters(InstructionCounters::mask_restored);
 }
 
 extern "C" fn on_unmask(_processor: u32, _: Pointer) {
-    if let Some((counters, _)) = COUNTERS.get() {
-        counters.unmasked();
-    }
+    with_counters(InstructionCounters::unmasked);
 }
 
 extern "C" fn on_panic(_processor: u32, at: Pointer) {
@@ -536,7 +515,5 @@ fn note_sighting(sighting: Sighting) {
 extern "C" fn on_instruction(_processor: u32, site: Pointer) {
     // SAFETY: the pointer is null or to a site that `on_translate` leaked.
     let site = unsafe { site.cast::<Site>().as_ref() };
-    if let Some((counters, _)) = COUNTERS.get() {
-        counters.executed(site);
-    }
+    with_counters(|counters| counters.executed(site));
 }

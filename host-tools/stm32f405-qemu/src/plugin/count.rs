@@ -52,15 +52,13 @@ struct Masks {
 
 impl InstructionCounters {
     pub(super) fn new(labels: &[String], functions: Vec<FunctionRange>) -> Self {
+        let label = |name: &String| Label {
+            name: name.clone(),
+            ..Label::default()
+        };
         Self {
             total: AtomicU64::new(0),
-            labels: labels
-                .iter()
-                .map(|name| Label {
-                    name: name.clone(),
-                    ..Label::default()
-                })
-                .collect(),
+            labels: labels.iter().map(label).collect(),
             functions,
             masks: Masks::default(),
         }
@@ -105,10 +103,8 @@ impl InstructionCounters {
     /// The longest stretch without interrupts.
     pub(super) fn longest_masked(&self) -> Option<Masked> {
         let instructions = Some(self.masks.longest.load(Relaxed)).filter(|longest| *longest > 0)?;
-        Some(Masked {
-            instructions,
-            from: self.masks.longest_from.load(Relaxed).into(),
-        })
+        let from = self.masks.longest_from.load(Relaxed).into();
+        Some(Masked { instructions, from })
     }
 
     /// Returns the counter of the instruction at an address, `None` if it counts for the total alone.
@@ -143,10 +139,8 @@ impl InstructionCounters {
 
     /// Instructions in functions with one of these labels. This grows if and only if one of them runs.
     pub(super) fn labelled(&self, labels: &[usize]) -> u64 {
-        labels
-            .iter()
-            .map(|l| self.labels[*l].instructions.load(Relaxed))
-            .sum()
+        let counts = labels.iter().map(|l| self.labels[*l].instructions.load(Relaxed));
+        counts.sum()
     }
 
     /// The counts of each label, in order.
@@ -211,21 +205,16 @@ mod tests {
     #[test]
     fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {
         let range = |label, start, end| FunctionRange { label, start, end };
-        let counters = InstructionCounters::new(
-            &["a".into(), "b".into()],
-            vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)],
-        );
+        let ranges = vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)];
+        let counters = InstructionCounters::new(&["a".into(), "b".into()], ranges);
         for address in [98, 100, 102, 200, 108, 110] {
             counters.executed(counters.site(address).as_ref());
         }
         assert_eq!(counters.total(), 6);
-        assert_eq!(
-            [&[0][..], &[1], &[0, 1], &[]].map(|labels| counters.labelled(labels)),
-            [4, 3, 7, 0]
-        );
-        let counts: Vec<_> = counters
-            .functions()
-            .into_iter()
+        let labelled = [&[0][..], &[1], &[0, 1], &[]].map(|labels| counters.labelled(labels));
+        assert_eq!(labelled, [4, 3, 7, 0]);
+        let counts = counters.functions().into_iter();
+        let counts: Vec<_> = counts
             .map(|f| (f.label, f.instructions, f.calls, f.symbols))
             .collect();
         assert_eq!(counts, [("a".into(), 4, 2, 2), ("b".into(), 3, 1, 1)]);

@@ -28,8 +28,8 @@ struct Handler {
 }
 
 /// Takes note of where the handlers begin.
-pub(super) fn find(vectors: &[u32]) {
-    let at = |vector: usize| vectors[vector] & !1;
+pub(super) fn find(vectors: &[[u8; 4]]) {
+    let at = |vector: usize| u32::from_le_bytes(vectors[vector]) & !1;
     let lines = (EXCEPTIONS..vectors.len()).chain(NAMED.map(|(vector, _)| vector));
     let alone = lines.filter(|vector| {
         let same = (0..vectors.len()).filter(|other| at(*other) == at(*vector));
@@ -50,16 +50,17 @@ pub(super) fn count_at(address: u32) -> Option<&'static AtomicU64> {
 /// The interrupts that were taken, in the order of their vectors.
 pub(super) fn taken() -> Vec<Interrupt> {
     let handlers = HANDLERS.get().into_iter().flat_map(HashMap::values);
-    let taken = handlers.filter(|handler| handler.taken.load(Relaxed) > 0);
-    let mut interrupts: Vec<_> = taken
-        .map(|handler| Interrupt {
-            exception: handler.vector,
-            name: name(handler.vector),
-            taken: handler.taken.load(Relaxed),
-        })
+    let mut taken: Vec<_> = handlers
+        .map(|handler| (handler.vector, handler.taken.load(Relaxed)))
         .collect();
-    interrupts.sort_by_key(|interrupt| interrupt.exception);
-    interrupts
+    taken.retain(|(_, taken)| *taken > 0);
+    taken.sort_unstable();
+    let interrupt = |(exception, taken)| Interrupt {
+        exception,
+        name: name(exception),
+        taken,
+    };
+    taken.into_iter().map(interrupt).collect()
 }
 
 fn name(vector: usize) -> String {

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
@@ -11,27 +12,21 @@ use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
 use super::{handlers, rtt, self_test};
-use crate::ending::{Exception, RunEnd};
+use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
-use crate::given::{Fault, Poke, Run, Since};
+use crate::given::{Fault, Poke, Since};
 use crate::machine::{Board, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
 
-/// Addresses at which something begins that the overlay wants to see.
-pub(super) struct Entries {
-    pub(super) faults: Vec<u32>,
-    pub(super) panics: Vec<u32>,
-}
-
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
-    machine: Machine,
-    description: RunDescription<'static>,
+    pub(super) machine: Machine,
+    pub(super) description: RunDescription<'static>,
     folder: PathBuf,
     recorder: RunRecorder,
     /// Of a live run: what the host's steps go to.
-    steps: Option<Sender<TimeStep>>,
+    pub(super) steps: Option<Sender<TimeStep>>,
     /// In order of time.
     pokes: VecDeque<Poke>,
     /// Those since power-up, and those since the first scan.
@@ -54,10 +49,8 @@ impl Overlay {
     pub(super) fn new(folder: &Path) -> Result<Self, String> {
         let description = describe(folder)?;
         let run = &description.run;
-        let machine = Machine::new(Run {
-            stimulus: rows(folder)?,
-            ..run.clone().into_owned()
-        });
+        let mut whole = run.clone().into_owned();
+        whole.stimulus = exchange::rows(&read(folder, exchange::STIMULUS)?);
         let mut pokes = run.pokes.clone();
         pokes.sort_by_key(|poke| poke.at_ns);
         let faults = [Since::PowerUp, Since::FirstScan].map(|since| {
@@ -73,7 +66,7 @@ impl Overlay {
         });
         let (stops, steps) = description.live.then(Stops::new).unzip();
         Ok(Self {
-            machine,
+            machine: Machine::new(whole),
             folder: folder.into(),
             recorder: RunRecorder::new(folder, blocks, stops)?,
             steps,
@@ -94,11 +87,6 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
-    /// Where the host's steps go, if the run is live.
-    pub(super) fn steps(&self) -> Option<Sender<TimeStep>> {
-        self.steps.clone()
-    }
-
     /// The processor reads, writes or stores to flash: `access` says it to the machine.
     pub(super) fn access<T>(
         &mut self,
@@ -109,10 +97,8 @@ impl Overlay {
         self.recorder.called();
         let result = access(&mut self.machine, now, &mut Outside(qemu, &mut self.recorder));
         self.after(now, qemu);
-        if let Some(register) = self
-            .machine
-            .stuck()
-            .filter(|_| self.description.run.stop_when_stuck)
+        if self.description.run.stop_when_stuck
+            && let Some(register) = self.machine.stuck()
         {
             self.end(RunEnd::Stuck(register), now, qemu);
         }
@@ -128,13 +114,7 @@ impl Overlay {
             }
             let mut vectors = [0; 4 * handlers::VECTORS];
             qemu.read_memory(FLASH.start, &mut vectors);
-            let (vectors, _) = vectors.as_chunks();
-            handlers::find(
-                &vectors
-                    .iter()
-                    .map(|word| u32::from_le_bytes(*word))
-                    .collect::<Vec<_>>(),
-            );
+            handlers::find(vectors.as_chunks().0);
             // Takes over what QEMU has loaded there.
             let mut contents = vec![0; WRITABLE.len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
@@ -165,13 +145,8 @@ impl Overlay {
 
     /// If the host has said to stop at this time, waits for it to say how far time goes next.
     fn stop_for_host(&mut self, now: u64, qemu: &Qemu) {
-        if self.ended
-            || self
-                .recorder
-                .stops
-                .as_ref()
-                .is_none_or(|stops| now < stops.at_ns())
-        {
+        let stops = self.recorder.stops.as_ref();
+        if self.ended || stops.is_none_or(|stops| now < stops.at_ns) {
             return;
         }
         self.tell_host(now, false);
@@ -190,10 +165,12 @@ impl Overlay {
         let Some(stops) = &mut self.recorder.stops else {
             return;
         };
-        let before = match stops.at_ns() {
-            // The first stop is before the first instruction, but for one that it comes with.
-            0 => 0,
-            _ => std::mem::replace(&mut stops.instructions, total),
+        // The first stop is before the first instruction, but for one that it comes with.
+        let is_first = stops.at_ns == 0;
+        let before = if is_first {
+            0
+        } else {
+            std::mem::replace(&mut stops.instructions, total)
         };
         let stimulus = self.machine.stimulus();
         let reached = Reached {
@@ -211,11 +188,6 @@ impl Overlay {
         self.recorder.tell(reached);
     }
 
-    /// Returns `true` if WFI is STOP or STANDBY now.
-    pub(super) fn sleeps_deep(&self) -> bool {
-        self.machine.sleeps_deep()
-    }
-
     /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
     pub(super) fn note_sighting(&mut self, sighting: Sighting, qemu: &Qemu) {
         self.failures.sightings.push(sighting);
@@ -226,11 +198,8 @@ impl Overlay {
     fn judge(&mut self, now: u64, qemu: &Qemu) {
         for sighting in std::mem::take(&mut self.failures.sightings) {
             match sighting {
-                Sighting::Exception(exception) => {
-                    let exception = Exception {
-                        at_ns: now,
-                        ..exception
-                    };
+                Sighting::Exception(mut exception) => {
+                    exception.at_ns = now;
                     if let Some(end) = self.failures.fault(exception) {
                         self.end(end, now, qemu);
                     }
@@ -307,18 +276,12 @@ impl Overlay {
         if self.ended {
             return;
         }
+        let (interrupt, end) = (self.machine.next_interrupt(), self.failures.end_at());
         let poke = self.pokes.front().map(|poke| poke.at_ns);
         let fault = self.next_fault().map(|(at, _)| at);
-        let stop = self.recorder.stops.as_ref().map(Stops::at_ns);
-        let next = [
-            self.machine.next_interrupt(),
-            poke,
-            fault,
-            self.failures.end_at(),
-            stop,
-        ];
-        let next = next.into_iter().flatten().fold(self.ends_at(), u64::min);
-        qemu.wake_at(next.max(now + 1));
+        let stop = self.recorder.stops.as_ref().map(|stops| stops.at_ns);
+        let next = [interrupt, poke, fault, end, stop].into_iter().flatten();
+        qemu.wake_at(next.fold(self.ends_at(), u64::min).max(now + 1));
     }
 
     /// Takes the image's log out of its memory. Gives whether the image has set the log up.
@@ -334,17 +297,10 @@ impl Overlay {
         self.description.rtt.map(rtt::write_offset)
     }
 
-    /// Addresses at which the handler of a fault or of a panic begins.
-    pub(super) fn entries(&self) -> Entries {
-        Entries {
-            faults: self.description.fault_handlers.clone(),
-            panics: self.description.panic_functions.clone(),
-        }
-    }
-
-    /// Returns `true` if the image may call the host.
-    pub(super) fn semihosting(&self) -> bool {
-        self.description.run.semihosting
+    /// Addresses at which the handler of a fault begins, and those at which a panic does.
+    pub(super) fn entries(&self) -> [Vec<u32>; 2] {
+        let description = &self.description;
+        [&description.fault_handlers, &description.panic_functions].map(Clone::clone)
     }
 
     /// The host wants the report now, or QEMU ends by itself.
@@ -357,11 +313,9 @@ impl Overlay {
     /// QEMU gives up, since the processor has locked up. It cannot say the time any more.
     pub(super) fn lock_up(&mut self, qemu: &Qemu) {
         for sighting in std::mem::take(&mut self.failures.sightings) {
-            if let Sighting::Exception(exception) = sighting {
-                self.failures.exceptions.push(Exception {
-                    at_ns: self.now,
-                    ..exception
-                });
+            if let Sighting::Exception(mut exception) = sighting {
+                exception.at_ns = self.now;
+                self.failures.exceptions.push(exception);
             }
         }
         self.drain_log(qemu);
@@ -406,10 +360,10 @@ impl Overlay {
             ..self.machine.outcome(now)
         };
         outcome.never_came.extend(self.never_came());
+        let waited = qemu::WAITED_FOR_EVENT.load(Relaxed).then(|| waits.into());
         outcome
             .unmodelled
-            .extend(qemu::waited_for_event().then(|| waits.into()));
-        outcome.unmodelled.extend(self.recorder.lost_log());
+            .extend(waited.into_iter().chain(self.recorder.lost_log()));
         let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));
@@ -433,17 +387,10 @@ fn describe(folder: &Path) -> Result<RunDescription<'static>, String> {
     let json: serde_json::Value =
         serde_json::from_slice(&read(folder, exchange::DESCRIPTION)?).map_err(odd)?;
     if json.get("format").and_then(serde_json::Value::as_u64) != Some(u64::from(FORMAT)) {
-        return Err(
-            "this overlay is of another build than the program that runs it; build both again".into(),
-        );
+        let other = "this overlay is of another build than the program that runs it; build both again";
+        return Err(other.into());
     }
     serde_json::from_value(json).map_err(odd)
-}
-
-/// The rows of the stimulus.
-fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
-    let bytes = read(folder, exchange::STIMULUS)?;
-    Ok(exchange::rows(&bytes))
 }
 
 /// Guest memory for the log. What is not RAM reads as zero: an address that the image has not set yet may be

@@ -211,33 +211,17 @@ impl Qemu {
     }
 
     fn access(&self, address: u32, bytes: Pointer, length: usize, write: bool) {
-        let f = &self.functions;
+        let (access, space, length) = (self.functions.address_space_rw, self.address_space, length as u64);
         // SAFETY: the buffer has this length, and is only read from when `write` is set.
-        unsafe {
-            (f.address_space_rw)(
-                self.address_space,
-                address.into(),
-                UNSPECIFIED,
-                bytes,
-                length as u64,
-                write,
-            )
-        };
+        unsafe { access(space, address.into(), UNSPECIFIED, bytes, length, write) };
     }
 
     /// Writes memory of any kind, also flash.
     pub(super) fn poke(&self, address: u32, bytes: &[u8]) {
-        let (f, length) = (&self.functions, bytes.len() as u64);
+        let (write, space) = (self.functions.address_space_write_rom, self.address_space);
+        let (bytes, length) = (bytes.as_ptr().cast(), bytes.len() as u64);
         // SAFETY: the buffer has this length and is only read.
-        unsafe {
-            (f.address_space_write_rom)(
-                self.address_space,
-                address.into(),
-                UNSPECIFIED,
-                bytes.as_ptr().cast(),
-                length,
-            )
-        };
+        unsafe { write(space, address.into(), UNSPECIFIED, bytes, length) };
     }
 
     pub(super) fn set_interrupt(&self, number: usize, level: bool) {
@@ -376,17 +360,9 @@ impl Qemu {
     /// Lets [`log_moved`] look at a word of RAM: the write offset of the image's log.
     pub(super) fn watch_log(&self, address: u32) {
         let mut length = 4;
-        let map = self.functions.address_space_map;
+        let (map, space) = (self.functions.address_space_map, self.address_space);
         // SAFETY: takes an address space and a length, which it may make less; RAM stays where it is.
-        let word = unsafe {
-            map(
-                self.address_space,
-                address.into(),
-                &raw mut length,
-                true,
-                UNSPECIFIED,
-            )
-        };
+        let word = unsafe { map(space, address.into(), &raw mut length, true, UNSPECIFIED) };
         if length == 4 {
             LOG_OFFSET.store(word.cast(), Relaxed);
         }
@@ -406,7 +382,7 @@ impl Qemu {
 
 /// The write offset of the log, in guest memory, and what it was when the log was last looked at.
 static LOG_OFFSET: AtomicPtr<AtomicU32> = AtomicPtr::new(std::ptr::null_mut());
-static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
+pub(super) static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
 /// The block of instructions that was begun last.
 static LAST_BLOCK: AtomicU32 = AtomicU32::new(0);
 /// The one before it.
@@ -423,23 +399,8 @@ pub(super) fn log_moved(block: u32) -> Option<u32> {
     (offset != LOG_SEEN.load(Relaxed)).then_some(offset)
 }
 
-/// The log was taken up to this write offset.
-pub(super) fn log_seen(offset: u32) {
-    LOG_SEEN.store(offset, Relaxed);
-}
-
 /// True if WFE was executed.
-static WAITED: AtomicBool = AtomicBool::new(false);
-
-/// WFE is executed.
-pub(super) fn wait_for_event() {
-    WAITED.store(true, Relaxed);
-}
-
-/// Returns `true` if WFE was executed.
-pub(super) fn waited_for_event() -> bool {
-    WAITED.load(Relaxed)
-}
+pub(super) static WAITED_FOR_EVENT: AtomicBool = AtomicBool::new(false);
 
 /// The address of the block that was begun last.
 pub(super) fn last_block() -> Option<u32> {
@@ -514,9 +475,7 @@ mod tests {
             log_moved(block);
             repeats(0x0800_0100)
         };
-        assert_eq!(
-            [0x0800_0200, 0x0800_0100, 0x0800_0100, 0x0800_0200, 0x0800_0100].map(begin),
-            [false, false, true, false, false]
-        );
+        let repeats = [0x200, 0x100, 0x100, 0x200, 0x100].map(|block| begin(0x0800_0000 + block));
+        assert_eq!(repeats, [false, false, true, false, false]);
     }
 }

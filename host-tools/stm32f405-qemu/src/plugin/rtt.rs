@@ -93,8 +93,9 @@ mod tests {
 
     #[test]
     fn a_buffer_at_the_end_of_the_address_space_wraps() {
-        struct Recorded(Ram, Vec<u32>);
-        impl GuestMemory for Recorded {
+        /// The block, and the addresses that are read.
+        struct RecordedReads(Ram, Vec<u32>);
+        impl GuestMemory for RecordedReads {
             fn read(&mut self, address: u32, bytes: &mut [u8]) {
                 self.1.push(address);
                 if address == 0 {
@@ -106,7 +107,7 @@ mod tests {
         }
         let mut ram = image(6, 5);
         ram.write(28, &u32::MAX.to_le_bytes());
-        let mut memory = Recorded(ram, Vec::new());
+        let mut memory = RecordedReads(ram, Vec::new());
         assert_eq!(drain(0, &mut memory).as_deref(), Some(&[0][..]));
         assert_eq!(memory.1, [0, 4]);
     }

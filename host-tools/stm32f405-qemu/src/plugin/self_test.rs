@@ -21,28 +21,18 @@ pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
     };
     qemu.poke(FLASH.start, &vec![0xff; FLASH.len()]);
     check("a word of erased flash", word(FLASH.end - 4), u32::MAX)?;
-    check(
-        "the same word seen at 0",
-        word((FLASH.end - FLASH.start) - 4),
-        u32::MAX,
-    )?;
+    let at_0 = word((FLASH.end - FLASH.start) - 4);
+    check("the same word seen at 0", at_0, u32::MAX)?;
     qemu.write_memory(FLASH_ACR, &5u32.to_le_bytes());
     check("FLASH_ACR after a write", word(FLASH_ACR), 5)?;
     qemu.write_memory(FLASH_ACR, &0u32.to_le_bytes());
-    for (address, value) in [
-        (CCM.start, 0x5a5a_a5a5u32),
-        (CCM.end - 4, 0x1234_5678),
-        (CCM.start, 0),
-    ] {
+    let last = CCM.end - 4;
+    for (address, value) in [(CCM.start, 0x5a5a_a5a5u32), (last, 0x1234_5678), (CCM.start, 0)] {
         qemu.write_memory(address, &value.to_le_bytes());
         check("a word of CCM RAM after a write", word(address), value)?;
     }
-    check(
-        "DWT_CTRL seen by the processor",
-        qemu.processor_word(DWT_CTRL) & 0xf000_0000,
-        0x4000_0000,
-    )?;
-    Ok(())
+    let seen = qemu.processor_word(DWT_CTRL) & 0xf000_0000;
+    check("DWT_CTRL seen by the processor", seen, 0x4000_0000)
 }
 
 /// Tests that an interrupt line that is raised is pending. The interrupt controller must have been reset

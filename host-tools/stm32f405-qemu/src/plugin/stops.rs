@@ -20,7 +20,7 @@ use crate::machine::USARTS;
 pub(super) struct Stops {
     steps: Receiver<TimeStep>,
     /// The next one.
-    at_ns: u64,
+    pub(super) at_ns: u64,
     /// Frames that each USART sent since the last stop, as records.
     pub(super) sent: [Vec<u8>; USARTS.len()],
     /// The log since the last one.
@@ -44,11 +44,6 @@ impl Stops {
             instructions: 0,
         };
         (stops, sender)
-    }
-
-    /// When the next one is.
-    pub(super) fn at_ns(&self) -> u64 {
-        self.at_ns
     }
 
     /// Tells the host what came out since the last one, and forgets it.

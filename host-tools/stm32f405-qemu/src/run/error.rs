@@ -99,21 +99,18 @@ impl RunError {
 fn unknown(outcome: &Outcome) -> String {
     let mut registers: Vec<_> = outcome.unknown_registers.iter().collect();
     registers.sort_by_key(|register| std::cmp::Reverse(register.reads + register.writes));
-    let told = |register: &&UnknownRegister| format!("{} ({} reads)", register.name, register.reads);
-    let told: Vec<_> = registers.iter().take(3).map(told).collect();
-    if told.is_empty() {
+    let reads = |register: &&UnknownRegister| format!("{} ({} reads)", register.name, register.reads);
+    let reads: Vec<_> = registers.iter().take(3).map(reads).collect();
+    if reads.is_empty() {
         String::new()
     } else {
-        format!("; without a model: {}", told.join(", "))
+        format!("; without a model: {}", reads.join(", "))
     }
 }
 
 fn list(paths: &[PathBuf]) -> String {
-    paths
-        .iter()
-        .map(|p| p.display().to_string())
-        .collect::<Vec<_>>()
-        .join(", ")
+    let shown: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
+    shown.join(", ")
 }
 
 fn seen(uart_bytes: usize) -> String {

@@ -54,10 +54,9 @@ impl RunFolder {
             .tempdir()
             .map_err(io("cannot make a temporary directory"))?;
         if let Some(why) = misread(folder.path()) {
-            return Err(RunError::Input(format!(
-                "the temporary directory {} {why}; set TMPDIR to another",
-                folder.path().display()
-            )));
+            let shown = folder.path().display();
+            let what = format!("the temporary directory {shown} {why}; set TMPDIR to another");
+            return Err(RunError::Input(what));
         }
         folders.push(folder.path().to_owned());
         drop(folders);
@@ -98,10 +97,8 @@ mod tests {
     #[test]
     fn directories_whose_names_qemu_would_misread_are_refused() {
         let refused = |name: &[u8]| misread(Path::new(OsStr::from_bytes(name))).is_some();
-        assert_eq!(
-            [&b"/tmp/a=b c"[..], b"/tmp/a,b", b"/tmp/\xff"].map(refused),
-            [false, true, true]
-        );
+        let names = [&b"/tmp/a=b c"[..], b"/tmp/a,b", b"/tmp/\xff"];
+        assert_eq!(names.map(refused), [false, true, true]);
     }
 
     #[test]

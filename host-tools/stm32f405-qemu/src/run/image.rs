@@ -49,12 +49,9 @@ impl Image {
         let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing(path.into(), source))?;
         let not_arm = |reason: String| RunError::NotArmElf(path.into(), reason);
         let elf = object::File::parse(&*bytes).map_err(|e| not_arm(e.to_string()))?;
-        if elf.format() != object::BinaryFormat::Elf || elf.architecture() != object::Architecture::Arm {
-            return Err(not_arm(format!(
-                "{:?} for {:?}",
-                elf.format(),
-                elf.architecture()
-            )));
+        let (format, processor) = (elf.format(), elf.architecture());
+        if format != object::BinaryFormat::Elf || processor != object::Architecture::Arm {
+            return Err(not_arm(format!("{format:?} for {processor:?}")));
         }
 
         let mut functions = Vec::new();
@@ -73,10 +70,8 @@ impl Image {
                 _ => {}
             }
         }
-        let fault_handlers = vectors(&elf, 3..7)
-            .into_iter()
-            .map(|vector| vector & !1)
-            .collect();
+        let fault_handlers = vectors(&elf, 3..7).into_iter().map(|vector| vector & !1);
+        let fault_handlers = fault_handlers.collect();
         Ok(Self {
             path: path.into(),
             functions,
@@ -90,11 +85,8 @@ impl Image {
     pub(super) fn panic_functions(&self) -> Vec<u32> {
         let named = |end: &str| -> Vec<u32> {
             let fits = |function: &&Function| function.name.ends_with(end);
-            self.functions
-                .iter()
-                .filter(fits)
-                .map(|function| function.address)
-                .collect()
+            let found = self.functions.iter().filter(fits);
+            found.map(|function| function.address).collect()
         };
         let handler = named("rust_begin_unwind");
         // The compiler may put the handler into what calls it.
@@ -142,11 +134,8 @@ impl Image {
                 }
             }
         }
-        let ranges = ranges
-            .into_iter()
-            .map(|(label, start, end)| FunctionRange { label, start, end })
-            .collect();
-        Ok((labels, ranges))
+        let range = |(label, start, end)| FunctionRange { label, start, end };
+        Ok((labels, ranges.into_iter().map(range).collect()))
     }
 }
 

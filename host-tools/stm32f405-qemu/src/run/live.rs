@@ -7,9 +7,10 @@ use super::image::Image;
 use super::log::Log;
 use super::process::{QemuJob, QemuProcess, StopReport};
 use super::sent;
+use super::{TWELVE_BITS, check_pin, check_usart};
 use crate::exchange::{Reached, TimeStep};
 use crate::given::{Inputs, Run};
-use crate::machine::{USARTS, pin};
+use crate::machine::USARTS;
 use crate::outcome::{LogLine, Outcome, Sampling, StretchWork, Uart};
 
 /// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however
@@ -98,9 +99,8 @@ impl Live {
     pub fn advance(&mut self, to_ns: u64, inputs: Inputs) -> Result<Passed, RunError> {
         let now_ns = self.now_ns();
         if to_ns < now_ns {
-            return Err(RunError::Input(format!(
-                "the image is at {now_ns} ns, and time does not go back to {to_ns} ns"
-            )));
+            let what = format!("the image is at {now_ns} ns, and time does not go back to {to_ns} ns");
+            return Err(RunError::Input(what));
         }
         self.check(&inputs)?;
         if self.reached.ended {
@@ -137,10 +137,8 @@ impl Live {
         let ended = self.job.end(self.running.take()?, Some(Duration::ZERO))?;
         let outcome = ended.outcome(&self.job.folder)?;
         let completed = self.run.complete(&self.image, &self.job, outcome)?;
-        Err(RunError::Input(match completed.verdict() {
-            Ok(()) => "the run is over".into(),
-            Err(why) => why,
-        }))
+        let why = completed.verdict().err();
+        Err(RunError::Input(why.unwrap_or_else(|| "the run is over".into())))
     }
 
     fn passed(&mut self, (reached, bytes): StopReport) -> Passed {
@@ -173,34 +171,25 @@ impl Live {
             format!("{what} is to come at {at_ns} ns, and the image is at {now_ns} ns already")
         };
         for input in &inputs.uart {
-            if !USARTS.contains(&input.port.as_str()) {
-                return refused(format!(
-                    "there is no USART {:?}; give one of {}",
-                    input.port,
-                    USARTS.join(", ")
-                ));
-            }
+            check_usart(&input.port)?;
             if input.at_ns < now_ns {
                 return refused(late(&format!("a byte for {}", input.port), input.at_ns));
             }
         }
         for level in &inputs.levels {
-            if pin(&level.pin).is_none() {
-                return refused(format!("there is no pin {:?}; pins are PA0 to PI15", level.pin));
-            }
+            check_pin(&level.pin)?;
             if level.at_ns < now_ns {
                 return refused(late(&format!("an edge on {}", level.pin), level.at_ns));
             }
         }
         let too_high = |row: &&[u16; 4]| row.iter().any(|code| *code > 4095);
         if let Some(row) = inputs.codes.iter().find(too_high) {
-            return refused(format!("a row is {row:?}; codes of the 12-bit ADC are 0..=4095"));
+            return refused(format!("a row is {row:?}; {TWELVE_BITS}"));
         }
-        match self.reached.codes_until_ns {
-            Some(until) if until < now_ns && !inputs.codes.is_empty() => {
-                refused(late("the next row of codes", until))
-            }
-            _ => Ok(()),
-        }
+        let until = self
+            .reached
+            .codes_until_ns
+            .filter(|until| *until < now_ns && !inputs.codes.is_empty());
+        until.map_or(Ok(()), |until| refused(late("the next row of codes", until)))
     }
 }

@@ -13,14 +13,21 @@ use crate::outcome::LogLine;
 /// not a frame (of a log that a reset has cut) are skipped if the encoding allows to find the next frame.
 pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLine>, RunError> {
     if bytes.is_empty() {
-        return Ok(Vec::new());
+        Ok(Vec::new())
+    } else {
+        Ok(lines(parse(path, elf)?.as_ref(), bytes))
     }
-    let refused = |reason: String| RunError::Log(path.into(), reason);
-    let table = Table::parse(elf).map_err(|e| refused(e.to_string()))?;
-    Ok(match table {
-        Some(table) if !is_text(bytes) => frames(&table, bytes),
+}
+
+fn parse(path: &Path, elf: &[u8]) -> Result<Option<Table>, RunError> {
+    Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))
+}
+
+fn lines(table: Option<&Table>, bytes: &[u8]) -> Vec<LogLine> {
+    match table {
+        Some(table) if !is_text(bytes) => frames(table, bytes),
         _ => String::from_utf8_lossy(bytes).lines().map(plain).collect(),
-    })
+    }
 }
 
 /// A record without an end is taken as a line when it has this many bytes.
@@ -37,8 +44,7 @@ impl Log {
     /// # Errors
     /// As [`decode`].
     pub(super) fn new(path: &Path, elf: &[u8]) -> Result<Self, RunError> {
-        let table = Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))?;
-        let rest = Vec::new();
+        let (table, rest) = (parse(path, elf)?, Vec::new());
         Ok(Self { table, rest })
     }
 
@@ -46,16 +52,10 @@ impl Log {
     pub(super) fn take(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.rest.extend(bytes);
         let end = self.rest.iter().rposition(|byte| matches!(byte, 0 | b'\n'));
-        let end = match end {
-            Some(end) => end + 1,
-            None if self.rest.len() > LONGEST_RECORD => self.rest.len(),
-            None => 0,
-        };
+        let too_long = self.rest.len() > LONGEST_RECORD;
+        let end = end.map_or(if too_long { self.rest.len() } else { 0 }, |end| end + 1);
         let whole: Vec<u8> = self.rest.drain(..end).collect();
-        match &self.table {
-            Some(table) if !is_text(&whole) => frames(table, &whole),
-            _ => String::from_utf8_lossy(&whole).lines().map(plain).collect(),
-        }
+        lines(self.table.as_ref(), &whole)
     }
 }
 

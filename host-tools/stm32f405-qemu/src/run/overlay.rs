@@ -1,6 +1,7 @@
 //! The shared object that QEMU loads: where it is, and how a copy of it is made for one version of QEMU.
 
 use std::borrow::Cow;
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::SystemTime;
@@ -64,13 +65,11 @@ pub(super) fn find(named: Option<&Path>) -> Result<OverlayFile, RunError> {
 }
 
 fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
-    let file = format!(
-        "{}stm32f405_qemu{}",
-        std::env::consts::DLL_PREFIX,
-        std::env::consts::DLL_SUFFIX
-    );
+    let stem = format!("{DLL_PREFIX}stm32f405_qemu");
+    let file = format!("{stem}{DLL_SUFFIX}");
     if let Some(named) = named {
-        return if named.is_file() {
+        let found = named.is_file();
+        return if found {
             Ok(named)
         } else {
             Err(RunError::OverlayMissing(file, vec![named]))
@@ -84,17 +83,15 @@ fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
     }
     // If the overlay is built only as a dependency, cargo leaves an old build beside the executable.
     let built = |path: &PathBuf| {
-        path.metadata()
-            .and_then(|m| m.modified())
-            .unwrap_or(SystemTime::UNIX_EPOCH)
+        let modified = path.metadata().and_then(|metadata| metadata.modified());
+        modified.unwrap_or(SystemTime::UNIX_EPOCH)
     };
     // Cargo adds a hash to the name where this crate comes from a registry or from git.
-    let stem = file.trim_end_matches(std::env::consts::DLL_SUFFIX);
     let is_overlay = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let rest = name
-            .strip_prefix(stem)
-            .and_then(|rest| rest.strip_suffix(std::env::consts::DLL_SUFFIX));
+            .strip_prefix(&stem)
+            .and_then(|rest| rest.strip_suffix(DLL_SUFFIX));
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
             && path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0)
     };
@@ -116,26 +113,20 @@ pub(super) fn with_version(overlay: &OverlayFile, version: i32) -> Result<Vec<u8
     let odd = |reason: String| RunError::OverlayOdd(overlay.place.clone(), reason);
     let mut bytes = overlay.bytes.to_vec();
     let at = version_offset(&bytes).map_err(odd)?;
-    bytes
-        .get_mut(at..at + size_of::<i32>())
-        .ok_or_else(|| odd(format!("{VERSION_SYMBOL} lies past its end")))?
-        .copy_from_slice(&version.to_ne_bytes());
+    let place = bytes.get_mut(at..at + size_of::<i32>());
+    let place = place.ok_or_else(|| odd(format!("{VERSION_SYMBOL} lies past its end")))?;
+    place.copy_from_slice(&version.to_ne_bytes());
     Ok(bytes)
 }
 
 /// Where in the file the version constant lies.
 fn version_offset(bytes: &[u8]) -> Result<usize, String> {
     let file = object::File::parse(bytes).map_err(|e| e.to_string())?;
-    let symbol = file
-        .dynamic_symbols()
-        .find(|s| s.name() == Ok(VERSION_SYMBOL))
-        .ok_or_else(|| format!("it does not export {VERSION_SYMBOL}"))?;
-    let section = symbol
-        .section_index()
-        .and_then(|i| file.section_by_index(i).ok())
-        .ok_or_else(|| format!("{VERSION_SYMBOL} is in no section"))?;
-    let (start, _) = section
-        .file_range()
-        .ok_or_else(|| format!("{VERSION_SYMBOL} has no bytes in the file"))?;
+    let symbol = file.dynamic_symbols().find(|s| s.name() == Ok(VERSION_SYMBOL));
+    let symbol = symbol.ok_or_else(|| format!("it does not export {VERSION_SYMBOL}"))?;
+    let section = symbol.section_index().and_then(|i| file.section_by_index(i).ok());
+    let section = section.ok_or_else(|| format!("{VERSION_SYMBOL} is in no section"))?;
+    let range = section.file_range();
+    let (start, _) = range.ok_or_else(|| format!("{VERSION_SYMBOL} has no bytes in the file"))?;
     Ok((start + symbol.address() - section.address()) as usize)
 }

@@ -47,23 +47,18 @@ impl QemuJob {
     /// # Errors
     /// QEMU or the overlay fails, or it takes longer than `limit`.
     pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(QemuProcess, StopReport), RunError> {
-        let version = self.qemu.plugin_version();
-        let started = |version| {
+        let mut version = self.qemu.plugin_version();
+        let mut first = true;
+        loop {
             let mut running = QemuProcess::of(self.start(version, Stdio::piped())?);
-            let first = running.next_stop(limit);
-            Ok::<_, RunError>((running, first))
-        };
-        let (mut running, mut first) = started(version)?;
-        if first.is_none() {
+            if let Some(report) = running.next_stop(limit) {
+                return Ok((running, report));
+            }
             let ended = self.end(running.take()?, limit)?;
-            let Some(other) = ended.other_version(version) else {
-                return Err(ended.failure(&self.folder));
-            };
-            (running, first) = started(other)?;
-        }
-        match first {
-            Some(first) => Ok((running, first)),
-            None => Err(self.end(running.take()?, limit)?.failure(&self.folder)),
+            let other = ended
+                .other_version(version)
+                .filter(|_| std::mem::take(&mut first));
+            version = other.ok_or_else(|| ended.failure(&self.folder))?;
         }
     }
 
@@ -193,10 +188,8 @@ impl Ended {
 
     /// Why it ended before the run began.
     fn failure(&self, folder: &RunFolder) -> RunError {
-        match self.outcome(folder) {
-            Err(error) => error,
-            Ok(_) => RunError::Qemu(self.status, "it ended before the first instruction".into()),
-        }
+        let early = |_| RunError::Qemu(self.status, "it ended before the first instruction".into());
+        self.outcome(folder).map_or_else(|error| error, early)
     }
 
     /// Returns the overlay's report, or the reason why there is none.
@@ -261,10 +254,8 @@ fn wait(mut child: Child, limit: Option<Duration>) -> Result<ExitStatus, RunErro
             && Instant::now() >= at
         {
             let end = child.stdin.as_mut().filter(|_| !asked);
-            if end
-                .and_then(|end| end.write_all(&[exchange::REPORT]).ok())
-                .is_none()
-            {
+            let sent = end.and_then(|end| end.write_all(&[exchange::REPORT]).ok());
+            if sent.is_none() {
                 child.kill().map_err(io("cannot stop QEMU"))?;
                 child.wait().map_err(io("cannot wait for QEMU"))?;
                 return Err(RunError::Silent(limit));
@@ -303,27 +294,19 @@ mod tests {
         let noexec =
             "qemu-system-arm: -plugin file=/x.so: Could not load plugin /x.so: failed to map segment";
         let refused = ended(256, noexec).outcome(&folder).unwrap_err();
-        assert!(
-            matches!(&refused, RunError::OverlayRefused(line) if line.contains("TMPDIR")),
-            "{refused}"
-        );
+        assert!(matches!(&refused, RunError::OverlayRefused(line) if line.contains("TMPDIR")));
     }
 
     #[test]
     fn a_qemu_that_ends_by_itself_keeps_what_it_said_and_what_the_run_had_given() {
         let folder = RunFolder::new().unwrap();
         for end in [RunEnd::QemuEnded(String::new()), RunEnd::Exited(0)] {
-            let outcome = Outcome {
-                end,
-                virtual_ns: 5,
-                ..Outcome::default()
-            };
-            folder
-                .write(exchange::OUTCOME, &serde_json::to_vec(&outcome).unwrap())
-                .unwrap();
-            let outcome = ended(0, "qemu: terminating on signal 15")
-                .outcome(&folder)
-                .unwrap();
+            let mut outcome = Outcome::default();
+            (outcome.end, outcome.virtual_ns) = (end, 5);
+            let json = serde_json::to_vec(&outcome).unwrap();
+            folder.write(exchange::OUTCOME, &json).unwrap();
+            let ended = ended(0, "qemu: terminating on signal 15");
+            let outcome = ended.outcome(&folder).unwrap();
             let how = "exit status: 0: qemu: terminating on signal 15";
             assert_eq!(
                 (outcome.end, outcome.virtual_ns),

@@ -41,9 +41,8 @@ impl FoundQemu {
         /// Those that have answered this process: to ask takes a sixth of the time of a short run.
         static ANSWERED: LazyLock<Mutex<HashMap<OsString, FoundQemu>>> = LazyLock::new(Mutex::default);
         let named = named.map(|path| path.as_os_str().to_owned());
-        let program = named
-            .or_else(|| std::env::var_os("STM32F405_QEMU"))
-            .unwrap_or_else(|| "qemu-system-arm".into());
+        let program = named.or_else(|| std::env::var_os("STM32F405_QEMU"));
+        let program = program.unwrap_or_else(|| "qemu-system-arm".into());
         let mut answered = ANSWERED.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = answered.get(&program) {
             return Ok(found.clone());
@@ -55,21 +54,20 @@ impl FoundQemu {
     fn ask(program: OsString, limit: Duration) -> Result<Self, RunError> {
         let shown = program.to_string_lossy().into_owned();
         let unusable = |why: String| RunError::QemuUnusable(shown.clone(), why);
-        let said = first_line(&program, limit)?.ok_or_else(|| {
-            unusable(format!(
-                "it does not answer `--version` within {} s",
-                limit.as_secs_f64()
-            ))
-        })?;
-        match version(&said) {
-            None => Err(RunError::QemuVersion(shown, said)),
-            Some(version) if version < OLDEST => Err(unusable(format!("it is too old ({said:?})"))),
-            Some(version) => Ok(Self {
-                program,
-                version,
-                said,
-            }),
+        let seconds = limit.as_secs_f64();
+        let silent = || unusable(format!("it does not answer `--version` within {seconds} s"));
+        let said = first_line(&program, limit)?.ok_or_else(silent)?;
+        let Some(version) = version(&said) else {
+            return Err(RunError::QemuVersion(shown, said));
+        };
+        if version < OLDEST {
+            return Err(unusable(format!("it is too old ({said:?})")));
         }
+        Ok(Self {
+            program,
+            version,
+            said,
+        })
     }
 
     /// The plugin interface version of this QEMU, as far as it is known.
@@ -130,11 +128,8 @@ pub(super) fn cannot_run(program: &OsStr, error: &io::Error) -> RunError {
 
 /// From `QEMU emulator version 7.2.22 (Debian …)`.
 fn version(line: &str) -> Option<(u32, u32)> {
-    let number = line
-        .strip_prefix("QEMU emulator version ")?
-        .split_whitespace()
-        .next()?;
-    let mut parts = number.split('.');
+    let rest = line.strip_prefix("QEMU emulator version ")?;
+    let mut parts = rest.split_whitespace().next()?.split('.');
     Some((parts.next()?.parse().ok()?, parts.next()?.parse().ok()?))
 }
 
@@ -150,31 +145,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_version_is_read_from_debians_line_and_from_a_plain_one() {
-        assert_eq!(
-            version("QEMU emulator version 7.2.22 (Debian 1:7.2+dfsg-7+deb12u18)"),
-            Some((7, 2))
-        );
-        assert_eq!(version("QEMU emulator version 10.0.2"), Some((10, 0)));
-        assert_eq!(
-            version("QEMU emulator version 11.1.50 (v11.1.0-3-gabc)"),
-            Some((11, 1))
-        );
-        assert_eq!(version("bash: qemu-system-arm: command not found"), None);
-    }
-
-    #[test]
-    fn the_plugin_version_follows_the_qemu_found() {
-        let of = |version| {
-            let (program, said) = (OsString::new(), String::new());
+    fn the_version_is_read_from_debians_line_and_from_a_plain_one_and_gives_that_of_the_plugin() {
+        for (number, version, plugin_version) in [
+            ("7.2.22 (Debian 1:7.2+dfsg-7+deb12u18)", (7, 2), 1),
+            ("10.0.2", (10, 0), 4),
+            ("11.1.50 (v11.1.0-3-gabc)", (11, 1), 7),
+        ] {
+            let said = format!("QEMU emulator version {number}");
+            assert_eq!(super::version(&said), Some(version));
+            let program = OsString::new();
             let found = FoundQemu {
                 program,
                 version,
                 said,
             };
-            found.plugin_version()
-        };
-        assert_eq!((of((7, 2)), of((10, 0)), of((11, 1))), (1, 4, 7));
+            assert_eq!(found.plugin_version(), plugin_version);
+        }
+        let missing = version("bash: qemu-system-arm: command not found");
+        assert_eq!(missing, None);
     }
 
     #[test]
@@ -183,10 +171,8 @@ mod tests {
              qemu-system-arm: Could not load plugin /tmp/x.so: plugin requires API version 9, \
              but this QEMU supports only up to version 1\nand more\n";
         assert_eq!(wanted_version(refusal), Some(1));
-        assert_eq!(
-            wanted_version("Could not load plugin /tmp/x.so: no such file"),
-            None
-        );
+        let other = "Could not load plugin /tmp/x.so: no such file";
+        assert_eq!(wanted_version(other), None);
     }
 
     #[test]
@@ -198,10 +184,9 @@ mod tests {
         let written = Command::new("sh").args(["-c", write]).arg(&path).status();
         assert!(written.unwrap().success());
         let silent = FoundQemu::ask(path.into(), Duration::from_millis(100)).unwrap_err();
+        let silent = silent.to_string();
         assert!(
-            silent
-                .to_string()
-                .contains("does not answer `--version` within 0.1 s"),
+            silent.contains("does not answer `--version` within 0.1 s"),
             "{silent}"
         );
     }
