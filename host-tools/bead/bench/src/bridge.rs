@@ -86,11 +86,8 @@ impl TimePace {
 
     /// Time to wait for bytes before time passes.
     fn pause(&self, now: Duration, instant: Instant) -> Duration {
-        if self.behind(now, instant) < STEP {
-            BEAT
-        } else {
-            Duration::ZERO
-        }
+        let is_behind = self.behind(now, instant) >= STEP;
+        if is_behind { Duration::ZERO } else { BEAT }
     }
 }
 
@@ -147,10 +144,9 @@ impl Bridge {
         }
         let passed = self.live.advance(to_ns, inputs)?;
         if passed.ended {
-            return Err(BenchError::Mute(format!(
-                "the image came to its end after {:.3} s of its time",
-                passed.now_ns as f64 * 1e-9
-            )));
+            let seconds = passed.now_ns as f64 * 1e-9;
+            let why = format!("the image came to its end after {seconds:.3} s of its time");
+            return Err(BenchError::Mute(why));
         }
         self.codes_until_ns = passed.codes_until_ns;
         self.work = passed.work;
@@ -202,15 +198,14 @@ impl Door {
     /// The address cannot be listened at.
     pub fn open(address: &Address) -> Result<Self, BenchError> {
         let cannot = |error: io::Error| {
-            BenchError::Unfit(format!(
-                "cannot listen at {address}: {error}; {}",
-                advice(address, &error)
-            ))
+            let advice = advice(address, &error);
+            BenchError::Unfit(format!("cannot listen at {address}: {error}; {advice}"))
         };
         match address {
-            Address::Serial(path) => Err(BenchError::Unfit(format!(
-                "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
-            ))),
+            Address::Serial(path) => {
+                let why = format!("cannot listen at {path}; give unix:PATH or tcp:HOST:PORT");
+                Err(BenchError::Unfit(why))
+            }
             Address::Tcp(server) => {
                 let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
                 listener.set_nonblocking(true).map_err(cannot)?;
@@ -392,10 +387,8 @@ fn wait_for_readers(
 
 /// True for an error after which the connection goes on.
 fn is_passing(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        io::ErrorKind::Interrupted | io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock
-    )
+    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
 #[cfg(test)]

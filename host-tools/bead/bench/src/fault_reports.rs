@@ -12,6 +12,7 @@ use stm32f405_qemu::ResetCause;
 
 use crate::emulation::Ran;
 use crate::faults::{Planned, PlannedKind, supply};
+use crate::several::joined;
 use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
 use bead_recording::frames::Reader;
 
@@ -572,16 +573,7 @@ fn reset_within(kind: PlannedKind) -> Option<f64> {
 /// Intervals in which nothing leaves the port: a later stall may only make one longer.
 fn stalls(faults: &[Planned]) -> Vec<[f64; 2]> {
     let stalls = faults.iter().filter(|fault| fault.kind == PlannedKind::UartStall);
-    let mut times: Vec<_> = stalls.map(|fault| [fault.at, fault.end()]).collect();
-    times.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut all: Vec<[f64; 2]> = Vec::new();
-    for [from, to] in times {
-        match all.last_mut() {
-            Some(last) if from <= last[1] => last[1] = last[1].max(to),
-            _ => all.push([from, to]),
-        }
-    }
-    all
+    joined(stalls.map(|fault| [fault.at, fault.end()]).collect())
 }
 
 /// Intervals in which the emulator's supply is low.

@@ -17,6 +17,7 @@ use bead_compare::given::GivenEstimates;
 use bead_compare::replay::replay;
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
+use bead_compare::strike::StrikeValues;
 use bead_recording::frames::Frame;
 use bead_recording::statuses::LastStatuses;
 use bead_recording::strikes::{RecordedStrike, assemble};
@@ -120,12 +121,9 @@ pub struct FrameCounts {
 pub struct MeasuredStrike {
     /// Sample index of the trigger.
     pub sample_index: u64,
-    /// Highest force, N.
-    pub peak_force: f64,
-    /// Estimate A, J.
-    pub absorbed_measured: f64,
-    /// Estimate B, J.
-    pub absorbed_predicted: f64,
+    /// By the bead.
+    #[serde(flatten)]
+    pub device: StrikeValues,
     /// Names of the flags that are set.
     pub flags: Vec<&'static str>,
     /// By the full chain; none for an echo, and where a waveform was played.
@@ -146,9 +144,7 @@ impl MeasuredStrike {
         let replay = replay(strike);
         Self {
             sample_index: strike.said.trigger_index,
-            peak_force: strike.said.peak_force.newtons(),
-            absorbed_measured: strike.said.absorbed_measured.joules(),
-            absorbed_predicted: strike.said.absorbed_predicted.joules(),
+            device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
             truth: None,
             given: None,

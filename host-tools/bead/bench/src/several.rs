@@ -118,21 +118,24 @@ pub fn run(
 /// Intervals in which the other beads hold the trigger line low, in s of the time that all share.
 fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
-    let mut low: Vec<[f64; 2]> = others
-        .flat_map(|(_, (emulation, ran))| {
-            let shared = |ns: u64| emulation.truth.began + (ns as f64 - ran.first_scan_ns as f64) * 1e-9;
-            ran.pulls_ns.iter().map(move |times| times.map(shared))
-        })
-        .collect();
-    low.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    low.dedup_by(|later, earlier| {
-        let joined = later[0] <= earlier[1];
-        if joined {
+    let low = others.flat_map(|(_, (emulation, ran))| {
+        let shared = |ns: u64| emulation.truth.began + (ns as f64 - ran.first_scan_ns as f64) * 1e-9;
+        ran.pulls_ns.iter().map(move |times| times.map(shared))
+    });
+    joined(low.collect())
+}
+
+/// Intervals in ascending order, with those that overlap made one.
+pub(crate) fn joined(mut times: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    times.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    times.dedup_by(|later, earlier| {
+        let overlaps = later[0] <= earlier[1];
+        if overlaps {
             earlier[1] = earlier[1].max(later[1]);
         }
-        joined
+        overlaps
     });
-    low
+    times
 }
 
 /// Runs a bead again with the line as it is now, if that may make a difference. True if it ran.

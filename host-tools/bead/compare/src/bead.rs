@@ -100,7 +100,7 @@ impl ComparedBead {
             &[]
         };
         compared.failure = failure(compared.first_difference.as_deref(), &compared.soundness, spread);
-        compared.counters = frames.counters().clone();
+        compared.counters = *frames.counters();
         (compared.identity, compared.status) = (frames.identity.clone(), frames.status);
         Ok(compared)
     }

@@ -38,11 +38,8 @@ pub(crate) fn strike_chart(traces: &Traces) -> Chart {
     ];
     let description =
         "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time";
-    wide(
-        description,
-        time_axis(ends(&traces.force, |point| point.time)),
-        panels,
-    )
+    let x = time_axis(ends(&traces.force, |point| point.time));
+    wide(description, x, panels)
 }
 
 /// The three curves of [`strike_chart`] less the simulation.

@@ -73,10 +73,8 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     let mut energies = Vec::with_capacity(strike.scans.len());
     for codes in &strike.scans {
         window.process(settings, &[codes.scan()], &mut record);
-        energies.push((
-            window.absorbed_measured(settings),
-            window.absorbed_predicted(settings),
-        ));
+        let measured = window.absorbed_measured(settings);
+        energies.push((measured, window.absorbed_predicted(settings)));
     }
     let (said, shape) = window.report(settings, &record);
     let first_difference = differs_in_chunks(strike, &energies)
@@ -163,10 +161,8 @@ fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields, rate: Option<u3
     let mut pairs = numbers(device, rate).into_iter().zip(numbers(replay, rate));
     let ((field, device), (_, replay)) =
         pairs.find(|((_, device), (_, replay))| device.bits != replay.bits)?;
-    Some(format!(
-        "{field} of the {what} frame: {}; {IN_THE_REPORT}",
-        apart([device, replay])
-    ))
+    let apart = apart([device, replay]);
+    Some(format!("{field} of the {what} frame: {apart}; {IN_THE_REPORT}"))
 }
 
 /// Every field of a body, by name, at `rate` scans a second. A missing group differs from every present one.
@@ -249,13 +245,13 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
 }
 
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
-    let number = strike.said.strike;
+    let (number, trigger) = (strike.said.strike, strike.said.trigger_index);
     let quiet = quiet_before(strike, settings)?;
     // Of a strike right after the start the bead had less before the window, too.
     let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
     let (mut meter, mut settings) = (Meter::new(), *settings);
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
-        meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
+        meter.keep_around(trigger, trigger, Origin::Line);
         // The force has not opened this window, and must not do so here. Where it rises before, the detector
         // was not armed yet: it was when the window was asked for, which may be later than its trigger.
         settings.window.threshold = u16::MAX;
@@ -267,17 +263,15 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         let fired = meter.strikes();
         meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut output);
         let index = first.wrapping_add(offset);
-        if meter.strikes() > fired && index != strike.said.trigger_index {
+        if meter.strikes() > fired && index != trigger {
             return Some(format!(
-                "strike {number}: the detector fires at sample index {index}, the device's at {}",
-                strike.said.trigger_index
+                "strike {number}: the detector fires at sample index {index}, the device's at {trigger}"
             ));
         }
     }
     let Some((mut said, mut shape)) = output.report else {
         return Some(format!(
-            "strike {number}: the detector does not fire on these samples, the device's fired at {}",
-            strike.said.trigger_index
+            "strike {number}: the detector does not fire on these samples, the device's fired at {trigger}"
         ));
     };
     (said.strike, shape.strike) = (number, number);
@@ -329,17 +323,13 @@ mod tests {
         for (index, codes) in (first..).zip(past.iter().chain(&strike.scans)) {
             meter.process(&settings, index, [codes.scan()], &mut output);
         }
-        let (said, shape) = output.report.unwrap();
+        let (mut said, shape) = output.report.unwrap();
         assert_eq!(said.trigger_index, strike.said.trigger_index);
-        let flags = match asked {
-            Some(_) => StrikeFlags::TRIGGERED_BY_LINE,
-            None => StrikeFlags::NONE,
-        };
+        if asked.is_some() {
+            said.flags = said.flags.with(StrikeFlags::TRIGGERED_BY_LINE);
+        }
         RecordedStrike {
-            said: Strike {
-                flags: said.flags.with(flags),
-                ..said
-            },
+            said,
             shape: Some(shape),
             chunks: output.chunks,
             ..strike
@@ -486,10 +476,8 @@ mod tests {
             let settings = strike.settings.as_mut().unwrap();
             settings.observer.energy += fixed::types::I2F30::from_bits(1 << 12);
         });
-        assert!(
-            what.contains("other settings than the recording carries"),
-            "{what}"
-        );
+        let other = "other settings than the recording carries";
+        assert!(what.contains(other), "{what}");
         let what = changed(|strike| strike.scans[400].sensitive[1] ^= 0x40);
         assert!(what.contains("a code of the window was damaged"), "{what}");
         // One bit of a code does, too.

@@ -132,10 +132,11 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, CompareError> {
         [] => Err(CompareError::Unfit(
             "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
-        _ => Err(CompareError::Unfit(format!(
-            "several beads have intruders ({}); say which with --bead",
-            first_of(&hosts, BEADS_TOLD)
-        ))),
+        _ => {
+            let some = first_of(&hosts, BEADS_TOLD);
+            let why = format!("several beads have intruders ({some}); say which with --bead");
+            Err(CompareError::Unfit(why))
+        }
     }
 }
 
@@ -181,16 +182,14 @@ impl Truth {
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
         let absorbed = solution.at(scenario.duration).intruder_dissipated(bead);
-        match (peak, absorbed) {
-            (Some(peak), Some(absorbed)) => Ok(Self {
-                peak_force: peak.force - solution.model().contact(bead).load,
-                absorbed,
-            }),
-            _ => Err(CompareError::Unfit(format!(
-                "no force reaches bead {bead} within {} s; make the scenario's duration longer",
-                scenario.duration
-            ))),
-        }
+        let (Some(peak), Some(absorbed)) = (peak, absorbed) else {
+            let why = format!("no force reaches bead {bead} within {} s", scenario.duration);
+            return Err(CompareError::Unfit(format!(
+                "{why}; make the scenario's duration longer"
+            )));
+        };
+        let peak_force = peak.force - solution.model().contact(bead).load;
+        Ok(Self { peak_force, absorbed })
     }
 }
 

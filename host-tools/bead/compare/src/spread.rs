@@ -81,10 +81,10 @@ impl Deviations {
 
     /// Of A and of B.
     pub(crate) fn spread(&self) -> [Spread; 2] {
-        let [measured, predicted] = &self.of;
+        let [a, b] = &self.of;
         [
-            Spread::from("A", measured, self.truth, GOAL.absorbed_measured, SCATTER[0]),
-            Spread::from("B", predicted, self.truth, GOAL.absorbed_predicted, SCATTER[1]),
+            Spread::from("A", a, self.truth, GOAL.absorbed_measured, SCATTER[0]),
+            Spread::from("B", b, self.truth, GOAL.absorbed_predicted, SCATTER[1]),
         ]
     }
 }

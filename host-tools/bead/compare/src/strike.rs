@@ -30,7 +30,7 @@ pub(crate) const GOAL: StrikeGoal = StrikeGoal {
 };
 
 /// The results of a strike by one source, SI units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct StrikeValues {
     /// Highest force, N.
     pub peak_force: f64,
@@ -41,7 +41,8 @@ pub struct StrikeValues {
 }
 
 impl StrikeValues {
-    fn of(said: &bead_wire::Strike) -> Self {
+    /// The results in a strike frame.
+    pub fn of(said: &bead_wire::Strike) -> Self {
         Self {
             peak_force: said.peak_force.newtons(),
             absorbed_measured: said.absorbed_measured.joules(),

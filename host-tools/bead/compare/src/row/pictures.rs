@@ -168,11 +168,8 @@ fn force(row: &BeadRow, chain: &RowChain) -> Panel {
 
 fn acceleration(row: &BeadRow, chain: &RowChain) -> Panel {
     let [first, last] = ends(row);
-    let hosts = chain
-        .hosts
-        .iter()
-        .copied()
-        .filter(|host| (first..=last).contains(host));
+    let hosts = chain.hosts.iter().copied();
+    let hosts = hosts.filter(|host| (first..=last).contains(host));
     let simulated = simulated(row, chain, hosts, |bead| chain.solution.acceleration_curve(bead));
     // As high, up and down together, as the forces.
     let reach = |(_, points): &(usize, Vec<(f64, f64)>)| {
@@ -237,10 +234,6 @@ fn transmission(energy: &EnergyAlong) -> Option<Panel> {
         series("by the bead, A", Ink::Measured, Mark::Rings, 0),
         series("by the bead, B", Ink::Predicted, Mark::Discs, 1),
     ];
-    let panel = Panel::new("T of the intruder", all);
-    Some(
-        panel
-            .over(Axis::count("place of the bead", first..=last))
-            .height(230),
-    )
+    let places = Axis::count("place of the bead", first..=last);
+    Some(Panel::new("T of the intruder", all).over(places).height(230))
 }

@@ -164,11 +164,8 @@ impl ComparedRow<'_> {
     /// The losses of all beads together.
     fn totals(&self) -> Grid {
         let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>().to_string();
-        let costs = self
-            .compared
-            .beads
-            .iter()
-            .filter_map(|bead| bead.instructions_per_sample);
+        let beads = self.compared.beads.iter();
+        let costs = beads.filter_map(|bead| bead.instructions_per_sample);
         let most = costs.reduce(f64::max).map(|most| format!("{most:.1}"));
         let rows = [
             ("frames lost", Some(sum(|bead| bead.frames_lost))),
@@ -184,9 +181,8 @@ impl ComparedRow<'_> {
         let row = |speed: &Speed| {
             let between = format!("{} to {}", speed.from, speed.to);
             let [device, chain] = [speed.device, speed.f64_chain].map(|speed| format!("{speed:.3}"));
-            [between, device, chain, percent(speed.off())]
-                .map(GridCell::from)
-                .into()
+            let cells = [between, device, chain, percent(speed.off())];
+            cells.map(GridCell::from).into()
         };
         let headings = "from bead | wave (m/s) | f64 chain (m/s) | off by";
         Grid::new(headings, self.compared.arrivals.speeds.iter().map(row))

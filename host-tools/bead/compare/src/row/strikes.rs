@@ -74,11 +74,8 @@ impl BeadRow {
             )
         });
         let of = |(place, member): (usize, &RowBead)| {
-            let felt = self
-                .strikes
-                .iter()
-                .filter(|strike| strike[place].is_some())
-                .count();
+            let felt = self.strikes.iter().filter(|strike| strike[place].is_some());
+            let felt = felt.count();
             let bead = member.bead;
             let never =
                 || format!("bead {bead} never saw a strike: what its intruder took is the simulation's");

@@ -47,7 +47,11 @@ fn headings(unit: EnergyUnit, played: bool) -> String {
 fn energy_unit<'a>(strikes: impl IntoIterator<Item = &'a MeasuredStrike>) -> EnergyUnit {
     EnergyUnit::of(strikes.into_iter().flat_map(|strike| {
         let truth = strike.truth.map_or(0.0, |truth| truth.absorbed);
-        [strike.absorbed_measured, strike.absorbed_predicted, truth]
+        [
+            strike.device.absorbed_measured,
+            strike.device.absorbed_predicted,
+            truth,
+        ]
     }))
 }
 
@@ -81,10 +85,10 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
         let truth = truth.filter(|truth| *truth > 0.0);
         truth.map_or(DASH.to_owned(), |truth| percent(joules / truth - 1.0))
     };
-    let (measured, predicted) = (strike.absorbed_measured, strike.absorbed_predicted);
+    let (measured, predicted) = (strike.device.absorbed_measured, strike.device.absorbed_predicted);
     let mut row = vec![
         strike.sample_index.to_string(),
-        format!("{:.4}", strike.peak_force),
+        format!("{:.4}", strike.device.peak_force),
         known(peak.map(|peak| format!("{peak:.4}"))),
         energy(measured),
     ];
