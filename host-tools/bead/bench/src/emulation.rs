@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bead_model::design::{Capture, Description, LEAST_WIDTH};
 use bead_model::layout::BASELINE;
@@ -357,10 +357,9 @@ impl Emulation {
     /// The file is no image, QEMU fails, or the image never samples. One that fails after its first sample is
     /// no error: [`Ran::failure`] says how.
     pub fn run(&self) -> Result<Ran, BenchError> {
-        let clock = Instant::now();
         let outcome = self.machine().execute()?;
         let (frames, counters) = frames::decode(&outcome.uart);
-        let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
+        let report = self.report(&outcome, &frames)?;
         let pulled = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
         Ok(Ran {
             failure: failure(&outcome),
@@ -375,12 +374,7 @@ impl Emulation {
         })
     }
 
-    fn report(
-        &self,
-        outcome: &Outcome,
-        frames: &[Frame],
-        seconds: f64,
-    ) -> Result<EmulatorReport, BenchError> {
+    fn report(&self, outcome: &Outcome, frames: &[Frame]) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
             let why = failure(outcome).unwrap_or_else(|| {
                 let last = outcome.log.last().map(ToString::to_string);
@@ -393,10 +387,10 @@ impl Emulation {
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
             BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
-        let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
         // None also where the compiler left no function with the label.
         let per_sample = |label: &str, samples: u64| {
-            let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
+            let function = counted.functions.iter().find(|function| function.label == label);
+            let function = function.filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
         let (mut in_windows, mut estimated) = (0, 0);
@@ -430,7 +424,6 @@ impl Emulation {
             unknown_registers: registers.map(|register| register.name.clone()).collect(),
             unmodelled: outcome.unmodelled.clone(),
             virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
-            real_seconds: seconds,
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
     }

@@ -87,10 +87,6 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s. A recording leaves it out, so that equal runs have equal
-    /// files.
-    #[serde(default, skip_serializing)]
-    pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
 }

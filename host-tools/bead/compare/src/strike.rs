@@ -19,7 +19,7 @@ use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
 use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, replay};
-use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down, unlike_the_reduced_chain};
+use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down};
 use crate::signal::{StrikeSignals, force_noise, least};
 use bead_recording::strikes::RecordedStrike;
 
@@ -213,13 +213,14 @@ pub struct FullChain {
     physics: Bead,
     neighbours: Neighbours,
     solution: Arc<Solution>,
-    truth: Truth,
+    /// The true results of a strike.
+    pub(crate) truth: Truth,
     /// The main wave at its incoming contact.
-    pulse: Option<Pulse>,
+    pub(crate) pulse: Option<Pulse>,
     /// The greatest force of the main wave beyond the load, N, and when it comes, s.
     peak: (f64, f64),
     /// Static load of the bead's incoming contact, N.
-    load: f64,
+    pub(crate) load: f64,
     /// Force at the bead's incoming contact beyond the load, and acceleration of its intruder.
     force: Curve,
     acceleration: Curve,
@@ -247,10 +248,12 @@ impl FullChain {
         pulses.retain(|pulse| pulse.time <= scenario.duration);
         let capture = Capture::of(&physics, &FrontEnd::reference());
         let pulse = main_wave(&pulses, load, capture.length - capture.history);
-        let peaks = solution.summary().peak_force;
-        let highest = peaks.iter().find(|peak| peak.contact == bead);
-        let highest = highest.map_or((0.0, 0.0), |peak| (peak.force - load, peak.time));
-        let peak = pulse.map_or(highest, |pulse| (pulse.force - load, pulse.time));
+        let summary = || {
+            let peaks = solution.summary().peak_force;
+            let highest = peaks.iter().find(|peak| peak.contact == bead);
+            highest.map_or((0.0, 0.0), |peak| (peak.force - load, peak.time))
+        };
+        let peak = pulse.map_or_else(summary, |pulse| (pulse.force - load, pulse.time));
         Ok(Self {
             bead,
             physics,
@@ -263,21 +266,6 @@ impl FullChain {
             acceleration: acceleration.expect("a bead without an intruder was refused"),
             solution: Arc::clone(solution),
         })
-    }
-
-    /// The true results of a strike.
-    pub(crate) fn truth(&self) -> Truth {
-        self.truth
-    }
-
-    /// The main wave at the bead's incoming contact.
-    pub(crate) fn pulse(&self) -> Option<Pulse> {
-        self.pulse
-    }
-
-    /// True if the chain is under a static load.
-    pub(crate) fn is_loaded(&self) -> bool {
-        self.load > 0.0
     }
 
     /// The energy that the main wave brings to the bead, J: the work that it does on it. None if it comes
@@ -308,11 +296,6 @@ impl FullChain {
             }
         }
         above
-    }
-
-    /// A warning about estimate B at this bead, if there is one.
-    pub fn note(&self) -> Option<String> {
-        unlike_the_reduced_chain(&self.solution, self.bead)
     }
 
     /// The recorded force as a multiple of the simulated one, over the pulse, by least squares; and its
@@ -395,7 +378,7 @@ impl FullChain {
             let sample = ((time - start) * rate).round().max(0.0) as usize;
             predicted[sample.min(predicted.len() - 1)][1]
         };
-        let wave = self.pulse.filter(|_| !self.is_loaded() && !force_railed(strike));
+        let wave = self.pulse.filter(|_| self.load == 0.0 && !force_railed(strike));
         let brought = wave.map(|wave| work(wave.to) - work(wave.from));
         to.incident = brought.filter(|brought| *brought > 0.0);
 
@@ -592,7 +575,7 @@ mod tests {
         let highest = solution.summary().peak_force[7];
         assert!(highest.contact == 8 && highest.time > 0.01, "{highest:?}");
         let chain = FullChain::of(&scenario, &solution, 8).unwrap();
-        assert!(chain.pulse().unwrap().time < 2e-3 && chain.front() < 2e-3);
+        assert!(chain.pulse.unwrap().time < 2e-3 && chain.front() < 2e-3);
         // The elastic wave brings nearly all that the striker gave.
         let brought = chain.incident().unwrap();
         assert!((6e-5..7e-5).contains(&brought), "{brought} J");
@@ -605,7 +588,7 @@ mod tests {
         scenario.starts = vec![Start::apart([16], 1e-6)];
         scenario.starts[0].velocity = -0.1;
         let chain = FullChain::run(&scenario, 8).unwrap();
-        assert!(chain.pulse().is_some_and(|pulse| pulse.energy < 0.0));
+        assert!(chain.pulse.is_some_and(|pulse| pulse.energy < 0.0));
         assert_eq!(chain.incident(), None);
     }
 
@@ -624,7 +607,7 @@ mod tests {
         scenario.chain.precompression = 2.0;
         let chain = FullChain::run(&scenario, 8).unwrap();
         let total = chain.solution.summary().peak_force[7].force;
-        assert!((chain.truth().peak_force - (total - 2.0)).abs() < 1e-12);
+        assert!((chain.truth.peak_force - (total - 2.0)).abs() < 1e-12);
         let mut force = chain.force.clone();
         assert_eq!(force.at(0.0), 0.0);
         // It rises through half of its height, not through half of the total.

@@ -153,7 +153,7 @@ impl EnergyAlong {
             after,
             fit,
             not_measured,
-            why: match (is_own, leader.chain.is_loaded()) {
+            why: match (is_own, leader.chain.load > 0.0) {
                 (true, _) => None,
                 (false, true) => Some(
                     "the chain is under a load, and the bead reckons without: the energy that came to the first bead is the \

@@ -183,7 +183,7 @@ impl RowBead {
             }
         };
         let compared = ComparedBead::read(received, &chain, echoes, fitted, each)?;
-        let (soundness, count, truth) = (compared.soundness, compared.count, chain.truth());
+        let (soundness, count, truth) = (compared.soundness, compared.count, chain.truth);
         let [peak_force, width, incident, measured, predicted] = means;
         let told = BeadOfRow {
             bead: *bead,
@@ -191,7 +191,7 @@ impl RowBead {
             strikes: count,
             strikes_left_out: count - felt.len(),
             peak_force: peak_force.beside(Some(truth.peak_force)),
-            width: width.beside(chain.pulse().and_then(|pulse| pulse.fwhm)),
+            width: width.beside(chain.pulse.and_then(|pulse| pulse.fwhm)),
             incident: incident.beside(chain.incident()),
             absorbed_measured: measured.beside(Some(truth.absorbed)),
             absorbed_predicted: predicted.beside(Some(truth.absorbed)),

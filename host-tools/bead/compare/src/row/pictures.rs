@@ -152,7 +152,7 @@ fn force(row: &BeadRow, chain: &RowChain) -> Panel {
     let [first, last] = ends(row);
     let first = first.saturating_sub(BEYOND).max(1);
     let last = (last + BEYOND).min(chain.scenario.chain.beads);
-    let peaks = row.members.iter().map(|member| member.chain.truth().peak_force);
+    let peaks = row.members.iter().map(|member| member.chain.truth.peak_force);
     let scale = HIGH / peaks.fold(0.0, f64::max);
     let of = |bead: usize| Some(chain.solution.force_beyond_curve(bead));
     let drawn = DrawnQuantity {

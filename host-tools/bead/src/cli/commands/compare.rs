@@ -19,7 +19,7 @@ use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_compare::bead::ComparedBead;
 use bead_compare::emulated::RunTruth;
-use bead_compare::sensed::{only_host, simulate_with_ring_down};
+use bead_compare::sensed::{only_host, simulate_with_ring_down, unlike_the_reduced_chain};
 use bead_compare::spread::Spread;
 use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
@@ -183,7 +183,7 @@ fn compare(
     let fitted = set_velocity(&mut scenario, arguments.velocity, [(bead, received)])?;
     let solution = Arc::new(simulate_with_ring_down(&scenario)?);
     let chain = FullChain::of(&scenario, &solution, bead)?;
-    if let Some(note) = chain.note() {
+    if let Some(note) = unlike_the_reduced_chain(&solution, bead) {
         progress.suspend(|| note!("{note}"));
     }
     let mut count = 0;
