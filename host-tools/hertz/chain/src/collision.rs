@@ -59,14 +59,6 @@ impl Collision {
         self.stiffness * self.greatest_overlap().powf(1.5)
     }
 
-    /// Speeds of both bodies afterwards, m/s, with a coefficient of restitution `e` (1 is elastic).
-    pub fn speeds_after(&self, e: f64) -> [f64; 2] {
-        let mass = self.striker + self.target;
-        let common = self.speed * self.striker / mass;
-        let relative = e * self.speed;
-        [-self.target, self.striker].map(|part| common + relative * part / mass)
-    }
-
     /// Part of the energy that an elastic collision hands over, 4 r / (1 + r)² with r the ratio of the
     /// masses. Equal masses hand over all of it.
     pub fn transferred(&self) -> f64 {

@@ -92,10 +92,8 @@ impl Flow<'_> {
 
     fn until(&self, t: f64) -> Transfer {
         let step = self.solution.step_at(t);
-        let (inside, start) = (
-            &mut StepSampler::new(self.solution, step),
-            self.solution.times[step],
-        );
+        let inside = &mut StepSampler::new(self.solution, step);
+        let start = self.solution.times[step];
         self.passed[step].plus(1.0, integrate(inside, self.contact, start, t))
     }
 }
@@ -122,11 +120,8 @@ fn integrate(inside: &mut StepSampler<'_>, contact: usize, from: f64, to: f64) -
     let mut sum = Transfer::default();
     let mut part = |from: f64, to: f64, squared: bool| {
         for (place, weight) in SMOOTH {
-            let (place, weight) = if squared {
-                (place * place, 2.0 * place * weight)
-            } else {
-                (place, weight)
-            };
+            let by_square = (place * place, 2.0 * place * weight);
+            let (place, weight) = if squared { by_square } else { (place, weight) };
             let (model, y) = inside.at(from + (to - from) * place);
             sum = sum.plus((to - from).abs() * weight, rate(model, y, contact));
         }

@@ -17,7 +17,6 @@ mod pulse;
 mod quantity;
 mod region;
 mod run;
-mod samples;
 mod scenario;
 mod shaker;
 mod signal;
@@ -30,6 +29,7 @@ mod spectrum;
 mod split;
 mod summariser;
 mod summary;
+mod tableau;
 mod transmission;
 mod validity;
 
@@ -49,8 +49,7 @@ pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
-pub use run::{Run, Step, StepView};
-pub use samples::{Observable, Samples};
+pub use run::{Run, RunStep, StepView};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
     TomlFile, Wall, plain_words, read_table, read_text,
@@ -60,7 +59,7 @@ pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
 pub use snapshots::Snapshots;
 pub use solution::{Sampler, Snapshot, Solution};
-pub use spectrum::{Spectrum, Taper};
+pub use spectrum::Spectrum;
 pub use split::Split;
 pub use summariser::{Summariser, summarise};
 pub use summary::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};

@@ -169,18 +169,9 @@ pub struct Model {
     intruders: Vec<HostedIntruder>,
     /// True if contact forces are clipped at zero.
     pub(crate) clipped: bool,
-    /// Displacement, m, and velocity, m/s, of each body at t = 0.
-    starts: Vec<(f64, f64)>,
-}
-
-impl TryFrom<&Scenario> for Model {
-    type Error = InputError;
-
-    /// Checks a scenario and builds its model.
-    fn try_from(scenario: &Scenario) -> Result<Self, InputError> {
-        scenario.check()?;
-        Ok(Self::new(scenario))
-    }
+    /// Displacement, m, and velocity, m/s, of each body at t = 0. Displacements would be zero if all bodies stood
+    /// in contact, the last bead at the wall.
+    pub(crate) starts: Vec<(f64, f64)>,
 }
 
 impl Model {
@@ -248,7 +239,8 @@ impl Model {
     /// # Errors
     /// [`InputError`]: a value of the scenario is out of range.
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
-        Self::try_from(scenario)
+        scenario.check()?;
+        Ok(Self::new(scenario))
     }
 
     /// Number of bodies: the striker and the beads.
@@ -305,11 +297,6 @@ impl Model {
         0.5 * self.masses[body] * velocity * velocity
     }
 
-    /// Momentum of a body at t = 0, kg·m/s.
-    pub(crate) fn initial_momentum(&self, body: usize) -> f64 {
-        self.masses[body] * self.starts[body].1
-    }
-
     /// Energy of all bodies at t = 0, J: that of the striker and of beads that move then.
     pub fn initial_energy(&self) -> f64 {
         (0..self.bodies()).map(|body| self.kinetic(body)).sum()
@@ -320,29 +307,15 @@ impl Model {
         self.starts[0].1
     }
 
-    /// Displacement of a body at t = 0, m. It would be zero for all if they stood in contact, the last bead
-    /// at the wall.
-    pub(crate) fn start(&self, body: usize) -> f64 {
-        self.starts[body].0
-    }
-
-    /// Velocity of a body at t = 0, m/s.
-    pub(crate) fn initial_speed(&self, body: usize) -> f64 {
-        self.starts[body].1
-    }
-
     /// The scale of velocities, m/s: the greatest difference of velocities at t = 0, counting a body at rest.
     pub(crate) fn speed_scale(&self) -> f64 {
         // A free end or a wall is at rest.
-        let mut range = [0.0_f64; 2];
-        for (_, velocity) in &self.starts {
-            range = [range[0].min(*velocity), range[1].max(*velocity)];
-        }
-        range[1] - range[0]
+        let velocities = || self.starts.iter().map(|start| start.1);
+        velocities().fold(0.0, f64::max) - velocities().fold(0.0, f64::min)
     }
 
-    pub(crate) fn layout(&self) -> Layout {
-        Layout {
+    pub(crate) fn layout(&self) -> StateLayout {
+        StateLayout {
             bodies: self.masses.len(),
             intruders: self.intruders.len(),
             walled: self.contacts.len() == self.masses.len(),
@@ -383,17 +356,17 @@ impl Model {
     pub(crate) fn force_at(&self, j: usize, change: f64, rate: f64) -> f64 {
         let contact = &self.contacts[j - 1];
         let overlap = contact.static_overlap + change;
-        self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
+        let force = contact.elastic_force(overlap) + contact.viscous_force(overlap, rate);
+        if self.clipped { force.max(0.0) } else { force }
     }
 
     /// Force of contact `j` (from 1) beyond its static load, N.
     pub(crate) fn force_beyond(&self, y: &[f64], j: usize) -> f64 {
-        let contact = &self.contacts[j - 1];
-        if contact.load == 0.0 {
+        if self.contacts[j - 1].load == 0.0 {
             return self.force(y, j);
         }
         let (change, rate) = self.change(y, j);
-        self.push(contact, change, rate).0
+        self.force_beyond_at(j, change, rate)
     }
 
     pub(crate) fn force_beyond_at(&self, j: usize, change: f64, rate: f64) -> f64 {
@@ -410,10 +383,6 @@ impl Model {
     fn limits(&self, contact: &Contact, overlap: f64, approach: f64) -> bool {
         // Without the common factor (κ/2) √δ.
         self.clipped && overlap > 0.0 && 2.0 * overlap + 3.0 * contact.relaxation * approach < 0.0
-    }
-
-    fn limit(&self, force: f64) -> f64 {
-        if self.clipped { force.max(0.0) } else { force }
     }
 
     /// Force of a contact beyond its static load, and the part of the force that dissipates energy, N.
@@ -441,22 +410,20 @@ impl Model {
     /// time, 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         let speed = self.speed_scale();
-        self.contacts
-            .iter()
-            .zip(self.reduced_masses())
-            .map(|(contact, reduced)| {
-                2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * speed.powf(-0.2)
-            })
-            .fold(f64::INFINITY, f64::min)
+        let contacts = self.contacts.iter().zip(self.reduced_masses());
+        let time = |(contact, reduced): (&Contact, f64)| {
+            2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * speed.powf(-0.2)
+        };
+        contacts.map(time).fold(f64::INFINITY, f64::min)
     }
 
     /// Reduced mass at each contact, kg. At the wall it is the mass of the bead.
     fn reduced_masses(&self) -> impl Iterator<Item = f64> {
-        let last = self.masses[self.masses.len() - 1];
-        self.masses
-            .windows(2)
+        let last = self.masses.last().copied();
+        let pairs = self.masses.windows(2);
+        pairs
             .map(|pair| pair[0] * pair[1] / (pair[0] + pair[1]))
-            .chain(std::iter::once(last))
+            .chain(last)
     }
 
     /// The fastest rate of an intruder or of a loaded contact, 1/s: that of its spring or of its damper.
@@ -496,9 +463,8 @@ impl Model {
     /// The scale of displacements, m: the depth to which the body of greatest energy, usually the striker,
     /// would press into a bead at rest.
     pub(crate) fn displacement_scale(&self) -> f64 {
-        let most = (0..self.bodies())
-            .map(|body| self.kinetic(body))
-            .fold(0.0, f64::max);
+        let energies = (0..self.bodies()).map(|body| self.kinetic(body));
+        let most = energies.fold(0.0, f64::max);
         (2.5 * most / self.contacts[0].stiffness).powf(0.4)
     }
 }
@@ -507,13 +473,13 @@ impl Model {
 /// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
 /// intruder, and the momentum given to the wall if there is one.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Layout {
+pub(crate) struct StateLayout {
     bodies: usize,
     intruders: usize,
     walled: bool,
 }
 
-impl Layout {
+impl StateLayout {
     pub(crate) fn velocity(&self, body: usize) -> usize {
         self.bodies + body
     }
@@ -670,9 +636,7 @@ impl Model {
         let intruders: f64 = (0..layout.intruders).map(intruder).sum();
         bodies + intruders
     }
-}
 
-impl Model {
     /// The index of the intruder in `bead`.
     pub(crate) fn intruder_of(&self, bead: usize) -> Option<usize> {
         self.intruders
@@ -680,14 +644,7 @@ impl Model {
             .ok()
     }
 
-    /// Absolute acceleration u'' of an intruder, m/s².
-    pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
-        let layout = self.layout();
-        let (x, x_rate) = (layout.relative(intruder), layout.relative_velocity(intruder));
-        self.acceleration_at(intruder, y[x], y[x_rate])
-    }
-
-    /// Absolute acceleration of an intruder, m/s², at a displacement relative to its host, m, and its rate,
+    /// Absolute acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate,
     /// m/s.
     pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
         let oscillator = &self.intruders[intruder].oscillator;
@@ -708,9 +665,7 @@ impl Model {
         }
         scales
     }
-}
 
-impl Model {
     /// Rate of the total force of contact `j` (from 1), N/s, where the state changes by `dy` a second.
     pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
         let (change, approach) = self.change(y, j);

@@ -7,7 +7,7 @@ use realfft::num_complex::Complex64;
 use crate::fit::{FitError, least_squares};
 use crate::oscillator::Oscillator;
 use crate::signal::Signal;
-use crate::spectrum::{Spectrum, Taper};
+use crate::spectrum::Spectrum;
 
 /// A fitted oscillator, with standard errors from the scatter of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,11 +97,9 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     positive("the mass", mass)?;
     positive("the interval", signal.interval)?;
     let values = &signal.values;
-    if values.len() < 5 {
-        return Err(FitError::TooFew {
-            got: values.len(),
-            need: 5,
-        });
+    let got = values.len();
+    if got < 5 {
+        return Err(FitError::TooFew { got, need: 5 });
     }
     if let Some(value) = values.iter().find(|value| !value.is_finite()) {
         return Err(FitError::Value {
@@ -118,7 +116,7 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     }
     // An energy that falls as exp(-2βt) has its mean time at 1/2β.
     let beta = 0.5 * energy / moment;
-    let (frequency, _) = Spectrum::of(signal, Taper::None)
+    let (frequency, _) = Spectrum::of(signal)
         .magnitudes()
         .max_by(|a, b| a.1.total_cmp(&b.1))
         .ok_or(FitError::NoEnd)?;
@@ -129,13 +127,8 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
         [cos, sin].map(|wave| wave * (-beta * t).exp())
     };
     // A and B for this ω and β: they are linear, and follow from two normal equations.
-    let [
-        mut cos_cos,
-        mut cos_sin,
-        mut sin_sin,
-        mut right_cos,
-        mut right_sin,
-    ] = [0.0; 5];
+    let (mut cos_cos, mut cos_sin, mut sin_sin) = (0.0, 0.0, 0.0);
+    let (mut right_cos, mut right_sin) = (0.0, 0.0);
     for (i, value) in values.iter().enumerate() {
         let [cos, sin] = waves(omega, beta, time(i));
         cos_cos += cos * cos;

@@ -64,7 +64,7 @@ pub struct Pulse {
 }
 
 /// A quantity at the end of a step or of the search.
-struct Point {
+struct TracePoint {
     time: f64,
     value: f64,
     rising: bool,
@@ -81,10 +81,10 @@ pub(crate) struct Peak {
 }
 
 /// A quantity, usually the force of a contact, over the time of a search.
-pub(crate) struct Trace<'a> {
+pub(crate) struct ForceTrace<'a> {
     solution: &'a Solution,
     quantity: PeakQuantity,
-    points: Vec<Point>,
+    points: Vec<TracePoint>,
 }
 
 impl Solution {
@@ -99,30 +99,28 @@ impl Solution {
 
     pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
         let (force, end) = (PeakQuantity::ForceBeyond(contact), search.to.min(self.end()));
-        let trace = Trace::new(self, force, search.from, end);
+        let trace = ForceTrace::new(self, force, search.from, end);
         let peaks = trace.peaks(search);
         let load = self.model().contact(contact).load;
-        (0..peaks.len())
-            .map(|i| {
-                let peak = peaks[i];
-                let first = if i == 0 { 0 } else { peaks[i - 1].before + 1 };
-                let last = peaks
-                    .get(i + 1)
-                    .map_or(trace.points.len() - 1, |next| next.before);
-                let (from, to) = (trace.begin(peak, first), trace.end(peak, last));
-                let passed = flow.between(from, to);
-                Pulse {
-                    contact,
-                    force: load + peak.value,
-                    time: peak.time,
-                    from,
-                    to,
-                    fwhm: trace.width(peak, first, last),
-                    impulse: passed.impulse - load * (to - from),
-                    energy: passed.energy,
-                }
-            })
-            .collect()
+        let pulse = |i: usize| {
+            let peak = peaks[i];
+            let first = if i == 0 { 0 } else { peaks[i - 1].before + 1 };
+            let next = peaks.get(i + 1).map(|next| next.before);
+            let last = next.unwrap_or(trace.points.len() - 1);
+            let (from, to) = (trace.begin(peak, first), trace.end(peak, last));
+            let passed = flow.between(from, to);
+            Pulse {
+                contact,
+                force: load + peak.value,
+                time: peak.time,
+                from,
+                to,
+                fwhm: trace.width(peak, first, last),
+                impulse: passed.impulse - load * (to - from),
+                energy: passed.energy,
+            }
+        };
+        (0..peaks.len()).map(pulse).collect()
     }
 
     /// Speed of a wave that is `earlier` at one contact and `later` at another, m/s: the sum of the diameters
@@ -143,13 +141,13 @@ impl Solution {
     }
 }
 
-impl<'a> Trace<'a> {
+impl<'a> ForceTrace<'a> {
     pub(crate) fn new(solution: &'a Solution, quantity: PeakQuantity, from: f64, to: f64) -> Self {
         let model = solution.model();
         let edge = |time: f64| {
             let step = solution.step_at(time);
             let mut inside = StepSampler::new(solution, step);
-            Point {
+            TracePoint {
                 time,
                 value: inside.value(quantity, time),
                 rising: inside.rate(quantity, time) > 0.0,
@@ -162,7 +160,7 @@ impl<'a> Trace<'a> {
             if from < time && time < to {
                 let state = solution.state(knot);
                 model.rate(state, &mut rate);
-                points.push(Point {
+                points.push(TracePoint {
                     time,
                     value: quantity.value(model, state),
                     rising: quantity.rate(model, state, &rate) > 0.0,
@@ -212,16 +210,14 @@ impl<'a> Trace<'a> {
         // Remove the lower peak of the pair between which the force falls least, until it falls enough
         // between all.
         loop {
-            let shallow = peaks
-                .windows(2)
-                .enumerate()
-                .map(|(i, pair)| {
-                    let lower = pair[0].value.min(pair[1].value);
-                    (i, 1.0 - self.least(pair[0], pair[1]) / lower)
-                })
-                .filter(|(_, fall)| *fall < search.fall)
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((i, _)) = shallow else { return peaks };
+            let fall = |pair: &[Peak]| {
+                let lower = pair[0].value.min(pair[1].value);
+                1.0 - self.least(pair[0], pair[1]) / lower
+            };
+            let falls = peaks.windows(2).map(fall).enumerate();
+            let shallow = falls.filter(|(_, fall)| *fall < search.fall);
+            let least = shallow.min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((i, _)) = least else { return peaks };
             let lower = peaks[i].value < peaks[i + 1].value;
             peaks.remove(if lower { i } else { i + 1 });
         }
@@ -229,9 +225,8 @@ impl<'a> Trace<'a> {
 
     /// Returns the least value between two peaks, to the nearest step.
     fn least(&self, one: Peak, other: Peak) -> f64 {
-        (one.before + 1..=other.before)
-            .map(|i| self.points[i].value)
-            .fold(one.value.min(other.value), f64::min)
+        let between = self.points[one.before + 1..=other.before].iter();
+        between.fold(one.value.min(other.value), |least, point| least.min(point.value))
     }
 
     /// Returns the begin of a pulse, s. Point `first` is the first before its peak that belongs to it.
@@ -253,9 +248,8 @@ impl<'a> Trace<'a> {
     /// Returns the time of the least value around points `first` to `last`, s.
     fn valley(&self, first: usize, last: usize) -> f64 {
         let value = |i: &usize| self.points[*i].value;
-        let least = (first..=last)
-            .min_by(|a, b| value(a).total_cmp(&value(b)))
-            .unwrap_or(first);
+        let least = (first..=last).min_by(|a, b| value(a).total_cmp(&value(b)));
+        let least = least.unwrap_or(first);
         (least.saturating_sub(1)..=least)
             .filter(|i| i + 1 < self.points.len())
             .find(|&i| !self.points[i].rising && self.points[i + 1].rising)

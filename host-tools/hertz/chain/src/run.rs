@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! A [`Run`] holds the present state of a chain. It advances to a time, and each [`Step`] on the way can be
+//! A [`Run`] holds the present state of a chain. It advances to a time, and each [`RunStep`] on the way can be
 //! observed. A step computes only the beads that the wave moves ([`crate::solver`]), so a pulse in a long
 //! elastic chain costs as much for each bead as in a short one.
 
@@ -12,7 +12,6 @@ use std::sync::Arc;
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::scenario::Scenario;
-
 use crate::solution::Snapshot;
 use crate::solver::{Lanes, Stepper};
 
@@ -35,8 +34,8 @@ use crate::solver::{Lanes, Stepper};
 /// ```
 #[derive(Debug, Clone)]
 pub struct Run {
-    model: Arc<Model>,
-    stepper: Stepper,
+    pub(crate) model: Arc<Model>,
+    pub(crate) stepper: Stepper,
 }
 
 /// Steps that take seconds at most.
@@ -50,8 +49,7 @@ impl Run {
     /// # Errors
     /// [`SimulateError`]: the scenario or the accuracy is out of range.
     pub fn new(scenario: &Scenario, accuracy: Accuracy) -> Result<Self, SimulateError> {
-        scenario.check()?;
-        let model = Model::new(scenario);
+        let model = Model::of(scenario)?;
         let start = model.initial();
         Self::start(Arc::new(model), (0.0, &start), accuracy)
     }
@@ -70,10 +68,9 @@ impl Run {
         // Sixteen evaluations of 20 ns for each eight bodies.
         let seconds = steps * (0.5e-6 + 0.04e-6 * self.model.bodies() as f64);
         if let Some((bead, rate)) = self.model.absurd_intruder() {
-            let time = 1.0 / rate;
             return Err(SimulateError::TooStiff {
                 bead,
-                time,
+                time: 1.0 / rate,
                 steps,
                 seconds,
             });
@@ -106,14 +103,6 @@ impl Run {
         &self.model
     }
 
-    pub(crate) fn shared_model(&self) -> Arc<Model> {
-        self.model.clone()
-    }
-
-    pub(crate) fn lanes(&self) -> Arc<Lanes> {
-        self.stepper.lanes()
-    }
-
     /// Present time of the run, s.
     pub fn time(&self) -> f64 {
         self.stepper.time
@@ -133,10 +122,10 @@ impl Run {
     ///
     /// # Errors
     /// [`SimulateError::Stuck`].
-    pub fn step(&mut self, stop: f64) -> Result<Step<'_>, SimulateError> {
+    pub fn step(&mut self, stop: f64) -> Result<RunStep<'_>, SimulateError> {
         let from = self.time();
         self.advance(stop)?;
-        Ok(Step { run: self, from })
+        Ok(RunStep { run: self, from })
     }
 
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), SimulateError> {
@@ -161,7 +150,7 @@ impl Run {
     ///
     /// # Errors
     /// [`SimulateError::Stuck`].
-    pub fn watch(&mut self, time: f64, mut look: impl FnMut(&mut Step<'_>)) -> Result<(), SimulateError> {
+    pub fn watch(&mut self, time: f64, mut look: impl FnMut(&mut RunStep<'_>)) -> Result<(), SimulateError> {
         let all = self.watch_while(time, |step| {
             look(step);
             ControlFlow::<()>::Continue(())
@@ -176,7 +165,7 @@ impl Run {
     pub fn watch_while<B>(
         &mut self,
         time: f64,
-        mut look: impl FnMut(&mut Step<'_>) -> ControlFlow<B>,
+        mut look: impl FnMut(&mut RunStep<'_>) -> ControlFlow<B>,
     ) -> Result<ControlFlow<B>, SimulateError> {
         self.stepper.keep_inside();
         while self.time() < time {
@@ -191,26 +180,22 @@ impl Run {
     pub fn snapshot(&mut self) -> Snapshot<'_> {
         let mut state = vec![0.0; self.model.layout().dimension()];
         self.stepper.state(&mut state);
-        Snapshot::new(&self.model, self.time(), state)
-    }
-
-    pub(crate) fn stepper(&self) -> &Stepper {
-        &self.stepper
-    }
-
-    pub(crate) fn write_state(&mut self, out: &mut [f64]) {
-        self.stepper.state(out);
+        Snapshot {
+            model: &self.model,
+            time: self.stepper.time,
+            state,
+        }
     }
 }
 
 /// The last step of a run.
 #[derive(Debug)]
-pub struct Step<'a> {
-    run: &'a mut Run,
+pub struct RunStep<'a> {
+    pub(crate) run: &'a mut Run,
     from: f64,
 }
 
-impl Step<'_> {
+impl RunStep<'_> {
     /// Start of the step, s.
     pub fn from(&self) -> f64 {
         self.from
@@ -229,23 +214,6 @@ impl Step<'_> {
     /// The chain's model.
     pub fn model(&self) -> &Model {
         &self.run.model
-    }
-
-    pub(crate) fn parts(&mut self) -> (&Model, &mut Stepper) {
-        (&self.run.model, &mut self.run.stepper)
-    }
-
-    pub(crate) fn shared_model(&self) -> &Arc<Model> {
-        &self.run.model
-    }
-
-    /// The chain's arrays and the tolerance, with which the step can be repeated.
-    pub(crate) fn method(&self) -> (Arc<Lanes>, f64) {
-        (self.run.lanes(), self.run.stepper.tolerance())
-    }
-
-    pub(crate) fn write_state(&mut self, out: &mut [f64]) {
-        self.run.write_state(out);
     }
 
     /// Bodies that a force moves in this step, in runs of neighbours. All others stand still or fly freely.
@@ -273,7 +241,7 @@ impl Step<'_> {
     }
 }
 
-/// A chain at one time inside a [`Step`]. Values are computed on request.
+/// A chain at one time inside a [`RunStep`]. Values are computed on request.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
     model: &'a Model,
@@ -292,7 +260,7 @@ impl StepView<'_> {
     /// # Panics
     /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
-        self.body(body).0 - self.model.start(body)
+        self.body(body).0 - self.model.starts[body].0
     }
 
     /// Velocity of `body`, m/s.
@@ -300,8 +268,7 @@ impl StepView<'_> {
     /// # Panics
     /// If there is no such body.
     pub fn velocity(&self, body: usize) -> f64 {
-        assert!(body < self.model.bodies(), "body {body} is not of this chain");
-        self.stepper.speed(body)
+        self.body(body).1
     }
 
     fn body(&self, body: usize) -> (f64, f64) {
@@ -352,8 +319,7 @@ impl StepView<'_> {
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
         let intruder = self.model.intruder_of(bead)?;
         let (x, x_rate) = self.stepper.guest(intruder);
-        let oscillator = &self.model.intruders()[intruder].oscillator;
-        Some(-oscillator.pull(x, x_rate) / oscillator.mass)
+        Some(self.model.acceleration_at(intruder, x, x_rate))
     }
 }
 
@@ -364,7 +330,6 @@ impl Snapshot<'_> {
     /// # Errors
     /// [`SimulateError::Input`]: the accuracy is out of range.
     pub fn resume(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
-        let (model, state) = self.parts();
-        Run::start(model.clone(), (self.time(), state), accuracy)
+        Run::start(self.model.clone(), (self.time, &self.state), accuracy)
     }
 }

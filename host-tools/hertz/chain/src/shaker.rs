@@ -7,7 +7,7 @@ use realfft::num_complex::Complex64;
 use crate::oscillator::Oscillator;
 use crate::signal::Signal;
 use crate::solver;
-use crate::spectrum::{Spectrum, Taper};
+use crate::spectrum::Spectrum;
 
 /// A sine of rising frequency that moves the host. Its amplitude rises from zero and returns to zero over a
 /// twentieth of the sweep at either end.
@@ -46,11 +46,11 @@ impl FrequencySweep {
         let (sin, cos) = (TAU * (self.from + 0.5 * chirp * t) * t).sin_cos();
         let omega = TAU * (self.from + chirp * t);
         let ramp = RAMP * self.duration;
-        let rising = t < 0.5 * self.duration;
-        let (edge, sign) = if rising {
+        let falls = self.duration - t;
+        let (edge, sign) = if t < 0.5 * self.duration {
             (t, 1.0)
         } else {
-            (self.duration - t, -1.0)
+            (falls, -1.0)
         };
         let (size, swell) = if edge < ramp {
             let x = 0.5 * PI * edge / ramp;
@@ -58,10 +58,8 @@ impl FrequencySweep {
         } else {
             (1.0, 0.0)
         };
-        (
-            self.amplitude * size * sin,
-            self.amplitude * (size * omega * cos + swell * sin),
-        )
+        let rate = self.amplitude * (size * omega * cos + swell * sin);
+        (self.amplitude * size * sin, rate)
     }
 }
 
@@ -143,7 +141,7 @@ impl ShakerResponse {
     /// Transmissibility h = û/Û at some frequencies, as pairs of frequency in Hz and h. The sweep should
     /// cover them.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
-        let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal, Taper::None));
+        let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal));
         let h = |&f: &f64| (f, mass.at(f) / host.at(f));
         frequencies.iter().map(h).collect()
     }

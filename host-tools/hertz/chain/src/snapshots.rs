@@ -1,7 +1,7 @@
 //! Snapshots at equal intervals, taken during a run. They equal those of a [`Solution`](crate::Solution) bit
 //! for bit, and only one state is kept.
 
-use crate::run::{Run, Step};
+use crate::run::{Run, RunStep};
 use crate::solution::Snapshot;
 use crate::solver::Dense;
 
@@ -39,15 +39,13 @@ impl Snapshots {
     /// If the rate is not above zero.
     pub fn new(run: &mut Run, rate: f64, end: f64) -> Self {
         assert!(rate > 0.0, "snapshots need a rate above zero, not {rate} Hz");
-        let mut state = vec![0.0; run.model().layout().dimension()];
-        run.write_state(&mut state);
         Self {
             rate,
             end,
             next: (run.time() * rate * (1.0 - 1e-12)).ceil() as u64,
             // Rounding must not lose a last snapshot at the end.
             rows: (end * rate * (1.0 + 1e-12)).floor() as u64 + 1,
-            state,
+            state: run.snapshot().state,
         }
     }
 
@@ -57,10 +55,10 @@ impl Snapshots {
     }
 
     /// Calls `take` with the snapshots of a step. Must be called with each step of the run, in order.
-    pub fn observe(&mut self, step: &mut Step<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
+    pub fn observe(&mut self, step: &mut RunStep<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
         let (from, to) = (step.from(), step.to());
-        let (lanes, tolerance) = step.method();
-        let model = step.model();
+        let (model, stepper) = (&step.run.model, &step.run.stepper);
+        let (lanes, tolerance) = (stepper.lanes(), stepper.tolerance());
         let mut dense = None;
         while self.next < self.rows {
             let time = (self.next as f64 / self.rate).min(self.end).max(from);
@@ -71,10 +69,10 @@ impl Snapshots {
             let again = || Dense::new(&lanes, model.layout(), (from, to), &self.state, tolerance);
             let mut state = vec![0.0; self.state.len()];
             dense.get_or_insert_with(again).at(time, &mut state);
-            take(&Snapshot::new(step.shared_model(), time, state));
+            take(&Snapshot { model, time, state });
             self.next += 1;
         }
         drop(dense);
-        step.write_state(&mut self.state);
+        step.run.stepper.state(&mut self.state);
     }
 }

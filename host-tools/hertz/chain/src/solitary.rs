@@ -1,10 +1,9 @@
 //! The solitary wave of equal elastic spheres, and measures of how near a wave comes to it.
 //!
 //! In units where κ = M = 1, the wave's speed c in beads per time depends only on its amplitude, through the
-//! constants below. Nesterenko's long-wave forms have the same powers, with the factors (16/25)^(1/5) and
-//! √(4/5).
+//! constants below.
 
-use crate::pulse::{Pulse, PulseSearch, Trace};
+use crate::pulse::{ForceTrace, Pulse, PulseSearch};
 use crate::quantity::PeakQuantity;
 use crate::solution::Solution;
 
@@ -15,47 +14,6 @@ pub const SPEED_FROM_FORCE: f64 = 0.905_52;
 /// Kinetic part of the wave's energy, averaged over time: 5/9, by the virial theorem for forces that go as
 /// δ^(3/2).
 pub const KINETIC_SHARE: f64 = 5.0 / 9.0;
-
-/// Equal spheres in a row.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EqualSpheres {
-    /// Hertz stiffness κ of their contacts, N/m^(3/2).
-    pub stiffness: f64,
-    /// Mass M, kg.
-    pub mass: f64,
-    /// Radius, m.
-    pub radius: f64,
-}
-
-impl EqualSpheres {
-    /// Speed of the discrete solitary wave of greatest force `force` in N, m/s.
-    pub fn speed_from_force(&self, force: f64) -> f64 {
-        SPEED_FROM_FORCE * self.force_unit(force)
-    }
-
-    /// Speed of the discrete solitary wave whose beads move at up to `velocity` in m/s, m/s.
-    pub fn speed_from_velocity(&self, velocity: f64) -> f64 {
-        SPEED_FROM_VELOCITY * self.velocity_unit(velocity)
-    }
-
-    /// Nesterenko's speed for a greatest force in N, m/s: √(4/5) κ^(1/3) M^(-1/2) F^(1/6) 2R.
-    pub fn long_wave_speed_from_force(&self, force: f64) -> f64 {
-        0.8_f64.sqrt() * self.force_unit(force)
-    }
-
-    /// Nesterenko's speed for a greatest velocity in m/s, m/s: (16/25)^(1/5) (κ/M)^(2/5) v^(1/5) 2R.
-    pub fn long_wave_speed_from_velocity(&self, velocity: f64) -> f64 {
-        0.64_f64.powf(0.2) * self.velocity_unit(velocity)
-    }
-
-    fn force_unit(&self, force: f64) -> f64 {
-        2.0 * self.radius * self.stiffness.powf(1.0 / 3.0) * self.mass.powf(-0.5) * force.powf(1.0 / 6.0)
-    }
-
-    fn velocity_unit(&self, velocity: f64) -> f64 {
-        2.0 * self.radius * (self.stiffness / self.mass).powf(0.4) * velocity.powf(0.2)
-    }
-}
 
 /// Numbers common to all solitary waves, as measured in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,12 +40,9 @@ impl Solution {
             "a wave is measured between a contact and a later one"
         );
         let model = self.model();
-        let spheres = EqualSpheres {
-            stiffness: model.contact(earlier.contact).stiffness,
-            mass: model.mass(earlier.contact),
-            radius: model.radius(earlier.contact),
-        };
-        let speed = self.speed(earlier, later);
+        let first = earlier.contact;
+        let (stiffness, mass) = (model.contact(first).stiffness, model.mass(first));
+        let (speed, diameter) = (self.speed(earlier, later), 2.0 * model.radius(earlier.contact));
         let force = 0.5 * (earlier.force + later.force);
         let search = PulseSearch {
             from: later.from,
@@ -95,7 +50,7 @@ impl Solution {
             ..PulseSearch::default()
         };
         let velocity = PeakQuantity::Velocity(later.contact - 1);
-        let peaks = Trace::new(self, velocity, search.from, search.to).peaks(&search);
+        let peaks = ForceTrace::new(self, velocity, search.from, search.to).peaks(&search);
         let velocity = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
 
         // The share repeats from bead to bead, so equal intervals over whole beads converge faster than any
@@ -108,9 +63,11 @@ impl Solution {
             .map(|t| sampler.at(t).region(beads.clone()))
             .map(|region| region.kinetic / (region.kinetic + region.elastic))
             .sum();
+        let of_force = diameter * stiffness.powf(1.0 / 3.0) * mass.powf(-0.5) * force.powf(1.0 / 6.0);
+        let of_velocity = diameter * (stiffness / mass).powf(0.4) * velocity.powf(0.2);
         Invariants {
-            speed_from_force: speed / spheres.force_unit(force),
-            speed_from_velocity: speed / spheres.velocity_unit(velocity),
+            speed_from_force: speed / of_force,
+            speed_from_velocity: speed / of_velocity,
             kinetic_share: share / count as f64,
         }
     }

@@ -111,27 +111,23 @@ impl<'a> Sampler<'a> {
         let mut state = vec![0.0; solution.model.layout().dimension()];
         dense.at(t, &mut state);
         self.dense = Some(dense);
-        Snapshot::new(&solution.model, t, state)
+        Snapshot {
+            model: &solution.model,
+            time: t,
+            state,
+        }
     }
 }
 
 /// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1.
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
-    model: &'a Arc<Model>,
-    time: f64,
-    state: Vec<f64>,
+    pub(crate) model: &'a Arc<Model>,
+    pub(crate) time: f64,
+    pub(crate) state: Vec<f64>,
 }
 
 impl<'a> Snapshot<'a> {
-    pub(crate) fn new(model: &'a Arc<Model>, time: f64, state: Vec<f64>) -> Self {
-        Self { model, time, state }
-    }
-
-    pub(crate) fn parts(&self) -> (&Arc<Model>, &[f64]) {
-        (self.model, &self.state)
-    }
-
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -148,7 +144,7 @@ impl<'a> Snapshot<'a> {
     /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
         self.body(body);
-        self.state[body] - self.model.start(body)
+        self.state[body] - self.model.starts[body].0
     }
 
     /// Velocity of `body`, m/s.
@@ -192,8 +188,8 @@ impl<'a> Snapshot<'a> {
 
     /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
-        let intruder = self.model.intruder_of(bead)?;
-        Some(self.model.intruder_acceleration(&self.state, intruder))
+        let (x, rate) = (self.intruder_displacement(bead)?, self.intruder_velocity(bead)?);
+        Some(self.model.acceleration_at(self.model.intruder_of(bead)?, x, rate))
     }
 
     /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; `None` without an intruder.

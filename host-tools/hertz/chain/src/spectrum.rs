@@ -5,48 +5,17 @@
 //! The spectrum of a pulse is its Fourier transform S(f) = ∫ s(t) exp(-2πi f t) dt, not a density of power.
 //! |S| of a force is in N·s, which is N/Hz, and |S(0)| is the impulse. The sum of the samples times their
 //! interval is that integral, but for what lies above half the sampling rate. A fast transform of the
-//! samples, padded with zeros eightfold, gives the curve. Single frequencies and bands are summed directly,
-//! so they do not depend on the padding.
+//! samples, padded with zeros eightfold, gives the curve. Single frequencies are summed directly, so they do
+//! not depend on the padding.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
 use crate::signal::Signal;
 
-/// Weights of a signal before it is transformed. The result is not rescaled: a transient well inside the
-/// signal keeps its units.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Taper {
-    /// No taper, for a signal that begins and ends at zero.
-    #[default]
-    None,
-    /// Raised cosine over the whole signal.
-    Hann,
-    /// Flat, with raised cosines over this part (0 to 1) of the signal, half of it at either end.
-    Tukey(f64),
-}
-
-impl Taper {
-    /// Weight at the part `x` of the signal, 0 to 1.
-    fn at(self, x: f64) -> f64 {
-        let part = match self {
-            Self::None => 0.0,
-            Self::Hann => 1.0,
-            Self::Tukey(part) => part.clamp(0.0, 1.0),
-        };
-        let edge = 2.0 * x.min(1.0 - x);
-        if edge < part {
-            0.5 - 0.5 * (std::f64::consts::PI * edge / part).cos()
-        } else {
-            1.0
-        }
-    }
-}
-
 /// The Fourier transform of a transient; with the signal in N, its magnitude is in N·s = N/Hz.
 #[derive(Debug, Clone)]
 pub struct Spectrum {
-    /// The signal after the taper.
     signal: Signal,
     step: f64,
     values: Vec<Complex64>,
@@ -60,17 +29,13 @@ impl Spectrum {
     ///
     /// # Panics
     /// If the signal has fewer than two values, a value is not finite, or the interval is not above zero.
-    pub fn of(signal: &Signal, taper: Taper) -> Self {
+    pub fn of(signal: &Signal) -> Self {
         let count = signal.values.len();
         assert!(count >= 2, "a spectrum takes two values at least, not {count}");
         assert!(
             signal.interval > 0.0 && signal.values.iter().all(|value| value.is_finite()),
             "a spectrum takes numbers at an interval above zero"
         );
-        let mut signal = signal.clone();
-        for (i, value) in signal.values.iter_mut().enumerate() {
-            *value *= taper.at(i as f64 / (count - 1) as f64);
-        }
         let length = PADDING * count.next_power_of_two();
         let mut samples = signal.values.clone();
         samples.resize(length, 0.0);
@@ -85,7 +50,11 @@ impl Spectrum {
             let turn = -std::f64::consts::TAU * step * i as f64 * signal.start;
             *value *= Complex64::from_polar(signal.interval, turn);
         }
-        Self { signal, step, values }
+        Self {
+            signal: signal.clone(),
+            step,
+            values,
+        }
     }
 
     /// Interval of the frequencies of [`Spectrum::values`], Hz; the first is 0.
@@ -125,32 +94,5 @@ impl Spectrum {
         let below = (top..self.values.len()).find(|&i| self.values[i].norm() < level)?;
         let (from, to) = (self.step * (below - 1) as f64, self.step * below as f64);
         Some(crate::bisection::bisect(from, to, |f| self.at(f).norm() > level))
-    }
-
-    /// Energy of the signal between two frequencies in Hz, 2 ∫ |S|² df, in units of the signal squared times
-    /// s. Over all frequencies it is ∫ s² dt (Parseval).
-    pub fn band_energy(&self, from: f64, to: f64) -> f64 {
-        let highest = self.step * (self.values.len() - 1) as f64;
-        let (from, to) = (from.clamp(0.0, highest), to.clamp(0.0, highest));
-        if from >= to {
-            return 0.0;
-        }
-        // |S|² is a sum of cosines, one for each lag of the autocorrelation; each has a closed integral.
-        let length = 2 * (self.values.len() - 1);
-        let power = |value: &Complex64| Complex64::from(value.norm_sqr());
-        let mut powers: Vec<_> = self.values.iter().map(power).collect();
-        let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(length);
-        let mut correlation = transform.make_output_vec();
-        transform
-            .process(&mut powers, &mut correlation)
-            .expect("both buffers have the lengths that the plan asks for");
-        let lags = correlation[1..self.signal.values.len()].iter().zip(1..);
-        let waves: f64 = lags
-            .map(|(correlation, lag)| {
-                let turn = std::f64::consts::TAU * self.signal.interval * f64::from(lag);
-                correlation * ((turn * to).sin() - (turn * from).sin()) / turn
-            })
-            .sum();
-        2.0 / length as f64 * (correlation[0] * (to - from) + 2.0 * waves)
     }
 }

@@ -18,9 +18,9 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::bisection::bisect;
-use crate::model::Model;
+use crate::model::{HostedIntruder, Model};
 use crate::options::{Options, SimulateError};
-use crate::run::{Run, Step};
+use crate::run::{Run, RunStep};
 use crate::scenario::Scenario;
 use crate::solver::{BLOCK, Glimpse, Stepper};
 use crate::summary::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
@@ -149,40 +149,37 @@ struct Ledger {
     at_rest: [f64; 2],
 }
 
-/// Displacement and velocity of each body and, relative to its host, of each intruder, at one time.
-trait Positions {
-    fn body(&self, body: usize) -> (f64, f64);
-    fn guest(&self, guest: usize) -> (f64, f64);
+/// A time in the last step of a run.
+#[derive(Clone, Copy)]
+enum StepMoment<'a> {
+    /// The end of the step that began at this time, s.
+    End(&'a Stepper, f64),
+    /// The time inside the step, s, that [`Stepper::look`] was called for.
+    Inside(&'a Stepper, f64),
 }
 
-/// The end of a step that starts at a time, s.
-struct StepEnd<'a>(&'a Stepper, f64);
-
-impl Positions for StepEnd<'_> {
-    fn body(&self, body: usize) -> (f64, f64) {
-        self.0.body_at_ends(body, self.1)[1]
+impl StepMoment<'_> {
+    /// Displacement and velocity of a body.
+    #[inline(always)]
+    fn body(self, body: usize) -> (f64, f64) {
+        match self {
+            Self::End(stepper, from) => stepper.body_at_ends(body, from)[1],
+            Self::Inside(stepper, t) => stepper.body(body, t),
+        }
     }
 
-    fn guest(&self, guest: usize) -> (f64, f64) {
-        self.0.guest_at_ends(guest)[1]
-    }
-}
-
-/// A time inside a step, s, that [`Stepper::look`] was called for.
-struct StepInside<'a>(&'a Stepper, f64);
-
-impl Positions for StepInside<'_> {
-    fn body(&self, body: usize) -> (f64, f64) {
-        self.0.body(body, self.1)
-    }
-
-    fn guest(&self, guest: usize) -> (f64, f64) {
-        self.0.guest(guest)
+    /// Displacement and velocity of an intruder relative to its host.
+    #[inline(always)]
+    fn guest(self, guest: usize) -> (f64, f64) {
+        match self {
+            Self::End(stepper, _) => stepper.guest_at_ends(guest)[1],
+            Self::Inside(stepper, _) => stepper.guest(guest),
+        }
     }
 }
 
 /// Change of the overlap of a contact since rest, m, and its rate, m/s.
-fn change(model: &Model, motion: &impl Positions, contact: usize) -> (f64, f64) {
+fn change(model: &Model, motion: StepMoment<'_>, contact: usize) -> (f64, f64) {
     let near = motion.body(contact - 1);
     let far = if contact < model.bodies() {
         motion.body(contact)
@@ -195,28 +192,22 @@ fn change(model: &Model, motion: &impl Positions, contact: usize) -> (f64, f64) 
 /// The contacts of some bodies as the ledger assigns them: each to the body behind it, and the wall's to the
 /// last bead.
 fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
-    let end = if bodies.end == model.bodies() {
-        model.contacts() + 1
-    } else {
-        bodies.end
-    };
-    bodies.start.max(1)..end
+    let is_last = bodies.end == model.bodies();
+    bodies.start.max(1)..if is_last { model.contacts() + 1 } else { bodies.end }
 }
 
 /// Energy of some beads with their contacts, and energy of their intruders, J.
-fn energies(model: &Model, motion: &impl Positions, bodies: &Range<usize>) -> [f64; 2] {
+fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f64; 2] {
     let kinetic = |mass: f64, speed: f64| 0.5 * mass * speed * speed;
     let beads = bodies.start.max(1)..bodies.end;
-    let mut chain: f64 = beads
-        .map(|bead| kinetic(model.shells[bead], motion.body(bead).1))
-        .sum();
-    chain += contacts(model, bodies)
-        .map(|contact| {
-            model
-                .contact(contact)
-                .energy_beyond(change(model, motion, contact).0)
-        })
-        .sum::<f64>();
+    let of_bead = |bead: usize| kinetic(model.shells[bead], motion.body(bead).1);
+    let mut chain: f64 = beads.map(of_bead).sum();
+    let elastic = |contact| {
+        model
+            .contact(contact)
+            .energy_beyond(change(model, motion, contact).0)
+    };
+    chain += contacts(model, bodies).map(elastic).sum::<f64>();
     let of_guest = |guest: usize| {
         let intruder = &model.intruders()[guest];
         let (x, w) = motion.guest(guest);
@@ -234,7 +225,7 @@ fn guests(model: &Model, bodies: &Range<usize>) -> Range<usize> {
 
 /// Rate of the chain's energy, W: the power of the striker, less the losses in contacts, and the power of the
 /// intruders.
-fn chain_rate(model: &Model, motion: &impl Positions, moving: &[Range<usize>]) -> f64 {
+fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) -> f64 {
     let (first, rate) = change(model, motion, 1);
     let mut sum = model.force_beyond_at(1, first, rate) * motion.body(0).1;
     for bodies in moving {
@@ -258,11 +249,9 @@ impl Summariser {
         let time = run.time();
         let snapshot = run.snapshot();
         let (model, energies) = (snapshot.model().clone(), snapshot.energies());
+        let maximum = |value: f64| Maximum { value, time };
         let forces = (1..=model.contacts()).map(|contact| ForceMaximum {
-            maximum: Maximum {
-                value: snapshot.force(contact) - model.contact(contact).load,
-                time,
-            },
+            maximum: maximum(snapshot.force(contact) - model.contact(contact).load),
             width: None,
             falling: false,
             rising: VecDeque::new(),
@@ -271,10 +260,7 @@ impl Summariser {
         let intruders = model.intruders().iter().map(|intruder| {
             let maxima = |value: Option<f64>| {
                 let value = value.expect("this bead has an intruder");
-                [1.0, -1.0].map(|sign| Maximum {
-                    value: sign * value,
-                    time,
-                })
+                [maximum(value), maximum(-value)]
             };
             IntruderMaxima {
                 acceleration: maxima(snapshot.intruder_acceleration(intruder.bead)),
@@ -290,15 +276,12 @@ impl Summariser {
             at_rest: [0.0; 2],
         };
         let all = std::iter::once(0..model.bodies()).collect::<Vec<_>>();
-        ledger.enter(&model, &StepEnd(run.stepper(), time), &all);
+        ledger.enter(&model, StepMoment::End(&run.stepper, time), &all);
         ledger.settle(&[]);
         Self {
             initial: energies.total(),
             balance_error: 0.0,
-            chain: Maximum {
-                value: energies.chain,
-                time,
-            },
+            chain: maximum(energies.chain),
             chain_now: energies.chain,
             chain_rate: f64::INFINITY,
             forces,
@@ -310,9 +293,9 @@ impl Summariser {
     }
 
     /// Takes account of a step. Must be called with each step of the run, in order.
-    pub fn observe(&mut self, step: &mut Step<'_>) {
+    pub fn observe(&mut self, step: &mut RunStep<'_>) {
         let (from, to) = (step.from(), step.to());
-        let (model, stepper) = step.parts();
+        let Run { model, stepper } = &mut *step.run;
         stepper.look_at_ends(from);
         let moving: Vec<Range<usize>> = stepper.moving().collect();
         self.balance(model, stepper, &moving, (from, to));
@@ -342,29 +325,25 @@ impl Summariser {
         if self.ledger.moving != moving {
             self.ledger.settle(moving);
         }
-        let end = &StepEnd(stepper, from);
+        let end = StepMoment::End(stepper, from);
         let [chain, intruders] = self.ledger.enter(model, end, moving);
         let rate = chain_rate(model, end, moving);
         let speed = end.body(0).1;
         let striker = 0.5 * model.mass(0) * speed * speed;
         let (contacts, of_guests) = stepper.lost();
         let total = striker + chain + intruders + contacts + of_guests.sum::<f64>();
-        self.balance_error = self
-            .balance_error
-            .max((total - self.initial).abs() / self.initial);
+        let error = (total - self.initial).abs() / self.initial;
+        self.balance_error = self.balance_error.max(error);
         // An upper bound of the energy between the ends of the step.
         let before = self.chain_rate.abs();
         let most = self.chain_now.max(chain) + (before + rate.abs()) * (to - from);
         if chain > self.chain.value {
-            self.chain = Maximum {
-                value: chain,
-                time: to,
-            };
+            (self.chain.value, self.chain.time) = (chain, to);
         }
         if most > self.chain.value && self.chain_rate > 0.0 && rate <= 0.0 && !moving.is_empty() {
             let mut at = |t: f64| {
                 stepper.look(t);
-                let inside = &StepInside(stepper, t);
+                let inside = StepMoment::Inside(stepper, t);
                 let parts = moving.iter().map(|bodies| energies(model, inside, bodies)[0]);
                 let value = self.ledger.at_rest[0] + parts.sum::<f64>();
                 [value, chain_rate(model, inside, moving)]
@@ -383,14 +362,21 @@ impl Summariser {
         let (time, steps, evaluations) = (run.time(), run.steps(), run.evaluations());
         let snapshot = run.snapshot();
         let (model, energies) = (snapshot.model(), snapshot.energies());
+        let bodies = 0..model.bodies();
+        let of_intruder = |(intruder, watch): (&HostedIntruder, &IntruderMaxima)| IntruderSummary {
+            bead: intruder.bead,
+            acceleration_max: watch.acceleration[0].value,
+            acceleration_min: -watch.acceleration[1].value,
+            relative_displacement_max: watch.displacement[0].value.max(watch.displacement[1].value),
+            dissipated: snapshot.intruder_dissipated(intruder.bead).unwrap_or(0.0),
+        };
+        let intruders = model.intruders().iter().zip(&self.intruders);
         Summary {
             peak_force: self.contact_peaks(model),
             final_state: FinalState {
                 time,
-                displacement: (0..model.bodies())
-                    .map(|body| snapshot.displacement(body))
-                    .collect(),
-                velocity: (0..model.bodies()).map(|body| snapshot.velocity(body)).collect(),
+                displacement: bodies.clone().map(|body| snapshot.displacement(body)).collect(),
+                velocity: bodies.map(|body| snapshot.velocity(body)).collect(),
             },
             energy: EnergySummary {
                 striker_initial: model.striker_energy(),
@@ -402,18 +388,7 @@ impl Summariser {
                 dissipated_intruders: energies.dissipated_intruders,
                 balance_error: self.balance_error,
             },
-            intruders: model
-                .intruders()
-                .iter()
-                .zip(&self.intruders)
-                .map(|(intruder, watch)| IntruderSummary {
-                    bead: intruder.bead,
-                    acceleration_max: watch.acceleration[0].value,
-                    acceleration_min: -watch.acceleration[1].value,
-                    relative_displacement_max: watch.displacement[0].value.max(watch.displacement[1].value),
-                    dissipated: snapshot.intruder_dissipated(intruder.bead).unwrap_or(0.0),
-                })
-                .collect(),
+            intruders: intruders.map(of_intruder).collect(),
             solver: SolverSummary {
                 steps,
                 evaluations,
@@ -426,25 +401,26 @@ impl Summariser {
         let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].maximum.value;
         let contacts = 1..=model.contacts();
         let least = NO_FORCE * contacts.clone().map(force).fold(0.0, f64::max);
+        let peak = |contact: usize| {
+            let watch = &self.forces[contact - 1];
+            let reached = watch.maximum.value > least;
+            ContactPeak {
+                contact,
+                force: force(contact),
+                time: if reached { watch.maximum.time } else { 0.0 },
+                fwhm: watch.width.filter(|_| reached),
+            }
+        };
         contacts
             .filter(|&contact| force(contact) > least)
-            .map(|contact| {
-                let watch = &self.forces[contact - 1];
-                let reached = watch.maximum.value > least;
-                ContactPeak {
-                    contact,
-                    force: force(contact),
-                    time: if reached { watch.maximum.time } else { 0.0 },
-                    fwhm: watch.width.filter(|_| reached),
-                }
-            })
+            .map(peak)
             .collect()
     }
 }
 
 impl Ledger {
     /// Enters the energies of moving bodies. Returns the sums over all bodies: beads and intruders.
-    fn enter(&mut self, model: &Model, motion: &impl Positions, moving: &[Range<usize>]) -> [f64; 2] {
+    fn enter(&mut self, model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) -> [f64; 2] {
         let [mut chain, mut intruders] = self.at_rest;
         for bodies in moving {
             for from in bodies.clone().step_by(BLOCK) {
@@ -464,11 +440,7 @@ impl Ledger {
         let blocks = |bodies: &Range<usize>| bodies.start / BLOCK..bodies.end.div_ceil(BLOCK);
         let sum = |of: &[f64]| {
             let (mut sum, mut from) = (0.0, 0);
-            for run in moving
-                .iter()
-                .map(blocks)
-                .chain(std::iter::once(of.len()..of.len()))
-            {
+            for run in moving.iter().map(blocks).chain([of.len()..of.len()]) {
                 sum += of[from..run.start].iter().sum::<f64>();
                 from = run.end;
             }
@@ -481,17 +453,17 @@ impl Ledger {
 impl ForceMaximum {
     fn observe(&mut self, model: &Model, stepper: &mut Stepper, contact: usize, (from, to): (f64, f64)) {
         let force = |place: f64, rate: f64| model.force_beyond_at(contact, place, rate);
+        let is_wall = contact == model.bodies();
         let near = stepper.body_at_ends(contact - 1, from);
-        let far = if contact < model.bodies() {
-            stepper.body_at_ends(contact, from)
-        } else {
+        let far = if is_wall {
             [(0.0, 0.0); 2]
+        } else {
+            stepper.body_at_ends(contact, from)
         };
         let [start, end] = [0, 1].map(|at| force(near[at].0 - far[at].0, near[at].1 - far[at].1));
         let half = 0.5 * self.maximum.value;
         if start.max(end) <= half.max(0.0) {
-            self.forget();
-            return;
+            return self.forget();
         }
         let Some(glimpse) = stepper.glimpse_contact(contact, from) else {
             return;
@@ -535,8 +507,7 @@ impl ForceMaximum {
 
 impl IntruderMaxima {
     fn observe(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
-        let oscillator = &model.intruders()[guest].oscillator;
-        let acceleration = |x: f64, w: f64| -oscillator.pull(x, w) / oscillator.mass;
+        let acceleration = |x: f64, w: f64| model.acceleration_at(guest, x, w);
         let ends = stepper.guest_at_ends(guest);
         let [places, accelerations] = [ends.map(|(x, _)| x), ends.map(|(x, w)| acceleration(x, w))];
         let mut glimpse = None;

@@ -43,12 +43,8 @@ impl Validity {
         let model = Model::of(scenario)?;
         let striker = &scenario.striker;
         let mut bodies = vec![Some((striker.radius, striker.material()))];
-        bodies.extend(
-            scenario
-                .spheres()
-                .iter()
-                .map(|bead| Some((bead.radius, bead.material))),
-        );
+        let beads = scenario.spheres().into_iter();
+        bodies.extend(beads.map(|bead| Some((bead.radius, bead.material))));
         let wall = scenario.wall.as_ref().map(|wall| {
             // It does not move, so it has no vibration of interest: as dense as makes none.
             let material = Material::new(0.0, wall.young, wall.poisson);

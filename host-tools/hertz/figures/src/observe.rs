@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use hertz_chain::{Pulse, PulseSearch, Solution, Spectrum, Taper};
+use hertz_chain::{Pulse, PulseSearch, Solution, Spectrum};
 
 use crate::lab::FigureRun;
 
@@ -44,7 +44,7 @@ const INTERVAL: f64 = 2e-6;
 pub(crate) fn spectrum(solution: &Solution, contact: usize, span: Range<f64>) -> Spectrum {
     let end = span.end.min(solution.end());
     let force = solution.signal(span.start, end, INTERVAL, |at| at.force(contact));
-    Spectrum::of(&force, Taper::None)
+    Spectrum::of(&force)
 }
 
 /// The Fourier transform of a contact's force over one pulse.

@@ -5,7 +5,7 @@ use crate::model::Model;
 
 /// Properties that chains must have in common to be computed together.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Shape {
+pub(super) struct ChainShape {
     /// The striker and the beads.
     pub(super) bodies: usize,
     pub(super) walled: bool,
@@ -13,7 +13,7 @@ pub(super) struct Shape {
     pub(super) hosts: Vec<usize>,
 }
 
-impl Shape {
+impl ChainShape {
     pub(super) fn of(model: &Model) -> Self {
         Self {
             bodies: model.bodies(),
@@ -68,53 +68,31 @@ const TRIES_BESIDES: u64 = 100_000;
 
 impl Constants {
     /// Constants of these chains. Lanes without a chain stand still.
-    pub(super) fn new(shape: &Shape, chains: &[(&Model, f64)], tolerance: f64) -> Self {
-        let lanes = |of: &dyn Fn(&Model) -> f64| {
-            let mut lanes = Eight([0.0; LANES]);
-            for (lane, (model, _)) in lanes.0.iter_mut().zip(chains) {
-                *lane = of(model);
+    pub(super) fn new(shape: &ChainShape, chains: &[(&Model, f64)], tolerance: f64) -> Self {
+        let of_chains = |of: &dyn Fn(&Model, f64) -> f64| {
+            let mut lanes = Eight::ZERO;
+            for (lane, (model, time)) in lanes.0.iter_mut().zip(chains) {
+                *lane = of(model, *time);
             }
             lanes
         };
-        let contacts = 1..shape.places();
+        let lanes = |of: &dyn Fn(&Model) -> f64| of_chains(&|model, _| of(model));
         let of_contacts = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
-            let zero = std::iter::once(Eight([0.0; LANES]));
-            zero.chain(contacts.clone().map(|contact| lanes(&|model| of(model, contact))))
-                .collect()
+            let contacts = (1..shape.places()).map(|contact| lanes(&|model| of(model, contact)));
+            std::iter::once(Eight::ZERO).chain(contacts).collect()
         };
         let of_bodies = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
-            let wall = shape.walled.then_some(Eight([0.0; LANES]));
-            let bodies = 0..shape.bodies;
-            bodies
-                .map(|body| lanes(&|model| of(model, body)))
-                .chain(wall)
-                .collect()
+            let bodies = (0..shape.bodies).map(|body| lanes(&|model| of(model, body)));
+            bodies.chain(shape.walled.then_some(Eight::ZERO)).collect()
         };
         let of_guests = |of: &dyn Fn(crate::Oscillator) -> f64| -> Vec<Eight> {
-            (0..shape.hosts.len())
-                .map(|guest| lanes(&|model| of(model.intruders()[guest].oscillator)))
-                .collect()
+            let of = |guest: usize| lanes(&|model| of(model.intruders()[guest].oscillator));
+            (0..shape.hosts.len()).map(of).collect()
         };
-        let mut end = Eight([0.0; LANES]);
-        for (lane, (_, time)) in end.0.iter_mut().zip(chains) {
-            *lane = *time;
-        }
-        let mut most_tries = [0; LANES];
-        for (most, (model, time)) in most_tries.iter_mut().zip(chains) {
-            *most = TRIES_BESIDES + (TRIES_FOR_EACH * fewest_steps(model, *time)) as u64;
-        }
-        let scale = lanes(&|model| tolerance * wave_speed(model));
+        let tries = |model: &Model, time| TRIES_FOR_EACH * fewest_steps(model, time);
+        let scale = |model: &Model| tolerance * wave_speed(model);
         // Errors of the same energy weigh the same.
-        let mut strictness = of_bodies(&|model, body| (model.mass(body) / model.mass(1)).sqrt());
-        for of_body in &mut strictness {
-            for (value, scale) in of_body.0.iter_mut().zip(scale.0).take(chains.len()) {
-                *value /= scale;
-            }
-        }
-        let mut guest_strictness = Eight([0.0; LANES]);
-        for (value, scale) in guest_strictness.0.iter_mut().zip(scale.0).take(chains.len()) {
-            *value = 1.0 / scale;
-        }
+        let weight = |model: &Model, body| (model.mass(body) / model.mass(1)).sqrt();
         Self {
             stiffness: of_contacts(&|model, contact| model.contact(contact).stiffness),
             viscosity: of_contacts(&|model, contact| 1.5 * model.contact(contact).relaxation),
@@ -123,11 +101,11 @@ impl Constants {
             guest_damping: of_guests(&|oscillator| oscillator.damping),
             guest_inverse: of_guests(&|oscillator| 1.0 / oscillator.mass),
             threshold: lanes(&|model| THRESHOLD * model.displacement_scale()),
-            strictness,
-            guest_strictness,
+            strictness: of_bodies(&|model, body| weight(model, body) / scale(model)),
+            guest_strictness: lanes(&|model| 1.0 / scale(model)),
             longest: lanes(&|model| LONGEST * model.shortest_contact()),
-            end,
-            most_tries,
+            end: of_chains(&|_, time| time),
+            most_tries: of_chains(&tries).0.map(|tries| TRIES_BESIDES + tries as u64),
         }
     }
 }

@@ -24,7 +24,7 @@ const SEARCH: usize = 9;
 /// Up to eight contacts. Lanes without one are filled with [`ContactBatch::NONE`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContactBatch {
-    /// WideOverlap, its rate and its acceleration at the start and at the end.
+    /// Overlap, its rate and its acceleration at the start and at the end.
     pub(super) start: [Eight; 3],
     pub(super) end: [Eight; 3],
     /// κ, N/m^(3/2), and (3/2) τ, s.
@@ -44,7 +44,7 @@ pub(super) struct Changes {
 }
 
 impl ContactBatch {
-    /// ContactBatch that close without a force.
+    /// Contacts that close without a force.
     pub(super) const NONE: Self = Self {
         start: [Eight([-1.0; 8]), Eight([2.0; 8]), Eight::ZERO],
         end: [Eight([1.0; 8]), Eight([2.0; 8]), Eight::ZERO],
@@ -57,11 +57,8 @@ impl ContactBatch {
     pub(super) fn changes<S: Wide>(&self, simd: S) -> Changes {
         let h = self.length.load(simd);
         let square = h * h;
-        let overlap = WideOverlap::through(
-            h,
-            self.start.map(|of| of.load(simd)),
-            self.end.map(|of| of.load(simd)),
-        );
+        let [start, end] = [self.start, self.end].map(|ends| ends.map(|of| of.load(simd)));
+        let overlap = WideOverlap::through(h, start, end);
         // The part of the step with a closed contact, from the root to one of its ends.
         let closes = self.end[0].load(simd).is_positive();
         let root = overlap.root(self.end[0].load(simd), closes);
@@ -122,16 +119,11 @@ impl<S: Wide> WideOverlap<S> {
     fn at(&self, x: Vector<S>) -> (Vector<S>, Vector<S>) {
         let p = &self.0;
         let (mut value, mut slope) = (p[5], p[5]);
-        value = value.times_plus(x, p[4]);
-        slope = slope.times_plus(x, value);
-        value = value.times_plus(x, p[3]);
-        slope = slope.times_plus(x, value);
-        value = value.times_plus(x, p[2]);
-        slope = slope.times_plus(x, value);
-        value = value.times_plus(x, p[1]);
-        slope = slope.times_plus(x, value);
-        value = value.times_plus(x, p[0]);
-        (value, slope)
+        for at in [4, 3, 2, 1] {
+            value = value.times_plus(x, p[at]);
+            slope = slope.times_plus(x, value);
+        }
+        (value.times_plus(x, p[0]), slope)
     }
 
     /// Root by Newton's method, kept between bounds. `last` is the value at the end, and `closes` is 1 where

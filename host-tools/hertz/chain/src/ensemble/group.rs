@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use pulp::{Arch, NullaryFnOnce};
 
-use super::chain::{Constants, Shape};
+use super::chain::{ChainShape, Constants};
 use super::crossing::{Changes, ContactBatch};
 use super::eight::{Eight, LANES, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
-use super::peak::Peaks;
+use super::peak::ForcePeaks;
 use crate::model::Model;
 
 /// Displacements and velocities of the bodies, and of the intruders relative to their hosts.
@@ -27,7 +27,7 @@ pub(super) struct GroupMotion {
 }
 
 impl GroupMotion {
-    pub(super) fn zeros(shape: &Shape) -> Self {
+    pub(super) fn zeros(shape: &ChainShape) -> Self {
         let (places, guests) = (shape.places(), shape.hosts.len());
         Self {
             u: vec![Eight::ZERO; places],
@@ -43,7 +43,7 @@ type StageRates = [Eight; STAGES];
 /// Eight chains of one shape.
 #[derive(Debug)]
 pub(super) struct Group<'a> {
-    shape: &'a Shape,
+    shape: &'a ChainShape,
     constants: &'a Constants,
     pub(super) now: GroupMotion,
     next: GroupMotion,
@@ -72,7 +72,7 @@ pub(super) struct Group<'a> {
     runs: Vec<Range<usize>>,
     /// Computed intruders.
     guests: Vec<usize>,
-    /// ContactBatch that open or close in the step, by number and lane.
+    /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
     /// First of the bodies before whose motion each lane stops, if that is wanted, and the lanes that have
@@ -81,7 +81,7 @@ pub(super) struct Group<'a> {
     stopped: [Option<SavedChain>; LANES],
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
     models: &'a [&'a Model],
-    pub(super) peaks: Vec<Peaks>,
+    pub(super) peaks: Vec<ForcePeaks>,
 }
 
 /// State of one chain at the end of a step, with its intruders at rest.
@@ -101,16 +101,16 @@ pub(super) type StuckLanes = [bool; LANES];
 
 impl<'a> Group<'a> {
     pub(super) fn new(
-        shape: &'a Shape,
+        shape: &'a ChainShape,
         constants: &'a Constants,
         models: &'a [&'a Model],
         start: GroupMotion,
         peaks: &[usize],
     ) -> Self {
         let (places, guests) = (shape.places(), shape.hosts.len());
-        let mut step = constants.longest;
+        let greatest = [(0.0, 0.0); LANES];
         // Short, because the striker meets bead 1 at the first moment.
-        step.0.iter_mut().for_each(|step| *step *= 0.02);
+        let step = Eight(constants.longest.0.map(|longest| 0.02 * longest));
         Self {
             shape,
             constants,
@@ -136,7 +136,10 @@ impl<'a> Group<'a> {
             unpushed: None,
             stopped: Default::default(),
             models,
-            peaks: peaks.iter().map(|&contact| Peaks::of(contact)).collect(),
+            peaks: peaks
+                .iter()
+                .map(|&contact| ForcePeaks { contact, greatest })
+                .collect(),
         }
     }
 
@@ -165,10 +168,8 @@ impl<'a> Group<'a> {
     /// Sets the state of a lane.
     pub(super) fn start_lane(&mut self, lane: usize, from: &SavedChain) {
         for (motion, from) in [(&mut self.now.u, &from.u), (&mut self.now.v, &from.v)] {
-            motion
-                .iter_mut()
-                .zip(from)
-                .for_each(|(of, from)| of.0[lane] = *from);
+            let pairs = motion.iter_mut().zip(from);
+            pairs.for_each(|(of, from)| of.0[lane] = *from);
         }
         self.time.0[lane] = from.time;
         self.step.0[lane] = from.step;
@@ -181,35 +182,24 @@ impl<'a> Group<'a> {
 
     /// Runs all lanes to their ends, on the widest vectors of this processor.
     pub(super) fn run(&mut self) -> StuckLanes {
-        macro_rules! call {
-            ($simd:expr) => {
-                GroupCall {
-                    simd: $simd,
-                    group: self,
-                }
-            };
-        }
         match Arch::new() {
             #[cfg(target_arch = "x86_64")]
-            Arch::V4(simd) => simd.vectorize(call!(simd)),
+            Arch::V4(simd) => simd.vectorize(GroupCall(simd, self)),
             #[cfg(target_arch = "x86_64")]
-            Arch::V3(simd) => simd.vectorize(call!(pulp::x86::V3_512b(simd))),
-            _ => call!(pulp::Scalar512b).call(),
+            Arch::V3(simd) => simd.vectorize(GroupCall(pulp::x86::V3_512b(simd), self)),
+            _ => GroupCall(pulp::Scalar512b, self).call(),
         }
     }
 }
 
-struct GroupCall<'a, 'b, S> {
-    simd: S,
-    group: &'a mut Group<'b>,
-}
+struct GroupCall<'a, 'b, S>(S, &'a mut Group<'b>);
 
 impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
     type Output = StuckLanes;
 
     #[inline(always)]
     fn call(self) -> StuckLanes {
-        let Self { simd, group } = self;
+        let Self(simd, group) = self;
         let mut stuck = StuckLanes::default();
         while group.lengths(&mut stuck) {
             group.activate(simd);
@@ -224,7 +214,7 @@ impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
             let before = group.time;
             let allowed = group.judge(simd);
             if !group.peaks.is_empty() {
-                group.look(&before, &allowed);
+                group.find_peaks(&before, &allowed);
             }
             group.take(simd, &allowed);
         }
@@ -259,9 +249,7 @@ impl Group<'_> {
         }
         goes_on
     }
-}
 
-impl Group<'_> {
     /// Finds the contacts that may carry a force in this step, and the moving intruders.
     #[inline(always)]
     fn activate<S: Wide>(&mut self, simd: S) {
@@ -297,20 +285,17 @@ impl Group<'_> {
     fn arrange(&mut self) {
         let last = self.shape.places() - 1;
         self.runs.clear();
-        for contact in 1..=last {
-            if self.active[contact] {
-                match self.runs.last_mut() {
-                    Some(run) if run.end == contact => run.end += 1,
-                    _ => self.runs.push(contact..contact + 1),
-                }
+        for contact in (1..=last).filter(|&contact| self.active[contact]) {
+            match self.runs.last_mut() {
+                Some(run) if run.end == contact => run.end += 1,
+                _ => self.runs.push(contact..contact + 1),
             }
         }
         self.guests.clear();
-        for (guest, &host) in self.shape.hosts.iter().enumerate() {
-            if self.active[host] || (host < last && self.active[host + 1]) {
-                self.guests.push(guest);
-            }
-        }
+        let moves = |host: usize| self.active[host] || (host < last && self.active[host + 1]);
+        let hosts = self.shape.hosts.iter().enumerate();
+        let moving = hosts.filter(|(_, host)| moves(**host));
+        self.guests.extend(moving.map(|(guest, _)| guest));
     }
 
     /// Returns true if a contact that was not computed has closed. It is computed from now on.
@@ -336,11 +321,9 @@ impl Group<'_> {
         // Bodies without a force move at constant velocity.
         let length = self.length.load(simd);
         for body in 0..self.shape.places() {
-            let v = self.now.v[body];
-            self.next.v[body] = v;
-            self.next.u[body] = length
-                .times_plus(v.load(simd), self.now.u[body].load(simd))
-                .store();
+            let (u, v) = (self.now.u[body].load(simd), self.now.v[body].load(simd));
+            self.next.v[body] = v.store();
+            self.next.u[body] = length.times_plus(v, u).store();
         }
         for &guest in &self.guests {
             self.lost[guest] = Eight::ZERO;
@@ -483,11 +466,9 @@ impl Group<'_> {
                 let to = (change(simd, &self.next.u, contact) - threshold).is_positive();
                 let turned = (from - to).abs();
                 if turned.any_positive() {
-                    for (lane, turned) in turned.store().0.into_iter().enumerate() {
-                        if turned > 0.0 {
-                            self.crossings.push((contact, lane));
-                        }
-                    }
+                    let lanes = (0..LANES).zip(turned.store().0);
+                    let turned = lanes.filter(|(_, turned)| *turned > 0.0);
+                    self.crossings.extend(turned.map(|(lane, _)| (contact, lane)));
                 }
             }
         }
@@ -594,11 +575,8 @@ impl Group<'_> {
         let eighth = error.max(all(simd, 1e-12)).sqrt().sqrt().sqrt();
         let next = eighth.sqrt().sqrt();
         let power = eighth * next * next.sqrt().sqrt();
-        let most = self
-            .rejected
-            .load(simd)
-            .above(zero)
-            .select(one, all(simd, GROWTH));
+        let was_rejected = self.rejected.load(simd).above(zero);
+        let most = was_rejected.select(one, all(simd, GROWTH));
         // A NaN becomes the least change.
         let (change, least) = (all(simd, SAFETY) / power, all(simd, SHRINKAGE));
         let change = change.above(least).select(change, least);
@@ -634,7 +612,7 @@ impl Group<'_> {
     }
 
     /// Searches the step for the greatest forces, in these lanes.
-    fn look(&mut self, before: &Eight, allowed: &Eight) {
+    fn find_peaks(&mut self, before: &Eight, allowed: &Eight) {
         let threshold = &self.constants.threshold.0;
         for peaks in &mut self.peaks {
             let (near, far) = (peaks.contact - 1, peaks.contact);

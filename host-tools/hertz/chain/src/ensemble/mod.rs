@@ -25,10 +25,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use self::chain::Shape;
+use self::chain::ChainShape;
 pub use self::outcome::EnsembleOutcome;
 pub(crate) use self::prefix::Prefixes;
-use self::together::Member;
+use self::together::GroupMember;
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::run::Run;
@@ -61,15 +61,6 @@ impl<'a> EnsembleOptions<'a> {
     }
 }
 
-impl std::fmt::Debug for EnsembleOptions<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("EnsembleOptions")
-            .field("peaks", &self.peaks)
-            .field("progress", &self.progress.map(|_| "…"))
-            .finish()
-    }
-}
-
 /// Runs many scenarios, each over its duration, on all threads of the present pool. The results are in the
 /// order of the scenarios, and each is independent of the others.
 ///
@@ -97,18 +88,19 @@ pub(crate) fn ensemble_on(
 ) -> Vec<Result<EnsembleOutcome, SimulateError>> {
     let models: Vec<_> = scenarios.par_iter().map(Model::of).collect();
     let mut alone = Vec::new();
-    let mut grouped: Vec<(Shape, Member<'_>)> = Vec::new();
+    let mut grouped: Vec<(ChainShape, GroupMember<'_>)> = Vec::new();
     for (index, model) in models.iter().enumerate() {
         let Ok(model) = model else { continue };
         let time = scenarios[index].duration;
         if together::suits(model, time) {
-            let member = Member {
+            let start = None;
+            let member = GroupMember {
                 index,
                 model,
                 time,
-                start: None,
+                start,
             };
-            grouped.push((Shape::of(model), member));
+            grouped.push((ChainShape::of(model), member));
         } else {
             alone.push(index);
         }
@@ -128,12 +120,10 @@ pub(crate) fn ensemble_on(
             progress(done as f64 / scenarios.len() as f64);
         }
     };
-    let groups: Vec<&[(Shape, Member<'_>)]> = grouped
-        .chunk_by(|one, other| one.0 == other.0)
-        .flat_map(|alike| alike.chunks(eight::LANES))
-        .collect();
+    let alike = grouped.chunk_by(|one, other| one.0 == other.0);
+    let groups: Vec<_> = alike.flat_map(|alike| alike.chunks(eight::LANES)).collect();
     let of_groups = groups.into_par_iter().flat_map_iter(|group| {
-        let members: Vec<&Member<'_>> = group.iter().map(|(_, member)| member).collect();
+        let members: Vec<&GroupMember<'_>> = group.iter().map(|(_, member)| member).collect();
         let outcomes = together::run(&group[0].0, &members, options.peaks);
         tell(group.len());
         let indices = group.iter().map(|(_, member)| member.index);
@@ -149,24 +139,16 @@ pub(crate) fn ensemble_on(
         (index, outcome)
     });
     found.par_extend(one_by_one);
-    let mut results: Vec<Option<Result<EnsembleOutcome, SimulateError>>> = models
-        .iter()
-        .map(|model| model.as_ref().err().map(|error| Err(error.clone().into())))
-        .collect();
-    for (index, outcome) in found {
-        results[index] = Some(outcome);
-    }
-    let all = results.into_iter();
-    all.map(|result| result.expect("each scenario was run or refused"))
-        .collect()
+    let refused = models.iter().enumerate();
+    let refused = refused.filter_map(|(index, model)| Some((index, model.as_ref().err()?.clone())));
+    found.extend(refused.map(|(index, error)| (index, Err(error.into()))));
+    found.sort_by_key(|(index, _)| *index);
+    found.into_iter().map(|(_, outcome)| outcome).collect()
 }
 
 /// Runs a chain by itself, without keeping its motion.
 fn single(scenario: &Scenario, peaks: &[usize]) -> Result<EnsembleOutcome, SimulateError> {
-    let accuracy = Accuracy {
-        tolerance: 1e-9,
-        longest_step: 0.5,
-    };
+    let accuracy = Accuracy::new(1e-9, 0.5);
     let mut run = Run::new(scenario, accuracy)?;
     run.check(scenario.duration, accuracy.longest_step)?;
     let mut found = Vec::new();
@@ -180,14 +162,11 @@ fn single(scenario: &Scenario, peaks: &[usize]) -> Result<EnsembleOutcome, Simul
         found.retain(|peak| wanted.contains(&peak.contact));
         found.iter_mut().for_each(|peak| peak.fwhm = None);
     }
-    let model = run.shared_model();
-    let mut state = vec![0.0; model.layout().dimension()];
-    run.write_state(&mut state);
     Ok(EnsembleOutcome {
-        state,
+        state: run.snapshot().state,
         time: run.time(),
-        model,
         peaks: found,
         steps: run.steps(),
+        model: run.model,
     })
 }

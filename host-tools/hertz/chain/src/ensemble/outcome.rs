@@ -28,7 +28,8 @@ impl EnsembleOutcome {
             state[layout.contact_loss()] = model.initial_energy() - model.energies(state).total();
         }
         if let Some(index) = layout.wall_impulse() {
-            let before: f64 = (0..model.bodies()).map(|body| model.initial_momentum(body)).sum();
+            let bodies = model.starts.iter().enumerate();
+            let before: f64 = bodies.map(|(body, start)| model.mass(body) * start.1).sum();
             state[index] = before - model.momentum(state);
         }
         self
@@ -55,7 +56,11 @@ impl EnsembleOutcome {
     /// The energy dissipated in viscous contacts is the part of the first energy that nothing else has, so
     /// the sum of all energies does not show the error here.
     pub fn end(&self) -> Snapshot<'_> {
-        Snapshot::new(&self.model, self.time, self.state.clone())
+        Snapshot {
+            model: &self.model,
+            time: self.time,
+            state: self.state.clone(),
+        }
     }
 
     /// The energy that all intruders have dissipated, J.

@@ -5,22 +5,15 @@ use crate::model::Contact;
 
 /// Greatest force so far, N, and its time, s, of one contact in each lane.
 #[derive(Debug, Clone)]
-pub(super) struct Peaks {
+pub(super) struct ForcePeaks {
     pub(super) contact: usize,
     pub(super) greatest: [(f64, f64); LANES],
 }
 
-/// OverlapState of a contact, m, its rate, m/s, and its acceleration, m/s².
+/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
 pub(super) type OverlapState = [f64; 3];
 
-impl Peaks {
-    pub(super) fn of(contact: usize) -> Self {
-        Self {
-            contact,
-            greatest: [(0.0, 0.0); LANES],
-        }
-    }
-
+impl ForcePeaks {
     /// Searches a step of one lane that begins at `time`. The overlap is the polynomial of fifth order
     /// between its ends.
     pub(super) fn look(

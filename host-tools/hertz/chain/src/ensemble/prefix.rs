@@ -11,31 +11,30 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::chain::Shape;
+use super::chain::ChainShape;
 use super::eight::LANES;
 use super::group::SavedChain;
-use super::together::{self, Member};
+use super::together::{self, GroupMember};
 
 /// All numbers that the motion depends on, as bits.
-type Key = Vec<u64>;
+type PrefixKey = Vec<u64>;
 
 /// The known states.
 #[derive(Debug, Default)]
-pub(crate) struct Prefixes(Mutex<HashMap<Key, Arc<SavedChain>>>);
+pub(crate) struct Prefixes(Mutex<HashMap<PrefixKey, Arc<SavedChain>>>);
 
 /// Body whose motion ends the shared part; `None` if that part is too short to share.
-fn last(shape: &Shape) -> Option<usize> {
+fn last(shape: &ChainShape) -> Option<usize> {
     shape.hosts.first().filter(|host| **host > 2).map(|host| host - 1)
 }
 
-fn key(shape: &Shape, member: &Member<'_>, peaks: &[usize]) -> Option<Key> {
+fn key(shape: &ChainShape, member: &GroupMember<'_>, peaks: &[usize]) -> Option<PrefixKey> {
     let (model, last) = (member.model, last(shape)?);
     let mut key = vec![last as u64, u64::from(shape.walled), member.time.to_bits()];
     key.extend(peaks.iter().map(|contact| *contact as u64));
     // End of the list of wanted contacts.
     key.push(0);
-    for body in 0..model.bodies() {
-        let (place, speed) = (model.start(body), model.initial_speed(body));
+    for (body, &(place, speed)) in model.starts.iter().enumerate() {
         key.extend([model.mass(body), place, speed].map(f64::to_bits));
     }
     for contact in 1..=model.contacts() {
@@ -47,25 +46,25 @@ fn key(shape: &Shape, member: &Member<'_>, peaks: &[usize]) -> Option<Key> {
 
 impl Prefixes {
     /// Sets the state to start from for members that share it with many others, or whose state is known.
-    pub(super) fn share(&self, members: &mut [(Shape, Member<'_>)], peaks: &[usize]) {
-        let keys: Vec<Option<Key>> = members
+    pub(super) fn share(&self, members: &mut [(ChainShape, GroupMember<'_>)], peaks: &[usize]) {
+        let keys = members
             .par_iter()
-            .map(|(shape, member)| key(shape, member, peaks))
-            .collect();
+            .map(|(shape, member)| key(shape, member, peaks));
+        let keys: Vec<Option<PrefixKey>> = keys.collect();
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut users: HashMap<&Key, (usize, usize)> = HashMap::new();
+        let mut users: HashMap<&PrefixKey, (usize, usize)> = HashMap::new();
         for (index, key) in keys.iter().enumerate() {
             if let Some(key) = key {
                 users.entry(key).or_insert((index, 0)).1 += 1;
             }
         }
         // Chains of one shape run together.
-        let mut wanted: BTreeMap<(Shape, usize), Vec<usize>> = BTreeMap::new();
+        let mut wanted: BTreeMap<(ChainShape, usize), Vec<usize>> = BTreeMap::new();
         for (key, (index, count)) in users {
             // Fewer chains would run in one group anyway.
             if count > LANES && !known.contains_key(key) {
                 let shape = &members[index].0;
-                let bare = Shape {
+                let bare = ChainShape {
                     hosts: Vec::new(),
                     ..shape.clone()
                 };
@@ -73,12 +72,11 @@ impl Prefixes {
                 wanted.entry((bare, last)).or_default().push(index);
             }
         }
-        let groups: Vec<(&(Shape, usize), &[usize])> = wanted
-            .iter()
-            .flat_map(|(kind, of_kind)| of_kind.chunks(LANES).map(move |some| (kind, some)))
-            .collect();
+        let groups = wanted.iter();
+        let groups = groups.flat_map(|(kind, all)| all.chunks(LANES).map(move |some| (kind, some)));
+        let groups: Vec<(&(ChainShape, usize), &[usize])> = groups.collect();
         let ways = groups.into_par_iter().flat_map_iter(|((shape, last), some)| {
-            let some_members: Vec<&Member<'_>> = some.iter().map(|index| &members[*index].1).collect();
+            let some_members: Vec<&GroupMember<'_>> = some.iter().map(|index| &members[*index].1).collect();
             let lanes = together::before(shape, &some_members, peaks, *last);
             some.iter().copied().zip(lanes)
         });

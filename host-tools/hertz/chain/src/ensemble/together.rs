@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::chain::{Constants, Shape, fewest_steps};
+use super::chain::{ChainShape, Constants, fewest_steps};
 use super::group::{Group, GroupMotion, SavedChain};
 use super::outcome::EnsembleOutcome;
 use crate::model::Model;
@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 2.5e-7;
 
 /// A chain of a group.
 #[derive(Debug)]
-pub(super) struct Member<'a> {
+pub(super) struct GroupMember<'a> {
     /// Index among the scenarios.
     pub(super) index: usize,
     pub(super) model: &'a Model,
@@ -44,13 +44,12 @@ struct Eightfold<'a> {
 }
 
 impl<'a> Eightfold<'a> {
-    fn new(shape: &Shape, members: &[&Member<'a>], peaks: &[usize]) -> Self {
+    fn new(shape: &ChainShape, members: &[&GroupMember<'a>], peaks: &[usize]) -> Self {
         let chains: Vec<_> = members.iter().map(|member| (member.model, member.time)).collect();
         let mut start = GroupMotion::zeros(shape);
         for (lane, (model, _)) in chains.iter().enumerate() {
-            for body in 0..shape.bodies {
-                start.u[body].0[lane] = model.start(body);
-                start.v[body].0[lane] = model.initial_speed(body);
+            for (body, &(place, speed)) in model.starts.iter().enumerate() {
+                (start.u[body].0[lane], start.v[body].0[lane]) = (place, speed);
             }
         }
         let there = |contact: &usize| (1..shape.places()).contains(contact);
@@ -65,22 +64,17 @@ impl<'a> Eightfold<'a> {
         }
     }
 
-    fn group<'b>(&'b self, shape: &'b Shape) -> Group<'b> {
-        Group::new(
-            shape,
-            &self.constants,
-            &self.models,
-            self.start.clone(),
-            &self.peaks,
-        )
+    fn group<'b>(&'b self, shape: &'b ChainShape) -> Group<'b> {
+        let (constants, start) = (&self.constants, self.start.clone());
+        Group::new(shape, constants, &self.models, start, &self.peaks)
     }
 }
 
 /// Runs up to eight chains without their intruders until a body from `last` on would be pushed. Returns the
 /// state of each before that step.
 pub(super) fn before(
-    shape: &Shape,
-    members: &[&Member<'_>],
+    shape: &ChainShape,
+    members: &[&GroupMember<'_>],
     peaks: &[usize],
     last: usize,
 ) -> Vec<SavedChain> {
@@ -94,7 +88,11 @@ pub(super) fn before(
 
 /// Runs up to eight chains, each to its end, and finds the greatest forces of these contacts. `None` for a
 /// chain that does not reach its end.
-pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<EnsembleOutcome>> {
+pub(super) fn run(
+    shape: &ChainShape,
+    members: &[&GroupMember<'_>],
+    peaks: &[usize],
+) -> Vec<Option<EnsembleOutcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     for (lane, member) in members.iter().enumerate() {
@@ -103,7 +101,7 @@ pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Ve
         }
     }
     let stuck = group.run();
-    let outcome = |(lane, member): (usize, &&Member<'_>)| {
+    let outcome = |(lane, member): (usize, &&GroupMember<'_>)| {
         (!stuck[lane]).then(|| {
             let outcome = EnsembleOutcome {
                 model: Arc::new(member.model.clone()),
@@ -119,7 +117,7 @@ pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Ve
 }
 
 /// The state of one lane, without the losses in contacts and the momentum of the wall.
-fn state(shape: &Shape, model: &Model, group: &Group<'_>, lane: usize) -> Vec<f64> {
+fn state(shape: &ChainShape, model: &Model, group: &Group<'_>, lane: usize) -> Vec<f64> {
     let layout = model.layout();
     let mut state = vec![0.0; layout.dimension()];
     for body in 0..shape.bodies {
@@ -135,14 +133,12 @@ fn state(shape: &Shape, model: &Model, group: &Group<'_>, lane: usize) -> Vec<f6
 }
 
 fn greatest(group: &Group<'_>, lane: usize) -> Vec<ContactPeak> {
-    let of = |peaks: &super::peak::Peaks| {
-        let (force, time) = peaks.greatest[lane];
-        (force > 0.0).then_some(ContactPeak {
-            contact: peaks.contact,
-            force,
-            time,
-            fwhm: None,
-        })
+    let of = |peaks: &super::peak::ForcePeaks| ContactPeak {
+        contact: peaks.contact,
+        force: peaks.greatest[lane].0,
+        time: peaks.greatest[lane].1,
+        fwhm: None,
     };
-    group.peaks.iter().filter_map(of).collect()
+    let all = group.peaks.iter().map(of);
+    all.filter(|peak| peak.force > 0.0).collect()
 }

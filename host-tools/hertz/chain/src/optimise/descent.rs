@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
-use super::problem::{Problem, Properties, Tried};
+use super::problem::{Problem, Properties, TriedDesign};
 use super::search::Search;
 use crate::simulate::SimulateError;
 
@@ -19,7 +19,7 @@ const GAINED: f64 = 1e-6;
 impl Problem<'_> {
     /// Improves a design until no design near it is better, or until `most` evaluations have been made.
     /// Intruders stay alike if the design has one entry.
-    pub(super) fn descend(&self, start: Tried, most: usize) -> Result<Tried, SimulateError> {
+    pub(super) fn descend(&self, start: TriedDesign, most: usize) -> Result<TriedDesign, SimulateError> {
         let mut sofar = self.sofar.get();
         sofar.descents += 1;
         self.tell(sofar);
@@ -35,7 +35,7 @@ impl Problem<'_> {
     }
 
     /// Runs the method once, up to a total of `full` evaluations.
-    fn follow_down(&self, start: Tried, full: usize) -> Result<Tried, SimulateError> {
+    fn follow_down(&self, start: TriedDesign, full: usize) -> Result<TriedDesign, SimulateError> {
         let variables = Variables::new(self.search, start.design.len());
         let first = variables.of(&start.design);
         let descent = RefCell::new(Descent {
@@ -63,14 +63,9 @@ impl Problem<'_> {
             Ok((status, ..)) => !matches!(status, SuccessStatus::MaxEvalReached),
             Err((status, ..)) => matches!(status, FailStatus::RoundoffLimited),
         };
-        let Descent {
-            mut best,
-            full,
-            failed,
-            ..
-        } = descent.into_inner();
-        best.settled = settled && !full;
-        failed.map_or(Ok(best), Err)
+        let mut ended = descent.into_inner();
+        ended.best.settled = settled && !ended.full;
+        ended.failed.map_or(Ok(ended.best), Err)
     }
 }
 
@@ -85,11 +80,8 @@ struct Variables {
 impl Variables {
     fn new(search: &Search, entries: usize) -> Self {
         let each = search.total_mass / search.hosts.len() as f64;
-        let bounds = [
-            search.mass.map(|mass| mass / each),
-            search.stiffness.map(f64::ln),
-            search.damping.map(f64::ln),
-        ];
+        let [stiffness, damping] = [search.stiffness, search.damping].map(|pair| pair.map(f64::ln));
+        let bounds = [search.mass.map(|mass| mass / each), stiffness, damping];
         Self {
             each,
             bounds: bounds.map(|[low, high]| (low, high)).repeat(entries),
@@ -98,11 +90,9 @@ impl Variables {
 
     /// Returns the variables of a design, clamped to the bounds.
     fn of(&self, design: &[Properties]) -> Vec<f64> {
-        let free = design
-            .iter()
-            .flat_map(|[mass, stiffness, damping]| [mass / self.each, stiffness.ln(), damping.ln()]);
-        free.zip(&self.bounds)
-            .map(|(value, (low, high))| value.clamp(*low, *high))
+        let of = |[mass, stiffness, damping]: &Properties| [mass / self.each, stiffness.ln(), damping.ln()];
+        let free = design.iter().flat_map(of).zip(&self.bounds);
+        free.map(|(value, (low, high))| value.clamp(*low, *high))
             .collect()
     }
 
@@ -134,7 +124,7 @@ struct Descent<'a> {
     variables: &'a Variables,
     /// Most evaluations of the whole search.
     most: usize,
-    best: Tried,
+    best: TriedDesign,
     /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
     failed: Option<SimulateError>,
@@ -177,10 +167,8 @@ impl Descent<'_> {
             return None;
         }
         let beside = beside.iter().flat_map(|(pair, _)| pair).map(Vec::as_slice);
-        let designs: Vec<_> = std::iter::once(x)
-            .chain(beside)
-            .map(|x| self.variables.design(x))
-            .collect();
+        let all = std::iter::once(x).chain(beside);
+        let designs: Vec<_> = all.map(|x| self.variables.design(x)).collect();
         match self.problem.shares(&designs) {
             Ok(shares) if shares.len() == designs.len() => Some(shares),
             Ok(_) => {

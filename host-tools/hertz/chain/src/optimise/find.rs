@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use serde::Serialize;
 
-use super::problem::{Problem, SearchObserver};
+use super::problem::{Problem, SearchObserver, TriedDesign};
 use super::remaining::Remaining;
 use super::search::{OptimiseError, Search};
 use crate::ensemble::Prefixes;
@@ -89,23 +89,20 @@ pub fn optimise(
     };
     let coarse = problem.coarse()?;
     let alone = search.alike || problem.hosts.len() == 1;
-    let most = if search.alike {
-        problem.left()
-    } else {
-        problem.left() / 8
+    let most = problem.left() / if search.alike { 1 } else { 8 };
+    let mut best = problem.descend(coarse, most)?;
+    let share_alike = best.value;
+    let take = |best: &mut TriedDesign, found: TriedDesign| {
+        if found.value < best.value {
+            *best = found;
+        }
     };
-    let alike = problem.descend(coarse, most)?;
-    let share_alike = alike.value;
-    let mut best = alike;
     if !alone {
         // A third of what is left is for fresh starts.
         let starts = problem.starts(&best);
         for (index, start) in starts.iter().enumerate() {
             let most = problem.left() * 2 / 3 / (starts.len() - index);
-            let found = problem.descend(start.clone(), most)?;
-            if found.value < best.value {
-                best = found;
-            }
+            take(&mut best, problem.descend(start.clone(), most)?);
         }
     }
     let mut in_vain = 0;
@@ -113,21 +110,14 @@ pub fn optimise(
     while in_vain < IN_VAIN && problem.left() > 0 && !problem.stopped.get() {
         number += 1;
         let found = problem.descend(problem.restart(&best, number), problem.left())?;
-        if !found.settled {
-            // Its evaluations were spent before it had a chance.
-            if found.value < best.value {
-                best = found;
-            }
+        // A descent whose evaluations were spent had no chance.
+        let settled = found.settled;
+        let gained = found.value < best.value - GAINED;
+        take(&mut best, found);
+        if !settled {
             break;
         }
-        in_vain = if found.value < best.value - GAINED {
-            0
-        } else {
-            in_vain + 1
-        };
-        if found.value < best.value {
-            best = found;
-        }
+        in_vain = if gained { 0 } else { in_vain + 1 };
     }
     let settled = best.settled && in_vain == IN_VAIN;
 

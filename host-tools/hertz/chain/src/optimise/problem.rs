@@ -32,7 +32,7 @@ pub(super) type Properties = [f64; 3];
 
 /// A design and the share that it leaves.
 #[derive(Debug, Clone)]
-pub(super) struct Tried {
+pub(super) struct TriedDesign {
     /// One entry for each host, or one for all.
     pub(super) design: Vec<Properties>,
     pub(super) value: f64,
@@ -69,19 +69,14 @@ pub(super) struct Problem<'a> {
 impl Problem<'_> {
     /// Returns the intruders of a design, all alike if it has one entry.
     pub(super) fn intruders(&self, design: &[Properties]) -> Vec<Intruder> {
-        self.hosts
-            .iter()
-            .enumerate()
-            .map(|(index, &bead)| {
-                let [mass, stiffness, damping] = design[if design.len() == 1 { 0 } else { index }];
-                Intruder {
-                    beads: vec![bead],
-                    mass,
-                    stiffness,
-                    damping,
-                }
-            })
-            .collect()
+        let intruder = |(&bead, &[mass, stiffness, damping]): (&usize, &Properties)| Intruder {
+            beads: vec![bead],
+            mass,
+            stiffness,
+            damping,
+        };
+        let hosts = self.hosts.iter().zip(design.iter().cycle());
+        hosts.map(intruder).collect()
     }
 
     pub(super) fn strikes(
@@ -89,8 +84,8 @@ impl Problem<'_> {
         scenario: &Scenario,
         accuracy: Accuracy,
     ) -> Result<Vec<Remaining>, SimulateError> {
-        self.speeds
-            .par_iter()
+        let strikes = self.speeds.par_iter();
+        strikes
             .map(|&speed| remaining(scenario, speed, accuracy))
             .collect()
     }
@@ -104,15 +99,14 @@ impl Problem<'_> {
             if self.stopped.get() {
                 break;
             }
-            let scenarios: Vec<Scenario> = designs
-                .iter()
-                .flat_map(|design| self.speeds.iter().map(move |&speed| (design, speed)))
-                .map(|(design, speed)| {
+            let mut scenarios = Vec::new();
+            for design in designs {
+                for &speed in &self.speeds {
                     let mut scenario = struck_at(&self.bare, speed);
                     scenario.intruders = self.intruders(design);
-                    scenario
-                })
-                .collect();
+                    scenarios.push(scenario);
+                }
+            }
             let outcomes = ensemble_on(&scenarios, &EnsembleOptions::default(), &self.prefixes);
             let shares = outcomes.into_iter().zip(&scenarios).map(|(outcome, struck)| {
                 let outcome = outcome?;
@@ -129,9 +123,8 @@ impl Problem<'_> {
 
     /// Number of evaluations left.
     pub(super) fn left(&self) -> usize {
-        self.search
-            .evaluations
-            .saturating_sub(self.sofar.get().evaluations)
+        let made = self.sofar.get().evaluations;
+        self.search.evaluations.saturating_sub(made)
     }
 
     /// Reports the progress of the search, and notes a request to stop.
@@ -166,7 +159,7 @@ impl Problem<'_> {
 
     /// Returns the best design of a grid with all intruders alike, or of the part of the grid tried before
     /// the search was asked to stop.
-    pub(super) fn coarse(&self) -> Result<Tried, SimulateError> {
+    pub(super) fn coarse(&self) -> Result<TriedDesign, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
         let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
@@ -174,25 +167,20 @@ impl Problem<'_> {
         let inside = |[low, high]: [f64; 2], index: usize, count: usize| {
             low * (high / low).powf((index as f64 + 0.5) / count as f64)
         };
-        let mut designs = Vec::new();
-        for i in 0..masses {
-            for j in 0..stiffnesses {
-                for k in 0..dampings {
-                    designs.push(vec![[
-                        (heaviest * 0.5f64.powi(i as i32)).max(search.mass[0]),
-                        inside(search.stiffness, j, stiffnesses),
-                        inside(search.damping, k, dampings),
-                    ]]);
-                }
-            }
-        }
+        let point = |index: usize| {
+            let (i, rest) = (index / (stiffnesses * dampings), index % (stiffnesses * dampings));
+            let mass = (heaviest * 0.5f64.powi(i as i32)).max(search.mass[0]);
+            let stiffness = inside(search.stiffness, rest / dampings, stiffnesses);
+            vec![[mass, stiffness, inside(search.damping, rest % dampings, dampings)]]
+        };
+        let designs: Vec<_> = (0..masses * stiffnesses * dampings).map(point).collect();
         let shares = self.shares(&designs)?;
         let values: Vec<f64> = shares.iter().map(|shares| self.search.aim.of(shares)).collect();
         let best = (0..values.len())
             .min_by(|&a, &b| values[a].total_cmp(&values[b]))
             .expect("the first designs are tried before anybody can stop the search");
         self.note(values[best]);
-        Ok(Tried {
+        Ok(TriedDesign {
             design: designs[best].clone(),
             value: values[best],
             settled: false,
@@ -200,30 +188,25 @@ impl Problem<'_> {
     }
 
     /// Returns the designs from which each intruder varies by itself.
-    pub(super) fn starts(&self, alike: &Tried) -> Vec<Tried> {
+    pub(super) fn starts(&self, alike: &TriedDesign) -> Vec<TriedDesign> {
         let middle = (self.hosts.len() - 1) as f64 / 2.0;
         let [low, high] = self.search.stiffness;
-        [0.0, 1.0, -1.0]
-            .map(|slope| {
-                let design = (0..self.hosts.len())
-                    .map(|index| {
-                        let [mass, stiffness, damping] = alike.design[0];
-                        let ramp = RAMP.powf(slope * (index as f64 - middle) / middle);
-                        [mass, (stiffness * ramp).clamp(low, high), damping]
-                    })
-                    .collect();
-                Tried {
-                    design,
-                    value: if slope == 0.0 { alike.value } else { f64::INFINITY },
-                    settled: false,
-                }
-            })
-            .into()
+        let [mass, stiffness, damping] = alike.design[0];
+        let start = |slope: f64| {
+            let ramp = |index: usize| RAMP.powf(slope * (index as f64 - middle) / middle);
+            let of_host = |index| [mass, (stiffness * ramp(index)).clamp(low, high), damping];
+            TriedDesign {
+                design: (0..self.hosts.len()).map(of_host).collect(),
+                value: if slope == 0.0 { alike.value } else { f64::INFINITY },
+                settled: false,
+            }
+        };
+        [0.0, 1.0, -1.0].map(start).into()
     }
 
     /// Returns a design near the best: each number is multiplied or divided by up to one of [`APART`]. It
     /// depends on `number` alone.
-    pub(super) fn restart(&self, best: &Tried, number: usize) -> Tried {
+    pub(super) fn restart(&self, best: &TriedDesign, number: usize) -> TriedDesign {
         let apart = APART[number % APART.len()];
         let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(number as u64 + 1);
         let mut factor = || {
@@ -240,7 +223,7 @@ impl Problem<'_> {
         let total = each as f64 * design.iter().map(|[mass, ..]| mass).sum::<f64>();
         let most = (self.search.total_mass / total).min(1.0);
         design.iter_mut().for_each(|[mass, ..]| *mass *= most);
-        Tried {
+        TriedDesign {
             design,
             value: f64::INFINITY,
             settled: false,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::remaining::struck_at;
 use crate::model::Model;
 use crate::run::Run;
-use crate::scenario::{InputError, Intruder, Range, Scenario, Table};
+use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
 use crate::simulate::{Accuracy, SimulateError};
 
 /// The input of a search. [`Search::new`] sets bounds that suit the chain.
@@ -65,9 +65,7 @@ impl Search {
     /// [`OptimiseError`]: a search cannot use the scenario, the hosts or the total mass.
     pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
         scenario.check()?;
-        check_hosts(scenario, &hosts)
-            .and_then(|()| check_total(scenario, &hosts, total_mass))
-            .map_err(OptimiseError::Search)?;
+        check_hosts(scenario, &hosts, total_mass).map_err(OptimiseError::Search)?;
         let (_, host) = lightest(scenario, &hosts);
         let rate = std::f64::consts::PI / Model::new(scenario).shortest_contact();
         let heaviest = 0.5 * host;
@@ -109,14 +107,13 @@ pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 /// The host of least mass and its mass, kg.
 fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
     let beads = scenario.spheres();
-    hosts
-        .iter()
-        .map(|&bead| (bead, beads[bead - 1].mass()))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .expect("hosts have been checked to be there")
+    let masses = hosts.iter().map(|&bead| (bead, beads[bead - 1].mass()));
+    let least = masses.min_by(|a, b| a.1.total_cmp(&b.1));
+    least.expect("hosts have been checked to be there")
 }
 
-fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
+/// Refuses hosts that cannot be searched, and a total mass, kg, that they cannot hold.
+fn check_hosts(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
     let beads = scenario.chain.beads;
     if hosts.is_empty() {
         let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
@@ -129,15 +126,10 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
     }
     let mut taken = vec![None; beads];
     for &host in hosts {
-        Table::root().claim("hosts", host, 0, &mut taken)?;
+        TableCheck::root().claim("hosts", host, 0, &mut taken)?;
     }
-    Ok(())
-}
-
-fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
-    Table::root().check("total_mass", total, Range::Positive("kg, such as 0.037"))?;
+    TableCheck::root().check("total_mass", total, ValueRange::Positive("kg, such as 0.037"))?;
     let (bead, host) = lightest(scenario, hosts);
-    let count = hosts.len();
     let most = host * count as f64;
     if total >= most {
         let what =
@@ -186,9 +178,9 @@ impl Search {
                     stiffness,
                     damping,
                 }];
-                let accuracy = Accuracy::DRAFT;
-                let run = Run::new(&struck, accuracy);
-                let checked = run.and_then(|run| run.check(struck.duration, accuracy.longest_step));
+                let Accuracy { longest_step, .. } = Accuracy::DRAFT;
+                let run = Run::new(&struck, Accuracy::DRAFT);
+                let checked = run.and_then(|run| run.check(struck.duration, longest_step));
                 if let Err(SimulateError::TooStiff { time, steps, .. }) = checked {
                     let what = format!(
                         "{bound:e} makes an intruder with a time constant of {time:.1e} s, and a run of {steps:.1e} steps"
@@ -205,20 +197,19 @@ impl Search {
     }
 
     fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
-        check_hosts(scenario, &self.hosts)?;
-        check_total(scenario, &self.hosts, self.total_mass)?;
+        check_hosts(scenario, &self.hosts, self.total_mass)?;
         for (key, [low, high], unit) in [
             ("mass", self.mass, "kg, such as 0.0037"),
             ("stiffness", self.stiffness, "N/m, such as 3.95e5"),
             ("damping", self.damping, "N·s/m, such as 12"),
         ] {
-            if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
+            if !(high.is_finite() && low > 0.0 && low < high) {
                 let what = format!("{low} to {high} is no range to search");
                 let advice = "give two positive numbers, the lesser first";
                 return Err(InputError::at(key, what, advice));
             }
             for bound in [low, high] {
-                Table::root().check(key, bound, Range::Positive(unit))?;
+                TableCheck::root().check(key, bound, ValueRange::Positive(unit))?;
             }
         }
         let (bead, host) = lightest(scenario, &self.hosts);
@@ -233,14 +224,8 @@ impl Search {
                 format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
             return Err(InputError::at("mass", what, "let the least mass be less"));
         }
-        let fits = |speed: &f64| speed.is_finite() && *speed > 0.0;
-        if let Some(speed) = self.speeds.iter().find(|speed| !fits(speed)) {
-            let what = format!("{speed} is not a positive number");
-            let advice = "give numbers above zero in m/s, such as 0.45";
-            return Err(InputError::at("speeds", what, advice));
-        }
         for &speed in &self.speeds {
-            Table::root().check("speeds", speed, Range::Positive("m/s, such as 0.45"))?;
+            TableCheck::root().check("speeds", speed, ValueRange::Positive("m/s, such as 0.45"))?;
         }
         let fewest = COARSE.iter().product::<usize>();
         if self.evaluations < fewest {

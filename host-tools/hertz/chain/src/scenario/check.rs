@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::read::{InputError, TomlFile, read_text};
-use super::tables::{Chain, Intruder, Scenario, Section, Start, Striker, Wall};
+use super::tables::{Chain, Intruder, Scenario, Section, Striker, Wall};
 
 /// Most beads of a chain. A longer one would take memory and time that nobody intended.
 pub const MOST_BEADS: usize = 100_000;
@@ -16,7 +16,7 @@ const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Values that a key accepts, with the words that the advice for any other value adds.
 #[derive(Clone, Copy)]
-pub(crate) enum Range {
+pub(crate) enum ValueRange {
     /// Above zero: the unit and an example.
     Positive(&'static str),
     /// Zero or above: the whole advice.
@@ -26,107 +26,93 @@ pub(crate) enum Range {
     Poisson,
 }
 
-impl Range {
-    fn holds(self, value: f64) -> bool {
+impl ValueRange {
+    /// True if the range holds a value, the end of the sentence "value is" for any other, and advice.
+    fn judge(self, value: f64) -> (bool, &'static str, String) {
         match self {
-            Self::Positive(_) => value.is_finite() && value > 0.0,
-            Self::NotNegative(_) => value.is_finite() && value >= 0.0,
-            Self::Velocity => value.is_finite(),
-            Self::Poisson => value > -1.0 && value <= 0.5,
-        }
-    }
-
-    /// Completes the sentence that begins with a value outside of the range and "is".
-    const fn complement(self) -> &'static str {
-        match self {
-            Self::Positive(_) => "not a positive number",
-            Self::NotNegative(_) => "not zero or a positive number",
-            Self::Velocity => "no velocity",
-            Self::Poisson => "no Poisson's ratio",
-        }
-    }
-
-    fn advice(self) -> String {
-        match self {
-            Self::Positive(unit) => format!("give a number above zero in {unit}"),
-            Self::NotNegative(advice) => format!("give {advice}"),
-            Self::Velocity => {
-                "give a number in m/s, below zero for a bead that flies towards the striker".to_owned()
-            }
-            Self::Poisson => "give a number above -1 and at most 0.5, such as 0.44".to_owned(),
+            Self::Positive(unit) => (
+                value.is_finite() && value > 0.0,
+                "not a positive number",
+                format!("give a number above zero in {unit}"),
+            ),
+            Self::NotNegative(advice) => (
+                value.is_finite() && value >= 0.0,
+                "not zero or a positive number",
+                format!("give {advice}"),
+            ),
+            Self::Velocity => (
+                value.is_finite(),
+                "no velocity",
+                "give a number in m/s, below zero for a bead that flies towards the striker".to_owned(),
+            ),
+            Self::Poisson => (
+                value > -1.0 && value <= 0.5,
+                "no Poisson's ratio",
+                "give a number above -1 and at most 0.5, such as 0.44".to_owned(),
+            ),
         }
     }
 }
 
-use Range::{NotNegative, Poisson, Positive, Velocity};
+use ValueRange::{NotNegative, Poisson, Positive, Velocity};
 
-/// A key of a table, its value if it has one, and its range.
-type Rule<T> = (&'static str, fn(&T) -> Option<f64>, Range);
+const RELAXATION: ValueRange = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
+const GAP: ValueRange = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
+const DAMPING: ValueRange = NotNegative("zero or more in N·s/m, such as 12.0");
+const LOAD: ValueRange =
+    NotNegative("a force in N, such as 10.0, or leave it out for a chain that just touches");
 
-const RELAXATION: Range = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
-const GAP: Range = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
-const LOAD: Range = NotNegative("a force in N, such as 10.0, or leave it out for a chain that just touches");
+impl Chain {
+    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+        at.check("radius", self.radius, Positive("m, such as 0.019"))?;
+        at.check("density", self.density, Positive("kg/m³, such as 1775.0"))?;
+        at.check("young", self.young, Positive("Pa, such as 4.5e9"))?;
+        at.check("poisson", self.poisson, Poisson)?;
+        at.check("relaxation", self.relaxation, RELAXATION)?;
+        at.check("precompression", self.precompression, LOAD)
+    }
+}
 
-const CHAIN: &[Rule<Chain>] = &[
-    ("radius", |of| Some(of.radius), Positive("m, such as 0.019")),
-    (
-        "density",
-        |of| Some(of.density),
-        Positive("kg/m³, such as 1775.0"),
-    ),
-    ("young", |of| Some(of.young), Positive("Pa, such as 4.5e9")),
-    ("poisson", |of| Some(of.poisson), Poisson),
-    ("relaxation", |of| Some(of.relaxation), RELAXATION),
-    ("precompression", |of| Some(of.precompression), LOAD),
-];
-const STRIKER: &[Rule<Striker>] = &[
-    ("radius", |of| Some(of.radius), Positive("m, such as 0.0045")),
-    (
-        "density",
-        |of| Some(of.density),
-        Positive("kg/m³, such as 7980.0"),
-    ),
-    ("young", |of| Some(of.young), Positive("Pa, such as 203e9")),
-    ("poisson", |of| Some(of.poisson), Poisson),
-    ("velocity", |of| Some(of.velocity), Positive("m/s, such as 0.45")),
-    ("mass", |of| of.mass, Positive("kg, such as 3.0e-3")),
-    ("relaxation", |of| of.relaxation, RELAXATION),
-];
-const WALL: &[Rule<Wall>] = &[
-    ("young", |of| Some(of.young), Positive("Pa, such as 203e9")),
-    ("poisson", |of| Some(of.poisson), Poisson),
-    (
-        "radius",
-        |of| of.radius,
-        Positive("m, such as 0.1; a flat wall has none"),
-    ),
-    ("relaxation", |of| of.relaxation, RELAXATION),
-    ("gap", |of| Some(of.gap), GAP),
-];
-const SECTION: &[Rule<Section>] = &[
-    ("radius", |of| of.radius, Positive("m, such as 0.019")),
-    ("density", |of| of.density, Positive("kg/m³, such as 1775.0")),
-    ("young", |of| of.young, Positive("Pa, such as 4.5e9")),
-    ("poisson", |of| of.poisson, Poisson),
-    ("relaxation", |of| of.relaxation, RELAXATION),
-];
-const INTRUDER: &[Rule<Intruder>] = &[
-    ("mass", |of| Some(of.mass), Positive("kg, such as 3.7e-3")),
-    (
-        "stiffness",
-        |of| Some(of.stiffness),
-        Positive("N/m, such as 3.95e5"),
-    ),
-    (
-        "damping",
-        |of| Some(of.damping),
-        NotNegative("zero or more in N·s/m, such as 12.0"),
-    ),
-];
-const START: &[Rule<Start>] = &[
-    ("velocity", |of| Some(of.velocity), Velocity),
-    ("gap", |of| Some(of.gap), GAP),
-];
+impl Striker {
+    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+        at.check("radius", self.radius, Positive("m, such as 0.0045"))?;
+        at.check("density", self.density, Positive("kg/m³, such as 7980.0"))?;
+        at.check("young", self.young, Positive("Pa, such as 203e9"))?;
+        at.check("poisson", self.poisson, Poisson)?;
+        at.check("velocity", self.velocity, Positive("m/s, such as 0.45"))?;
+        at.check("mass", self.mass, Positive("kg, such as 3.0e-3"))?;
+        at.check("relaxation", self.relaxation, RELAXATION)
+    }
+}
+
+impl Wall {
+    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+        at.check("young", self.young, Positive("Pa, such as 203e9"))?;
+        at.check("poisson", self.poisson, Poisson)?;
+        let flat = Positive("m, such as 0.1; a flat wall has none");
+        at.check("radius", self.radius, flat)?;
+        at.check("relaxation", self.relaxation, RELAXATION)?;
+        at.check("gap", self.gap, GAP)
+    }
+}
+
+impl Section {
+    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+        at.check("radius", self.radius, Positive("m, such as 0.019"))?;
+        at.check("density", self.density, Positive("kg/m³, such as 1775.0"))?;
+        at.check("young", self.young, Positive("Pa, such as 4.5e9"))?;
+        at.check("poisson", self.poisson, Poisson)?;
+        at.check("relaxation", self.relaxation, RELAXATION)
+    }
+}
+
+impl Intruder {
+    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+        at.check("mass", self.mass, Positive("kg, such as 3.7e-3"))?;
+        at.check("stiffness", self.stiffness, Positive("N/m, such as 3.95e5"))?;
+        at.check("damping", self.damping, DAMPING)
+    }
+}
 
 impl Scenario {
     /// Tables that a scenario file may hold for the programs around a simulation: the front end and the
@@ -161,34 +147,35 @@ impl Scenario {
     /// # Errors
     /// [`InputError`] without file and line.
     pub fn check(&self) -> Result<(), InputError> {
-        Table::root().check("duration", self.duration, Positive("s, such as 0.004"))?;
-        let at = Table::named("chain");
+        TableCheck::root().check("duration", self.duration, Positive("s, such as 0.004"))?;
+        let at = TableCheck::named("chain");
         let beads = self.chain.beads;
         if !(1..=MOST_BEADS).contains(&beads) {
             let what = format!("a chain of {beads} beads cannot be simulated");
             return Err(at.error("beads", what, format!("give a number from 1 to {MOST_BEADS}")));
         }
-        at.check_all(&self.chain, CHAIN)?;
-        Table::named("striker").check_all(&self.striker, STRIKER)?;
+        self.chain.check(&at)?;
+        self.striker.check(&TableCheck::named("striker"))?;
         if let Some(wall) = &self.wall {
-            let at = Table::named("wall");
-            at.check_all(wall, WALL)?;
+            let at = TableCheck::named("wall");
+            wall.check(&at)?;
             self.check_gap(&at, wall.gap)?;
         }
         let mut owners = vec![None; beads];
         for (index, section) in self.sections.iter().enumerate() {
-            let at = Table::entry("section", index);
+            let at = TableCheck::entry("section", index);
             let other = ("is already in section", "put each bead in one section only");
             at.check_beads(&section.beads, (index, &mut owners), other)?;
-            at.check_all(section, SECTION)?;
+            section.check(&at)?;
         }
         self.check_intruders()?;
         owners.fill(None);
         for (index, start) in self.starts.iter().enumerate() {
-            let at = Table::entry("start", index);
+            let at = TableCheck::entry("start", index);
             let other = ("is already in start", "put each bead in one start only");
             at.check_beads(&start.beads, (index, &mut owners), other)?;
-            at.check_all(start, START)?;
+            at.check("velocity", start.velocity, Velocity)?;
+            at.check("gap", start.gap, GAP)?;
             self.check_gap(&at, start.gap)?;
         }
         Ok(())
@@ -198,10 +185,10 @@ impl Scenario {
         let mut owners = vec![None; self.chain.beads];
         let spheres = self.spheres();
         for (index, intruder) in self.intruders.iter().enumerate() {
-            let at = Table::entry("intruder", index);
+            let at = TableCheck::entry("intruder", index);
             let other = ("already holds intruder", "give each bead one intruder at most");
             at.check_beads(&intruder.beads, (index, &mut owners), other)?;
-            at.check_all(intruder, INTRUDER)?;
+            intruder.check(&at)?;
             for &bead in &intruder.beads {
                 let (mass, host) = (intruder.mass, spheres[bead - 1].mass());
                 if mass >= host {
@@ -215,7 +202,7 @@ impl Scenario {
     }
 
     /// Refuses a gap in a chain under a load, which would close it.
-    fn check_gap(&self, at: &Table, gap: f64) -> Result<(), InputError> {
+    fn check_gap(&self, at: &TableCheck, gap: f64) -> Result<(), InputError> {
         let load = self.chain.precompression;
         if gap == 0.0 || load == 0.0 {
             return Ok(());
@@ -226,9 +213,9 @@ impl Scenario {
 }
 
 /// The table whose values are checked, as the prefix of its keys.
-pub(crate) struct Table(String);
+pub(crate) struct TableCheck(String);
 
-impl Table {
+impl TableCheck {
     pub(crate) fn root() -> Self {
         Self(String::new())
     }
@@ -245,11 +232,17 @@ impl Table {
         InputError::at(format!("{}{key}", self.0), what, advice)
     }
 
-    /// Refuses a value outside of its range.
-    pub(crate) fn check(&self, key: &str, value: f64, range: Range) -> Result<(), InputError> {
-        if !range.holds(value) {
-            let what = format!("{value} is {}", range.complement());
-            return Err(self.error(key, what, range.advice()));
+    /// Refuses a value outside of its range, if there is a value.
+    pub(crate) fn check(
+        &self,
+        key: &str,
+        value: impl Into<Option<f64>>,
+        range: ValueRange,
+    ) -> Result<(), InputError> {
+        let Some(value) = value.into() else { return Ok(()) };
+        let (holds, complement, advice) = range.judge(value);
+        if !holds {
+            return Err(self.error(key, format!("{value} is {complement}"), advice));
         }
         if value == 0.0 || matches!(range, Poisson) || SIZES.contains(&value.abs()) {
             return Ok(());
@@ -258,14 +251,6 @@ impl Table {
         let what = format!("{value:e} is out of the range of sizes that are computed with");
         let advice = format!("give a number from {least:e} to {most:e}, in SI units");
         Err(self.error(key, what, advice))
-    }
-
-    /// Checks the values that a table has.
-    fn check_all<T>(&self, table: &T, rules: &[Rule<T>]) -> Result<(), InputError> {
-        rules
-            .iter()
-            .filter_map(|(key, value, range)| Some((key, value(table)?, range)))
-            .try_for_each(|(key, value, range)| self.check(key, value, *range))
     }
 
     /// Makes table `index` of its kind the owner of `beads`. `owners` has an entry for each bead of the

@@ -7,7 +7,7 @@ mod tables;
 mod words;
 
 pub use check::MOST_BEADS;
-pub(crate) use check::{Range, Table};
+pub(crate) use check::{TableCheck, ValueRange};
 pub use read::{InputError, TomlFile, read_table, read_text};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

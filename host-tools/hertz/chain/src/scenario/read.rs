@@ -117,39 +117,36 @@ pub struct TomlFile<'a> {
 
 /// A part of a key.
 #[derive(Clone, Copy)]
-enum Part<'a> {
+enum KeyPart<'a> {
     Name(&'a str),
     /// Which table of an array, from 1.
     Entry(usize),
 }
 
-/// Where a key stands: bytes of the text that hold it, and its value; of a table, its head.
-struct Place {
+/// The bytes of a text that hold a key, and its value; of a table, its head.
+struct KeySpans {
     name: Range<usize>,
     value: Range<usize>,
 }
 
 /// Shows each key of a table and of the tables in it. No more than one is in memory: a file can have
 /// millions, each as long as all names around it together.
-fn each_key<'a>(table: &'a DeTable<'_>, parts: &mut Vec<Part<'a>>, see: &mut dyn FnMut(&[Part<'_>], Place)) {
+fn each_key<'a>(
+    table: &'a DeTable<'_>,
+    parts: &mut Vec<KeyPart<'a>>,
+    see: &mut dyn FnMut(&[KeyPart<'_>], KeySpans),
+) {
+    let spans = |name, value| KeySpans { name, value };
     for (name, value) in table {
-        parts.push(Part::Name(name.get_ref()));
-        let place = Place {
-            name: name.span(),
-            value: value.span(),
-        };
-        see(parts, place);
+        parts.push(KeyPart::Name(name.get_ref()));
+        see(parts, spans(name.span(), value.span()));
         match value.get_ref() {
             DeValue::Table(inner) => each_key(inner, parts, see),
             DeValue::Array(entries) => {
                 for (number, entry) in (1..).zip(entries.iter()) {
                     if let DeValue::Table(inner) = entry.get_ref() {
-                        parts.push(Part::Entry(number));
-                        let place = Place {
-                            name: entry.span(),
-                            value: entry.span(),
-                        };
-                        see(parts, place);
+                        parts.push(KeyPart::Entry(number));
+                        see(parts, spans(entry.span(), entry.span()));
                         each_key(inner, parts, see);
                         parts.pop();
                     }
@@ -162,28 +159,28 @@ fn each_key<'a>(table: &'a DeTable<'_>, parts: &mut Vec<Part<'a>>, see: &mut dyn
 }
 
 /// A key for people, such as `chain.radius`, `intruder[1]` or `intruder[1].mass`.
-fn path(parts: &[Part<'_>]) -> String {
+fn path(parts: &[KeyPart<'_>]) -> String {
     let mut path = String::new();
     for part in parts {
         match part {
-            Part::Name(name) => {
+            KeyPart::Name(name) => {
                 let dot = if path.is_empty() { "" } else { "." };
                 path = format!("{path}{dot}{}", shortened(name, NAME_MOST));
             }
-            Part::Entry(number) => path = format!("{path}[{number}]"),
+            KeyPart::Entry(number) => path = format!("{path}[{number}]"),
         }
     }
     path
 }
 
 /// How many bytes of a key's text these parts are; none if the text does not begin with them.
-fn begins(key: &str, parts: &[Part<'_>]) -> Option<usize> {
+fn begins(key: &str, parts: &[KeyPart<'_>]) -> Option<usize> {
     let mut rest = key;
     for part in parts {
         rest = match part {
-            Part::Name(name) if rest.len() == key.len() => rest.strip_prefix(name)?,
-            Part::Name(name) => rest.strip_prefix('.')?.strip_prefix(name)?,
-            Part::Entry(number) => rest.strip_prefix(&*format!("[{number}]"))?,
+            KeyPart::Name(name) if rest.len() == key.len() => rest.strip_prefix(name)?,
+            KeyPart::Name(name) => rest.strip_prefix('.')?.strip_prefix(name)?,
+            KeyPart::Entry(number) => rest.strip_prefix(&*format!("[{number}]"))?,
         };
     }
     let ends = rest.is_empty() || rest.starts_with(['.', '[']);
@@ -197,17 +194,15 @@ impl<'a> TomlFile<'a> {
     /// [`InputError`] if the text is not TOML.
     pub fn parse(text: &'a str, name: &'a str) -> Result<Self, InputError> {
         let file = Self { text, name };
-        match DeTable::parse(text) {
-            Ok(_) => Ok(file),
-            Err(error) => {
-                let what = format!("not TOML ({})", told(error.message()));
-                let start = error.span().map_or(0, |span| span.start);
-                Err(file.place_at(start, InputError::at("", what, "mend the line")))
-            }
-        }
+        let parsed = DeTable::parse(text).map_err(|error| {
+            let what = format!("not TOML ({})", told(error.message()));
+            let start = error.span().map_or(0, |span| span.start);
+            file.place_at(start, InputError::at("", what, "mend the line"))
+        });
+        parsed.map(|_| file)
     }
 
-    fn each_key(&self, mut see: impl FnMut(&[Part<'_>], Place)) {
+    fn each_key(&self, mut see: impl FnMut(&[KeyPart<'_>], KeySpans)) {
         // What is not TOML was refused before, and has no keys.
         if let Ok(table) = DeTable::parse(self.text) {
             each_key(table.get_ref(), &mut Vec::new(), &mut see);
@@ -221,15 +216,15 @@ impl<'a> TomlFile<'a> {
         let line_of = |at: usize| self.text[..at].matches('\n').count();
         let mut is_named = vec![false; lines.len()];
         self.each_key(|parts, place| {
-            if matches!(parts.first(), Some(Part::Name(name)) if names.contains(name)) {
+            if matches!(parts.first(), Some(KeyPart::Name(name)) if names.contains(name)) {
                 let last = place.value.end.max(place.name.end).saturating_sub(1);
                 is_named[line_of(place.name.start)..=line_of(last)].fill(true);
             }
         });
-        let of = |wanted: bool| {
-            let kept = lines.iter().zip(&is_named);
-            kept.map(|(line, named)| if *named == wanted { *line } else { "\n" })
-                .collect()
+        let of = |wanted: bool| -> String {
+            let lines = lines.iter().zip(&is_named);
+            let kept = lines.map(|(line, named)| if *named == wanted { *line } else { "\n" });
+            kept.collect()
         };
         (of(false), of(true))
     }
@@ -244,14 +239,11 @@ impl<'a> TomlFile<'a> {
             let span = error.span().unwrap_or_default();
             let message = one_line(error.message());
             let (what, advice) = explain(&message);
-            let of: fn(Place) -> Range<usize> = match unknown_field(&message) {
-                Some(_) => |key| key.name,
-                None => |key| key.value,
-            };
+            let is_unknown = unknown_field(&message).is_some();
             // The innermost key there; of an array and its only entry, which have the same place, the entry.
             let mut innermost = (usize::MAX, String::new());
             self.each_key(|parts, place| {
-                let place = of(place);
+                let place = if is_unknown { place.name } else { place.value };
                 let holds = place.start <= span.start && span.end <= place.end;
                 if holds && place.len() <= innermost.0 {
                     innermost = (place.len(), path(parts));
@@ -336,11 +328,8 @@ fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
 
 /// Advice for an unknown key.
 fn nearest(key: &str, known: &[&str]) -> String {
-    let near = known
-        .iter()
-        .map(|name| (strsim::levenshtein(key, name), name))
-        .min();
-    match near {
+    let distances = known.iter().map(|name| (strsim::levenshtein(key, name), name));
+    match distances.min() {
         Some((distance, name)) if distance <= 2.max(key.len() / 3) => format!("did you mean `{name}`?"),
         _ => format!("known here are {}", known.join(", ")),
     }

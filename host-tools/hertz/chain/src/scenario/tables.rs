@@ -185,9 +185,9 @@ pub struct Start {
 
 /// Reads the number of a bead, or a list of such numbers.
 fn read_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, D::Error> {
-    struct Beads;
+    struct BeadsVisitor;
 
-    impl<'de> Visitor<'de> for Beads {
+    impl<'de> Visitor<'de> for BeadsVisitor {
         type Value = Vec<usize>;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -195,15 +195,13 @@ fn read_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, 
         }
 
         fn visit_i64<E: de::Error>(self, number: i64) -> Result<Vec<usize>, E> {
-            let bead = usize::try_from(number);
-            bead.map(|bead| vec![bead])
-                .map_err(|_| E::invalid_value(Unexpected::Signed(number), &self))
+            let bead = u64::try_from(number);
+            bead.map_err(|_| E::invalid_value(Unexpected::Signed(number), &self))
+                .and_then(|bead| self.visit_u64(bead))
         }
 
         fn visit_u64<E: de::Error>(self, number: u64) -> Result<Vec<usize>, E> {
-            let bead = usize::try_from(number);
-            bead.map(|bead| vec![bead])
-                .map_err(|_| E::invalid_value(Unexpected::Unsigned(number), &self))
+            Ok(vec![usize::try_from(number).unwrap_or(usize::MAX)])
         }
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<usize>, A::Error> {
@@ -215,15 +213,16 @@ fn read_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, 
         }
     }
 
-    deserializer.deserialize_any(Beads)
+    deserializer.deserialize_any(BeadsVisitor)
 }
 
 impl Start {
     /// Beads that move at `velocity`, m/s, from where they touch.
     pub fn moving(beads: impl IntoIterator<Item = usize>, velocity: f64) -> Self {
+        let beads = beads.into_iter().collect();
         Self {
-            beads: beads.into_iter().collect(),
             velocity,
+            beads,
             gap: 0.0,
         }
     }
@@ -382,24 +381,19 @@ impl Scenario {
     /// Beads 1 to N of the chain, at index 0 to N - 1.
     pub(crate) fn spheres(&self) -> Vec<Sphere> {
         let chain = &self.chain;
-        let plain = Sphere {
-            radius: chain.radius,
-            material: chain.material(),
-            relaxation: chain.relaxation,
+        let like = |of: &Section| Sphere {
+            radius: of.radius.unwrap_or(chain.radius),
+            material: Material::new(
+                of.density.unwrap_or(chain.density),
+                of.young.unwrap_or(chain.young),
+                of.poisson.unwrap_or(chain.poisson),
+            ),
+            relaxation: of.relaxation.unwrap_or(chain.relaxation),
         };
-        let mut spheres = vec![plain; chain.beads];
+        let mut spheres = vec![like(&Section::default()); chain.beads];
         for section in &self.sections {
-            let unlike = Sphere {
-                radius: section.radius.unwrap_or(plain.radius),
-                material: Material::new(
-                    section.density.unwrap_or(chain.density),
-                    section.young.unwrap_or(chain.young),
-                    section.poisson.unwrap_or(chain.poisson),
-                ),
-                relaxation: section.relaxation.unwrap_or(plain.relaxation),
-            };
             for bead in &section.beads {
-                spheres[bead - 1] = unlike;
+                spheres[bead - 1] = like(section);
             }
         }
         spheres

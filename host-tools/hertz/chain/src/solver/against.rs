@@ -8,9 +8,9 @@ use crate::oscillator::Oscillator;
 use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
 
 /// Random numbers from 0 to 1, equal in every run (Marsaglia's xorshift).
-struct Draw(u64);
+struct ScenarioDraw(u64);
 
-impl Draw {
+impl ScenarioDraw {
     fn next(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -100,7 +100,7 @@ fn compare(number: usize, scenario: &Scenario, tolerance: f64) {
 
 #[test]
 fn random_long_viscous_chains_move_as_another_method_says() {
-    let mut draw = Draw(0x2545_f491_4f6c_dd1d);
+    let mut draw = ScenarioDraw(0x2545_f491_4f6c_dd1d);
     for number in 0..4 {
         compare(number, &draw.long_viscous(), 1e-11);
     }
@@ -108,7 +108,7 @@ fn random_long_viscous_chains_move_as_another_method_says() {
 
 /// Compares scenarios of these numbers in a sequence that is equal in every run.
 fn compare_all(numbers: Range<usize>) {
-    let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
+    let mut draw = ScenarioDraw(0x9e37_79b9_7f4a_7c15);
     for (number, scenario) in (0..numbers.end).map(|number| (number, draw.scenario())) {
         if numbers.contains(&number) {
             compare(number, &scenario, 1e-14);

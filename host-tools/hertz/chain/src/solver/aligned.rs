@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 /// An array of f64 of a fixed length.
 #[derive(Debug, Default)]
-pub(super) struct Aligned {
+pub(super) struct CacheAligned {
     room: Vec<f64>,
     start: usize,
     length: usize,
@@ -14,7 +14,7 @@ pub(super) struct Aligned {
 const LINE: usize = 64;
 const SPARE: usize = LINE / size_of::<f64>();
 
-impl Aligned {
+impl CacheAligned {
     pub(super) fn zeros(length: usize) -> Self {
         let room = vec![0.0; length + SPARE];
         let start = room.as_ptr().align_offset(LINE).min(SPARE);
@@ -22,7 +22,7 @@ impl Aligned {
     }
 }
 
-impl Clone for Aligned {
+impl Clone for CacheAligned {
     fn clone(&self) -> Self {
         let mut copy = Self::zeros(self.length);
         copy.copy_from_slice(self);
@@ -30,7 +30,7 @@ impl Clone for Aligned {
     }
 }
 
-impl Deref for Aligned {
+impl Deref for CacheAligned {
     type Target = [f64];
 
     #[inline(always)]
@@ -39,7 +39,7 @@ impl Deref for Aligned {
     }
 }
 
-impl DerefMut for Aligned {
+impl DerefMut for CacheAligned {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.room[self.start..self.start + self.length]

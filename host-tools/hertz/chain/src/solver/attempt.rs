@@ -23,16 +23,11 @@ impl Work {
     pub(super) fn prepare(&mut self, lanes: &Lanes, length: f64) {
         let crossings = std::mem::take(&mut self.crossings);
         for (stage, node) in NODES.into_iter().enumerate().skip(MAIN) {
-            if let Some(mut added) = self.added.take() {
+            if let Some(added) = &mut self.added {
                 for crossing in &crossings {
-                    give(
-                        lanes,
-                        &mut added,
-                        crossing.lane,
-                        crossing.integrals(node).over(length),
-                    );
+                    let change = crossing.integrals(node).over(length);
+                    give(lanes, added, crossing.lane, change);
                 }
-                self.added = Some(added);
             }
             dispatch(self, lanes, Task::Inner { stage }, length);
             if let Some(added) = &mut self.added {
@@ -90,13 +85,7 @@ impl Work {
         for lane in turning {
             // A contact that closes and is clipped in one step pushes in between.
             let by_cut = cut_off(&self.end, lane);
-            let turned = |motion: &Motion| {
-                if by_cut {
-                    cut_off(motion, lane)
-                } else {
-                    pushes(motion, lane)
-                }
-            };
+            let turned = |motion: &Motion| of(motion, lane) == (true, !by_cut);
             let before = turned(&self.start);
             let (mut low, mut high) = (0.0, 1.0);
             while high - low > 1e-12 {

@@ -4,12 +4,12 @@
 //!
 //! Where a contact opens or closes, its force goes as δ^(3/2), and with viscosity as δ^(1/2). This is the one
 //! place where the motion is not smooth, and where a Runge-Kutta method loses its order. But the overlap near
-//! it is known ([`Overlap`]) from its value, rate and acceleration at both ends of the step. The stages
+//! it is known ([`StepOverlap`]) from its value, rate and acceleration at both ends of the step. The stages
 //! therefore keep the difference of the force from that of the known overlap, which is small and smoother,
 //! and the integral of the latter is computed by Gauss' rule for a root at one end. No step is rejected and
 //! no search is needed.
 
-use super::overlap::{Ends, Overlap};
+use super::overlap::{Ends, StepOverlap};
 
 /// Abscissae of Gauss' rule for ∫ √y g(y) dy over 0 to 1.
 const PLACES: [f64; 8] = [
@@ -39,7 +39,7 @@ const WEIGHTS: [f64; 8] = [
 pub(super) struct Crossing {
     /// Lane of the contact.
     pub(super) lane: usize,
-    overlap: Overlap,
+    overlap: StepOverlap,
     /// The part of the step at which δ = 0.
     root: f64,
     closes: bool,
@@ -83,7 +83,7 @@ impl Crossing {
         end: Ends,
     ) -> Self {
         let by_mass = stiffness * compliance;
-        let (overlap, root) = Overlap::crossing(length, start, end, by_mass, viscosity);
+        let (overlap, root) = StepOverlap::crossing(length, start, end, by_mass, viscosity);
         Self {
             lane,
             overlap,
@@ -161,7 +161,6 @@ impl Crossing {
     /// Integrals of force and power from the start of the step to its part `x`.
     #[inline(always)]
     pub(super) fn integrals(&self, x: f64) -> Integrals {
-        // ∫ F, ∫ x F and ∫ power from the root to `end`, where the contact is closed throughout.
         if self.cut {
             let energy = |x: f64| {
                 let overlap = self.overlap.at(x).0.max(0.0);
@@ -179,7 +178,8 @@ impl Crossing {
             self.since_root(x)
         } else {
             let whole = self.since_root(0.0);
-            let left = if x < self.root {
+            let stays = x < self.root;
+            let left = if stays {
                 self.since_root(x)
             } else {
                 (0.0, 0.0, 0.0)
@@ -198,7 +198,7 @@ impl Crossing {
 mod tests {
     use super::*;
 
-    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test, or its mirror
+    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`StepOverlap`]'s test, or its mirror
     /// image in time.
     #[test]
     fn what_rests_on_the_end_of_a_step_alone_is_what_the_contact_does_to_itself_after_the_last_stage() {
@@ -221,18 +221,12 @@ mod tests {
         let unseen = closes.unseen(0.85);
         assert!(
             (unseen / expected - 1.0).abs() < 1e-5,
-            "{unseen:e}, {expected:e} expected"
+            "{unseen:e}, not {expected:e}"
         );
 
         let back = |[place, rate, bend]: Ends| [place, -rate, bend];
-        let opens = Crossing::new(
-            0,
-            (stiffness, 0.0),
-            compliance,
-            length,
-            back(pressed),
-            back(apart),
-        );
+        let (from, to) = (back(pressed), back(apart));
+        let opens = Crossing::new(0, (stiffness, 0.0), compliance, length, from, to);
         assert!((opens.root() - 0.1).abs() < 1e-9);
         assert_eq!(opens.unseen(0.05), 0.0);
     }

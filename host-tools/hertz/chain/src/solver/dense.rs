@@ -3,13 +3,13 @@
 use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::work::{Motion, Work};
-use crate::model::Layout;
+use crate::model::StateLayout;
 
 /// Dense output of one step: of order 8 in time, and exact where contacts open or close.
 #[derive(Debug, Clone)]
 pub(crate) struct Dense<'a> {
     lanes: &'a Lanes,
-    layout: Layout,
+    layout: StateLayout,
     start: f64,
     length: f64,
     state: Vec<f64>,
@@ -17,7 +17,7 @@ pub(crate) struct Dense<'a> {
 }
 
 /// Copies a state into arrays.
-pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut Motion) {
+pub(super) fn unpack(lanes: &Lanes, layout: StateLayout, state: &[f64], motion: &mut Motion) {
     let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
     let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
     motion.u[bodies.clone()].copy_from_slice(&state[..count]);
@@ -27,7 +27,7 @@ pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut 
 }
 
 /// Copies displacements and velocities from arrays into a state.
-pub(super) fn pack(lanes: &Lanes, layout: Layout, motion: &Motion, state: &mut [f64]) {
+pub(super) fn pack(lanes: &Lanes, layout: StateLayout, motion: &Motion, state: &mut [f64]) {
     let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
     let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
     state[..count].copy_from_slice(&motion.u[bodies.clone()]);
@@ -40,7 +40,7 @@ impl<'a> Dense<'a> {
     /// Repeats the step from `state` at time `start` to time `end`, as the stepper made it at this tolerance.
     pub(crate) fn new(
         lanes: &'a Lanes,
-        layout: Layout,
+        layout: StateLayout,
         (start, end): (f64, f64),
         state: &[f64],
         tolerance: f64,
@@ -80,7 +80,7 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// Overlap of a contact less that at rest, m, over the whole step, which has these times.
+    /// StepOverlap of a contact less that at rest, m, over the whole step, which has these times.
     pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
         let step = (self.start, self.length);
         self.work

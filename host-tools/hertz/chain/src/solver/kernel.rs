@@ -11,7 +11,9 @@ use std::ops::Range;
 
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
-use super::lanes::{BLOCK, Block, Lanes, before, behind, blocks, blocks_mut, first, push, select};
+use super::lanes::{
+    BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, select,
+};
 use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
@@ -34,28 +36,36 @@ pub(super) enum Task {
     Errors { tolerance: f64 },
 }
 
-/// One kind of task on one kind of vectors. Each is a function of its own, which gets its own allocation of
-/// registers.
-struct Call<'a, S, const KIND: u8> {
-    simd: S,
+/// A task, and the length of its step.
+struct KernelJob<'a> {
     work: &'a mut Work,
     lanes: &'a Lanes,
     task: Task,
     length: f64,
 }
 
+/// One kind of task on one kind of vectors. Each is a function of its own, which gets its own allocation of
+/// registers.
+struct KernelCall<'a, S, const KIND: u8>(S, KernelJob<'a>);
+
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     let general = lanes.loaded || lanes.clipped;
+    let job = KernelJob {
+        work,
+        lanes,
+        task,
+        length,
+    };
     match task {
-        Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
-        Task::Step => of_kind::<STEP>(work, lanes, task, length),
-        Task::Cross { .. } => of_kind::<CROSS>(work, lanes, task, length),
-        Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(work, lanes, task, length),
-        Task::Inner { .. } => of_kind::<INNER>(work, lanes, task, length),
-        Task::Look { .. } => of_kind::<LOOK>(work, lanes, task, length),
-        Task::Error { .. } => of_kind::<ERRS>(work, lanes, task, length),
-        Task::Errors { .. } => of_kind::<EACH>(work, lanes, task, length),
+        Task::Step if general => of_kind::<STEP_OF_ANY>(job),
+        Task::Step => of_kind::<STEP>(job),
+        Task::Cross { .. } => of_kind::<CROSS>(job),
+        Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(job),
+        Task::Inner { .. } => of_kind::<INNER>(job),
+        Task::Look { .. } => of_kind::<LOOK>(job),
+        Task::Error { .. } => of_kind::<ERRS>(job),
+        Task::Errors { .. } => of_kind::<EACH>(job),
     }
 }
 
@@ -69,39 +79,28 @@ const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
 
-fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
-    macro_rules! call {
-        ($simd:expr) => {
-            Call::<_, KIND> {
-                simd: $simd,
-                work,
-                lanes,
-                task,
-                length,
-            }
-        };
-    }
+fn of_kind<const KIND: u8>(job: KernelJob<'_>) -> f64 {
     match Arch::new() {
         #[cfg(target_arch = "x86_64")]
-        Arch::V4(simd) => simd.vectorize(call!(simd)),
+        Arch::V4(simd) => simd.vectorize(KernelCall::<_, KIND>(simd, job)),
         #[cfg(target_arch = "x86_64")]
-        Arch::V3(simd) => simd.vectorize(call!(pulp::x86::V3_512b(simd))),
-        _ => call!(pulp::Scalar512b).call(),
+        Arch::V3(simd) => simd.vectorize(KernelCall::<_, KIND>(pulp::x86::V3_512b(simd), job)),
+        _ => KernelCall::<_, KIND>(pulp::Scalar512b, job).call(),
     }
 }
 
-impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> {
+impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, KIND> {
     type Output = f64;
 
     #[inline(always)]
     fn call(self) -> f64 {
-        let Self {
-            simd,
+        let Self(simd, job) = self;
+        let KernelJob {
             work,
             lanes,
             task,
             length,
-        } = self;
+        } = job;
         match (KIND, task) {
             (STEP_OF_ANY, _) => step::<S, true>(simd, work, lanes, length),
             (STEP, _) => step::<S, false>(simd, work, lanes, length),
@@ -132,7 +131,7 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> 
 }
 
 /// The stages of a block, eight lanes each.
-type Rates = [Block; STAGES];
+type Rates = [LaneBlock; STAGES];
 
 /// Divides an array of accelerations into blocks.
 #[inline(always)]
@@ -198,26 +197,20 @@ const fn terms(bends: bool) -> [Range<usize>; STAGES] {
 #[inline(always)]
 fn moved<S: Simd<f64s = f64x8>>(
     simd: S,
-    (u, v): (Block, Block),
+    (u, v): (LaneBlock, LaneBlock),
     rates: &Rates,
     row: usize,
     length: f64,
 ) -> (f64x8, f64x8) {
     let (u, v): (f64x8, f64x8) = (pulp::cast(u), pulp::cast(v));
     let weights = &ROWS[row];
-    let (once, twice) = (
-        simd.splat_f64s(weights[0].velocity),
-        simd.splat_f64s(weights[0].displacement),
-    );
     let rate: f64x8 = pulp::cast(rates[0]);
-    let (mut once, mut twice) = (simd.mul_f64s(once, rate), simd.mul_f64s(twice, rate));
+    let mut once = simd.mul_f64s(simd.splat_f64s(weights[0].velocity), rate);
+    let mut twice = simd.mul_f64s(simd.splat_f64s(weights[0].displacement), rate);
     // Two early stages have no weight in the velocities of later ones.
     for stage in BENDS[row].clone() {
-        let bend = simd.mul_f64s(
-            simd.splat_f64s(weights[stage].displacement),
-            pulp::cast(rates[stage]),
-        );
-        twice = simd.add_f64s(twice, bend);
+        let weight = simd.splat_f64s(weights[stage].displacement);
+        twice = simd.add_f64s(twice, simd.mul_f64s(weight, pulp::cast(rates[stage])));
     }
     let terms = WEIGHS[row].clone();
     for (weight, rate) in weights[terms.clone()].iter().zip(&rates[terms]) {
@@ -233,7 +226,7 @@ fn moved<S: Simd<f64s = f64x8>>(
 }
 
 /// Blocks with 1 in one lane and 0 in all others.
-const ONE: [Block; BLOCK] = {
+const ONE: [LaneBlock; BLOCK] = {
     let mut one = [[0.0; BLOCK]; BLOCK];
     let mut lane = 0;
     while lane < BLOCK {
@@ -244,11 +237,29 @@ const ONE: [Block; BLOCK] = {
 };
 
 #[inline(always)]
-fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut Block, factor: f64, part: f64x8) {
+fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut LaneBlock, factor: f64, part: f64x8) {
     let part = simd.mul_f64s(simd.splat_f64s(factor), part);
     *sum = pulp::cast(simd.add_f64s(pulp::cast(*sum), part));
 }
 
+/// Displacements and velocities of a block at a stage, with the exact parts of contacts that open or close.
+#[inline(always)]
+fn at_stage<S: Simd<f64s = f64x8>>(
+    simd: S,
+    start: (LaneBlock, LaneBlock),
+    added: Option<(&[LaneBlock], &[LaneBlock])>,
+    (at, rates): (usize, &Rates),
+    row: usize,
+    length: f64,
+) -> (f64x8, f64x8) {
+    let (u, v) = moved(simd, start, rates, row, length);
+    added.map_or((u, v), |added| {
+        let plus = |sum, added: &[LaneBlock]| simd.add_f64s(sum, pulp::cast(added[at]));
+        (plus(u, added.0), plus(v, added.1))
+    })
+}
+
+/// Computes the accelerations of all moving bodies and intruders at a stage, and the power that they dissipate.
 #[inline(always)]
 fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     simd: S,
@@ -259,36 +270,27 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
 ) {
     let zero = simd.splat_f64s(0.0);
     let guests = &lanes.guests;
-    let weight = if number < MAIN {
-        length * quadrature(number)
-    } else {
-        0.0
-    };
-    let added = work.added.as_deref().filter(|_| number >= MAIN);
+    let counts = number < MAIN;
+    let weight = if counts { length * quadrature(number) } else { 0.0 };
+    let added = work.added.as_deref().filter(|_| !counts);
+    let added = added.map(|added| (blocks(&added.u), blocks(&added.v)));
     let mut powers = work.powers.as_deref_mut();
     let keeps_powers = powers.is_some();
     let length_of = lanes.len() / BLOCK;
-    let (u_start, v_start) = (
-        &blocks(&work.start.u)[..length_of],
-        &blocks(&work.start.v)[..length_of],
-    );
+    let u_start = &blocks(&work.start.u)[..length_of];
+    let v_start = &blocks(&work.start.v)[..length_of];
     let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..length_of];
     let lost = &mut blocks_mut(&mut work.lost)[..length_of];
     let seats = guests.blocks.len();
     let pulls = &mut blocks_mut(&mut work.pulls)[..seats];
-    let (stiffness, damping) = (
-        &blocks(&guests.stiffness)[..seats],
-        &blocks(&guests.damping)[..seats],
-    );
+    let stiffness = &blocks(&guests.stiffness)[..seats];
+    let damping = &blocks(&guests.damping)[..seats];
     // The block shared by bodies and intruders, and its motion.
     let mut shared = (0, zero, zero);
     for &at in &work.active_guests {
         let seat = at - guests.blocks.start;
-        let (mut x, mut w) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
-        if let Some(added) = added {
-            x = simd.add_f64s(x, pulp::cast(blocks(&added.u)[at]));
-            w = simd.add_f64s(w, pulp::cast(blocks(&added.v)[at]));
-        }
+        let start = (u_start[at], v_start[at]);
+        let (x, w) = at_stage(simd, start, added, (at, &rates[at]), number, length);
         if guests.home.is_some() {
             shared = (at, x, w);
         }
@@ -321,11 +323,8 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
             if at < run.end + 1 {
                 let (mut u, mut v) = (shared.1, shared.2);
                 if at != shared.0 {
-                    (u, v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
-                    if let Some(added) = added {
-                        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
-                        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
-                    }
+                    let start = (u_start[at], v_start[at]);
+                    (u, v) = at_stage(simd, start, added, (at, &rates[at]), number, length);
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
@@ -340,7 +339,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                 }
                 (u_before, v_before) = (u, v);
                 if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
-                    let forces: Block = pulp::cast(force);
+                    let forces: LaneBlock = pulp::cast(force);
                     wall_force = forces[lanes.bodies % BLOCK];
                 }
             }
@@ -360,40 +359,49 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     }
 
     for &at in &work.active_guests {
-        let seat = at - guests.blocks.start;
-        let pulled = simd.mul_f64s(pulp::cast(pulls[seat]), pulp::cast(blocks(&guests.inverse)[seat]));
-        let of_bodies = if at == shared.0 {
-            pulp::cast(rates[at][number])
-        } else {
-            zero
-        };
-        let mut rate = simd.sub_f64s(of_bodies, pulled);
-        for guest in guests.within(at) {
-            let host = guests.hosts[guest];
-            let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
-            let lane = guests.lane(guest) % BLOCK;
-            rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
-        }
-        rates[at][number] = pulp::cast(rate);
+        let pull = pulp::cast(pulls[at - guests.blocks.start]);
+        accelerate_guests(simd, guests, rates, number, (at, at == shared.0), pull);
     }
     work.wall_impulse += weight * wall_force;
     if let Some(powers) = powers {
-        powers.contacts[number] = pulp::cast::<f64x8, Block>(power_sum).iter().sum();
+        powers.contacts[number] = pulp::cast::<f64x8, LaneBlock>(power_sum).iter().sum();
         powers.wall[number] = wall_force;
     }
+}
+
+/// Adds the accelerations of a block of intruders relative to their hosts. A shared block has those of its bodies.
+#[inline(always)]
+fn accelerate_guests<S: Simd<f64s = f64x8>>(
+    simd: S,
+    guests: &Guests,
+    rates: &mut [Rates],
+    number: usize,
+    (at, is_shared): (usize, bool),
+    pull: f64x8,
+) {
+    let inverse = blocks(&guests.inverse)[at - guests.blocks.start];
+    let pulled = simd.mul_f64s(pull, pulp::cast(inverse));
+    let bodies = if is_shared {
+        rates[at][number]
+    } else {
+        [0.0; BLOCK]
+    };
+    let mut rate = simd.sub_f64s(pulp::cast(bodies), pulled);
+    for guest in guests.within(at) {
+        let host = guests.hosts[guest];
+        let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
+        let lane = guests.lane(guest) % BLOCK;
+        rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
+    }
+    rates[at][number] = pulp::cast(rate);
 }
 
 /// Returns 1 in lanes whose contact is closed, 0 in others.
 #[inline(always)]
 fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) -> f64x8 {
     let overlap = simd.add_f64s(simd.sub_f64s(near, far), rest);
-    let zero = simd.splat_f64s(0.0);
-    select(
-        simd,
-        simd.greater_than_f64s(overlap, zero),
-        simd.splat_f64s(1.0),
-        zero,
-    )
+    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+    select(simd, simd.greater_than_f64s(overlap, zero), one, zero)
 }
 
 /// Computes the end of the step. Returns the number of blocks with contacts that open or close.
@@ -402,10 +410,8 @@ fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length
     let count = lanes.len() / BLOCK;
     let (start, end) = (&work.start, &mut work.end);
     let (u_start, v_start) = (&blocks(&start.u)[..count], &blocks(&start.v)[..count]);
-    let (u_end, v_end) = (
-        &mut blocks_mut(&mut end.u)[..count],
-        &mut blocks_mut(&mut end.v)[..count],
-    );
+    let u_end = &mut blocks_mut(&mut end.u)[..count];
+    let v_end = &mut blocks_mut(&mut end.v)[..count];
     let rest = &blocks(&lanes.rest)[..count];
     let rates = &all_rates(&work.rates)[..count];
     let mut crossed = simd.splat_f64s(0.0);
@@ -429,7 +435,7 @@ fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length
         let (x, w) = moved(simd, (u_start[at], v_start[at]), &rates[at], MAIN, length);
         (u_end[at], v_end[at]) = (pulp::cast(x), pulp::cast(w));
     }
-    let crossed: Block = pulp::cast(crossed);
+    let crossed: LaneBlock = pulp::cast(crossed);
     crossed.iter().sum()
 }
 
@@ -444,27 +450,23 @@ fn errors<S: Simd<f64s = f64x8>>(
     simd: S,
     rates: &Rates,
     (from, to): (f64x8, f64x8),
-    (floor, part): (f64x8, f64x8),
+    (floor, part): (f64, f64),
 ) -> f64x8 {
+    let (floor, part) = (simd.splat_f64s(floor), simd.splat_f64s(part));
     let mut error = simd.splat_f64s(0.0);
     for &(stage, weight) in ERROR {
         let part = simd.mul_f64s(simd.splat_f64s(weight), pulp::cast(rates[stage]));
         error = simd.add_f64s(error, part);
     }
     let scale = simd.max_f64s(size(simd, from), size(simd, to));
-    simd.div_f64s(
-        size(simd, error),
-        simd.add_f64s(floor, simd.mul_f64s(part, scale)),
-    )
+    let allowed = simd.add_f64s(floor, simd.mul_f64s(part, scale));
+    simd.div_f64s(size(simd, error), allowed)
 }
 
 #[inline(always)]
 fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: f64) -> f64 {
     let zero = simd.splat_f64s(0.0);
-    let allowed = (
-        simd.splat_f64s(0.01 * tolerance * lanes.speed),
-        simd.splat_f64s(tolerance),
-    );
+    let allowed = (0.01 * tolerance * lanes.speed, tolerance);
     let (mut greatest, mut trace) = (zero, zero);
     let (start, end) = (&work.start, &work.end);
     let rates = all_rates(&work.rates);
@@ -474,26 +476,21 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
         greatest = simd.max_f64s(greatest, error);
         trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
     }
-    let greatest: Block = pulp::cast(greatest);
-    let trace: Block = pulp::cast(trace);
+    let greatest: LaneBlock = pulp::cast(greatest);
+    let trace: LaneBlock = pulp::cast(trace);
     // A maximum may ignore a NaN; this sum of zeros does not.
     greatest.into_iter().fold(0.0, f64::max) + trace.iter().sum::<f64>()
 }
 
 #[inline(always)]
 fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, tolerance: f64) {
-    let allowed = (
-        simd.splat_f64s(0.01 * tolerance * lanes.speed),
-        simd.splat_f64s(tolerance),
-    );
+    let allowed = (0.01 * tolerance * lanes.speed, tolerance);
     let rates = all_rates(&work.rates);
     work.errors.resize(lanes.blocks, 0.0);
     for at in work.active.iter().flat_map(|run| run.start + 1..run.end + 1) {
-        let ends = (
-            pulp::cast(blocks(&work.start.v)[at]),
-            pulp::cast(blocks(&work.end.v)[at]),
-        );
-        let errors: Block = pulp::cast(errors(simd, &rates[at], ends, allowed));
+        let (from, to) = (blocks(&work.start.v)[at], blocks(&work.end.v)[at]);
+        let ends = (pulp::cast(from), pulp::cast(to));
+        let errors: LaneBlock = pulp::cast(errors(simd, &rates[at], ends, allowed));
         let worst = |worst: f64, error: f64| if error < worst { worst } else { error };
         work.errors[at - 1] = errors.into_iter().fold(0.0, worst);
     }
@@ -509,7 +506,7 @@ fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + us
 }
 
 /// [`POWERS`] power by power: the weights of all stages in velocities, then in displacements.
-static LOOKED: [[Block; 2 * WIDE]; TERMS] = {
+static LOOKED: [[LaneBlock; 2 * WIDE]; TERMS] = {
     let mut looked = [[[0.0; BLOCK]; 2 * WIDE]; TERMS];
     let mut stage = 0;
     while stage < STAGES {
@@ -563,10 +560,8 @@ fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: 
         }
         let (u, v): (f64x8, f64x8) = (pulp::cast(u_start[at]), pulp::cast(v_start[at]));
         let way = simd.add_f64s(simd.mul_f64s(time, v), bent);
-        (u_to[at], v_to[at]) = (
-            pulp::cast(simd.add_f64s(u, way)),
-            pulp::cast(simd.add_f64s(v, change)),
-        );
+        u_to[at] = pulp::cast(simd.add_f64s(u, way));
+        v_to[at] = pulp::cast(simd.add_f64s(v, change));
     }
     work.stage = stage;
 }

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use pulp::{Simd, f64x8};
 
-use super::aligned::Aligned;
+use super::aligned::CacheAligned;
 use crate::model::Model;
 
 /// Lanes of a block, which are computed together.
@@ -26,16 +26,16 @@ pub(super) const fn first(block: usize) -> usize {
 }
 
 /// Values of the eight lanes of a block.
-pub(super) type Block = [f64; BLOCK];
+pub(super) type LaneBlock = [f64; BLOCK];
 
 /// Divides an array into blocks.
 #[inline(always)]
-pub(super) fn blocks(array: &[f64]) -> &[Block] {
+pub(super) fn blocks(array: &[f64]) -> &[LaneBlock] {
     array.as_chunks().0
 }
 
 #[inline(always)]
-pub(super) fn blocks_mut(array: &mut [f64]) -> &mut [Block] {
+pub(super) fn blocks_mut(array: &mut [f64]) -> &mut [LaneBlock] {
     array.as_chunks_mut().0
 }
 
@@ -48,14 +48,14 @@ pub(super) fn select<S: Simd<f64s = f64x8>>(simd: S, mask: S::m64s, yes: f64x8, 
 /// Values of the bodies before, given those of this block and the block before.
 #[inline(always)]
 pub(super) fn before(previous: f64x8, block: f64x8) -> f64x8 {
-    let (p, b): (Block, Block) = (pulp::cast(previous), pulp::cast(block));
+    let (p, b): (LaneBlock, LaneBlock) = (pulp::cast(previous), pulp::cast(block));
     pulp::cast([p[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6]])
 }
 
 /// Values of the contacts behind, given those of this block and the block behind.
 #[inline(always)]
 pub(super) fn behind(block: f64x8, next: f64x8) -> f64x8 {
-    let (b, n): (Block, Block) = (pulp::cast(block), pulp::cast(next));
+    let (b, n): (LaneBlock, LaneBlock) = (pulp::cast(block), pulp::cast(next));
     pulp::cast([b[1], b[2], b[3], b[4], b[5], b[6], b[7], n[0]])
 }
 
@@ -65,15 +65,15 @@ pub(crate) struct Lanes {
     pub(super) bodies: usize,
     pub(super) blocks: usize,
     /// κ, N/m^(3/2); zero where there is no contact.
-    pub(super) stiffness: Aligned,
+    pub(super) stiffness: CacheAligned,
     /// (3/2) τ, s.
-    pub(super) viscosity: Aligned,
+    pub(super) viscosity: CacheAligned,
     /// 1 / (M - m), 1/kg; zero for the wall.
-    pub(super) inverse: Aligned,
+    pub(super) inverse: CacheAligned,
     /// δ₀, m, its root, and F₀, N.
-    pub(super) rest: Aligned,
-    pub(super) root: Aligned,
-    pub(super) load: Aligned,
+    pub(super) rest: CacheAligned,
+    pub(super) root: CacheAligned,
+    pub(super) load: CacheAligned,
     pub(super) guests: Guests,
     /// Lane of the wall.
     pub(super) wall: Option<usize>,
@@ -96,9 +96,9 @@ pub(super) struct Guests {
     /// The block of bodies that also holds them, if there is one.
     pub(super) home: Option<usize>,
     /// k, N/m, c, N·s/m, and 1/m, 1/kg, in lanes counted from the first of `blocks`.
-    pub(super) stiffness: Aligned,
-    pub(super) damping: Aligned,
-    pub(super) inverse: Aligned,
+    pub(super) stiffness: CacheAligned,
+    pub(super) damping: CacheAligned,
+    pub(super) inverse: CacheAligned,
     /// Lane of each intruder's host.
     pub(super) hosts: Vec<usize>,
     /// Intruders whose hosts are in each block of bodies.
@@ -142,7 +142,7 @@ impl Lanes {
         let blocks = (bodies + 1).div_ceil(BLOCK);
         let guests = guests(model, blocks);
         let length = (blocks + 2).max(guests.blocks.end + 1) * BLOCK;
-        let zeros = || Aligned::zeros(length);
+        let zeros = || CacheAligned::zeros(length);
         let mut lanes = Self {
             bodies,
             blocks,
@@ -190,7 +190,7 @@ fn guests(model: &Model, blocks: usize) -> Guests {
     let shares = count > 0 && blocks <= SHARED && after + count <= end;
     let begin = if shares { after } else { end + BLOCK };
     let seats = begin / BLOCK..(begin + count).div_ceil(BLOCK);
-    let zeros = || Aligned::zeros(seats.len() * BLOCK);
+    let zeros = || CacheAligned::zeros(seats.len() * BLOCK);
     let hosts: Vec<usize> = intruders.iter().map(|intruder| BLOCK + intruder.bead).collect();
     let of_block = (0..blocks)
         .map(|block| {
@@ -221,11 +221,11 @@ fn guests(model: &Model, blocks: usize) -> Guests {
 /// Constants of the contacts, block by block, in arrays of one length.
 #[derive(Clone, Copy)]
 pub(super) struct Contacts<'a> {
-    stiffness: &'a [Block],
-    viscosity: &'a [Block],
-    rest: &'a [Block],
-    root: &'a [Block],
-    load: &'a [Block],
+    stiffness: &'a [LaneBlock],
+    viscosity: &'a [LaneBlock],
+    rest: &'a [LaneBlock],
+    root: &'a [LaneBlock],
+    load: &'a [LaneBlock],
     clipped: bool,
 }
 
@@ -302,26 +302,20 @@ mod tests {
             ..Chain::PAPER
         };
         let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
-        scenario.intruders = (5..=60)
-            .step_by(3)
-            .map(|bead| Intruder::new([bead], Oscillator::PAPER))
-            .collect();
+        scenario.intruders = vec![Intruder::new((5..=60).step_by(3), Oscillator::PAPER)];
         let lanes = Lanes::new(&Model::new(&scenario));
         let guests = &lanes.guests;
         assert_eq!((guests.count, guests.blocks.len()), (19, 3));
         for block in 0..guests.blocks.end + 2 {
             let those = |block_of: &dyn Fn(usize) -> usize| -> Vec<usize> {
-                (0..guests.count)
-                    .filter(|&guest| block_of(guest) == block)
-                    .collect()
+                let all = 0..guests.count;
+                all.filter(|&guest| block_of(guest) == block).collect()
             };
             let within: Vec<usize> = guests.within(block).collect();
             assert_eq!(within, those(&|guest| guests.lane(guest) / BLOCK));
             let hosts = guests.of_block.get(block).cloned().unwrap_or_default();
-            assert_eq!(
-                hosts.collect::<Vec<_>>(),
-                those(&|guest| guests.hosts[guest] / BLOCK - 1)
-            );
+            let known = those(&|guest| guests.hosts[guest] / BLOCK - 1);
+            assert_eq!(hosts.collect::<Vec<_>>(), known);
         }
     }
 }

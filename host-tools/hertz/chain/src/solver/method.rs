@@ -1,18 +1,7 @@
-//! The Runge-Kutta method in the form for systems of second order.
-//!
-//! # Design
-//!
-//! Accelerations F are functions of displacements U and velocities V, and U' = V. The argument of stage s is
-//! therefore
-//!
-//! ```text
-//! V + h Σ a[s][k] F[k]     and     U + c[s] h V + h² Σ (a·a)[s][k] F[k]
-//! ```
-//!
-//! This is the same method, but only accelerations need be kept, and each is read once for both sums. All
-//! coefficients are computed by the compiler, so loops over a row have them in place.
+//! The Runge-Kutta method with its dense output, as constants: loops over a row have the coefficients in place.
 
-use super::verner::{A, EMBEDDED, INSIDE, MAIN, STAGES};
+use super::verner::{A, EMBEDDED, INSIDE, INSIDE_STAGES, MAIN, STAGES};
+use crate::tableau::{Square, nodes, spread, twice};
 
 /// Weights of a stage in a sum: for velocities, over h, and for displacements, over h².
 #[derive(Debug, Clone, Copy)]
@@ -28,44 +17,20 @@ impl Weight {
     };
 }
 
-type Square = [[f64; STAGES]; STAGES];
-
-const DENSE_ROWS: Square = {
-    let mut square = [[0.0; STAGES]; STAGES];
-    let mut row = 0;
-    while row < STAGES {
-        let mut at = 0;
-        while at < A[row].len() {
-            let (stage, weight) = A[row][at];
-            square[row][stage] = weight;
-            at += 1;
-        }
-        row += 1;
-    }
-    square
-};
-
-/// Σ weights[j] a[j][stage]. A value below 1e-15 is a zero with rounding.
-const fn twice(weights: &[f64; STAGES], stage: usize) -> f64 {
-    let (mut sum, mut j) = (0.0, 0);
-    while j < STAGES {
-        sum += weights[j] * DENSE_ROWS[j][stage];
-        j += 1;
-    }
-    if sum < 1e-15 && sum > -1e-15 { 0.0 } else { sum }
-}
+const DENSE_ROWS: Square<STAGES> = spread(&A);
+/// Displacements below this are zeros with rounding.
+const NOISE: f64 = 1e-15;
 
 /// Weights of the arguments of the stages. The argument of stage [`MAIN`] is the end of the step.
 pub(super) static ROWS: [[Weight; STAGES]; STAGES] = {
     let mut rows = [[Weight::ZERO; STAGES]; STAGES];
     let mut row = 0;
     while row < STAGES {
+        let displacements = twice(&DENSE_ROWS, &DENSE_ROWS[row], NOISE);
         let mut stage = 0;
         while stage < STAGES {
-            rows[row][stage] = Weight {
-                velocity: DENSE_ROWS[row][stage],
-                displacement: twice(&DENSE_ROWS[row], stage),
-            };
+            rows[row][stage].velocity = DENSE_ROWS[row][stage];
+            rows[row][stage].displacement = displacements[stage];
             stage += 1;
         }
         row += 1;
@@ -74,19 +39,7 @@ pub(super) static ROWS: [[Weight; STAGES]; STAGES] = {
 };
 
 /// Time of each stage, as a part of the step.
-pub(super) const NODES: [f64; STAGES] = {
-    let mut nodes = [0.0; STAGES];
-    let mut row = 0;
-    while row < STAGES {
-        let mut stage = 0;
-        while stage < STAGES {
-            nodes[row] += DENSE_ROWS[row][stage];
-            stage += 1;
-        }
-        row += 1;
-    }
-    nodes
-};
+pub(super) const NODES: [f64; STAGES] = nodes(&DENSE_ROWS);
 
 /// Makes one step of length `h` from time `t` and state `y` of a system of first order, y' = f(t, y).
 pub(crate) fn step<const N: usize>(
@@ -144,8 +97,8 @@ pub(super) const TERMS: usize = 8;
 pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     let mut velocities = [[0.0; TERMS]; STAGES];
     let mut stage = 0;
-    while stage < STAGES {
-        velocities[stage] = about_the_middle(&INSIDE[stage]);
+    while stage < INSIDE.len() {
+        velocities[INSIDE_STAGES[stage]] = about_the_middle(&INSIDE[stage]);
         stage += 1;
     }
     // The published digits leave an error of 1e-11. It is removed by the first stage and that at the end, so
@@ -183,12 +136,11 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
             weights[stage] = velocities[stage][power];
             stage += 1;
         }
+        let displacements = twice(&DENSE_ROWS, &weights, NOISE);
         stage = 0;
         while stage < STAGES {
-            powers[stage][power] = Weight {
-                velocity: weights[stage],
-                displacement: twice(&weights, stage),
-            };
+            powers[stage][power].velocity = weights[stage];
+            powers[stage][power].displacement = displacements[stage];
             stage += 1;
         }
         power += 1;
@@ -196,10 +148,14 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     powers
 };
 
-/// Converts a polynomial Σ c[k] x^k to powers of x - 1/2.
-const fn about_the_middle(coefficients: &[f64; TERMS]) -> [f64; TERMS] {
-    let mut shifted = *coefficients;
-    let mut from = 0;
+/// Converts a polynomial Σ c[k] x^(k+1) to powers of x - 1/2, but for the term without x.
+const fn about_the_middle(coefficients: &[f64; TERMS - 1]) -> [f64; TERMS] {
+    let (mut shifted, mut from) = ([0.0; TERMS], 1);
+    while from < TERMS {
+        shifted[from] = coefficients[from - 1];
+        from += 1;
+    }
+    from = 0;
     while from < TERMS {
         let mut at = TERMS - 1;
         while at > from {

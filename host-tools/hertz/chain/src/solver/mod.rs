@@ -28,7 +28,7 @@ mod rest;
 mod small;
 mod stepper;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod verner;
 #[cfg(test)]
 mod window;

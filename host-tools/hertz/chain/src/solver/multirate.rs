@@ -15,7 +15,7 @@ use std::ops::Range;
 use super::kernel::{Task, dispatch};
 use super::lanes::{BLOCK, Lanes, first};
 use super::parting::{Calm, count, holds};
-use super::rest::{AHEAD, FLOOR, Rest};
+use super::rest::{AHEAD, FLOOR, RestingBlocks, beside};
 use super::work::{Motion, Work};
 
 /// Fewest moving blocks that are divided.
@@ -29,7 +29,7 @@ const PAUSE: [u64; 2] = [16, 1024];
 
 /// A step of the slow part.
 #[derive(Debug, Clone)]
-struct Slow {
+struct SlowStep {
     work: Work,
     /// Blocks whose motion this step gives.
     own: Vec<Range<usize>>,
@@ -47,7 +47,7 @@ struct Slow {
 #[derive(Debug, Clone)]
 pub(super) struct Multirate {
     /// The slow step, kept for its memory when none is under way.
-    slow: Option<Box<Slow>>,
+    slow: Option<Box<SlowStep>>,
     /// True while a slow step is under way.
     parted: bool,
     /// Speed that may be neglected, m/s.
@@ -58,17 +58,6 @@ pub(super) struct Multirate {
     /// Number of the step at which to divide the blocks again, and steps to wait if that does not pay.
     next: u64,
     pause: u64,
-}
-
-/// Returns the blocks beside calm ones, each with true if it is behind those.
-fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
-    let blocks = lanes.blocks;
-    calm.runs.iter().flat_map(move |run| {
-        let before = run.start.checked_sub(1).map(|block| (block, false));
-        before
-            .into_iter()
-            .chain((run.end < blocks).then_some((run.end, true)))
-    })
 }
 
 /// Returns the length of the next slow step over that of the last, whose blocks had these errors: the
@@ -107,8 +96,8 @@ impl Multirate {
     }
 
     /// Returns true if step `number` should try to divide the blocks.
-    pub(super) fn is_due(&self, rest: &Rest, number: u64) -> bool {
-        number >= self.next && !self.parted && rest.awake().len() >= FEWEST
+    pub(super) fn is_due(&self, rest: &RestingBlocks, number: u64) -> bool {
+        number >= self.next && !self.parted && rest.awake.len() >= FEWEST
     }
 
     /// End of the slow step, s; `None` if none is under way.
@@ -116,7 +105,7 @@ impl Multirate {
         self.under_way().map(|slow| slow.to)
     }
 
-    fn under_way(&self) -> Option<&Slow> {
+    fn under_way(&self) -> Option<&SlowStep> {
         self.slow.as_deref().filter(|_| self.parted)
     }
 
@@ -126,7 +115,7 @@ impl Multirate {
     pub(super) fn part(
         &mut self,
         lanes: &Lanes,
-        (rest, work): (&mut Rest, &mut Work),
+        (rest, work): (&mut RestingBlocks, &mut Work),
         (time, stop): (f64, f64),
         (step, number): (f64, u64),
     ) -> u64 {
@@ -135,11 +124,11 @@ impl Multirate {
             return 0;
         }
         let wanted = self.reach.max(2.0 * WORTH * step).min(most);
-        let calm = Calm::new(lanes, rest.awake(), &work.start, wanted);
+        let calm = Calm::new(lanes, &rest.awake, &work.start, wanted);
         let length = calm.longest(lanes, &work.start, self.quiet, wanted);
         // A whole number of quick steps, so that the last is not cut short.
         let length = (step * (length / step * (1.0 + 1e-9)).floor()).min(most);
-        let awake = rest.awake().len();
+        let awake = rest.awake.len();
         let pays = |computed: usize| {
             let slow = count(&calm.runs) as f64 * step / length;
             computed as f64 + slow < PAYS * awake as f64
@@ -147,7 +136,7 @@ impl Multirate {
         if length < WORTH * step
             || !pays(awake - count(&calm.runs))
             || rest.next_touch() <= time + AHEAD * length
-            || sleepers(lanes, &calm)
+            || beside(&calm.runs, lanes.blocks)
                 .any(|(block, behind)| rest.meets(lanes, work, block, behind, (time, length)))
         {
             self.wait(number);
@@ -155,9 +144,10 @@ impl Multirate {
         }
         let stays_calm = self.attempt(lanes, rest, work, &calm, (time, length));
         let slow = self.slow.as_mut().expect("it was tried");
+        let errors = &slow.work.errors;
         self.reach = length
             * if stays_calm {
-                better(&calm, &slow.work.errors, length, step)
+                better(&calm, errors, length, step)
             } else {
                 0.5
             };
@@ -172,7 +162,7 @@ impl Multirate {
                 work.shared.retain(|block| holds(&parts.own, *block));
                 slow.work.shared = all(&calm.runs);
                 slow.work.shared.retain(|block| !holds(&parts.own, *block));
-                let mut elsewhere = rest.awake().to_vec();
+                let mut elsewhere = rest.awake.clone();
                 elsewhere.retain(|block| !holds(&parts.quick, *block));
                 rest.leave(lanes, work, elsewhere);
                 slow.own = parts.own;
@@ -192,13 +182,13 @@ impl Multirate {
     fn attempt(
         &mut self,
         lanes: &Lanes,
-        rest: &Rest,
+        rest: &RestingBlocks,
         work: &Work,
         calm: &Calm,
         (time, length): (f64, f64),
     ) -> bool {
         let slow = self.slow.get_or_insert_with(|| {
-            Box::new(Slow {
+            Box::new(SlowStep {
                 work: Work::new(lanes, false),
                 own: Vec::new(),
                 from: 0.0,
@@ -215,16 +205,14 @@ impl Multirate {
         slow.work.active.clone_from(&calm.runs);
         for run in &calm.runs {
             let lanes = first(run.start) - BLOCK..first(run.end) + BLOCK;
-            slow.work.start.u[lanes.clone()].copy_from_slice(&work.start.u[lanes.clone()]);
-            slow.work.start.v[lanes.clone()].copy_from_slice(&work.start.v[lanes]);
+            slow.work.start.copy(lanes, &work.start);
         }
         let crossed = dispatch(&mut slow.work, lanes, Task::Step, length);
         let tolerance = self.tolerance;
         dispatch(&mut slow.work, lanes, Task::Errors { tolerance }, length);
         let work = &slow.work;
-        let meets =
-            sleepers(lanes, calm).any(|(block, behind)| rest.closes(lanes, work, block, behind, length));
-        crossed == 0.0 && !meets
+        let meets = |(block, behind)| rest.closes(lanes, work, block, behind, length);
+        crossed == 0.0 && !beside(&calm.runs, lanes.blocks).any(meets)
     }
 
     /// Follows a quick step of `length` that ended at `time`. Beads beside the quick part fly on. At the end
@@ -233,7 +221,7 @@ impl Multirate {
     pub(super) fn follow(
         &mut self,
         lanes: &Lanes,
-        (rest, work): (&mut Rest, &mut Work),
+        (rest, work): (&mut RestingBlocks, &mut Work),
         (time, length): (f64, f64),
     ) -> f64 {
         let Some(slow) = self.slow.as_deref().filter(|_| self.parted) else {
@@ -254,9 +242,7 @@ impl Multirate {
             return 0.0;
         }
         for run in &slow.own {
-            let lanes = first(run.start)..first(run.end);
-            work.start.u[lanes.clone()].copy_from_slice(&slow.work.end.u[lanes.clone()]);
-            work.start.v[lanes.clone()].copy_from_slice(&slow.work.end.v[lanes]);
+            work.start.copy(first(run.start)..first(run.end), &slow.work.end);
         }
         work.shared.clear();
         rest.leave(lanes, work, Vec::new());
@@ -267,12 +253,8 @@ impl Multirate {
     /// Returns true if the slow step gives the motion of a body.
     #[inline(always)]
     pub(super) fn moves(&self, lane: usize) -> bool {
-        self.parted && self.owns(lane)
-    }
-
-    fn owns(&self, lane: usize) -> bool {
         let block = (lane / BLOCK).wrapping_sub(1);
-        self.under_way().is_some_and(|slow| holds(&slow.own, block))
+        self.parted && self.under_way().is_some_and(|slow| holds(&slow.own, block))
     }
 
     /// Lanes of the bodies whose motion the slow step gives.
@@ -282,7 +264,7 @@ impl Multirate {
     }
 }
 
-impl Slow {
+impl SlowStep {
     fn prepare(&mut self, lanes: &Lanes) -> f64 {
         let length = self.length;
         if !self.prepared {
@@ -308,7 +290,7 @@ impl Slow {
 
 /// The motion inside the slow step.
 impl Multirate {
-    fn inside(&mut self) -> Option<&mut Slow> {
+    fn inside(&mut self) -> Option<&mut SlowStep> {
         self.slow.as_deref_mut().filter(|_| self.parted)
     }
 

@@ -8,13 +8,13 @@
 //! has terms y^(7/2) and y^(5/2). Their factors follow from the slope at the root. Without them, a contact
 //! that closes just before the end of a step would have a wrong force which no stage sees.
 
-/// Overlap, m, its rate, m/s, and its acceleration, m/s².
+/// StepOverlap, m, its rate, m/s, and its acceleration, m/s².
 pub(super) type Ends = [f64; 3];
 
 /// δ as a function of the part x of the step: a polynomial of fifth order, and the effect of the contact's
 /// own force.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Overlap {
+pub(super) struct StepOverlap {
     smooth: [f64; 6],
     own: Own,
 }
@@ -45,7 +45,7 @@ impl Own {
     }
 }
 
-impl Overlap {
+impl StepOverlap {
     /// The polynomial for a step of this length.
     #[inline(always)]
     pub(super) fn between(length: f64, start: Ends, end: Ends) -> Self {
@@ -179,13 +179,13 @@ mod tests {
             ]
         };
         let stiffness = 0.1 * 35.0 / 4.0 / (length * length);
-        let (overlap, found) = Overlap::crossing(length, of(0.0), of(1.0), stiffness, 0.0);
+        let (overlap, found) = StepOverlap::crossing(length, of(0.0), of(1.0), stiffness, 0.0);
         assert!((found - root).abs() < 1e-9, "{found}");
         for x in [0.3, 0.91, 0.95, 0.99] {
             assert!((overlap.at(x).0 - of(x)[0]).abs() < 1e-9, "at {x}");
             assert!((overlap.at(x).1 - of(x)[1] * length).abs() < 1e-7, "rate at {x}");
         }
-        let polynomial = Overlap::between(length, of(0.0), of(1.0));
+        let polynomial = StepOverlap::between(length, of(0.0), of(1.0));
         assert!((polynomial.at(0.95).0 - of(0.95)[0]).abs() > 1e-6);
     }
 }

@@ -58,7 +58,7 @@ const STABLE: f64 = 2.5;
 
 /// The two parts, in runs of blocks.
 #[derive(Debug)]
-pub(super) struct Parts {
+pub(super) struct BlockParts {
     /// Blocks that the quick part computes.
     pub(super) quick: Vec<Range<usize>>,
     /// Blocks whose motion the slow part gives. All others belong to the quick part.
@@ -86,12 +86,10 @@ pub(super) fn count(runs: &[Range<usize>]) -> usize {
     runs.iter().map(Range::len).sum()
 }
 
-/// Overlap of a contact, m, and its rate, m/s.
+/// StepOverlap of a contact, m, and its rate, m/s.
 fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
-    (
-        motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane],
-        motion.v[lane - 1] - motion.v[lane],
-    )
+    let (u, v) = (&motion.u, &motion.v);
+    (u[lane - 1] - u[lane] + lanes.rest[lane], v[lane - 1] - v[lane])
 }
 
 /// Lanes of the contacts of some blocks.
@@ -205,7 +203,7 @@ impl Calm {
         motion: &Motion,
         (quiet, length): (f64, f64),
         errors: &[f64],
-    ) -> Option<Parts> {
+    ) -> Option<BlockParts> {
         let mut good = vec![false; self.moves.len()];
         for block in self.runs.iter().flat_map(|run| self.inner(run)) {
             good[block] = length * errors[block] <= 1.0;
@@ -219,7 +217,7 @@ impl Calm {
         let quick = runs(&quick);
         let slopes = Slopes::of(lanes, motion, &self.runs);
         let left_out = slopes.left_out(lanes, motion, &self.edges(&quick), length);
-        (left_out <= quiet).then_some(Parts { quick, own })
+        (left_out <= quiet).then_some(BlockParts { quick, own })
     }
 }
 

@@ -18,6 +18,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use super::lanes::{BLOCK, Lanes, first};
 use super::work::Work;
@@ -34,17 +35,27 @@ pub(super) const AHEAD: f64 = 3.0;
 /// Returns the least overlap, m, at which a contact of the chain has the elastic energy of its lighter body
 /// at the speed `quiet`, m/s.
 fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
-    let rates =
-        (1..lanes.len()).map(|lane| lanes.stiffness[lane] * lanes.inverse[lane - 1].max(lanes.inverse[lane]));
+    let inverse = |lane: usize| lanes.inverse[lane - 1].max(lanes.inverse[lane]);
+    let rates = (1..lanes.len()).map(|lane| lanes.stiffness[lane] * inverse(lane));
     (1.25 * quiet * quiet / rates.fold(0.0, f64::max)).powf(0.4)
 }
 
+/// The blocks beside runs of blocks of a chain, each with true if it is behind its run.
+pub(super) fn beside(runs: &[Range<usize>], blocks: usize) -> impl Iterator<Item = (usize, bool)> {
+    runs.iter().flat_map(move |run| {
+        let before = run.start.checked_sub(1).map(|block| (block, false));
+        let behind = (run.end < blocks).then_some((run.end, true));
+        before.into_iter().chain(behind)
+    })
+}
+
+/// The blocks that sleep, and those that are awake.
 #[derive(Debug, Clone)]
-pub(super) struct Rest {
+pub(super) struct RestingBlocks {
     /// Time since which each block is asleep, s.
     asleep: Vec<Option<f64>>,
     /// Blocks that are awake, in order.
-    awake: Vec<usize>,
+    pub(super) awake: Vec<usize>,
     /// Blocks that another step moves ([`super::multirate`]), in order.
     elsewhere: Vec<usize>,
     /// Time at which two bodies of a sleeping block, or of it and a sleeping neighbour, will meet, s.
@@ -62,16 +73,15 @@ pub(super) struct Rest {
     patience: u64,
 }
 
-impl Rest {
+impl RestingBlocks {
     /// Puts blocks at rest to sleep at `time`.
     pub(super) fn new(lanes: &Lanes, work: &mut Work, time: f64, tolerance: f64) -> Self {
-        let mut moves: Vec<bool> = (0..lanes.blocks)
-            .map(|block| {
-                let lanes = first(block)..first(block) + BLOCK;
-                let motion = work.start.u[lanes.clone()].iter().chain(&work.start.v[lanes]);
-                motion.clone().any(|value| *value != 0.0)
-            })
-            .collect();
+        let moves = |block: usize| {
+            let lanes = first(block)..first(block) + BLOCK;
+            let mut motion = work.start.u[lanes.clone()].iter().chain(&work.start.v[lanes]);
+            motion.any(|value| *value != 0.0)
+        };
+        let mut moves: Vec<bool> = (0..lanes.blocks).map(moves).collect();
         for (guest, host) in lanes.guests.hosts.iter().enumerate() {
             let lane = lanes.guests.lane(guest);
             moves[host / BLOCK - 1] |= work.start.u[lane] != 0.0 || work.start.v[lane] != 0.0;
@@ -168,36 +178,13 @@ impl Rest {
         }
     }
 
-    /// Calls `call` with each block beside a run, and true if it is behind the run.
-    fn for_neighbours(
-        &mut self,
-        lanes: &Lanes,
-        work: &mut Work,
-        mut call: impl FnMut(&mut Self, &mut Work, usize, bool),
-    ) {
-        for run in 0..work.active.len() {
-            let run = work.active[run].clone();
-            if run.start > 0 {
-                call(self, work, run.start - 1, false);
-            }
-            if run.end < lanes.blocks {
-                call(self, work, run.end, true);
-            }
-        }
-    }
-
-    /// Blocks that are awake, in order.
-    pub(super) fn awake(&self) -> &[usize] {
-        &self.awake
-    }
-
     /// Assigns the blocks of `elsewhere` to another step, and all others that are awake to this one.
     pub(super) fn leave(&mut self, lanes: &Lanes, work: &mut Work, elsewhere: Vec<usize>) {
         self.elsewhere = elsewhere;
         self.arrange(lanes, work);
     }
 
-    /// Returns true if a block sleeps and the run beside it soon moves it.
+    /// Returns true if a block sleeps and the run beside it soon moves it. Brings a sleeping block to `time`.
     pub(super) fn meets(
         &mut self,
         lanes: &Lanes,
@@ -222,25 +209,20 @@ impl Rest {
         loop {
             let before = self.awake.len();
             // With nothing else awake, the next step may end at the collision itself.
-            let until = if work.active.is_empty() {
-                time
-            } else {
-                time + AHEAD * h
-            };
-            while self.next_touch() <= until {
-                let Some(Reverse((_, block))) = self.queue.pop() else {
-                    break;
-                };
+            let alone = work.active.is_empty();
+            let until = if alone { time } else { time + AHEAD * h };
+            while self.next_touch() <= until
+                && let Some(Reverse((_, block))) = self.queue.pop()
+            {
                 self.wake(work, block, time);
             }
-            self.for_neighbours(lanes, work, |rest, work, block, behind| {
-                if rest.asleep[block].is_some() {
-                    rest.settle(work, block, time);
-                    if rest.reaches(lanes, work, block, behind, h) {
-                        rest.wake(work, block, time);
-                    }
+            let active = std::mem::take(&mut work.active);
+            for (block, behind) in beside(&active, lanes.blocks) {
+                if self.meets(lanes, work, block, behind, (time, h)) {
+                    self.wake(work, block, time);
                 }
-            });
+            }
+            work.active = active;
             if self.awake.len() == before {
                 return;
             }
@@ -263,9 +245,10 @@ impl Rest {
         let (u, v) = (&work.start.u, &work.start.v);
         if lanes.loaded {
             // A loaded chain is linear, so weak motion propagates too.
+            let (far, fast) = (STILL * lanes.depth, STILL * lanes.speed);
             return edge
                 .into_iter()
-                .any(|lane| u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed);
+                .any(|lane| u[lane].abs() > far || v[lane].abs() > fast);
         }
         let gap = u[lane] - u[lane - 1];
         let approach = v[lane - 1] - v[lane];
@@ -273,28 +256,19 @@ impl Rest {
             return approach > self.quiet && gap < AHEAD * h * approach;
         }
         let of_block = if behind { lane } else { lane - 1 };
-        gap < -4.0 * self.shallow
-            || edge
-                .into_iter()
-                .any(|lane| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet)
+        let quick = |lane: usize| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet;
+        gap < -4.0 * self.shallow || edge.into_iter().any(quick)
     }
 
     /// Returns true if a step of length `h` has closed the contact between a sleeping block and the run
     /// beside it.
     pub(super) fn closes(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
-        let lane = if behind {
-            first(block)
-        } else {
-            first(block) + BLOCK
-        };
+        let lane = first(block) + if behind { 0 } else { BLOCK };
         let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
         let start = gap(work.start.u[lane - 1], work.start.u[lane]);
         let there = |lane: usize, sleeps: bool| {
-            if sleeps {
-                work.start.u[lane] + h * work.start.v[lane]
-            } else {
-                work.end.u[lane]
-            }
+            let flown = work.start.u[lane] + h * work.start.v[lane];
+            if sleeps { flown } else { work.end.u[lane] }
         };
         let end = gap(there(lane - 1, !behind), there(lane, behind));
         let closes = start > 0.0 && end <= 0.0 && start - end > h * self.quiet;
@@ -308,11 +282,13 @@ impl Rest {
             return false;
         }
         let before = self.awake.len();
-        self.for_neighbours(lanes, work, |rest, work, block, behind| {
-            if rest.closes(lanes, work, block, behind, h) {
-                rest.wake(work, block, time);
+        let active = std::mem::take(&mut work.active);
+        for (block, behind) in beside(&active, lanes.blocks) {
+            if self.closes(lanes, work, block, behind, h) {
+                self.wake(work, block, time);
             }
-        });
+        }
+        work.active = active;
         let woken = self.awake.len() > before;
         if woken {
             self.arrange(lanes, work);
@@ -401,11 +377,8 @@ impl Rest {
             if lanes.inverse[from] > 0.0 {
                 let momentum: f64 = (from..lane).map(|lane| v[lane] / lanes.inverse[lane]).sum();
                 let mass: f64 = (from..lane).map(|lane| 1.0 / lanes.inverse[lane]).sum();
-                let speed = if lane == from + 1 {
-                    v[from]
-                } else {
-                    momentum / mass
-                };
+                let alone = lane == from + 1;
+                let speed = if alone { v[from] } else { momentum / mass };
                 v[from..lane].fill(if speed.abs() <= self.quiet { 0.0 } else { speed });
             }
             from = lane;

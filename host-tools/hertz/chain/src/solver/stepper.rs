@@ -7,9 +7,9 @@ use super::dense::{pack, unpack};
 use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::multirate::Multirate;
-use super::rest::Rest;
+use super::rest::RestingBlocks;
 use super::work::Work;
-use crate::model::Layout;
+use crate::model::StateLayout;
 
 /// The present state of a run: its last step, the length of the next, and counts.
 #[derive(Debug, Clone)]
@@ -19,9 +19,9 @@ pub(crate) struct Stepper {
     pub(crate) evaluations: u64,
     pub(crate) steps: u64,
     lanes: Arc<Lanes>,
-    layout: Layout,
+    layout: StateLayout,
     work: Work,
-    rest: Rest,
+    rest: RestingBlocks,
     multirate: Multirate,
     contacts_lost: f64,
     guests_lost: Vec<f64>,
@@ -48,14 +48,14 @@ impl Stepper {
     /// Starts at `time` from `state`; no step exceeds `longest`.
     pub(crate) fn new(
         lanes: Arc<Lanes>,
-        layout: Layout,
+        layout: StateLayout,
         (time, state): (f64, &[f64]),
         tolerance: f64,
         longest: f64,
     ) -> Self {
         let mut work = Work::new(&lanes, lanes.clipped);
         unpack(&lanes, layout, state, &mut work.start);
-        let rest = Rest::new(&lanes, &mut work, time, tolerance);
+        let rest = RestingBlocks::new(&lanes, &mut work, time, tolerance);
         Self {
             time,
             evaluations: 0,
@@ -65,9 +65,7 @@ impl Stepper {
             rest,
             multirate: Multirate::new(&lanes, tolerance),
             contacts_lost: state[layout.contact_loss()],
-            guests_lost: (0..lanes.guests.count)
-                .map(|index| state[layout.intruder_loss(index)])
-                .collect(),
+            guests_lost: state[layout.intruder_loss(0)..][..lanes.guests.count].to_vec(),
             wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
             lanes,
             tolerance,
@@ -108,16 +106,13 @@ impl Stepper {
         }
     }
 
-    /// Overlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.
+    /// StepOverlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.
     pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
         let length = self.prepare()?;
         let (lane, times) = (BLOCK + contact, (from, self.time));
-        Some(match self.multirate.step_of(&self.lanes, lane) {
-            Some((work, step)) => work.glimpse_contact(&self.lanes, lane, step, times),
-            None => self
-                .work
-                .glimpse_contact(&self.lanes, lane, (from, length), times),
-        })
+        let slow = self.multirate.step_of(&self.lanes, lane);
+        let (work, step) = slow.unwrap_or((&self.work, (from, length)));
+        Some(work.glimpse_contact(&self.lanes, lane, step, times))
     }
 
     /// Displacement of a moving intruder relative to its host, in the last step; `None` if nothing moved.
@@ -162,35 +157,24 @@ impl Stepper {
 
     /// Energy that all contacts, and each intruder, have dissipated by the end of the last step, J.
     pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
-        let made = self.made.is_some();
-        let contacts = if made {
-            self.work.lost_in_contacts(&self.lanes)
-        } else {
-            0.0
-        };
-        let guests = self.guests_lost.iter().enumerate().map(move |(guest, lost)| {
-            let now = if made {
-                self.work.lost_in_guest(&self.lanes, guest)
-            } else {
-                0.0
-            };
-            lost + now
-        });
+        let work = self.made.map(|_| &self.work);
+        let contacts = work.map_or(0.0, |work| work.lost_in_contacts(&self.lanes));
+        let guests =
+            self.guests_lost.iter().enumerate().map(move |(guest, lost)| {
+                lost + work.map_or(0.0, |work| work.lost_in_guest(&self.lanes, guest))
+            });
         (self.contacts_lost + contacts + self.multirate.lost(), guests)
     }
 
     /// Bodies whose motion the last step has computed. All others fly freely.
     pub(crate) fn moving(&self) -> impl Iterator<Item = Range<usize>> + '_ {
-        let awake = if self.made.is_some() {
-            self.rest.awake()
-        } else {
-            &[]
-        };
+        let awake = self.made.map_or(&[][..], |_| &self.rest.awake);
         let runs = awake.chunk_by(|block, next| block + 1 == *next);
         runs.map(|run| run[0] * BLOCK..((run[0] + run.len()) * BLOCK).min(self.lanes.bodies))
     }
 
     /// Displacement and velocity of a body at `t`, which must be the time of the last [`Stepper::look`].
+    #[inline]
     pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
         let lane = BLOCK + body;
         if self.multirate.moves(lane) {
@@ -203,27 +187,11 @@ impl Stepper {
         }
     }
 
-    /// Velocity of a body at the time of the last [`Stepper::look`].
-    pub(crate) fn speed(&self, body: usize) -> f64 {
-        let lane = BLOCK + body;
-        if self.multirate.moves(lane) {
-            self.multirate.looked().v[lane]
-        } else if self.made.is_some() && self.rest.moves(lane) {
-            self.work.stage.v[lane]
-        } else {
-            self.work.start.v[lane]
-        }
-    }
-
     /// Displacement and velocity of an intruder relative to its host, at the time of the last
     /// [`Stepper::look`].
     pub(crate) fn guest(&self, guest: usize) -> (f64, f64) {
-        let host = self.lanes.guests.hosts[guest];
-        let motion = if self.made.is_some() && self.rest.moves(host) {
-            &self.work.stage
-        } else {
-            &self.work.start
-        };
+        let moves = self.made.is_some() && self.rest.moves(self.lanes.guests.hosts[guest]);
+        let motion = if moves { &self.work.stage } else { &self.work.start };
         let lane = self.lanes.guests.lane(guest);
         (motion.u[lane], motion.v[lane])
     }
@@ -313,13 +281,8 @@ impl Stepper {
     fn part(&mut self, stop: f64) {
         let (lanes, step) = (&self.lanes, self.step.min(stop - self.time));
         self.rest.before_step(lanes, &mut self.work, self.time, step);
-        let tries = self.multirate.part(
-            lanes,
-            (&mut self.rest, &mut self.work),
-            (self.time, stop),
-            (step, self.steps),
-        );
-        self.evaluations += 16 * tries;
+        let (parts, times) = ((&mut self.rest, &mut self.work), (self.time, stop));
+        self.evaluations += 16 * self.multirate.part(lanes, parts, times, (step, self.steps));
     }
 
     fn attempt(&mut self, h: f64) -> f64 {
@@ -359,9 +322,7 @@ impl Stepper {
             (out[body], out[layout.velocity(body)]) = (now.u[lane], now.v[lane]);
         }
         out[layout.contact_loss()] = self.contacts_lost + self.multirate.lost();
-        for (index, lost) in self.guests_lost.iter().enumerate() {
-            out[layout.intruder_loss(index)] = *lost;
-        }
+        out[layout.intruder_loss(0)..][..self.guests_lost.len()].copy_from_slice(&self.guests_lost);
         if let Some(index) = layout.wall_impulse() {
             out[index] = self.wall_impulse;
         }

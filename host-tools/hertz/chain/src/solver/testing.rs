@@ -15,7 +15,7 @@ use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, Intruder, Scenario, Striker};
 
 /// Beads of the paper with this relaxation time, struck as in the paper.
-pub(super) fn plain(beads: usize, relaxation: f64, duration: f64) -> Scenario {
+pub(crate) fn plain(beads: usize, relaxation: f64, duration: f64) -> Scenario {
     let chain = Chain {
         beads,
         relaxation,
@@ -25,26 +25,21 @@ pub(super) fn plain(beads: usize, relaxation: f64, duration: f64) -> Scenario {
 }
 
 /// The scenario with the paper's intruder in these beads.
-pub(super) fn hosting(mut scenario: Scenario, beads: impl IntoIterator<Item = usize>) -> Scenario {
+pub(crate) fn hosting(mut scenario: Scenario, beads: impl IntoIterator<Item = usize>) -> Scenario {
     scenario.intruders = vec![Intruder::new(beads, Oscillator::PAPER)];
     scenario
 }
 
 /// A run from a time and a state, in steps of up to a part `longest` of the shortest contact.
-pub(super) fn start(model: &Model, from: (f64, &[f64]), tolerance: f64, longest: f64) -> Stepper {
+pub(crate) fn start(model: &Model, from: (f64, &[f64]), tolerance: f64, longest: f64) -> Stepper {
     let longest = longest * model.shortest_contact();
-    Stepper::new(
-        Arc::new(Lanes::new(model)),
-        model.layout(),
-        from,
-        tolerance,
-        longest,
-    )
+    let (lanes, layout) = (Arc::new(Lanes::new(model)), model.layout());
+    Stepper::new(lanes, layout, from, tolerance, longest)
 }
 
 impl Stepper {
     /// Runs to a time. Returns the numbers of bodies that all steps computed, and that they moved.
-    pub(super) fn run_to(&mut self, end: f64) -> [usize; 2] {
+    pub(crate) fn run_to(&mut self, end: f64) -> [usize; 2] {
         let mut sums = [0; 2];
         while self.time < end {
             self.advance(end).expect("it goes on");
@@ -55,7 +50,7 @@ impl Stepper {
     }
 
     /// The present state, taken from a copy.
-    pub(super) fn present(&self, model: &Model) -> Vec<f64> {
+    pub(crate) fn present(&self, model: &Model) -> Vec<f64> {
         let mut state = model.initial();
         self.clone().state(&mut state);
         state
@@ -63,12 +58,12 @@ impl Stepper {
 }
 
 /// Difference of places or velocities of all bodies across a contact. A wall stands still at 0.
-pub(super) fn across(bodies: &[f64], contact: usize) -> f64 {
+pub(crate) fn across(bodies: &[f64], contact: usize) -> f64 {
     bodies[contact - 1] - bodies.get(contact).copied().unwrap_or(0.0)
 }
 
 /// Greatest distance of two states, as a part of their values or of the scales.
-pub(super) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
+pub(crate) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     let pairs = ours.iter().zip(theirs).zip(model.scales());
     let errors = pairs.map(|((a, b), scale)| (a - b).abs() / scale.max(b.abs()));
     errors.fold(0.0, f64::max)
@@ -80,10 +75,8 @@ fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<
     let (mut first, mut rate) = (start.to_vec(), start.to_vec());
     model.rate(start, &mut first);
     let plus = |from: &[f64], h: f64, rate: &[f64]| -> Vec<f64> {
-        from.iter()
-            .zip(rate)
-            .map(|(from, rate)| from + h * rate)
-            .collect()
+        let pairs = from.iter().zip(rate);
+        pairs.map(|(from, rate)| from + h * rate).collect()
     };
     // The last row of the table of extrapolations.
     let (mut row, mut before) = (Vec::<Vec<f64>>::new(), f64::INFINITY);
@@ -108,10 +101,8 @@ fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<
             let finer = plus(&state, 1.0, &changes);
             let allowed = finer.iter().zip(scales);
             let allowed = allowed.map(|(value, scale)| 1e-15 * scale + 3e-14 * value.abs());
-            let errors = changes
-                .iter()
-                .zip(allowed)
-                .map(|(change, most)| change.abs() / most);
+            let errors = changes.iter().zip(allowed);
+            let errors = errors.map(|(change, most)| change.abs() / most);
             error = errors.fold(0.0, f64::max);
             *coarser = std::mem::replace(&mut state, finer);
         }
@@ -128,8 +119,8 @@ fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<
 }
 
 /// The state at the end of a run as the referee finds it.
-pub(super) fn referee(model: &Model, end: f64) -> Vec<f64> {
-    let (scales, longest) = (model.scales(), 0.1 * model.shortest_contact());
+pub(crate) fn referee(model: &Model, end: f64) -> Vec<f64> {
+    let (scales, longest) = (model.scales(), 0.08 * model.shortest_contact());
     let (mut time, mut state, mut step) = (0.0, model.initial(), 1e-4 * longest);
     while time < end {
         let last = step > (1.0 - 1e-9) * (end - time);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::aligned::Aligned;
+use super::aligned::CacheAligned;
 use super::crossing::Crossing;
 use super::lanes::{BLOCK, Lanes, first};
 use super::method::{self, NODES, ROWS};
@@ -35,16 +35,22 @@ const LAST: f64 = {
 /// Displacements and velocities, lane by lane: of the bodies, and of the intruders relative to their hosts.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Motion {
-    pub(super) u: Aligned,
-    pub(super) v: Aligned,
+    pub(super) u: CacheAligned,
+    pub(super) v: CacheAligned,
 }
 
 impl Motion {
     pub(super) fn zeros(lanes: &Lanes) -> Self {
         Self {
-            u: Aligned::zeros(lanes.len()),
-            v: Aligned::zeros(lanes.len()),
+            u: CacheAligned::zeros(lanes.len()),
+            v: CacheAligned::zeros(lanes.len()),
         }
+    }
+
+    /// Copies these lanes of another motion.
+    pub(super) fn copy(&mut self, lanes: Range<usize>, from: &Self) {
+        self.u[lanes.clone()].copy_from_slice(&from.u[lanes.clone()]);
+        self.v[lanes.clone()].copy_from_slice(&from.v[lanes]);
     }
 }
 
@@ -62,32 +68,32 @@ pub(super) struct Work {
     /// The motion at the time of [`Work::look`].
     pub(super) stage: Motion,
     /// Accelerations, block by block and stage by stage.
-    pub(super) rates: Aligned,
+    pub(super) rates: CacheAligned,
     /// Error of each block, if it was asked for.
     pub(super) errors: Vec<f64>,
     /// Contribution of exactly integrated contacts to a stage of the dense output.
     pub(super) added: Option<Box<Motion>>,
     /// Force of each intruder's spring and damper on its host at a stage.
-    pub(super) pulls: Aligned,
+    pub(super) pulls: CacheAligned,
     /// Energy that the step dissipates in each contact and each intruder, J, and momentum that it gives the
     /// wall, kg·m/s.
-    pub(super) lost: Aligned,
+    pub(super) lost: CacheAligned,
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
     /// Part of the step at which it should end, so that the next step sees a contact close that this one
     /// misses.
     pub(super) sooner: Option<f64>,
-    /// Powers at the stages, if the losses inside a step are wanted.
-    pub(super) powers: Option<Box<Powers>>,
+    /// StagePowers at the stages, if the losses inside a step are wanted.
+    pub(super) powers: Option<Box<StagePowers>>,
 }
 
 /// Power dissipated in all contacts, force on the wall, and power dissipated in each intruder, at each stage.
 #[derive(Debug, Clone)]
-pub(super) struct Powers {
+pub(super) struct StagePowers {
     pub(super) contacts: [f64; STAGES],
     pub(super) wall: [f64; STAGES],
-    pub(super) guests: Aligned,
+    pub(super) guests: CacheAligned,
 }
 
 /// Index of a lane's acceleration at a stage: block by block, stage by stage.
@@ -106,11 +112,11 @@ impl Work {
             start: Motion::zeros(lanes),
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
-            rates: Aligned::zeros(lanes.len() * STAGES),
+            rates: CacheAligned::zeros(lanes.len() * STAGES),
             errors: Vec::new(),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
-            pulls: Aligned::zeros(guests),
-            lost: Aligned::zeros(lanes.len()),
+            pulls: CacheAligned::zeros(guests),
+            lost: CacheAligned::zeros(lanes.len()),
             wall_impulse: 0.0,
             crossings: Vec::new(),
             sooner: None,
@@ -127,10 +133,10 @@ impl Work {
 
     /// Keeps the powers at each stage, for [`Work::lost_inside`].
     pub(super) fn keep_powers(&mut self, lanes: &Lanes) {
-        self.powers = Some(Box::new(Powers {
+        self.powers = Some(Box::new(StagePowers {
             contacts: [0.0; STAGES],
             wall: [0.0; STAGES],
-            guests: Aligned::zeros(lanes.guests.blocks.len() * BLOCK * STAGES),
+            guests: CacheAligned::zeros(lanes.guests.blocks.len() * BLOCK * STAGES),
         }));
     }
 
@@ -147,31 +153,23 @@ impl Work {
             std::mem::swap(&mut self.start, &mut self.end);
             return;
         }
-        let (start, end) = (&mut self.start, &self.end);
-        let bodies = self.active.iter().map(|run| first(run.start)..first(run.end));
-        let guests = self
-            .active_guests
-            .iter()
-            .map(|&block| block * BLOCK..(block + 1) * BLOCK);
-        for lanes in bodies.chain(guests) {
-            start.u[lanes.clone()].copy_from_slice(&end.u[lanes.clone()]);
-            start.v[lanes.clone()].copy_from_slice(&end.v[lanes]);
+        for run in &self.active {
+            self.start.copy(first(run.start)..first(run.end), &self.end);
+        }
+        for block in &self.active_guests {
+            self.start.copy(block * BLOCK..(block + 1) * BLOCK, &self.end);
         }
     }
 
     /// Energy that the step dissipates in all contacts, J.
     pub(super) fn lost_in_contacts(&self, lanes: &Lanes) -> f64 {
         let end = BLOCK + lanes.bodies + 1;
-        let runs = self
-            .active
-            .iter()
-            .map(|run| first(run.start)..first(run.end).min(end));
-        let lost = |lanes: Range<usize>| self.lost[lanes].iter().sum::<f64>();
-        let shared = self
-            .shared
-            .iter()
-            .map(|&block| lost(first(block)..first(block + 1)));
-        runs.map(lost).sum::<f64>() - shared.sum::<f64>()
+        let lost = |from: usize, to: usize| self.lost[from..to].iter().sum::<f64>();
+        let runs = self.active.iter();
+        let runs = runs.map(|run| lost(first(run.start), first(run.end).min(end)));
+        let shared = self.shared.iter();
+        let shared = shared.map(|&block| lost(first(block), first(block + 1)));
+        runs.sum::<f64>() - shared.sum::<f64>()
     }
 
     /// Energy that the step dissipates in an intruder, J.
@@ -239,11 +237,8 @@ impl Work {
             return;
         }
         // A clipped contact has no force that could move its bodies.
-        let compliance = if cut {
-            0.0
-        } else {
-            lanes.inverse[lane - 1] + lanes.inverse[lane]
-        };
+        let inverse = lanes.inverse[lane - 1] + lanes.inverse[lane];
+        let compliance = if cut { 0.0 } else { inverse };
         let mut crossing = Crossing::new(lane, (stiffness, viscosity), compliance, length, start, end);
         if cut {
             crossing = crossing.cut_off();
@@ -264,12 +259,8 @@ impl Work {
         if Some(lane) == lanes.wall {
             self.wall_impulse += length * once;
         }
-        give(
-            lanes,
-            &mut self.end,
-            lane,
-            (length * length * twice, length * once),
-        );
+        let change = (length * length * twice, length * once);
+        give(lanes, &mut self.end, lane, change);
         self.crossings.push(crossing);
     }
 
@@ -301,19 +292,21 @@ impl Work {
     }
 
     /// Returns the losses and the wall's momentum from the start of the step to its part `x`.
-    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64) -> Inside {
+    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64) -> PartLosses {
         let weights = method::inside(x);
         let powers = self.powers.as_ref().expect("the powers were kept");
         let sum = |rate: &dyn Fn(usize) -> f64| {
             let parts = weights.iter().enumerate();
             length * parts.map(|(stage, weight)| weight * rate(stage)).sum::<f64>()
         };
-        let mut inside = Inside {
+        let of_guest = |guest| {
+            let seat = lanes.guests.seat(guest);
+            sum(&|stage| powers.guests[place(seat, stage)])
+        };
+        let mut inside = PartLosses {
             contacts: sum(&|stage| powers.contacts[stage]),
             wall: sum(&|stage| powers.wall[stage]),
-            guests: (0..lanes.guests.count)
-                .map(|guest| sum(&|stage| powers.guests[place(lanes.guests.seat(guest), stage)]))
-                .collect(),
+            guests: (0..lanes.guests.count).map(of_guest).collect(),
         };
         for crossing in &self.crossings {
             let integrals = crossing.integrals(x);
@@ -328,8 +321,7 @@ impl Work {
 
 /// Losses since the start of the step: energy in contacts and in each intruder, J, and momentum to the wall,
 /// kg·m/s.
-#[derive(Debug, Clone)]
-pub(super) struct Inside {
+pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
     pub(super) guests: Vec<f64>,
@@ -375,7 +367,7 @@ pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
     (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
 }
 
-/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
+/// StepOverlap of a contact, m, its rate, m/s, and its acceleration, m/s².
 #[inline(always)]
 fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);

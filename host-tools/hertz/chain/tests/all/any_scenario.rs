@@ -55,11 +55,11 @@ fn wall() -> impl Strategy<Value = Wall> {
 fn scenario() -> impl Strategy<Value = Scenario> {
     (1_usize..12).prop_flat_map(|beads| {
         let striker = (decades(0.003, 0.04), decades(1e8, 2e11), decades(0.05, 5.0));
-        let tables = (
+        let (intruder, section) = (
             prop::option::of(intruder(beads)),
             prop::option::of(section(beads)),
-            prop::option::of(wall()),
         );
+        let tables = (intruder, section, prop::option::of(wall()));
         let contacts = (prop::option::of(0.0..1e-5), any::<bool>());
         let load = prop::option::of(decades(1e-3, 1e3));
         (striker, tables, contacts, load).prop_map(

@@ -2,18 +2,16 @@
 //!
 //! That program is SciPy's DOP853 at a relative tolerance of 1e-13 over a right-hand side of its own. Its
 //! states and energies repeat from one step sequence to another within the `rel_check` of each case, 2.4e-9
-//! at worst; this crate's own repeat within 1e-10 (`tests/accuracy.rs`), so the distances below are mostly
-//! the reference's.
+//! at worst, and this crate's within 1e-10, so the distances below are mostly the reference's.
 //!
 //! Some of its numbers were read off *samples* of its motion: peaks of force from the parabola through the
-//! greatest sample and its neighbours, widths between straight lines through half of the greatest sample,
-//! greatest energies and accelerations from the samples as they are. The tests read them off the same samples
-//! of this crate's motion, every 0.1 µs in runs of up to 4 ms and every 0.2 µs in longer ones. The summary's
-//! values, which are not samples, are held against these to the error of sampling.
+//! greatest sample and its neighbours, widths between straight lines, greatest energies and accelerations from
+//! the samples as they are. The tests read them off the same samples of this crate's motion, every 0.1 µs in
+//! runs of up to 4 ms and every 0.2 µs in longer ones, and hold the summary against these to the error of
+//! sampling.
 //!
-//! The last three contacts of the long chains carry a rising force when the run ends. It has no peak yet, and
-//! the peak of 10 µs that the reference lists there is none. The last pulse's width of some runs is likewise
-//! beyond the end.
+//! The last three contacts of the long chains carry a rising force when the run ends, and the peak of 10 µs
+//! that the reference lists there is none. The last pulse's width of some runs is likewise beyond the end.
 
 use std::collections::BTreeMap;
 
@@ -46,12 +44,7 @@ fn numbers(value: &Value, key: &str) -> Vec<f64> {
 /// stiffnesses and masses prove them.
 fn scenario(name: &str, case: &Value) -> Scenario {
     let p = &case["params"];
-    let (hosts, k, c, m) = (
-        numbers(p, "hosts_idx"),
-        numbers(p, "k"),
-        numbers(p, "c"),
-        numbers(p, "m"),
-    );
+    let [hosts, k, c, m] = ["hosts_idx", "k", "c", "m"].map(|key| numbers(p, key));
     let oscillator = |i: usize| Oscillator {
         mass: m[i],
         stiffness: k[i],

@@ -92,11 +92,8 @@ fn a_gap_at_the_wall_is_crossed_before_the_wall_feels_anything() {
         .expect("it flies away");
     let (before, after) = (crossed - 2e-6, crossed + 1e-5);
     for body in 0..=10 {
-        close(
-            walled.at(before).velocity(body),
-            free.at(before).velocity(body),
-            1e-11,
-        );
+        let [one, other] = [&walled, &free].map(|solution| solution.at(before).velocity(body));
+        close(one, other, 1e-11);
     }
     assert_eq!(walled.at(before).force(11), 0.0);
     assert!(walled.at(after).force(11) > 1.0);
@@ -115,50 +112,13 @@ fn a_model_can_be_had_without_a_run() {
 }
 
 #[test]
-fn starts_that_cannot_be_are_refused_with_advice() {
-    let paper = std::fs::read_to_string("../../../docs/scenarios/paper-strike.toml").expect("it is there");
-    for (text, words) in [
-        (
-            "[[start]]\nbeads = [17]\ngap = 1e-6",
-            "start[1].beads: bead 17 is not in the chain",
-        ),
-        (
-            "[[start]]\nbeads = []\ngap = 1e-6",
-            "start[1].beads: names no bead",
-        ),
-        (
-            "[[start]]\nbeads = [3]\ngap = -1e-6",
-            "start[1].gap: -0.000001 is not zero or a positive",
-        ),
-        (
-            "[[start]]\nbeads = [3]\nvelocity = inf",
-            "start[1].velocity: inf is no velocity",
-        ),
-        (
-            "[[start]]\nbeads = [3]\ngap = 1e-6\n[[start]]\nbeads = [3]\nvelocity = 0.1",
-            "start[2].beads: bead 3 is already in start[1]",
-        ),
-        (
-            "[[start]]\nbeads = [3]\nspeed = 0.1",
-            "start[1].speed: unknown key; known here",
-        ),
-        (
-            "[wall]\nyoung = 1e9\npoisson = 0.3\ngap = -1.0",
-            "wall.gap: -1 is not zero",
-        ),
-    ] {
-        let error = Scenario::from_toml(&format!("{paper}\n{text}\n"), "x.toml").expect_err(text);
-        let line = error.to_string();
-        assert!(line.contains(words) && line.lines().count() == 1, "{line}");
-    }
+fn a_load_closes_gaps_and_lets_beads_move() {
     let mut loaded = Scenario::paper();
     loaded.chain.precompression = 1.0;
     loaded.starts = vec![Start::apart([4], 1e-6)];
     let line = loaded.check().expect_err("a load closes gaps").to_string();
-    assert!(
-        line.starts_with("start[1].gap: ") && line.contains("chain.precompression"),
-        "{line}"
-    );
+    assert!(line.starts_with("start[1].gap: "), "{line}");
+    assert!(line.contains("chain.precompression"), "{line}");
     loaded.starts = vec![Start::moving([4], -0.2)];
     loaded.check().expect("a loaded bead may move");
     let again = Scenario::from_toml(&loaded.to_toml(), "x.toml").expect("it is what was written");

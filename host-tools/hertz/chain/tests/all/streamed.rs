@@ -2,8 +2,8 @@
 
 use crate::common::{changed, close, elastic};
 use hertz_chain::{
-    Accuracy, ContactForce, Intruder, Material, Observable, Options, Oscillator, Run, Samples, Scenario,
-    Solution, Start, Summariser, Summary, Wall, simulate_with, summarise,
+    Accuracy, ContactForce, Intruder, Material, Options, Oscillator, Run, Scenario, Solution, Start,
+    Summariser, Summary, Wall, simulate_with, summarise,
 };
 
 fn scenarios() -> Vec<Scenario> {
@@ -145,11 +145,8 @@ fn a_run_that_goes_on_from_a_snapshot_comes_to_where_the_whole_run_does() {
         let (whole, rest, copy) = (whole.snapshot(), rest.snapshot(), copy.snapshot());
         for body in 0..=scenario.chain.beads {
             assert_eq!(copy.velocity(body), whole.velocity(body));
-            close(
-                rest.velocity(body),
-                whole.velocity(body),
-                1e-10 * scenario.striker.velocity,
-            );
+            let speed = scenario.striker.velocity;
+            close(rest.velocity(body), whole.velocity(body), 1e-10 * speed);
         }
         close(rest.energies().total() / whole.energies().total(), 1.0, 1e-12);
     }
@@ -179,13 +176,19 @@ fn a_moment_inside_a_step_is_what_a_kept_run_has_there() {
                 close(here.overlap(contact), there.overlap(contact), 1e-14);
             }
             for bead in scenario.hosts() {
-                let (one, other) = (
+                let pair = |one: Option<f64>, other: Option<f64>, most: f64| {
+                    close(one.expect("a host"), other.expect("a host"), most)
+                };
+                pair(
                     here.intruder_acceleration(bead),
                     there.intruder_acceleration(bead),
+                    1e-6,
                 );
-                close(one.expect("a host"), other.expect("a host"), 1e-6);
-                let (one, other) = (here.intruder_velocity(bead), there.intruder_velocity(bead));
-                close(one.expect("a host"), other.expect("a host"), 1e-10 * speed);
+                pair(
+                    here.intruder_velocity(bead),
+                    there.intruder_velocity(bead),
+                    1e-10 * speed,
+                );
             }
         });
         watched.expect("it runs");
@@ -212,36 +215,6 @@ fn the_balance_error_is_the_worst_of_all_steps() {
         last < 0.7 * worst,
         "the last step alone errs by {last:e}, not {worst:e}"
     );
-}
-
-#[test]
-fn samples_taken_on_the_way_are_those_of_a_run_that_was_kept() {
-    let scenario = Scenario::paper();
-    let kept = kept(&scenario, Accuracy::REFERENCE);
-    let mut sampler = kept.sampler();
-    let channels = vec![
-        Observable::Displacement(3),
-        Observable::Velocity(0),
-        Observable::Force(9),
-        Observable::IntruderDisplacement(8),
-        Observable::IntruderAcceleration(8),
-        Observable::IntruderAcceleration(9),
-    ];
-    let mut samples = Samples::new(1e-5, channels);
-    let mut run = run_at(&scenario, Accuracy::REFERENCE);
-    let watched = run.watch(scenario.duration, |step| samples.observe(step));
-    watched.expect("it runs");
-    assert_eq!(samples.len(), (scenario.duration / 1e-5).round() as usize + 1);
-    for index in 0..samples.len() {
-        let row = samples.row(index);
-        let there = sampler.at(samples.time(index).min(kept.end()));
-        close(row[0], there.displacement(3), 1e-15);
-        close(row[1], there.velocity(0), 0.45e-11);
-        close(row[2], there.force(9), 1e-9);
-        close(row[3], there.intruder_displacement(8).expect("a host"), 1e-15);
-        close(row[4], there.intruder_acceleration(8).expect("a host"), 1e-7);
-        assert!(row[5].is_nan(), "bead 9 has none");
-    }
 }
 
 /// A wave that leaves most of the chain behind in slow motion, which takes longer steps.

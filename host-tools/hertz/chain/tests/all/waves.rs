@@ -2,7 +2,7 @@
 //! motion.
 
 use crate::common::{close, elastic, from_height, near, run, softer};
-use hertz_chain::{Intruder, Oscillator, PulseSearch};
+use hertz_chain::{Intruder, Oscillator, Pulse, PulseSearch};
 
 #[test]
 fn the_impulse_through_a_contact_is_the_momentum_after_it() {
@@ -33,10 +33,8 @@ fn regions_add_up_to_the_energies_of_the_whole() {
         same(striker.kinetic, whole.striker);
         same(sum(|part| part.as_printed()), whole.chain_as_printed);
         same(sum(|part| part.kinetic + part.elastic), whole.chain);
-        same(
-            sum(|part| part.intruder_kinetic + part.intruder_elastic),
-            whole.intruders,
-        );
+        let intruders = sum(|part| part.intruder_kinetic + part.intruder_elastic);
+        same(intruders, whole.intruders);
         same(sum(|part| part.intruder_dissipated), whole.dissipated_intruders);
     }
 }
@@ -49,11 +47,8 @@ fn a_light_striker_sends_one_pulse_and_the_summary_has_the_same() {
         let pulse = pulses[0];
         near(pulse.force, peak.force, 1e-13);
         near(pulse.time, peak.time, 1e-13);
-        near(
-            pulse.fwhm.expect("it is over"),
-            peak.fwhm.expect("it is over"),
-            1e-12,
-        );
+        let widths = [pulse.fwhm, peak.fwhm].map(|width| width.expect("it is over"));
+        near(widths[0], widths[1], 1e-12);
         // The end of the chain sends something back; nothing else follows.
         assert!(pulses.len() == 1 || pulses[1].time > 0.0079, "{pulses:?}");
     }
@@ -82,12 +77,9 @@ fn a_heavy_striker_sends_a_train_that_falls_off() {
     // Between its ends, a train carries as much as its pulses.
     let (from, to) = (pulses[0].from, pulses[pulses.len() - 1].to);
     let whole = solution.flow(40).between(from, to);
-    near(pulses.iter().map(|pulse| pulse.energy).sum(), whole.energy, 1e-12);
-    near(
-        pulses.iter().map(|pulse| pulse.impulse).sum(),
-        whole.impulse,
-        1e-12,
-    );
+    let sum = |of: fn(&Pulse) -> f64| pulses.iter().map(of).sum();
+    near(sum(|pulse| pulse.energy), whole.energy, 1e-12);
+    near(sum(|pulse| pulse.impulse), whole.impulse, 1e-12);
     // A stricter search tells fewer pulses apart.
     search.height = 0.3;
     assert!(solution.pulses(40, &search).len() < pulses.len());
@@ -116,11 +108,8 @@ fn at_an_intruder_the_incident_energy_is_shared_out_in_full_and_without_one_all_
     // The regions at the end hold the same.
     let end = solution.at(search.to);
     let scale = split.incident.energy;
-    close(
-        end.region(25..=46).total(),
-        split.main.energy + split.secondary,
-        1e-9 * scale,
-    );
+    let passed = split.main.energy + split.secondary;
+    close(end.region(25..=46).total(), passed, 1e-9 * scale);
     let between = end.region(10..=24);
     close(between.mechanical(), split.rest, 1e-9 * scale);
     near(between.intruder_dissipated, split.absorbed, 1e-12);
@@ -128,9 +117,6 @@ fn at_an_intruder_the_incident_energy_is_shared_out_in_full_and_without_one_all_
     let back = solution.model().striker_energy() - split.incident.energy + split.reflected;
     close(end.region(0..=9).total(), back, 1e-9 * scale);
     // Some of it is reflected, more goes on as secondary waves, more is absorbed.
-    assert!(
-        split.reflected > 1e-4 * scale && split.secondary > 1e-4 * scale,
-        "{split:?}"
-    );
+    assert!(split.reflected.min(split.secondary) > 1e-4 * scale, "{split:?}");
     assert!((0.03..0.06).contains(&(split.absorbed / scale)), "{split:?}");
 }

@@ -4,9 +4,8 @@ use super::*;
 
 /// Σ weights[s] c[s]^k, where c is where the stages lie.
 fn moment(weights: impl Fn(usize) -> f64, k: i32) -> f64 {
-    (0..STAGES)
-        .map(|stage| weights(stage) * NODES[stage].powi(k))
-        .sum()
+    let parts = (0..STAGES).map(|stage| weights(stage) * NODES[stage].powi(k));
+    parts.sum()
 }
 
 #[track_caller]
@@ -37,35 +36,24 @@ fn every_row_integrates_as_many_powers_as_its_stage_needs() {
         // What is integrated twice loses one power.
         for k in 0..powers - 1 {
             let expected = NODES[row].powi(k + 2) / f64::from((k + 1) * (k + 2));
-            near(
-                moment(|stage| weights[stage].displacement, k),
-                expected,
-                3.0 * PRINTED,
-            );
+            let found = moment(|stage| weights[stage].displacement, k);
+            near(found, expected, 3.0 * PRINTED);
         }
-        assert!(
-            weights[row.min(MAIN)..]
-                .iter()
-                .skip(1)
-                .all(|weight| row > MAIN || weight.velocity == 0.0)
-        );
+        let mut later = weights[row.min(MAIN)..].iter().skip(1);
+        assert!(later.all(|weight| row > MAIN || weight.velocity == 0.0));
     }
 }
 
 #[test]
 fn the_estimate_of_the_error_is_what_an_order_of_eight_leaves() {
+    let moment = |k: i32| {
+        let parts = ERROR.iter().map(|&(stage, weight)| weight * NODES[stage].powi(k));
+        parts.sum::<f64>()
+    };
     for k in 0..8 {
-        let sum: f64 = ERROR
-            .iter()
-            .map(|&(stage, weight)| weight * NODES[stage].powi(k))
-            .sum();
-        near(sum, 0.0, PRINTED);
+        near(moment(k), 0.0, PRINTED);
     }
-    let sum: f64 = ERROR
-        .iter()
-        .map(|&(stage, weight)| weight * NODES[stage].powi(8))
-        .sum();
-    assert!(sum.abs() > 1e-6, "{sum:e}");
+    assert!(moment(8).abs() > 1e-6, "{:e}", moment(8));
 }
 
 #[test]
@@ -84,11 +72,8 @@ fn inside_a_step_powers_up_to_the_seventh_are_integrated_and_straight_lines_exac
             // What is integrated twice loses one power.
             if k < 7 {
                 let displacement = moment(twice, k);
-                near(
-                    displacement,
-                    x.powi(k + 2) / ((n + 1.0) * (n + 2.0)),
-                    20.0 * most.max(1e-13),
-                );
+                let expected = x.powi(k + 2) / ((n + 1.0) * (n + 2.0));
+                near(displacement, expected, 20.0 * most.max(1e-13));
             }
         }
     }
@@ -97,9 +82,8 @@ fn inside_a_step_powers_up_to_the_seventh_are_integrated_and_straight_lines_exac
         near(weight, quadrature(stage), 1e-15);
     }
     for (stage, powers) in POWERS.iter().enumerate() {
-        let slope: f64 = (0..TERMS)
-            .map(|k| powers[k].velocity * (-0.5_f64).powi(k as i32))
-            .sum();
+        let slope = |k: usize| powers[k].velocity * (-0.5_f64).powi(k as i32);
+        let slope: f64 = (0..TERMS).map(slope).sum();
         near(slope, if stage == 0 { 1.0 } else { 0.0 }, 1e-9);
     }
 }

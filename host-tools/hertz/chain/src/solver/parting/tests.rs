@@ -17,10 +17,8 @@ fn chain(relaxation: f64, host: Option<usize>) -> (Lanes, Motion) {
     };
     let striker = Striker::new(chain.radius, chain.material(), 0.45);
     let mut scenario = Scenario::new(1e-3, chain, striker);
-    scenario.intruders = host
-        .map(|bead| Intruder::new([bead], Oscillator::PAPER))
-        .into_iter()
-        .collect();
+    let intruder = host.map(|bead| Intruder::new([bead], Oscillator::PAPER));
+    scenario.intruders.extend(intruder);
     let lanes = Lanes::new(&Model::new(&scenario));
     let motion = Motion::zeros(&lanes);
     (lanes, motion)
@@ -56,16 +54,21 @@ fn a_signal_is_at_most_as_fast_as_in_a_contact_that_has_all_energy() {
 
     let mut pressed = still.clone();
     press(&mut pressed, 3e-6);
+    let stiffness = 1.5 * lanes.stiffness[LANE] * 3e-6_f64.sqrt();
     same(
         all.fastest(&lanes, &pressed),
-        (1.5 * lanes.stiffness[LANE] * 3e-6_f64.sqrt() * lanes.inverse[LANE]).sqrt(),
+        (stiffness * lanes.inverse[LANE]).sqrt(),
     );
     // What is calm has no wave to send.
     let block = LANE / BLOCK - 1;
-    assert_eq!(
-        calm(&lanes, std::iter::once(block..block + 1).collect()).fastest(&lanes, &pressed),
-        0.0
+    let quiet = calm(
+        &lanes,
+        vec![Range {
+            start: block,
+            end: block + 1,
+        }],
     );
+    assert_eq!(quiet.fastest(&lanes, &pressed), 0.0);
     // An open contact holds nothing.
     let mut open = still.clone();
     press(&mut open, -3e-6);
@@ -73,17 +76,12 @@ fn a_signal_is_at_most_as_fast_as_in_a_contact_that_has_all_energy() {
 
     let mut moving = still.clone();
     moving.v[LANE] = -0.3;
-    same(
-        all.fastest(&lanes, &moving),
-        speed(&lanes, 0.5 * 0.3 * 0.3 / lanes.inverse[LANE]),
-    );
+    let kinetic = 0.5 * 0.3 * 0.3 / lanes.inverse[LANE];
+    same(all.fastest(&lanes, &moving), speed(&lanes, kinetic));
     let mut both = moving;
     press(&mut both, 3e-6);
     let elastic = 0.4 * lanes.stiffness[LANE] * 3e-6_f64.powf(2.5);
-    same(
-        all.fastest(&lanes, &both),
-        speed(&lanes, elastic + 0.5 * 0.3 * 0.3 / lanes.inverse[LANE]),
-    );
+    same(all.fastest(&lanes, &both), speed(&lanes, elastic + kinetic));
 
     // An intruder has energy by its own speed, not by that in its host, and in its spring.
     let (lanes, still) = chain(0.0, Some(LANE - BLOCK));
@@ -105,14 +103,17 @@ fn slopes_are_those_of_the_stiffest_contact_when_it_is_a_quarter_deeper() {
     let (lanes, mut motion) = chain(4.2e-6, None);
     press(&mut motion, 2e-6);
     let block = LANE / BLOCK - 1;
-    let run: [Range<usize>; 1] = std::array::from_fn(|_| block..block + 1);
+    let run = [Range {
+        start: block,
+        end: block + 1,
+    }];
     let slopes = Slopes::of(&lanes, &motion, &run);
     let by_overlap = |deep: f64| 1.5 * lanes.stiffness[LANE] * deep.sqrt() * lanes.inverse[LANE];
     assert!(slopes.overlap >= by_overlap(1.25 * 2e-6) && slopes.overlap < by_overlap(1.8 * 2e-6));
     // F = κ √δ (δ + (3/2) τ δ'), so its slope by the rate is the other one times τ.
     assert!(slopes.rate >= 4.2e-6 * by_overlap(1.25 * 2e-6) && slopes.rate < 4.2e-6 * by_overlap(1.3 * 2e-6));
     // Contacts elsewhere, and open ones, have none.
-    let elsewhere: [Range<usize>; 1] = std::array::from_fn(|_| 4..6);
+    let elsewhere = [Range { start: 4, end: 6 }];
     assert_eq!(Slopes::of(&lanes, &motion, &elsewhere).overlap, 0.0);
     press(&mut motion, -2e-6);
     assert_eq!(Slopes::of(&lanes, &motion, &run).overlap, 0.0);
@@ -141,62 +142,42 @@ fn what_a_slow_step_leaves_out_is_below_the_bound_that_is_derived() {
     // The force of the contact on the bead behind it.
     let acceleration = lanes.stiffness[LANE] * 2e-6_f64.powf(1.5) * lanes.inverse[LANE];
     let slope = 1.9e8_f64;
-    let (elastic, length) = (
-        Slopes {
-            overlap: slope,
-            rate: 0.0,
-        },
-        2.0 / slope.sqrt(),
-    );
-    let left = elastic.left_out(&lanes, &motion, &[LANE], length);
-    assert!(
-        (left / (acceleration * length) / 2.5e-9 - 1.0).abs() < 0.02,
-        "{left:e}"
-    );
-    same(left, bound(acceleration, (slope, 0.0), length));
-    // The bead before is pushed as hard, one elsewhere not at all; the hardest counts.
-    same(
-        elastic.left_out(&lanes, &motion, &[LANE + 5, LANE - 1, LANE + 9], length),
-        left,
-    );
-    assert_eq!(elastic.left_out(&lanes, &motion, &[LANE + 5], length), 0.0);
-
-    let viscous = Slopes {
-        overlap: slope,
-        rate: 2e3,
+    let length = 2.0 / slope.sqrt();
+    let left_out = |motion: &Motion, beads: &[usize], rate: f64, length: f64| {
+        let slopes = Slopes { overlap: slope, rate };
+        slopes.left_out(&lanes, motion, beads, length)
     };
-    let left = viscous.left_out(&lanes, &motion, &[LANE], length);
+    let left = left_out(&motion, &[LANE], 0.0, length);
+    let part = left / (acceleration * length);
+    assert!((part / 2.5e-9 - 1.0).abs() < 0.02, "{left:e}");
+    let of = |acceleration: f64| bound(acceleration, (slope, 0.0), length);
+    same(left, of(acceleration));
+    // The bead before is pushed as hard, one elsewhere not at all; the hardest counts.
+    let others = [LANE + 5, LANE - 1, LANE + 9];
+    same(left_out(&motion, &others, 0.0, length), left);
+    assert_eq!(left_out(&motion, &[LANE + 5], 0.0, length), 0.0);
+
+    let left = left_out(&motion, &[LANE], 2e3, length);
     same(left, bound(acceleration, (slope, 2e3), length));
 
     // A bead that moves changes both its contacts, at up to twice that rate.
     let (_, mut moving) = chain(0.0, None);
     moving.v[LANE] = 1e-3;
-    let left = elastic.left_out(&lanes, &moving, &[LANE], length);
-    same(left, bound(2.0 * slope * 2e-3 * length, (slope, 0.0), length));
+    let by_rate = |rate: f64| 2.0 * slope * rate * length;
+    same(left_out(&moving, &[LANE], 0.0, length), of(by_rate(2e-3)));
     // With its neighbour, only one of them.
     let mut along = moving.clone();
     along.v[LANE + 1] = 1e-3;
-    same(
-        elastic.left_out(&lanes, &along, &[LANE], length),
-        bound(2.0 * slope * 1e-3 * length, (slope, 0.0), length),
-    );
+    same(left_out(&along, &[LANE], 0.0, length), of(by_rate(1e-3)));
     moving.u = motion.u.clone();
-    let left = elastic.left_out(&lanes, &moving, &[LANE], length);
-    same(
-        left,
-        bound(acceleration + 2.0 * slope * 2e-3 * length, (slope, 0.0), length),
-    );
+    let both = of(acceleration + by_rate(2e-3));
+    same(left_out(&moving, &[LANE], 0.0, length), both);
 
     // No z is above 1 where √a H is 8.
-    assert!(
-        elastic
-            .left_out(&lanes, &motion, &[LANE], 7.999 / slope.sqrt())
-            .is_finite()
-    );
-    assert_eq!(
-        elastic.left_out(&lanes, &motion, &[LANE], 8.001 / slope.sqrt()),
-        f64::INFINITY
-    );
+    for (length, is_finite) in [(7.999, true), (8.001, false)] {
+        let left = left_out(&motion, &[LANE], 0.0, length / slope.sqrt());
+        assert_eq!(left < f64::INFINITY, is_finite);
+    }
 }
 
 #[test]
@@ -213,18 +194,14 @@ fn the_longest_step_is_stable_keeps_waves_out_and_leaves_out_what_is_quiet() {
     };
     let part = calm(&lanes, std::iter::once(0..5).collect());
     let slopes = Slopes::of(&lanes, &motion, &part.runs);
-    let (root, step) = (
-        slopes.overlap.sqrt() + slopes.rate,
-        |motion: &Motion, quiet: f64, wanted: f64| part.longest(&lanes, motion, quiet, wanted),
-    );
+    let root = slopes.overlap.sqrt() + slopes.rate;
+    let step = |motion: &Motion, quiet, wanted| part.longest(&lanes, motion, quiet, wanted);
     let slow = waves(0.0);
     assert_eq!(step(&slow, 1.0, 1e-9), 1e-9);
     same(step(&slow, 1.0, 1.0), STABLE / root);
     let fast = waves(1e4);
-    same(
-        step(&fast, 1.0, 1.0),
-        (GUARD * BLOCK) as f64 / part.fastest(&lanes, &fast),
-    );
+    let way = (GUARD * BLOCK) as f64;
+    same(step(&fast, 1.0, 1.0), way / part.fastest(&lanes, &fast));
     // It is shortened by tenths until the bound at the edge, the first bead after the run, is met.
     let edge = [first(5)];
     let left = |length: f64| slopes.left_out(&lanes, &slow, &edge, length);
@@ -268,7 +245,7 @@ fn a_block_is_calm_whose_contacts_change_by_a_quarter_or_stay_open() {
         assert!(!calm(0.0, Some(LANE - BLOCK), 1e-6, 0.0));
     }
     // Open by 1 µm: it stays so in three times the step.
-    assert!(
-        calm(0.0, None, -1e-6, 0.0333) && !calm(0.0, None, -1e-6, 0.0334) && calm(0.0, None, -1e-6, -1.0)
-    );
+    for (rate, stays) in [(0.0333, true), (0.0334, false), (-1.0, true)] {
+        assert_eq!(calm(0.0, None, -1e-6, rate), stays);
+    }
 }
