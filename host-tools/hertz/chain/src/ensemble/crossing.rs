@@ -139,8 +139,9 @@ impl<S: Wide> WideOverlap<S> {
             high = beyond.select(x, high);
             low = beyond.select(low, x);
             let newton = x - value / slope;
-            let inside = newton.above(low).and(high.above(newton));
-            x = inside.select(newton, (low + high) * 0.5);
+            let middle = (low + high) * 0.5;
+            x = newton.above(low).select(newton, middle);
+            x = high.above(newton).select(x, middle);
         }
         x
     }

@@ -17,10 +17,7 @@ impl Eight {
 
     #[inline(always)]
     pub(super) fn load<S: Wide>(&self, simd: S) -> Vector<S> {
-        Vector {
-            simd,
-            lanes: pulp::cast(self.0),
-        }
+        Vector(simd, pulp::cast(self.0))
     }
 }
 
@@ -32,48 +29,29 @@ impl<S: Simd<f64s = f64x8>> Wide for S {}
 /// Eight lanes in registers. [`Vector::times_plus`] rounds a product and a following sum once, and the
 /// operators twice, on every processor.
 #[derive(Clone, Copy)]
-pub(super) struct Vector<S: Wide> {
-    simd: S,
-    lanes: f64x8,
-}
+pub(super) struct Vector<S: Wide>(S, f64x8);
 
 /// A vector with this value in all lanes.
 #[inline(always)]
 pub(super) fn all<S: Wide>(simd: S, value: f64) -> Vector<S> {
-    Vector {
-        simd,
-        lanes: simd.splat_f64s(value),
-    }
+    Vector(simd, simd.splat_f64s(value))
 }
 
 /// A truth value in each lane.
 #[derive(Clone, Copy)]
-pub(super) struct Mask<S: Wide> {
-    simd: S,
-    lanes: S::m64s,
-}
+pub(super) struct Mask<S: Wide>(S, S::m64s);
 
 impl<S: Wide> Mask<S> {
     #[inline(always)]
     pub(super) fn select(self, yes: Vector<S>, no: Vector<S>) -> Vector<S> {
-        let lanes = self
-            .simd
-            .select_u64s(self.lanes, pulp::cast(yes.lanes), pulp::cast(no.lanes));
-        yes.with(pulp::cast(lanes))
-    }
-
-    #[inline(always)]
-    pub(super) fn and(self, other: Self) -> Self {
-        Self {
-            simd: self.simd,
-            lanes: self.simd.and_m64s(self.lanes, other.lanes),
-        }
+        let lanes = self.0.select_u64s(self.1, pulp::cast(yes.1), pulp::cast(no.1));
+        Vector(self.0, pulp::cast(lanes))
     }
 
     /// Returns 1 for true, 0 for false.
     #[inline(always)]
     pub(super) fn number(self) -> Vector<S> {
-        self.select(all(self.simd, 1.0), all(self.simd, 0.0))
+        self.select(all(self.0, 1.0), all(self.0, 0.0))
     }
 }
 
@@ -84,7 +62,7 @@ macro_rules! operator {
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                self.with(self.simd.$of_simd(self.lanes, other.lanes))
+                Self(self.0, self.0.$of_simd(self.1, other.1))
             }
         }
 
@@ -93,7 +71,7 @@ macro_rules! operator {
 
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                self.with(self.simd.$of_simd(self.lanes, self.simd.splat_f64s(other)))
+                self.$method(all(self.0, other))
             }
         }
     };
@@ -106,86 +84,70 @@ operator!(Div, div, div_f64s);
 
 impl<S: Wide> Vector<S> {
     #[inline(always)]
-    fn with(self, lanes: f64x8) -> Self {
-        Self {
-            simd: self.simd,
-            lanes,
-        }
-    }
-
-    #[inline(always)]
-    fn mask(self, lanes: S::m64s) -> Mask<S> {
-        Mask {
-            simd: self.simd,
-            lanes,
-        }
-    }
-
-    #[inline(always)]
     pub(super) fn store(self) -> Eight {
-        Eight(pulp::cast(self.lanes))
+        Eight(pulp::cast(self.1))
     }
 
     #[inline(always)]
     pub(super) fn times_plus(self, factor: Self, term: Self) -> Self {
-        self.with(self.simd.mul_add_f64s(self.lanes, factor.lanes, term.lanes))
+        Self(self.0, self.0.mul_add_f64s(self.1, factor.1, term.1))
     }
 
     #[inline(always)]
     pub(super) fn scaled_plus(self, factor: f64, term: Self) -> Self {
-        self.times_plus(all(self.simd, factor), term)
+        self.times_plus(all(self.0, factor), term)
     }
 
     #[inline(always)]
     pub(super) fn sqrt(self) -> Self {
-        self.with(self.simd.sqrt_f64s(self.lanes))
+        Self(self.0, self.0.sqrt_f64s(self.1))
     }
 
     #[inline(always)]
     pub(super) fn abs(self) -> Self {
-        self.with(self.simd.abs_f64s(self.lanes))
+        Self(self.0, self.0.abs_f64s(self.1))
     }
 
     #[inline(always)]
     pub(super) fn max(self, other: Self) -> Self {
-        self.with(self.simd.max_f64s(self.lanes, other.lanes))
+        Self(self.0, self.0.max_f64s(self.1, other.1))
     }
 
     #[inline(always)]
     pub(super) fn min(self, other: Self) -> Self {
-        self.with(self.simd.min_f64s(self.lanes, other.lanes))
+        Self(self.0, self.0.min_f64s(self.1, other.1))
     }
 
     /// Returns the values, or zero where they are negative.
     #[inline(always)]
     pub(super) fn positive(self) -> Self {
-        self.with(self.simd.max_f64s(self.simd.splat_f64s(0.0), self.lanes))
+        Self(self.0, self.0.max_f64s(self.0.splat_f64s(0.0), self.1))
     }
 
     #[inline(always)]
     pub(super) fn above(self, other: Self) -> Mask<S> {
-        self.mask(self.simd.greater_than_f64s(self.lanes, other.lanes))
+        Mask(self.0, self.0.greater_than_f64s(self.1, other.1))
     }
 
     #[inline(always)]
     pub(super) fn at_most(self, other: Self) -> Mask<S> {
-        self.mask(self.simd.less_than_or_equal_f64s(self.lanes, other.lanes))
+        Mask(self.0, self.0.less_than_or_equal_f64s(self.1, other.1))
     }
 
     #[inline(always)]
     pub(super) fn equals(self, other: Self) -> Mask<S> {
-        self.mask(self.simd.equal_f64s(self.lanes, other.lanes))
+        Mask(self.0, self.0.equal_f64s(self.1, other.1))
     }
 
     /// Returns 1 where the value is above zero, otherwise 0.
     #[inline(always)]
     pub(super) fn is_positive(self) -> Self {
-        self.above(all(self.simd, 0.0)).number()
+        self.above(all(self.0, 0.0)).number()
     }
 
     /// Returns true if any lane is above zero.
     #[inline(always)]
     pub(super) fn any_positive(self) -> bool {
-        self.simd.reduce_max_f64s(self.lanes) > 0.0
+        self.0.reduce_max_f64s(self.1) > 0.0
     }
 }

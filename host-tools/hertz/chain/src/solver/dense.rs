@@ -80,7 +80,7 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// StepOverlap of a contact less that at rest, m, over the whole step, which has these times.
+    /// Overlap of a contact less that at rest, m, over the whole step, which has these times.
     pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
         let step = (self.start, self.length);
         self.work

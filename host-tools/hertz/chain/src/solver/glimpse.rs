@@ -64,7 +64,7 @@ fn powers(rate: impl Fn(usize) -> f64) -> [Weight; TERMS] {
 }
 
 impl Work {
-    /// StepOverlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for, which has this
+    /// Overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for, which has this
     /// start and length. It will be read between the times `from` and `to`.
     pub(super) fn glimpse_contact(
         &self,

@@ -8,7 +8,7 @@
 //! has terms y^(7/2) and y^(5/2). Their factors follow from the slope at the root. Without them, a contact
 //! that closes just before the end of a step would have a wrong force which no stage sees.
 
-/// StepOverlap, m, its rate, m/s, and its acceleration, m/s².
+/// Overlap, m, its rate, m/s, and its acceleration, m/s².
 pub(super) type Ends = [f64; 3];
 
 /// δ as a function of the part x of the step: a polynomial of fifth order, and the effect of the contact's

@@ -86,7 +86,7 @@ pub(super) fn count(runs: &[Range<usize>]) -> usize {
     runs.iter().map(Range::len).sum()
 }
 
-/// StepOverlap of a contact, m, and its rate, m/s.
+/// Overlap of a contact, m, and its rate, m/s.
 fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
     let (u, v) = (&motion.u, &motion.v);
     (u[lane - 1] - u[lane] + lanes.rest[lane], v[lane - 1] - v[lane])

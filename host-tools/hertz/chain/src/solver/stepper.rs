@@ -106,7 +106,7 @@ impl Stepper {
         }
     }
 
-    /// StepOverlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.
+    /// Overlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.
     pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
         let length = self.prepare()?;
         let (lane, times) = (BLOCK + contact, (from, self.time));

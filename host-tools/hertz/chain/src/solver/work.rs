@@ -84,7 +84,7 @@ pub(super) struct Work {
     /// Part of the step at which it should end, so that the next step sees a contact close that this one
     /// misses.
     pub(super) sooner: Option<f64>,
-    /// StagePowers at the stages, if the losses inside a step are wanted.
+    /// Powers at the stages, if the losses inside a step are wanted.
     pub(super) powers: Option<Box<StagePowers>>,
 }
 
@@ -367,7 +367,7 @@ pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
     (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
 }
 
-/// StepOverlap of a contact, m, its rate, m/s, and its acceleration, m/s².
+/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
 #[inline(always)]
 fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);

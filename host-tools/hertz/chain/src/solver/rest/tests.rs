@@ -171,7 +171,7 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
     let (lanes, _, mut rest) = asleep(&[], None);
     let (h, quiet) = (1e-4, rest.quiet);
     for behind in [true, false] {
-        // LaneBlock 1 sleeps; the run is before it or behind it.
+        // Block 1 sleeps; the run is before it or behind it.
         let lane = if behind { first(1) } else { first(2) };
         let beside = (lane - 1, lane);
         let (mover, sleeper) = if behind { beside } else { (beside.1, beside.0) };
@@ -206,7 +206,7 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
     let (lanes, _, rest) = asleep(&[], None);
     let (h, quiet, shallow) = (1e-5, rest.quiet, rest.shallow);
     for behind in [true, false] {
-        // LaneBlock 1 sleeps; the run is before it or behind it.
+        // Block 1 sleeps; the run is before it or behind it.
         let beside = [(first(2), first(2) - 1), (first(1) - 1, first(1))];
         let (mover, sleeper) = beside[usize::from(behind)];
         let sign = if behind { 1.0 } else { -1.0 };
