@@ -467,49 +467,7 @@ impl Model {
         let most = energies.fold(0.0, f64::max);
         (2.5 * most / self.contacts[0].stiffness).powf(0.4)
     }
-}
 
-/// Indices of the state vector. It holds displacements and velocities of the bodies, relative displacements
-/// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
-/// intruder, and the momentum given to the wall if there is one.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct StateLayout {
-    bodies: usize,
-    intruders: usize,
-    walled: bool,
-}
-
-impl StateLayout {
-    pub(crate) fn velocity(&self, body: usize) -> usize {
-        self.bodies + body
-    }
-
-    pub(crate) fn relative(&self, intruder: usize) -> usize {
-        2 * self.bodies + intruder
-    }
-
-    pub(crate) fn relative_velocity(&self, intruder: usize) -> usize {
-        2 * self.bodies + self.intruders + intruder
-    }
-
-    pub(crate) fn contact_loss(&self) -> usize {
-        2 * (self.bodies + self.intruders)
-    }
-
-    pub(crate) fn intruder_loss(&self, intruder: usize) -> usize {
-        self.contact_loss() + 1 + intruder
-    }
-
-    pub(crate) fn wall_impulse(&self) -> Option<usize> {
-        self.walled.then_some(self.contact_loss() + 1 + self.intruders)
-    }
-
-    pub(crate) fn dimension(&self) -> usize {
-        self.contact_loss() + 1 + self.intruders + usize::from(self.walled)
-    }
-}
-
-impl Model {
     /// Writes the rate of change of the state `y` to `rate`, which has the same length.
     pub(crate) fn rate(&self, y: &[f64], rate: &mut [f64]) {
         let layout = self.layout();
@@ -560,39 +518,7 @@ impl Model {
             rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
         }
     }
-}
 
-/// Energies at one time, J.
-///
-/// [`Energies::total`] equals [`Model::initial_energy`], the striker's unless beads move at t = 0. The
-/// balance closes only with M - m for a host's shell beside its intruder's own energy. The paper prints M
-/// instead; that sum is `chain_as_printed`.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[non_exhaustive]
-pub struct Energies {
-    /// Kinetic energy of the striker.
-    pub striker: f64,
-    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
-    /// static load, contacts count from rest, less the work of that load ([`Contact::energy`]).
-    pub chain: f64,
-    /// `chain` with M in place of M - m for every bead: the paper's E_T.
-    pub chain_as_printed: f64,
-    /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
-    pub intruders: f64,
-    /// Dissipated in all contacts so far: ∫ (F - F_Hertz) δ' dt.
-    pub dissipated_contacts: f64,
-    /// Dissipated in all intruders so far: Σ ∫ c x'² dt.
-    pub dissipated_intruders: f64,
-}
-
-impl Energies {
-    /// The sum, which is constant over a run except for the error of the integration.
-    pub fn total(&self) -> f64 {
-        self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
-    }
-}
-
-impl Model {
     /// Energy of contact `j` (from 1), J.
     pub(crate) fn contact_energy(&self, y: &[f64], j: usize) -> f64 {
         self.contacts[j - 1].energy_beyond(self.change(y, j).0)
@@ -684,5 +610,75 @@ impl Model {
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
         1.5 * contact.stiffness * (root * approach + viscous)
+    }
+}
+
+/// Indices of the state vector. It holds displacements and velocities of the bodies, relative displacements
+/// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
+/// intruder, and the momentum given to the wall if there is one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StateLayout {
+    bodies: usize,
+    intruders: usize,
+    walled: bool,
+}
+
+impl StateLayout {
+    pub(crate) fn velocity(&self, body: usize) -> usize {
+        self.bodies + body
+    }
+
+    pub(crate) fn relative(&self, intruder: usize) -> usize {
+        2 * self.bodies + intruder
+    }
+
+    pub(crate) fn relative_velocity(&self, intruder: usize) -> usize {
+        2 * self.bodies + self.intruders + intruder
+    }
+
+    pub(crate) fn contact_loss(&self) -> usize {
+        2 * (self.bodies + self.intruders)
+    }
+
+    pub(crate) fn intruder_loss(&self, intruder: usize) -> usize {
+        self.contact_loss() + 1 + intruder
+    }
+
+    pub(crate) fn wall_impulse(&self) -> Option<usize> {
+        self.walled.then_some(self.contact_loss() + 1 + self.intruders)
+    }
+
+    pub(crate) fn dimension(&self) -> usize {
+        self.contact_loss() + 1 + self.intruders + usize::from(self.walled)
+    }
+}
+
+/// Energies at one time, J.
+///
+/// [`Energies::total`] equals [`Model::initial_energy`], the striker's unless beads move at t = 0. The
+/// balance closes only with M - m for a host's shell beside its intruder's own energy. The paper prints M
+/// instead; that sum is `chain_as_printed`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Energies {
+    /// Kinetic energy of the striker.
+    pub striker: f64,
+    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
+    /// static load, contacts count from rest, less the work of that load ([`Contact::energy`]).
+    pub chain: f64,
+    /// `chain` with M in place of M - m for every bead: the paper's E_T.
+    pub chain_as_printed: f64,
+    /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
+    pub intruders: f64,
+    /// Dissipated in all contacts so far: ∫ (F - F_Hertz) δ' dt.
+    pub dissipated_contacts: f64,
+    /// Dissipated in all intruders so far: Σ ∫ c x'² dt.
+    pub dissipated_intruders: f64,
+}
+
+impl Energies {
+    /// The sum, which is constant over a run except for the error of the integration.
+    pub fn total(&self) -> f64 {
+        self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
     }
 }

@@ -401,52 +401,7 @@ impl Group<'_> {
             self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - rate).store();
         }
     }
-}
 
-/// Difference of a coordinate between the bodies before and behind a contact.
-#[inline(always)]
-fn change<S: Wide>(simd: S, of: &[Eight], contact: usize) -> Vector<S> {
-    of[contact - 1].load(simd) - of[contact].load(simd)
-}
-
-/// Returns displacement and velocity at a stage.
-#[inline(always)]
-fn moved<S: Wide, const STAGE: usize>(
-    simd: S,
-    (u, v): (Vector<S>, Vector<S>),
-    rates: &StageRates,
-    length: Vector<S>,
-) -> (Vector<S>, Vector<S>) {
-    if STAGE == 0 {
-        return (u, v);
-    }
-    let (mut once, mut twice) = (all(simd, 0.0), all(simd, 0.0));
-    for stage in 0..STAGES {
-        let (velocity, displacement) = (VELOCITY[STAGE][stage], DISPLACEMENT[STAGE][stage]);
-        if velocity != 0.0 {
-            once = rates[stage].load(simd).scaled_plus(velocity, once);
-        }
-        if displacement != 0.0 {
-            twice = rates[stage].load(simd).scaled_plus(displacement, twice);
-        }
-    }
-    let way = length.times_plus(twice, v * NODES[STAGE]);
-    (length.times_plus(way, u), length.times_plus(once, v))
-}
-
-/// Returns the error of a velocity over the length of the step.
-#[inline(always)]
-fn estimate<S: Wide>(simd: S, rates: &StageRates) -> Eight {
-    let mut error = all(simd, 0.0);
-    for stage in 0..STAGES {
-        if ERROR[stage] != 0.0 {
-            error = rates[stage].load(simd).scaled_plus(ERROR[stage], error);
-        }
-    }
-    error.store()
-}
-
-impl Group<'_> {
     /// Integrates exactly the contacts that open or close in the step.
     #[inline(always)]
     fn cross<S: Wide>(&mut self, simd: S) {
@@ -638,4 +593,47 @@ impl Group<'_> {
             }
         }
     }
+}
+
+/// Difference of a coordinate between the bodies before and behind a contact.
+#[inline(always)]
+fn change<S: Wide>(simd: S, of: &[Eight], contact: usize) -> Vector<S> {
+    of[contact - 1].load(simd) - of[contact].load(simd)
+}
+
+/// Returns displacement and velocity at a stage.
+#[inline(always)]
+fn moved<S: Wide, const STAGE: usize>(
+    simd: S,
+    (u, v): (Vector<S>, Vector<S>),
+    rates: &StageRates,
+    length: Vector<S>,
+) -> (Vector<S>, Vector<S>) {
+    if STAGE == 0 {
+        return (u, v);
+    }
+    let (mut once, mut twice) = (all(simd, 0.0), all(simd, 0.0));
+    for stage in 0..STAGES {
+        let (velocity, displacement) = (VELOCITY[STAGE][stage], DISPLACEMENT[STAGE][stage]);
+        if velocity != 0.0 {
+            once = rates[stage].load(simd).scaled_plus(velocity, once);
+        }
+        if displacement != 0.0 {
+            twice = rates[stage].load(simd).scaled_plus(displacement, twice);
+        }
+    }
+    let way = length.times_plus(twice, v * NODES[STAGE]);
+    (length.times_plus(way, u), length.times_plus(once, v))
+}
+
+/// Returns the error of a velocity over the length of the step.
+#[inline(always)]
+fn estimate<S: Wide>(simd: S, rates: &StageRates) -> Eight {
+    let mut error = all(simd, 0.0);
+    for stage in 0..STAGES {
+        if ERROR[stage] != 0.0 {
+            error = rates[stage].load(simd).scaled_plus(ERROR[stage], error);
+        }
+    }
+    error.store()
 }

@@ -158,40 +158,32 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     finish(simd, work, lanes, length)
 }
 
-/// Stages with a weight in the displacements of a row alone.
-const BENDS: [Range<usize>; STAGES] = terms(true);
-/// Stages after the first with a weight in a row's velocities.
-const WEIGHS: [Range<usize>; STAGES] = terms(false);
-
-/// Stages after the first with a weight in a row. `bends` selects those before the first that has a weight in
-/// velocities too, which act on displacements alone; otherwise the others.
-const fn terms(bends: bool) -> [Range<usize>; STAGES] {
-    let mut ranges = [const { 0..0 }; STAGES];
+/// Stages after the first with a weight in a row: the first that acts on displacements alone, the first that has
+/// a weight in velocities too, and the end.
+const SPANS: [[usize; 3]; STAGES] = {
+    let mut spans = [[0; 3]; STAGES];
     let mut row = 0;
     while row < STAGES {
         let (mut from, mut split, mut end) = (STAGES, STAGES, 1);
         let mut stage = 1;
         while stage < STAGES {
             let weight = ROWS[row][stage];
-            let (speeds, bends) = (weight.velocity != 0.0, weight.displacement != 0.0);
-            if speeds || bends {
-                if from == STAGES {
-                    from = stage;
-                }
-                if speeds && split == STAGES {
-                    split = stage;
-                }
+            if weight.velocity != 0.0 && split == STAGES {
+                split = stage;
+            }
+            if weight.velocity != 0.0 || weight.displacement != 0.0 {
+                from = if from < stage { from } else { stage };
                 end = stage + 1;
             }
             stage += 1;
         }
         if from < end {
-            ranges[row] = if bends { from..split } else { split..end };
+            spans[row] = [from, split, end];
         }
         row += 1;
     }
-    ranges
-}
+    spans
+};
 
 /// Returns displacements and velocities of eight lanes at a stage, from those at the start.
 #[inline(always)]
@@ -208,12 +200,12 @@ fn moved<S: Simd<f64s = f64x8>>(
     let mut once = simd.mul_f64s(simd.splat_f64s(weights[0].velocity), rate);
     let mut twice = simd.mul_f64s(simd.splat_f64s(weights[0].displacement), rate);
     // Two early stages have no weight in the velocities of later ones.
-    for stage in BENDS[row].clone() {
+    let [from, split, end] = SPANS[row];
+    for stage in from..split {
         let weight = simd.splat_f64s(weights[stage].displacement);
         twice = simd.add_f64s(twice, simd.mul_f64s(weight, pulp::cast(rates[stage])));
     }
-    let terms = WEIGHS[row].clone();
-    for (weight, rate) in weights[terms.clone()].iter().zip(&rates[terms]) {
+    for (weight, rate) in weights[split..end].iter().zip(&rates[split..end]) {
         let rate: f64x8 = pulp::cast(*rate);
         once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
         twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));

@@ -262,34 +262,7 @@ impl Multirate {
         let runs = self.under_way().into_iter().flat_map(|slow| &slow.own);
         runs.flat_map(|run| first(run.start)..first(run.end))
     }
-}
 
-impl SlowStep {
-    fn prepare(&mut self, lanes: &Lanes) -> f64 {
-        let length = self.length;
-        if !self.prepared {
-            // Made again for the dissipated power of the contacts of `own`, which was not known before.
-            self.work.keep_inside(lanes);
-            if self.work.powers.is_none() {
-                self.work.keep_powers(lanes);
-            }
-            dispatch(&mut self.work, lanes, Task::Step, length);
-            self.work.prepare(lanes, length);
-            self.prepared = true;
-        }
-        length
-    }
-
-    fn look(&mut self, lanes: &Lanes, t: f64) -> f64 {
-        let length = self.prepare(lanes);
-        let x = ((t - self.from) / length).clamp(0.0, 1.0);
-        self.work.look(lanes, length, x);
-        x
-    }
-}
-
-/// The motion inside the slow step.
-impl Multirate {
     fn inside(&mut self) -> Option<&mut SlowStep> {
         self.slow.as_deref_mut().filter(|_| self.parted)
     }
@@ -343,6 +316,30 @@ impl Multirate {
         let slow = self.inside()?;
         let length = slow.prepare(lanes);
         Some((&slow.work, (slow.from, length)))
+    }
+}
+
+impl SlowStep {
+    fn prepare(&mut self, lanes: &Lanes) -> f64 {
+        let length = self.length;
+        if !self.prepared {
+            // Made again for the dissipated power of the contacts of `own`, which was not known before.
+            self.work.keep_inside(lanes);
+            if self.work.powers.is_none() {
+                self.work.keep_powers(lanes);
+            }
+            dispatch(&mut self.work, lanes, Task::Step, length);
+            self.work.prepare(lanes, length);
+            self.prepared = true;
+        }
+        length
+    }
+
+    fn look(&mut self, lanes: &Lanes, t: f64) -> f64 {
+        let length = self.prepare(lanes);
+        let x = ((t - self.from) / length).clamp(0.0, 1.0);
+        self.work.look(lanes, length, x);
+        x
     }
 }
 

@@ -115,28 +115,6 @@ fn on_scale(one: &Scenario, other: &Scenario, [force, time, energy]: [f64; 3]) {
     assert!(worst < 1e-11, "{worst:e}");
 }
 
-/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V². The motion follows if an intruder's stiffness goes as V^(2/5) and its
-/// damping as V^(1/5).
-#[test]
-fn an_elastic_chain_scales_with_the_speed() {
-    let plain = elastic(12, 0.003);
-    let hosting = changed(plain.clone(), |one| one.intruders = paper().intruders);
-    for mut slow in [plain, hosting] {
-        slow.striker.velocity = 0.05;
-        slow.duration *= (0.05_f64 / 0.45).powf(-0.2);
-        for ratio in [2.0_f64, 10.0, 100.0] {
-            let mut fast = slow.clone();
-            fast.striker.velocity *= ratio;
-            fast.duration *= ratio.powf(-0.2);
-            for intruder in &mut fast.intruders {
-                intruder.stiffness *= ratio.powf(0.4);
-                intruder.damping *= ratio.powf(0.2);
-            }
-            on_scale(&slow, &fast, [ratio.powf(1.2), ratio.powf(-0.2), ratio.powi(2)]);
-        }
-    }
-}
-
 /// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y
 /// l³, whatever else is in the chain.
 #[test]

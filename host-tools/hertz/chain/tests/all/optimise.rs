@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use crate::common::{close, elastic, near, run, softer};
+use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
     Accuracy, Aim, OptimiseError, Optimum, Scenario, Search, SearchProgress, Start, optimise, remaining,
 };
@@ -26,40 +26,6 @@ fn best(search: &Search) -> Optimum {
 fn draft(scenario: &Scenario, speed: f64) -> f64 {
     let remaining = remaining(scenario, speed, Accuracy::DRAFT);
     remaining.expect("it can be run").share
-}
-
-fn geometric([low, high]: [f64; 2], count: usize) -> impl Iterator<Item = f64> {
-    (0..count).map(move |i| low * (high / low).powf(i as f64 / (count - 1) as f64))
-}
-
-#[test]
-fn one_intruder_is_found_where_a_scan_finds_it() {
-    let search = search(&[8], 0.006);
-    let found = best(&search);
-    let mut scenario = strike();
-    scenario.intruders = vec![softer([8])];
-    let (mut share, mut scanned) = (f64::INFINITY, scenario.intruders[0].clone());
-    for mass in [0.002, 0.003, 0.0045, 0.006] {
-        for stiffness in geometric([1e4, 1e6], 41) {
-            for damping in geometric([0.5, 50.0], 21) {
-                let one = &mut scenario.intruders[0];
-                (one.mass, one.stiffness, one.damping) = (mass, stiffness, damping);
-                let left = draft(&scenario, 0.45);
-                if left < share {
-                    (share, scanned) = (left, scenario.intruders[0].clone());
-                }
-            }
-        }
-    }
-    // Steps of the scan: 12 % in stiffness, 26 % in damping.
-    let intruder = &found.intruders[0];
-    let lead = share - found.share_searched;
-    assert!((-1e-7..1e-4).contains(&lead), "{lead:e}");
-    near(intruder.mass, scanned.mass, 1e-9);
-    close(intruder.stiffness.ln(), scanned.stiffness.ln(), 0.12);
-    close(intruder.damping.ln(), scanned.damping.ln(), 0.24);
-    assert!(found.settled);
-    assert_eq!(found.share_alike, found.share_searched);
 }
 
 #[test]
@@ -253,6 +219,8 @@ fn a_search_ends_where_another_method_finds_no_better() {
         println!("{} hosts: {:.5} %", search.hosts.len(), 100.0 * found.share);
         close(found.share, other, 2e-5);
         close(found.share, found.share_searched, 1e-6);
+        let alone = search.hosts.len() == 1;
+        assert_eq!(found.share_alike == found.share_searched, alone);
     }
 }
 
