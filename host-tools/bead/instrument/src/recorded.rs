@@ -6,7 +6,7 @@ use crate::choice::Choice;
 use crate::error::WaveformError;
 use crate::rows::{ACCELERATION_LATER, Rows};
 use crate::signals::Waveform;
-use bead_recording::file::Bead;
+use bead_recording::file::RecordedBead;
 use bead_recording::received::Received;
 use bead_recording::signal::Signal;
 
@@ -19,7 +19,7 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
     let mut received = Received::open(path)?;
     let beads = &received.recording.beads;
     if !beads.is_empty() {
-        let places: Vec<_> = beads.iter().map(Bead::place).collect();
+        let places: Vec<_> = beads.iter().map(RecordedBead::place).collect();
         let Some(at) = places.iter().position(|place| Some(*place) == bead) else {
             return unfit(format!(
                 "has the beads {places:?}; say with --bead which one is meant"

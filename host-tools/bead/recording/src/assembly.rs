@@ -119,7 +119,7 @@ impl Restart {
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     /// By address.
-    beads: BTreeMap<u8, Bead>,
+    beads: BTreeMap<u8, BeadFrames>,
 }
 
 impl Assembly {
@@ -130,7 +130,11 @@ impl Assembly {
             return events;
         }
         let Header { address, boot, .. } = frame.header;
-        let bead = self.beads.entry(address).or_insert_with(|| Bead::new(boot));
+        let new = || BeadFrames {
+            boot,
+            ..BeadFrames::default()
+        };
+        let bead = self.beads.entry(address).or_insert_with(new);
         if let Arrival::Restart { .. } = frame.arrival {
             bead.restart(address, boot, &mut events);
         }
@@ -165,7 +169,7 @@ impl Assembly {
 
 /// One bead: the frames since its last restart that were not handed on, and the names of its strikes.
 #[derive(Clone, Debug, Default)]
-struct Bead {
+struct BeadFrames {
     /// Low byte of the boot number.
     boot: u8,
     /// Number of restarts.
@@ -193,8 +197,6 @@ struct Pending {
     result: Option<StrikeFrame>,
     shape: Option<Shape>,
     waveforms: Vec<Waveform>,
-    /// Samples in the waveforms.
-    samples: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -209,7 +211,6 @@ struct StrikeFrame {
 impl Pending {
     fn push(&mut self, waveform: &Waveform) {
         if self.waveforms.len() < usize::from(WINDOW_MAX) {
-            self.samples += waveform.codes.len();
             self.waveforms.push(waveform.clone());
         }
     }
@@ -227,23 +228,13 @@ impl Pending {
 
     /// True if every sample of this strike is here.
     fn has_window(&mut self, strike: &Strike) -> bool {
-        let samples = usize::from(strike.samples);
-        // A window that lacks samples need not be sorted.
-        self.samples >= samples && {
-            let window = self.window(strike.first_index);
-            window.map(|waveform| waveform.codes.len()).sum::<usize>() >= samples
-        }
+        let window = self.window(strike.first_index);
+        let samples: usize = window.map(|waveform| waveform.codes.len()).sum();
+        samples >= usize::from(strike.samples)
     }
 }
 
-impl Bead {
-    fn new(boot: u8) -> Self {
-        Self {
-            boot,
-            ..Self::default()
-        }
-    }
-
+impl BeadFrames {
     fn restart(&mut self, address: u8, boot: u8, events: &mut Vec<Event>) {
         self.end_boot(events);
         let before = self.boot;
@@ -252,12 +243,11 @@ impl Bead {
             before,
             boot,
         };
-        let mut register = std::mem::take(&mut self.register);
-        register.forget(restart);
+        self.register.forget(restart);
         *self = Self {
             boot,
             restarts: self.restarts + 1,
-            register,
+            register: std::mem::take(&mut self.register),
             ..Self::default()
         };
         events.push(Event::Restart(restart));
@@ -281,10 +271,7 @@ impl Bead {
             Message::Shape(shape) => {
                 let strike = self.strikes.follow(shape.strike);
                 self.pending.entry(strike).or_default().shape = Some(*shape);
-                self.register
-                    .entry(self.boot, shape.strike, shape.first_index)
-                    .parts
-                    .shape = true;
+                self.parts(shape.strike, shape.first_index).shape = true;
             }
             Message::Fetched(fetched) => events.extend(self.push_fetched(frame, fetched)),
             _ => {}
@@ -293,17 +280,13 @@ impl Bead {
     }
 
     fn push_settings(&mut self, frame: i64, block: &[u8]) {
-        let settings = match Settings::decode(block) {
-            Ok(settings) => settings,
-            Err(SettingsError::Unreleased(version)) => {
-                self.unreleased_settings = Some(version);
-                return;
+        match Settings::decode(block) {
+            // Settings come every second and rarely change.
+            Ok(settings) if self.settings.values().next_back() != Some(&settings) => {
+                self.settings.insert(frame, settings);
             }
-            Err(_) => return,
-        };
-        // Settings come every second and rarely change.
-        if self.settings.values().next_back() != Some(&settings) {
-            self.settings.insert(frame, settings);
+            Err(SettingsError::Unreleased(version)) => self.unreleased_settings = Some(version),
+            Ok(_) | Err(_) => {}
         }
         while self.settings.len() > WAITING {
             self.settings.pop_first();
@@ -325,10 +308,7 @@ impl Bead {
             header: frame.header,
             strike: recorded,
         });
-        self.register
-            .entry(self.boot, said.strike, said.first_index)
-            .parts
-            .result = true;
+        self.parts(said.strike, said.first_index).result = true;
         self.note_window(strike);
     }
 
@@ -337,12 +317,8 @@ impl Bead {
     fn push_fetched(&mut self, frame: &Frame, fetched: &Fetched) -> Option<Event> {
         let address = frame.header.address;
         let strike = self.fetched.push(address, fetched)?;
-        let Strike {
-            strike: number,
-            first_index,
-            ..
-        } = strike.said;
-        let entry = self.register.entry(strike.boot, number, first_index);
+        let number = strike.said.strike;
+        let entry = self.register.entry(strike.boot, number, strike.said.first_index);
         if std::mem::replace(&mut entry.is_handed_on, true) {
             return None;
         }
@@ -353,20 +329,17 @@ impl Bead {
             self.pending.retain(|other, _| *other as u32 != number);
             before.window &= self.pending.len() == waiting;
         }
+        let mut header = frame.header;
+        header.boot = strike.boot;
+        let boot = fetched.boot;
         Some(Event::Whole(Box::new(Assembled {
-            header: Header {
-                boot: strike.boot,
-                ..frame.header
-            },
+            header,
             strike: RecordedStrike {
                 uid: self.uid,
                 sample_rate_hz: frame.sample_rate_hz,
                 ..strike
             },
-            fetched: Some(FetchedCopy {
-                boot: fetched.boot,
-                before,
-            }),
+            fetched: Some(FetchedCopy { boot, before }),
         })))
     }
 
@@ -379,11 +352,13 @@ impl Bead {
             return;
         };
         if pending.has_window(&said) {
-            self.register
-                .entry(self.boot, said.strike, said.first_index)
-                .parts
-                .window = true;
+            self.parts(said.strike, said.first_index).window = true;
         }
+    }
+
+    /// The parts that came of a strike of this boot.
+    fn parts(&mut self, number: u32, first_index: u64) -> &mut Parts {
+        &mut self.register.entry(self.boot, number, first_index).parts
     }
 
     /// Hands on the strikes that are due.
@@ -481,16 +456,16 @@ impl Unwrapped {
     }
 }
 
-/// The strikes of a bead by their names.
+/// The strikes of a bead by their names: low byte of the boot, and number in it.
 #[derive(Clone, Debug, Default)]
 struct Register {
-    /// Low bytes of boots, the oldest first, each with its strikes by number.
-    boots: VecDeque<(u8, BTreeMap<u32, Entry>)>,
-    length: usize,
+    strikes: BTreeMap<(u8, u32), KnownStrike>,
+    /// The names, the oldest first.
+    names: VecDeque<(u8, u32)>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Entry {
+struct KnownStrike {
     first_index: u64,
     parts: Parts,
     /// The strike was handed on whole.
@@ -498,55 +473,38 @@ struct Entry {
 }
 
 impl Register {
-    fn get(&self, boot: u8, number: u32) -> Option<&Entry> {
-        let mut boots = self.boots.iter().rev();
-        let (_, strikes) = boots.find(|(other, _)| *other == boot)?;
-        strikes.get(&number)
-    }
-
     /// The parts that came of a strike; none of an unknown one.
     fn parts(&self, boot: u8, number: u32) -> Parts {
-        self.get(boot, number)
-            .map_or(Parts::default(), |entry| entry.parts)
+        let known = self.strikes.get(&(boot, number));
+        known.map_or(Parts::default(), |strike| strike.parts)
     }
 
     /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike
     /// gives way.
-    fn entry(&mut self, boot: u8, number: u32, first_index: u64) -> &mut Entry {
-        if self.get(boot, number).is_none() {
-            while self.length >= REMEMBERED {
-                self.forget_oldest();
-            }
-            self.length += 1;
+    fn entry(&mut self, boot: u8, number: u32, first_index: u64) -> &mut KnownStrike {
+        let name = (boot, number);
+        if !self.strikes.contains_key(&name) {
+            self.names.push_back(name);
         }
-        let at = self.boots.iter().rposition(|(other, _)| *other == boot);
-        let at = at.unwrap_or_else(|| {
-            self.boots.push_back((boot, BTreeMap::new()));
-            self.boots.len() - 1
-        });
-        let entry = self.boots[at].1.entry(number).or_default();
-        if entry.first_index != first_index {
-            *entry = Entry {
+        if self.names.len() > REMEMBERED
+            && let Some(oldest) = self.names.pop_front()
+        {
+            self.strikes.remove(&oldest);
+        }
+        let strike = self.strikes.entry(name).or_default();
+        if strike.first_index != first_index {
+            *strike = KnownStrike {
                 first_index,
-                ..Entry::default()
+                ..KnownStrike::default()
             };
         }
-        entry
-    }
-
-    fn forget_oldest(&mut self) {
-        if let Some((_, strikes)) = self.boots.front_mut() {
-            self.length -= usize::from(strikes.pop_first().is_some());
-            if strikes.is_empty() {
-                self.boots.pop_front();
-            }
-        }
+        strike
     }
 
     /// Forgets the strikes of boots that begin with a restart.
     fn forget(&mut self, restart: Restart) {
-        self.boots.retain(|(boot, _)| !restart.begins(*boot));
-        self.length = self.boots.iter().map(|(_, strikes)| strikes.len()).sum();
+        self.strikes.retain(|(boot, _), _| !restart.begins(*boot));
+        self.names.retain(|(boot, _)| !restart.begins(*boot));
     }
 }
 
@@ -858,8 +816,8 @@ mod tests {
                 line.send(9, strike(number, 10));
             }
             let register = &line.assembly.beads[&9].register;
-            let length: usize = register.boots.iter().map(|(_, strikes)| strikes.len()).sum();
-            assert_eq!((length, length <= REMEMBERED), (register.length, true));
+            assert_eq!(register.names.len(), register.strikes.len());
+            assert!(register.names.len() <= REMEMBERED);
         }
         assert_eq!(
             [0, 1, 2, 3].map(|boot| line.assembly.is_whole(9, boot, 7)),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, Message, Status};
 
-use crate::file::{Bead, Part, Pieces, Recording, RecordingError};
+use crate::file::{Part, Pieces, RecordedBead, Recording, RecordingError};
 use crate::frames::{Frame, Frames, Item, Piece};
 use crate::note::note;
 use crate::raw;
@@ -50,7 +50,7 @@ impl Received {
     }
 
     /// The recording of one of its beads.
-    pub fn of(&self, bead: &Bead) -> Self {
+    pub fn of(&self, bead: &RecordedBead) -> Self {
         Self {
             path: self.path.clone(),
             recording: self.recording.of(bead),

@@ -33,6 +33,17 @@ fn to_standard_output(fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) ->
     }
 }
 
+/// Appends a text to the name of a file, before its extension.
+pub fn with_stem_end(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(end);
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
 /// A file could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {path}: {reason:#}")]
@@ -73,15 +84,9 @@ impl Target {
                 .to_string_lossy()
                 .into_owned()
         };
-        let (wanted, took) = (stem(wanted), stem(took));
-        let number = took.strip_prefix(&wanted).unwrap_or_default();
-        let mut name = self.path.file_stem().unwrap_or_default().to_owned();
-        name.push(number);
-        if let Some(extension) = self.path.extension() {
-            name.push(".");
-            name.push(extension);
-        }
-        let path = self.path.with_file_name(name);
+        let took = stem(took);
+        let number = took.strip_prefix(&stem(wanted)).unwrap_or_default();
+        let path = with_stem_end(&self.path, number);
         Self { path, ..*self }
     }
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::program::{PROGRAM, SCENARIO, assert_says, done, said};
+use crate::program::{PROGRAM, SCENARIO, done, said};
 use bead_testing::{Speaker, block_of, one_sample_strike, paper_settings, xorshift};
 use bead_wire::{Codes, Kind, Message, Strike, StrikeFlags, Waveform};
 

@@ -1,7 +1,7 @@
 //! The beads of a recording that belong to the row of a scenario.
 
 use crate::row::chain::RowChain;
-use bead_recording::file::{Bead, Part};
+use bead_recording::file::{Part, RecordedBead};
 use bead_recording::received::Received;
 
 /// A bead of a recording at its place in the chain.
@@ -54,7 +54,7 @@ pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBe
 }
 
 /// Why a bead is of another chain, if it carries a scenario of its own.
-fn of_another(bead: &Bead, text: &str) -> Option<String> {
+fn of_another(bead: &RecordedBead, text: &str) -> Option<String> {
     let own = bead.parts.get(&Part::Scenario)?;
     (**own != *text.as_bytes()).then(|| "carries another scenario".to_owned())
 }

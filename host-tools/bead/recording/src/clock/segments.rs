@@ -1,6 +1,6 @@
 //! Clock data of each bead between two resets.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use bead_wire::{Arrival, Message};
 
@@ -129,37 +129,30 @@ impl Tracker {
     }
 }
 
-/// The segment that a strike is of.
+/// Finds the segments of strikes.
 #[derive(Debug, Clone, Default)]
 pub struct Boots {
-    /// By address and number among its boots.
-    nth: HashMap<(u8, usize), usize>,
-    /// By address and low byte of the boot number: the last.
-    last: HashMap<(u8, u8), usize>,
+    /// Address and low byte of the boot number of each segment.
+    boots: Vec<(u8, u8)>,
 }
 
 impl Boots {
-    /// Of all segments of a recording, as [`Tracker`] has them.
+    /// The boots of all segments of a recording, as [`Tracker`] has them.
     pub fn of(segments: &[Segment]) -> Self {
-        let mut boots = Self::default();
-        let mut counts = HashMap::<u8, usize>::new();
-        for (place, segment) in segments.iter().enumerate() {
-            let count = counts.entry(segment.address).or_default();
-            boots.nth.insert((segment.address, *count), place);
-            boots.last.insert((segment.address, segment.boot), place);
-            *count += 1;
-        }
-        boots
+        let boots = segments.iter().map(|segment| (segment.address, segment.boot));
+        let boots = boots.collect();
+        Self { boots }
     }
 
-    /// The place of a strike's segment among them. Of a strike that was fetched later it is the last boot
-    /// with its byte.
+    /// The index of a strike's segment among them. For a fetched strike it is the last boot with its byte.
     pub fn find(&self, strike: &RecordedStrike) -> Option<usize> {
+        let is_its = |(_, (address, _)): &(usize, &(u8, u8))| *address == strike.address;
+        let mut its = self.boots.iter().enumerate().filter(is_its);
         let found = match strike.nth_boot {
-            Some(nth) => self.nth.get(&(strike.address, nth)),
-            None => self.last.get(&(strike.address, strike.boot)),
+            Some(nth) => its.nth(nth),
+            None => its.rfind(|(_, (_, boot))| *boot == strike.boot),
         };
-        found.copied()
+        found.map(|(at, _)| at)
     }
 }
 

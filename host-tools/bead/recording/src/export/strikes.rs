@@ -4,123 +4,57 @@
 use bead_model::Settings;
 use bead_model::violation::Key;
 use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
+use serde_json::Value;
 
 use crate::fields::{Content, described, entries};
 use crate::json::hex;
-use crate::physical::{KEYS, KeyRow, value};
+use crate::physical::{KEYS, KeyRow, pointer};
 use crate::strikes::RecordedStrike;
 use bead_tables::unit::Unit;
 use bead_tables::{Cell, Column, Kind};
 
-/// The table's columns, and the cells of the last settings, which rarely change.
-pub struct Strikes {
-    columns: Vec<Column>,
-    last: Option<(Settings, SettingsCells)>,
+/// The columns, in their order.
+pub fn columns() -> Vec<Column> {
+    cells(None).into_iter().map(|(column, _)| column).collect()
 }
 
-/// The cells of a strike's settings.
-struct SettingsCells {
-    name: Cell,
-    /// A cell for each of the [`settings`].
-    quantities: Vec<Cell>,
+/// The row of a strike, a cell for each of the [`columns`]. `id` is its number in this table.
+pub fn row(id: u64, recording: &str, strike: &RecordedStrike) -> Vec<Cell> {
+    let cells = cells(Some((id, recording, strike)));
+    cells.into_iter().map(|(_, cell)| cell).collect()
 }
 
-impl SettingsCells {
-    fn of(settings: &Settings) -> Self {
-        let description = settings.description();
-        let name = Some(description.name.as_str()).filter(|name| !name.is_empty());
-        Self {
-            name: Cell::text(name),
-            quantities: self::settings()
-                .map(|row| Cell::number(value(description, row.key).as_f64()))
-                .collect(),
-        }
-    }
-}
-
-impl Default for Strikes {
-    fn default() -> Self {
-        Self {
-            columns: columns(),
-            last: None,
-        }
-    }
-}
-
-impl Strikes {
-    /// The columns, in their order.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    /// The row of a strike. `id` is its number in this table.
-    pub fn row(&mut self, id: u64, recording: &str, strike: &RecordedStrike) -> Vec<Cell> {
-        if let Some(settings) = strike.settings
-            && self.last.as_ref().is_none_or(|(last, _)| *last != settings)
-        {
-            self.last = Some((settings, SettingsCells::of(&settings)));
-        }
-        let last = self.last.as_ref().filter(|_| strike.settings.is_some());
-        row(id, recording, strike, last.map(|(_, cells)| cells))
-    }
-}
-
-/// The columns that say which strike of which bead it is.
-const ORIGIN: [(&str, Kind); 10] = [
-    ("id", Kind::Whole),
-    ("recording", Kind::Text),
-    ("bead_name", Kind::Text),
-    ("uid", Kind::Text),
-    ("address", Kind::Whole),
-    ("boot_low_byte", Kind::Whole),
-    ("nth_boot", Kind::Whole),
-    ("received_unix_ns", Kind::Whole),
-    ("sample_rate_hz", Kind::Whole),
-    ("samples_received", Kind::Whole),
-];
-
-fn columns() -> Vec<Column> {
-    let origin = ORIGIN.map(|(name, kind)| Column::new(name, kind));
-    let results = results(None).into_iter().map(|(column, _)| column);
-    let settings = settings().map(|key| Column::new(settings_column(key), Kind::Number));
-    origin.into_iter().chain(results).chain(settings).collect()
-}
-
-fn row(
-    id: u64,
-    recording: &str,
-    strike: &RecordedStrike,
-    settings_cells: Option<&SettingsCells>,
-) -> Vec<Cell> {
-    let uid = strike.uid.map(|uid| hex(&uid));
-    let origin: [Cell; ORIGIN.len()] = [
-        Cell::whole(id),
-        Cell::text(Some(recording)),
-        settings_cells.map_or(Cell::Null, |cells| cells.name.clone()),
-        Cell::text(uid.as_deref()),
-        Cell::whole(strike.address),
-        Cell::whole(strike.boot),
-        strike.nth_boot.map_or(Cell::Null, Cell::whole),
-        strike.received_ns.map_or(Cell::Null, Cell::whole),
-        strike.rate().map_or(Cell::Null, Cell::whole),
-        Cell::whole(strike.scans.len()),
-    ];
-    let results = results(Some(strike)).into_iter().map(|(_, cell)| cell);
-    let mut row: Vec<Cell> = origin.into_iter().chain(results).collect();
-    match settings_cells {
-        Some(cells) => row.extend(cells.quantities.iter().cloned()),
-        None => row.extend(settings().map(|_| Cell::Null)),
-    }
-    row
-}
-
-/// The columns of strike frame and shape frame, with their values in a strike.
-fn results(strike: Option<&RecordedStrike>) -> Vec<(Column, Cell)> {
+/// The columns, with the cells of a strike.
+fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
+    let strike = row.map(|(.., strike)| strike);
+    let whole = |name, number: Option<u64>| {
+        let cell = number.map_or(Cell::Null, Cell::whole);
+        (Column::new(name, Kind::Whole), cell)
+    };
+    let text = |name, text| (Column::new(name, Kind::Text), Cell::text(text));
+    let settings = strike.and_then(|strike| strike.settings);
+    let description = settings.as_ref().map(Settings::description);
+    let name = description.map(|description| description.name.as_str());
+    let uid = strike.and_then(|strike| strike.uid).map(|uid| hex(&uid));
     let rate = strike.and_then(RecordedStrike::rate);
-    let shape = strike.and_then(|strike| strike.shape.as_ref());
-    let mut cells = Vec::new();
+    let mut cells = vec![
+        whole("id", row.map(|(id, ..)| id)),
+        text("recording", row.map(|(_, recording, _)| recording)),
+        text("bead_name", name.filter(|name| !name.is_empty())),
+        text("uid", uid.as_deref()),
+        whole("address", strike.map(|strike| strike.address.into())),
+        whole("boot_low_byte", strike.map(|strike| strike.boot.into())),
+        whole(
+            "nth_boot",
+            strike.and_then(|strike| strike.nth_boot).map(|nth| nth as u64),
+        ),
+        whole("received_unix_ns", strike.and_then(|strike| strike.received_ns)),
+        whole("sample_rate_hz", rate.map(u64::from)),
+        whole("samples_received", strike.map(|strike| strike.scans.len() as u64)),
+    ];
     let said = strike.map(|strike| &strike.said as &dyn Fields);
     walk(Strike::FIELDS, said, "", rate, &mut cells);
+    let shape = strike.and_then(|strike| strike.shape.as_ref());
     let mut of_shape = Vec::new();
     let body = shape.map(|shape| shape as &dyn Fields);
     walk(Shape::FIELDS, body, "", rate, &mut of_shape);
@@ -130,6 +64,15 @@ fn results(strike: Option<&RecordedStrike>) -> Vec<(Column, Cell)> {
     let arrival = shape.and_then(Shape::arrival_index).zip(rate);
     let arrival = arrival.map(|(index, rate)| index / f64::from(rate));
     cells.push((Column::new("arrival_time_s", Kind::Number), Cell::number(arrival)));
+    // A struct of numbers and texts is always JSON.
+    let values = description.map(|description| serde_json::to_value(description).unwrap_or_default());
+    cells.extend(self::settings().map(|row| {
+        let value = values
+            .as_ref()
+            .and_then(|values| values.pointer(&pointer(row.key)));
+        let column = Column::new(settings_column(row), Kind::Number);
+        (column, Cell::number(value.and_then(Value::as_f64)))
+    }));
     cells
 }
 

@@ -7,6 +7,7 @@ use mcap::records::{Channel, Record, op};
 
 use crate::file::about::{About, Origin, Part};
 use crate::file::layout::{ENCODING, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC, bead_of};
+use crate::file::read::RecordedBead;
 use crate::file::search::{self, SoundFrame};
 use crate::frames::Piece;
 use bead_tables::printable::{beginning, one_line};
@@ -41,13 +42,6 @@ struct Runs {
     held_bytes: usize,
 }
 
-/// The parts of a recording that belong to one bead of several.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct BeadParts {
-    pub(super) origin: Option<Origin>,
-    pub(super) parts: BTreeMap<Part, Arc<[u8]>>,
-}
-
 /// The contents of the records that were read so far.
 #[derive(Default)]
 pub(super) struct Contents {
@@ -55,7 +49,7 @@ pub(super) struct Contents {
     /// Attached for all beads.
     pub(super) parts: BTreeMap<Part, Arc<[u8]>>,
     /// By address.
-    pub(super) beads: BTreeMap<u8, BeadParts>,
+    pub(super) beads: BTreeMap<u8, RecordedBead>,
     pub(super) channels: BeadChannels,
     /// Version of the protocol that the writer of the file knew.
     pub(super) version: Option<u8>,
@@ -123,7 +117,7 @@ impl Contents {
                 let (bead, name) = bead_of(&header.name);
                 if let Some(part) = Part::ALL.into_iter().find(|part| part.name() == name) {
                     let parts = match bead {
-                        Some(address) => &mut self.beads.entry(address).or_default().parts,
+                        Some(address) => &mut self.bead(address).parts,
                         None => &mut self.parts,
                     };
                     parts.insert(part, data.into());
@@ -132,6 +126,16 @@ impl Contents {
             _ => {}
         }
         Some(())
+    }
+
+    fn bead(&mut self, address: u8) -> &mut RecordedBead {
+        self.beads.entry(address).or_insert_with(|| RecordedBead {
+            origin: Origin {
+                address,
+                ..Origin::default()
+            },
+            ..RecordedBead::default()
+        })
     }
 
     fn push_channel(&mut self, channel: Channel) {
@@ -145,8 +149,7 @@ impl Contents {
                 let version = channel.metadata.get("version");
                 self.version = version.and_then(|version| version.parse().ok()).or(self.version);
                 if let Some(address) = bead {
-                    let origin = Origin::from_map(address, channel.metadata);
-                    self.beads.entry(address).or_default().origin = Some(origin);
+                    self.bead(address).origin = Origin::from_map(address, channel.metadata);
                 }
             }
             ((bead, RECEIVED), RECEIVED_ENCODING) => {

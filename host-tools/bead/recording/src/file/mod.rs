@@ -51,6 +51,6 @@ mod writer;
 
 pub use about::{About, Origin, Part};
 pub use error::RecordingError;
-pub use read::{Bead, Pieces, Recording};
+pub use read::{Pieces, RecordedBead, Recording};
 pub use records::{Damage, State};
 pub use writer::{BeadIndex, Finished, Writer};

@@ -1,13 +1,14 @@
 //! Reads recordings, piece by piece.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bead_wire::VERSION;
 
 use crate::file::about::{About, Origin, Part};
-use crate::file::contents::{BeadChannels, BeadParts, Contents};
+use crate::file::contents::{BeadChannels, Contents};
 use crate::file::error::RecordingError;
 use crate::file::records::{Records, State};
 use crate::frames::{Frames, Item, Piece};
@@ -22,7 +23,7 @@ pub struct Recording {
     /// Its attachments: those of all beads.
     pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// The beads, by their addresses, if it is a recording of several.
-    pub beads: Vec<Bead>,
+    pub beads: Vec<RecordedBead>,
     /// Number of runs of bytes between two delimiters. Runs that are no frames may stand together in one.
     pub runs: u64,
     /// Number of runs that are missing, by the numbers of the others.
@@ -37,8 +38,8 @@ pub struct Recording {
 }
 
 /// A bead of a recording with several.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bead {
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordedBead {
     /// Its address, and where its bytes came from.
     pub origin: Origin,
     /// Its own attachments.
@@ -49,7 +50,7 @@ pub struct Bead {
     pub runs_missing: u64,
 }
 
-impl Bead {
+impl RecordedBead {
     /// Its place in the chain, its address if no place is known.
     pub fn place(&self) -> usize {
         self.origin.bead.unwrap_or(self.origin.address.into())
@@ -106,23 +107,14 @@ impl Recording {
                 writer,
             });
         }
-        let bead = |(address, bead): (&u8, &BeadParts)| {
-            let (runs, runs_missing) = contents.counts(Some(*address));
-            let unnamed = || Origin {
-                address: *address,
-                ..Origin::default()
-            };
-            Bead {
-                origin: bead.origin.clone().unwrap_or_else(unnamed),
-                parts: bead.parts.clone(),
-                runs,
-                runs_missing,
-            }
-        };
         let (runs, runs_missing) = contents.counts(None);
+        let mut beads: Vec<_> = mem::take(&mut contents.beads).into_values().collect();
+        for bead in &mut beads {
+            (bead.runs, bead.runs_missing) = contents.counts(Some(bead.origin.address));
+        }
         Ok(Self {
             path,
-            beads: contents.beads.iter().map(bead).collect(),
+            beads,
             about: Arc::new(contents.about),
             parts: contents.parts,
             runs,
@@ -136,7 +128,7 @@ impl Recording {
 
     /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
     /// of these.
-    pub fn of(&self, bead: &Bead) -> Self {
+    pub fn of(&self, bead: &RecordedBead) -> Self {
         let mut parts = self.parts.clone();
         parts.extend(bead.parts.clone());
         Self {

@@ -15,7 +15,7 @@ use crate::file::error::RecordingError;
 use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
 use crate::file::stream::Stream;
 use crate::frames::Item;
-use bead_tables::whole::Target;
+use bead_tables::whole::{Target, with_stem_end};
 
 /// A recording that is being written.
 ///
@@ -231,22 +231,15 @@ impl Writer {
         }
         let target = self.target.clone().replacing(false);
         let (mut mcap, partial) = begin_file(&target, &self.about, Some(&self.partial))?;
-        let ended = self
-            .streams
-            .iter_mut()
-            .try_for_each(|stream| stream.end_noise(&mut self.mcap));
-        ended.map_err(RecordingError::unwritten(&self.partial))?;
-        let begun = self
-            .streams
-            .iter_mut()
-            .try_for_each(|stream| stream.go_on(&mut mcap));
-        begun
-            .and_then(|()| mcap.flush())
-            .map_err(RecordingError::unwritten(&partial))?;
-        let (mcap, partial) = (
-            mem::replace(&mut self.mcap, mcap),
-            mem::replace(&mut self.partial, partial),
-        );
+        for stream in &mut self.streams {
+            let ended = stream.end_noise(&mut self.mcap);
+            ended.map_err(RecordingError::unwritten(&self.partial))?;
+            let begun = stream.go_on(&mut mcap);
+            begun.map_err(RecordingError::unwritten(&partial))?;
+        }
+        mcap.flush().map_err(RecordingError::unwritten(&partial))?;
+        let mcap = mem::replace(&mut self.mcap, mcap);
+        let partial = mem::replace(&mut self.partial, partial);
         let target = mem::replace(&mut self.target, target);
         (self.begun, self.flushes) = (Instant::now(), 0);
         let path = end_file(mcap, &partial, &target)?;
@@ -260,11 +253,10 @@ impl Writer {
     /// The file cannot be written or renamed; what is there stays under its temporary name.
     pub fn finish(mut self) -> Result<Finished, RecordingError> {
         let counters = self.counters();
-        let ended = self
-            .streams
-            .iter_mut()
-            .try_for_each(|stream| stream.end(&mut self.mcap));
-        ended.map_err(RecordingError::unwritten(&self.partial))?;
+        for stream in &mut self.streams {
+            let ended = stream.end(&mut self.mcap);
+            ended.map_err(RecordingError::unwritten(&self.partial))?;
+        }
         let path = end_file(self.mcap, &self.partial, &self.target)?;
         Ok(Finished { path, counters })
     }
@@ -360,16 +352,10 @@ fn take_name(partial: &Path, target: &Target) -> io::Result<PathBuf> {
 
 /// `NAME.mcap`, then `NAME-2.mcap` and so on.
 fn numbered(path: &Path, number: u32) -> PathBuf {
-    if number == 1 {
-        return path.to_owned();
+    match number {
+        1 => path.to_owned(),
+        _ => with_stem_end(path, &format!("-{number}")),
     }
-    let mut name = path.file_stem().unwrap_or_default().to_owned();
-    name.push(format!("-{number}"));
-    if let Some(extension) = path.extension() {
-        name.push(".");
-        name.push(extension);
-    }
-    path.with_file_name(name)
 }
 
 /// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left

@@ -11,4 +11,5 @@ mod values;
 pub use keys::{KEYS, KeyRow};
 pub use refusal::refusal;
 pub use text::{Change, changes, derived, parse, set, to_toml};
+pub(crate) use values::pointer;
 pub use values::value;

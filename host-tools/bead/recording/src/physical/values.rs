@@ -12,7 +12,7 @@ pub fn value(description: &Description, key: Key) -> Value {
 }
 
 /// Place of a setting in the JSON of a description.
-pub(super) fn pointer(key: Key) -> String {
+pub(crate) fn pointer(key: Key) -> String {
     format!("/{}", key.path().replace('.', "/"))
 }
 

@@ -25,7 +25,7 @@ use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
 use bead_compare::verdict::{Echoes, other_length};
-use bead_recording::file::{Bead, Part};
+use bead_recording::file::{Part, RecordedBead};
 use bead_recording::received::Received;
 use bead_tables::whole::Target;
 
@@ -249,7 +249,7 @@ fn compare(
 /// One of them is not in the recording.
 fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
     let of_recording = &mut received.recording.beads;
-    let places: Vec<usize> = of_recording.iter().map(Bead::place).collect();
+    let places: Vec<usize> = of_recording.iter().map(RecordedBead::place).collect();
     if let Some(missing) = beads.iter().find(|bead| !places.contains(bead)) {
         let path = received.path.display();
         bail!(
@@ -265,7 +265,7 @@ fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
 /// has a truth of its own.
 fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
     let beads = &received.recording.beads;
-    let places: Vec<usize> = beads.iter().map(Bead::place).collect();
+    let places: Vec<usize> = beads.iter().map(RecordedBead::place).collect();
     if places.is_empty() {
         return Ok((received, None));
     }

@@ -14,8 +14,7 @@ use crate::cli::failure::Failure;
 use crate::cli::output;
 use crate::cli::place::{self, Kind, Overwrite};
 use bead_compare::report::count;
-use bead_recording::export::strikes::Strikes;
-use bead_recording::export::{samples, uff};
+use bead_recording::export::{samples, strikes as strikes_table, uff};
 use bead_recording::file::RecordingError;
 use bead_recording::received::Received;
 use bead_recording::strikes::RecordedStrike;
@@ -187,11 +186,10 @@ fn tables(form: Form, strikes: &mut File, samples: &mut File, tally: &mut Tally<
         Form::Csv => Writer::csv(file, columns),
         _ => Writer::parquet(file, name, columns, &NOTES),
     };
-    let mut rows = Strikes::default();
-    let mut strike_table = table(strikes, "strikes", rows.columns())?;
+    let mut strike_table = table(strikes, "strikes", &strikes_table::columns())?;
     let mut sample_table = table(samples, "samples", &samples::columns())?;
     tally.each(|id, recording, strike| {
-        strike_table.push(rows.row(id, recording, strike))?;
+        strike_table.push(strikes_table::row(id, recording, strike))?;
         samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;
         Ok(true)
     })?;
