@@ -49,14 +49,14 @@ pub(super) const fn option(quantity: Quantity) -> &'static str {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
     /// The column.
-    pub column: Address,
+    pub column: ColumnAddress,
     /// Quantity and size in its SI unit of 1 in the column, if given.
     pub size: Option<(Quantity, f64)>,
 }
 
 /// A way to name a column.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Address {
+pub enum ColumnAddress {
     /// A name or, if no column has that name, a number from 1.
     Either(String),
     /// A name.
@@ -79,11 +79,11 @@ impl FromStr for Wanted {
             })
         });
         let column = match column.trim().split_once('=') {
-            Some(("name", name)) => Address::Name(name.to_owned()),
-            Some(("number", number)) => Address::Number(number.to_owned()),
-            _ => Address::Either(column.trim().to_owned()),
+            Some(("name", name)) => ColumnAddress::Name(name.to_owned()),
+            Some(("number", number)) => ColumnAddress::Number(number.to_owned()),
+            _ => ColumnAddress::Either(column.trim().to_owned()),
         };
-        let (Address::Either(name) | Address::Name(name) | Address::Number(name)) = &column;
+        let (ColumnAddress::Either(name) | ColumnAddress::Name(name) | ColumnAddress::Number(name)) = &column;
         if name.is_empty() {
             return Err("give a column by its name or number, as in CH1:8.9N or 2:8.9N".to_owned());
         }
@@ -92,7 +92,7 @@ impl FromStr for Wanted {
     }
 }
 
-impl fmt::Display for Address {
+impl fmt::Display for ColumnAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Either(text) => f.write_str(text),
@@ -111,8 +111,14 @@ mod tests {
         let read = |text: &str| text.parse::<Wanted>();
         assert_eq!(read("CH1:8.9N").unwrap().size, Some((Quantity::Force, 8.9)));
         assert_eq!(read("force_n").unwrap().size, None);
-        assert_eq!(read("2:98m/s2").unwrap().column, Address::Either("2".to_owned()));
-        assert_eq!(read("name=2").unwrap().column, Address::Name("2".to_owned()));
+        assert_eq!(
+            read("2:98m/s2").unwrap().column,
+            ColumnAddress::Either("2".to_owned())
+        );
+        assert_eq!(
+            read("name=2").unwrap().column,
+            ColumnAddress::Name("2".to_owned())
+        );
         assert!(read("CH1:8.9").unwrap_err().contains("is no unit"));
         assert!(read(":N").is_err());
     }

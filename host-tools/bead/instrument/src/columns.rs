@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use crate::choice::{Address, Choice, Wanted, option};
+use crate::choice::{Choice, ColumnAddress, Wanted, option};
 use crate::error::WaveformError;
 use bead_tables::printable::{beginning, first_of};
 use bead_tables::unit::{self, Quantity, Unit};
 
 /// A column of numbers.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Header {
+pub(super) struct ColumnHeader {
     /// Its place in the table, from 0.
     pub(super) place: usize,
     pub(super) name: String,
@@ -18,7 +18,7 @@ pub(super) struct Header {
     pub(super) unit: Option<String>,
 }
 
-impl Header {
+impl ColumnHeader {
     /// A column that has its number for a name.
     pub(super) fn without_name(place: usize) -> Self {
         Self {
@@ -94,8 +94,8 @@ const NAMES: usize = 20;
 const LETTERS: usize = 40;
 
 /// Lists the first of some columns for a message.
-pub(super) fn few<'a>(headers: impl Iterator<Item = &'a Header>) -> String {
-    first_of(headers.map(Header::shown), NAMES)
+pub(super) fn few<'a>(headers: impl Iterator<Item = &'a ColumnHeader>) -> String {
+    first_of(headers.map(ColumnHeader::shown), NAMES)
 }
 
 /// A column that is read.
@@ -126,9 +126,9 @@ const EXPORTED: [&str; 4] = ["id", "sample_index", "force_code", "acceleration_c
 ///
 /// # Errors
 /// A column is missing or ambiguous, has no unit, or is chosen twice.
-pub(super) fn pick(path: &Path, headers: &[Header], choice: &Choice) -> Result<Picks, WaveformError> {
+pub(super) fn pick(path: &Path, headers: &[ColumnHeader], choice: &Choice) -> Result<Picks, WaveformError> {
     let mut picks = Picks::default();
-    let table = Table { path, headers };
+    let table = NamedColumns { path, headers };
     picks.force = table.signal(choice, Quantity::Force)?;
     picks.acceleration = table.signal(choice, Quantity::Acceleration)?;
     if picks.force.is_none() && picks.acceleration.is_none() {
@@ -167,12 +167,12 @@ impl Picks {
     }
 }
 
-struct Table<'a> {
+struct NamedColumns<'a> {
     path: &'a Path,
-    headers: &'a [Header],
+    headers: &'a [ColumnHeader],
 }
 
-impl Table<'_> {
+impl NamedColumns<'_> {
     fn unfit<T>(&self, what: String) -> Result<T, WaveformError> {
         Err(WaveformError::unfit(self.path, what))
     }
@@ -181,13 +181,14 @@ impl Table<'_> {
         few(self.headers.iter())
     }
 
-    fn at(&self, place: usize) -> Option<&Header> {
+    fn at(&self, place: usize) -> Option<&ColumnHeader> {
         self.headers.iter().find(|header| header.place == place)
     }
 
     /// The column that an option names.
-    fn named(&self, wanted: &Wanted, quantity: Quantity) -> Result<&Header, WaveformError> {
-        let (Address::Either(text) | Address::Name(text) | Address::Number(text)) = &wanted.column;
+    fn named(&self, wanted: &Wanted, quantity: Quantity) -> Result<&ColumnHeader, WaveformError> {
+        let (ColumnAddress::Either(text) | ColumnAddress::Name(text) | ColumnAddress::Number(text)) =
+            &wanted.column;
         let is_name = |other: &str| other.trim().to_lowercase() == text.to_lowercase();
         let by_name = || {
             let whole = self.headers.iter().find(|header| is_name(&header.name));
@@ -195,9 +196,9 @@ impl Table<'_> {
         };
         let by_number = || self.at(text.parse::<usize>().ok()?.checked_sub(1)?);
         let found = match &wanted.column {
-            Address::Name(_) => by_name(),
-            Address::Number(_) => by_number(),
-            Address::Either(_) => match (by_name(), by_number()) {
+            ColumnAddress::Name(_) => by_name(),
+            ColumnAddress::Number(_) => by_number(),
+            ColumnAddress::Either(_) => match (by_name(), by_number()) {
                 (Some(name), Some(number)) if name.place != number.place => {
                     return self.unfit(format!(
                         "{}{text}: it is the name of column {} and the number of column `{}`; give name={text} or \
@@ -224,7 +225,7 @@ impl Table<'_> {
     /// The size of 1 in a column: by the option, else by the header.
     fn size(
         &self,
-        header: &Header,
+        header: &ColumnHeader,
         wanted: Option<&Wanted>,
         quantity: Quantity,
     ) -> Result<f64, WaveformError> {
@@ -279,7 +280,7 @@ impl Table<'_> {
                     .headers
                     .iter()
                     .find(|header| header.suggests() == Some(quantity));
-                let has_no_unit = |header: &&Header| {
+                let has_no_unit = |header: &&ColumnHeader| {
                     header
                         .unit()
                         .is_none_or(|unit| unit.quantity == Quantity::Voltage)
@@ -312,7 +313,7 @@ impl Table<'_> {
             let place = header.place;
             return Ok((Picked { place, size }, None));
         }
-        let is_time = |header: &&Header| match header.written_unit() {
+        let is_time = |header: &&ColumnHeader| match header.written_unit() {
             Some(_) => header.is_in(Quantity::Time),
             None => header.suggests() == Some(Quantity::Time),
         };
@@ -338,7 +339,9 @@ impl Table<'_> {
                 .each()
                 .find(|(other, twin)| *other != quantity && twin.place == picked.place);
             if let Some((other, _)) = twin {
-                let column = self.at(picked.place).map_or_else(String::new, Header::numbered);
+                let column = self
+                    .at(picked.place)
+                    .map_or_else(String::new, ColumnHeader::numbered);
                 return self.unfit(format!(
                     "{column} is taken for the {} and for the {}; give each its own with {}COLUMN and {}COLUMN",
                     quantity.name(),
@@ -380,10 +383,10 @@ impl Table<'_> {
 mod tests {
     use super::*;
 
-    fn headers(names: &[&str]) -> Vec<Header> {
-        let header = |(place, name): (usize, &&str)| Header {
+    fn headers(names: &[&str]) -> Vec<ColumnHeader> {
+        let header = |(place, name): (usize, &&str)| ColumnHeader {
             name: (*name).to_owned(),
-            ..Header::without_name(place)
+            ..ColumnHeader::without_name(place)
         };
         names.iter().enumerate().map(header).collect()
     }

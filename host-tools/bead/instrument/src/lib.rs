@@ -22,7 +22,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-pub use choice::{Address, Choice, Wanted};
+pub use choice::{Choice, ColumnAddress, Wanted};
 pub use error::WaveformError;
 pub use signals::Waveform;
 pub use trace::Trace;

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::choice::Choice;
-use crate::columns::{Header, Picks, few, pick};
+use crate::columns::{ColumnHeader, Picks, few, pick};
 use crate::error::WaveformError;
-use crate::rows::{Rows, Strikes};
+use crate::rows::{Rows, StrikeFilter};
 use crate::signals::Waveform;
 use bead_tables::{Batch, Cell, Kind, ReadError, Reader};
 
@@ -18,7 +18,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let reader = Reader::open(path).map_err(unread)?;
     let picks = columns(path, &reader, choice)?;
     let mut rows = Rows::picked(path, "row", choice.rate_hz, &picks);
-    let mut strikes = Strikes::new(&picks, choice);
+    let mut strikes = StrikeFilter::new(&picks, choice);
     let of = [picks.time, picks.force, picks.acceleration];
     let mut places: Vec<usize> = of.iter().flatten().map(|picked| picked.place).collect();
     places.extend(picks.strike);
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
 fn columns(path: &Path, reader: &Reader, choice: &Choice) -> Result<Picks, WaveformError> {
     let (mut headers, mut others) = (Vec::new(), Vec::new());
     for (place, column) in reader.columns().iter().enumerate() {
-        let header = Header {
+        let header = ColumnHeader {
             place,
             name: column.name.replace('\n', " "),
             unit: reader.time_unit(place).map(str::to_owned),
@@ -143,7 +143,7 @@ mod tests {
         writer.close().unwrap();
     }
 
-    /// When the force has its top after the first row, and when the first row is, s.
+    /// Time of the highest force after the first row, and time of the first row, s.
     fn times(path: &Path) -> (f64, f64) {
         let waveform = Waveform::read(path, &Choice::default(), None).unwrap();
         (waveform.force.unwrap().highest().0, waveform.start)

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! Files of instruments are read that simpler readers get wrong: chunks of odd length with and without their
-//! padding, streams of unknown length, and samples whose valid bits are the highest of their bytes (Microsoft,
-//! `WAVEFORMATEXTENSIBLE`).
+//! padding, streams of unknown length, and samples whose valid bits are the highest of their bytes
+//! (Microsoft, `WAVEFORMATEXTENSIBLE`).
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek};
@@ -19,7 +19,7 @@ pub(super) const EXTENSIBLE: u16 = 0xFFFE;
 const STREAM: u32 = 0x7FFF_0000;
 
 /// A reader of the samples of a file.
-pub(super) struct Samples {
+pub(super) struct WavSamples {
     form: SampleForm,
     file: BufReader<File>,
     /// Number of samples of each channel that are left.
@@ -31,13 +31,13 @@ pub(super) struct Samples {
 pub(super) struct SampleForm {
     tag: u16,
     pub(super) channels: u16,
-    /// Samples a second of each channel, Hz.
+    /// WavSamples a second of each channel, Hz.
     pub(super) rate_hz: u32,
     /// Size of one sample of each channel, bytes.
     frame: u16,
 }
 
-impl Samples {
+impl WavSamples {
     /// Reads up to the first sample.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl Samples {
             // Valid bits are the highest of their bytes, so full scale is that of all four.
             self.file.read_exact(&mut sample[4 - bytes..])?;
             if bytes == 1 {
-                // Samples of 8 bits alone have no sign.
+                // WavSamples of 8 bits alone have no sign.
                 sample[3] ^= 0x80;
             }
             *value = if self.form.tag == FLOAT {

@@ -247,7 +247,7 @@ fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
 }
 
 /// The strikes of a table of `bead export`, of which one is wanted.
-pub(super) struct Strikes {
+pub(super) struct StrikeFilter {
     /// True if a column tells strikes apart.
     has_column: bool,
     wanted: Option<usize>,
@@ -255,7 +255,7 @@ pub(super) struct Strikes {
     found: usize,
 }
 
-impl Strikes {
+impl StrikeFilter {
     pub(super) fn new(picks: &Picks, choice: &Choice) -> Self {
         Self {
             has_column: picks.strike.is_some(),

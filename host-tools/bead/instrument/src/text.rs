@@ -12,15 +12,15 @@ use std::io::{BufRead, BufReader, Read};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use crate::choice::{Address, Choice};
-use crate::columns::{Header, pick};
+use crate::choice::{Choice, ColumnAddress};
+use crate::columns::{ColumnHeader, pick};
 use crate::error::WaveformError;
-use crate::rows::{Rows, Strikes};
+use crate::rows::{Rows, StrikeFilter};
 use crate::signals::Waveform;
 use bead_tables::printable::beginning;
 use bead_tables::unit;
 
-/// Lines that are examined before the table is read.
+/// TextLines that are examined before the table is read.
 const AHEAD: usize = 400;
 /// Bytes of a line at most.
 const LONGEST: u64 = 1 << 16;
@@ -31,7 +31,7 @@ const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
 /// Reads a text table.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
-    let mut lines = Lines {
+    let mut lines = TextLines {
         path,
         input: BufReader::new(File::open(path).map_err(WaveformError::unread(path))?),
         number: 0,
@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     {
         ahead.push(line);
     }
-    let Some(layout) = Layout::of(&ahead) else {
+    let Some(layout) = TableLayout::of(&ahead) else {
         return Err(WaveformError::unfit(
             path,
             "has no rows of numbers in its first lines; give a text table (CSV), WAV, Parquet, or a recording",
@@ -57,7 +57,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let has_second = named
         .into_iter()
         .flatten()
-        .any(|wanted| matches!(&wanted.column, Address::Either(text) | Address::Number(text) if text == "2"));
+        .any(|wanted| matches!(&wanted.column, ColumnAddress::Either(text) | ColumnAddress::Number(text) if text == "2"));
     if layout.is_perhaps_one && !has_second {
         let row = ahead.get(layout.begins).map_or("", |row| row.trim());
         return Err(WaveformError::unfit(
@@ -79,7 +79,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     })?;
     let mut rows = Rows::picked(path, "line", choice.rate_hz, &picks);
     let columns = [picks.time, picks.force, picks.acceleration];
-    let mut strikes = Strikes::new(&picks, choice);
+    let mut strikes = StrikeFilter::new(&picks, choice);
     let mut push = |number: u64, line: &str| -> Result<(), WaveformError> {
         if is_passed(line) {
             return Ok(());
@@ -111,14 +111,14 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
 }
 
 /// Reads lines of a file as text.
-struct Lines<'a> {
+struct TextLines<'a> {
     path: &'a Path,
     input: BufReader<File>,
     /// Number of the last line, from 1.
     number: u64,
 }
 
-impl Lines<'_> {
+impl TextLines<'_> {
     fn next(&mut self) -> Result<Option<String>, WaveformError> {
         let mut bytes = Vec::new();
         let read = self.input.by_ref().take(LONGEST).read_until(b'\n', &mut bytes);
@@ -150,9 +150,9 @@ impl Lines<'_> {
 
 /// The layout of a table.
 #[derive(Debug, PartialEq)]
-struct Layout {
+struct TableLayout {
     separator: char,
-    headers: Vec<Header>,
+    headers: Vec<ColumnHeader>,
     /// Number of lines above its first row.
     begins: usize,
     /// Rows a second, if the head has the step of time and no column has the time.
@@ -163,7 +163,7 @@ struct Layout {
     is_perhaps_one: bool,
 }
 
-impl Layout {
+impl TableLayout {
     fn of(lines: &[String]) -> Option<Self> {
         let numbers = |line: &str, separator: char| -> Vec<usize> {
             let values = fields(line, separator)
@@ -227,7 +227,7 @@ impl Layout {
                 .filter(|field| !field.is_empty())
                 .map(|field| (*field).to_owned())
         };
-        let header = |place: &usize| Header {
+        let header = |place: &usize| ColumnHeader {
             place: *place,
             name: at(names, *place).unwrap_or_else(|| (place + 1).to_string()),
             unit: at(units, *place).map(|unit| unit.trim_matches(['(', ')', '[', ']', ' ']).to_owned()),
@@ -456,7 +456,8 @@ mod tests {
             let short = text.replace("1,0\n", "1\n");
             assert_eq!(waveform(&short, &untimed("1:2N")).unwrap_err(), why);
         }
-        // Two columns: by the choice of the second, by their names, or since there is a point or a sign in it.
+        // Two columns: by the choice of the second, by their names, or since there is a point or a sign in
+        // it.
         let row: Row<'_> = &|t, v| format!("{:.0},{:.0}\n", 1e3 * t + 10.0, 10.0 * v);
         for head in ["", "t (ms),v\n"] {
             is_the_ramp(table(head, row), &choice("1:ms", "2:0.2N"));

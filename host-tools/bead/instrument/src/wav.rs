@@ -4,9 +4,9 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use crate::choice::{Choice, option};
-use crate::columns::{Header, Picked, pick};
+use crate::columns::{ColumnHeader, Picked, pick};
 use crate::error::WaveformError;
-use crate::riff::Samples;
+use crate::riff::WavSamples;
 use crate::rows::Rows;
 use crate::signals::Waveform;
 use bead_tables::unit::Quantity;
@@ -22,7 +22,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         ),
         _ => WaveformError::unfit(path, format!("is a damaged WAV file: {error}")),
     };
-    let mut samples = Samples::open(path).map_err(unread)?;
+    let mut samples = WavSamples::open(path).map_err(unread)?;
     let form = samples.form();
     let channels = usize::from(form.channels);
     if form.rate_hz == 0 {
@@ -44,7 +44,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             ),
         ));
     }
-    let headers: Vec<_> = (0..channels).map(Header::without_name).collect();
+    let headers: Vec<_> = (0..channels).map(ColumnHeader::without_name).collect();
     // A given rate corrects that of the file.
     let rate_hz = choice.rate_hz.unwrap_or(f64::from(form.rate_hz));
     let choice = Choice {
@@ -204,7 +204,7 @@ mod tests {
         for form in [
             form(FLOAT, 8, 64, &[0, 0]),
             form(EXTENSIBLE, 8, 64, &valid(64)),
-            // Where in the four bytes?
+            // The place of the bits in the four bytes is unknown.
             form(PCM, 4, 24, &[]),
             form(EXTENSIBLE, 4, 24, &valid(24)),
             form(6, 1, 8, &[0, 0]),

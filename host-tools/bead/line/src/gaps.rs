@@ -35,7 +35,7 @@ const WANTED: usize = 64;
 const REMEMBERED: usize = 4096;
 
 /// A strike: low byte of the boot, and number in it.
-type Name = (u8, u32);
+type StrikeKey = (u8, u32);
 
 /// A request that the bead has not answered.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ struct Asked {
 }
 
 /// The lost strikes of one bead.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Gaps {
     address: u8,
     /// Low byte of the boot number.
@@ -58,7 +58,7 @@ pub struct Gaps {
     boot_number: Option<u32>,
     assembly: Assembly,
     /// The first strike that is wanted, in the first boot of which a frame came.
-    from: Option<Name>,
+    from: Option<StrikeKey>,
     /// Number of strikes of this boot, and of those whose frames should have come.
     count: u32,
     due: u32,
@@ -88,24 +88,9 @@ impl Gaps {
     pub fn new(address: u8) -> Self {
         Self {
             address,
-            boot: 0,
-            boot_number: None,
-            assembly: Assembly::default(),
-            from: None,
-            count: 0,
-            due: 0,
-            settled: 0,
-            counts: VecDeque::new(),
-            gone: BTreeMap::new(),
-            gone_count: 0,
-            wanted: BTreeMap::new(),
-            list: false,
-            lists: 0,
-            asked: None,
             // Other programs count from somewhere else.
             next_number: 0x4000,
-            pause_until: None,
-            fetched: 0,
+            ..Self::default()
         }
     }
 
@@ -194,7 +179,7 @@ impl Gaps {
         if self.counts.len() < COUNTS {
             self.counts.push_back((count, now));
         } else if let Some(last) = self.counts.back_mut() {
-            // So many come at once that some are due a little early.
+            // Very many come at once: some are due a little early.
             last.0 = count;
         }
     }
@@ -210,7 +195,7 @@ impl Gaps {
     }
 
     /// Notes that a strike is here, also if it was given up.
-    fn find(&mut self, (boot, number): Name) {
+    fn find(&mut self, (boot, number): StrikeKey) {
         if let Some(gone) = self.gone.get_mut(&boot) {
             self.gone_count -= u64::from(gone.remove(&number));
         }
@@ -227,7 +212,7 @@ impl Gaps {
     }
 
     /// True if a strike belongs into this recording and is not here.
-    fn is_wanted(&self, (boot, number): Name) -> bool {
+    fn is_wanted(&self, (boot, number): StrikeKey) -> bool {
         let since = self
             .from
             .is_some_and(|(first, from)| boot != first || number >= from);
@@ -362,12 +347,12 @@ mod tests {
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
 
     /// A bead at its gaps.
-    struct Bead {
+    struct FakeBead {
         gaps: Gaps,
         now: Instant,
     }
 
-    impl Bead {
+    impl FakeBead {
         /// It begins with this boot, and with no strike.
         fn new(boot: u8) -> Self {
             let mut bead = Self {
@@ -462,7 +447,7 @@ mod tests {
 
     #[test]
     fn a_strike_that_came_whole_after_a_power_cycle_is_not_asked_for() {
-        let mut bead = Bead::new(1);
+        let mut bead = FakeBead::new(1);
         for number in 0..REMEMBERED as u32 + 10 {
             bead.strike(1, number);
         }
@@ -475,7 +460,7 @@ mod tests {
 
     #[test]
     fn strikes_that_are_lost_after_a_power_cycle_are_asked_for_although_their_names_were_there_before() {
-        let mut bead = Bead::new(0);
+        let mut bead = FakeBead::new(0);
         for number in 0..10 {
             bead.strike(0, number);
         }
@@ -496,20 +481,20 @@ mod tests {
 
     #[test]
     fn what_is_known_of_strikes_that_nobody_asks_for_stays_small() {
-        let mut bead = Bead::new(0);
+        let mut bead = FakeBead::new(0);
         for number in 0..1000 {
             bead.now += Duration::from_millis(1);
             bead.result(0, number);
         }
         assert!(bead.gaps.counts.len() <= COUNTS, "{}", bead.gaps.counts.len());
-        // None of them is forgotten.
+        // All of them are asked for.
         assert_eq!(bead.refuses(0).len(), 1000);
         assert_eq!(bead.gaps.gone(), 1000);
     }
 
     #[test]
     fn a_list_that_is_too_long_is_asked_for_again_when_there_is_room() {
-        let mut bead = Bead::new(5);
+        let mut bead = FakeBead::new(5);
         bead.gaps.reconnect();
         let (request, what) = bead.asked().unwrap();
         assert_eq!(what, Request::ListKept);

@@ -142,7 +142,7 @@ impl Listener<'_> {
     fn open(&self) -> Option<Port> {
         let (done, opened) = mpsc::channel();
         let (address, baud) = (self.address.clone(), self.baud);
-        // Where nobody waits for it any more, it is closed.
+        // It is closed if nobody waits for it any more.
         let open = move || drop(done.send(address.open(baud)));
         thread::Builder::new().spawn(open).ok()?;
         loop {

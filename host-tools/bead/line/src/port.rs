@@ -69,7 +69,7 @@ pub struct PortError(String);
 
 /// The serial ports of this computer.
 fn ports() -> Vec<SerialPortInfo> {
-    // Where the kernel shows no terminals, as in some containers, serialport would panic.
+    // In a container whose kernel shows no terminals serialport would panic.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
@@ -115,7 +115,7 @@ impl Address {
                 "cannot connect to {self}: {source}; start the server that has the bead's line, or correct the address"
             ))
         };
-        let line: Box<dyn Bytes> = match self {
+        let line: Box<dyn DuplexStream> = match self {
             Self::Serial(path) => Box::new(open_serial(path, baud)?),
             Self::Tcp(server) => Box::new(connect(server).map_err(unconnected)?),
             Self::Unix(path) => {
@@ -189,14 +189,14 @@ fn connect(server: &str) -> io::Result<TcpStream> {
     Err(failure)
 }
 
-/// Bytes both ways.
-trait Bytes: Read + Write + Send {}
+/// DuplexStream both ways.
+trait DuplexStream: Read + Write + Send {}
 
-impl<T: Read + Write + Send> Bytes for T {}
+impl<T: Read + Write + Send> DuplexStream for T {}
 
 /// An open port.
 pub struct Port {
-    line: Box<dyn Bytes>,
+    line: Box<dyn DuplexStream>,
 }
 
 impl Port {

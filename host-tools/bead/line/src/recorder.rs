@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! One thread for each port only reads it. A slow disk therefore costs memory, up to `QUEUE` pieces of bytes,
-//! before it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for good. In
-//! each case all that they read is recorded.
+//! before it costs a byte. The threads end at a deadline, at a signal, or when all ports have gone away for
+//! good. In each case all that they read is recorded.
 //!
 //! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
 
@@ -67,7 +67,7 @@ pub struct RecordedPort {
     pub strikes: u64,
     /// Counts of frames. `None` if the port was not recorded, as its bead has the address of another.
     pub counters: Option<Counters>,
-    /// How listening to it ended.
+    /// End of listening to it.
     pub end: End,
 }
 
@@ -103,7 +103,7 @@ pub struct RecorderError {
 }
 
 /// A port that is recorded.
-struct Source {
+struct RecordedSource {
     address: Address,
     /// Writes its bytes; `None` in a recording of one port, and before its bead is known.
     writer: Option<BeadIndex>,
@@ -118,7 +118,7 @@ struct Source {
     strikes: u64,
 }
 
-impl Source {
+impl RecordedSource {
     fn new(address: &Address) -> Self {
         Self {
             address: address.clone(),
@@ -154,7 +154,7 @@ pub struct Recorder<'a> {
     writer: Writer,
     /// Files that are complete.
     files: Vec<PathBuf>,
-    sources: Vec<Source>,
+    sources: Vec<RecordedSource>,
     clocks: Live,
     opened: Instant,
     /// The time of `opened` in ns since 1970.
@@ -201,7 +201,7 @@ impl<'a> Recorder<'a> {
             options,
             writer: create(target, &about)?,
             files: Vec::new(),
-            sources: addresses.iter().map(Source::new).collect(),
+            sources: addresses.iter().map(RecordedSource::new).collect(),
             clocks: Live::default(),
             opened,
             opened_ns,
@@ -265,7 +265,7 @@ impl<'a> Recorder<'a> {
     fn finish(mut self, ends: Vec<End>) -> Result<Recorded, RecordingError> {
         let duration = self.opened.elapsed();
         let is_of_several = self.sources.len() > 1;
-        let port = |(source, end): (&Source, End)| RecordedPort {
+        let port = |(source, end): (&RecordedSource, End)| RecordedPort {
             address: source.address.clone(),
             bead: source.bead,
             strikes: source.strikes,

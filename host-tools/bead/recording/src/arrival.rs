@@ -1,4 +1,4 @@
-//! When a pulse arrived, between samples: when its force rose through half of its height.
+//! The arrival of a pulse, between samples: the time at which its force rose through half of its height.
 //!
 //! # Design
 //! The top of a pulse is flat, so noise of some mN moves it by 0.1 to 0.6 µs, and more samples or another
@@ -12,12 +12,12 @@ use crate::signal::Signal;
 
 /// Degree of the polynomial.
 const DEGREE: usize = 3;
-/// How far it reaches to either side, in widths of the pulse at half its height, and at least in samples.
+/// Its reach to either side, in widths of the pulse at half its height, and the least, in samples.
 const REACH: f64 = 0.25;
 const REACH_LEAST: usize = 2;
 
-/// When the force rose through half of its greatest value, in samples of the window. `None` if it never did,
-/// or too near an end of the window.
+/// The time at which the force rose through half of its greatest value, in samples of the window. `None` if
+/// it never did, or too near an end of the window.
 pub fn rise(signal: &Signal) -> Option<f64> {
     let force = &signal.force;
     let (peak, highest) = force
@@ -101,7 +101,7 @@ impl Polynomial {
         self.at(x)[0]
     }
 
-    /// Where something that is made of value and derivatives is zero, given with its slope: by Newton's
+    /// The zero of an expression in value and derivatives, which `zero` gives with its slope: by Newton's
     /// method from the middle.
     fn where_is(&self, zero: impl Fn([f64; 3]) -> (f64, f64)) -> Option<f64> {
         let mut x = 0.0;

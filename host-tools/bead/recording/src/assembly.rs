@@ -188,7 +188,7 @@ struct BeadFrames {
     pending: BTreeMap<i64, Pending>,
     uid: Option<[u8; 12]>,
     fetched: FetchedFrames,
-    register: Register,
+    register: StrikeNames,
 }
 
 /// The frames of a strike that wait for others.
@@ -458,7 +458,7 @@ impl Unwrapped {
 
 /// The strikes of a bead by their names: low byte of the boot, and number in it.
 #[derive(Clone, Debug, Default)]
-struct Register {
+struct StrikeNames {
     strikes: BTreeMap<(u8, u32), KnownStrike>,
     /// The names, the oldest first.
     names: VecDeque<(u8, u32)>,
@@ -472,7 +472,7 @@ struct KnownStrike {
     is_handed_on: bool,
 }
 
-impl Register {
+impl StrikeNames {
     /// The parts that came of a strike; none of an unknown one.
     fn parts(&self, boot: u8, number: u32) -> Parts {
         let known = self.strikes.get(&(boot, number));
@@ -552,7 +552,7 @@ mod tests {
 
     /// Beads on a line that an assembly takes the frames of.
     #[derive(Default)]
-    struct Line {
+    struct FakeLine {
         assembly: Assembly,
         /// By address: boot, and number of the next frame.
         beads: BTreeMap<u8, (u8, u32)>,
@@ -561,7 +561,7 @@ mod tests {
     /// An event in short: whole or not, boot, and number.
     type Short = (bool, u8, u32);
 
-    impl Line {
+    impl FakeLine {
         fn push(&mut self, address: u8, arrival: Arrival, message: Message) -> Vec<Event> {
             let (boot, sequence) = self.beads.entry(address).or_default();
             let mut frame = Frame::of(address, *boot, arrival, message);
@@ -608,7 +608,7 @@ mod tests {
 
     #[test]
     fn a_whole_strike_comes_at_once_and_one_with_a_gap_when_its_frames_count_as_lost() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         line.restart(7, 0);
         assert_eq!(line.send(7, strike(0, 10)), [(true, 0, 0)]);
         let [_, result, shape] = strike(1, 20);
@@ -625,7 +625,7 @@ mod tests {
 
     #[test]
     fn a_settings_block_of_an_unreleased_build_leaves_its_version_with_the_strike() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         let mut block = b"BEAD\x06\x00\x00\x00".to_vec();
         block.extend(crc32fast::hash(&block).to_le_bytes());
         let block = Block::try_from(&block[..]).unwrap();
@@ -640,7 +640,7 @@ mod tests {
     fn a_strike_has_the_last_settings_before_it_also_where_numbers_begin_again() {
         // A full line sends 2^32 frames in 24 days.
         for first in [0, u32::MAX - 4] {
-            let mut line = Line::default();
+            let mut line = FakeLine::default();
             line.beads.insert(7, (0, first));
             let mut events = Vec::new();
             for number in 0..3 {
@@ -662,7 +662,7 @@ mod tests {
 
     #[test]
     fn a_strike_names_its_boot_among_those_of_its_bead_also_after_a_power_cycle() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         let mut events = Vec::new();
         // A power cycle, and a reset.
         for (address, boot, arrival) in [
@@ -689,7 +689,7 @@ mod tests {
 
     #[test]
     fn a_late_frame_completes_a_strike_in_its_order() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         line.restart(7, 0);
         let [waveform, result, shape] = strike(0, 10);
         line.push(7, Arrival::Next { lost: 1 }, result);
@@ -728,7 +728,7 @@ mod tests {
     #[test]
     fn after_a_power_cycle_strikes_with_the_names_of_others_are_handed_on_also_fetched_ones() {
         for (before, boot) in [(0, 0), (1, 0), (4, 4)] {
-            let mut line = Line::default();
+            let mut line = FakeLine::default();
             for address in [7, 8] {
                 line.restart(address, boot);
                 assert_eq!(line.send(address, strike(0, 10)), [(true, boot, 0)]);
@@ -749,7 +749,7 @@ mod tests {
 
     #[test]
     fn a_strike_that_is_fetched_after_a_reset_is_handed_on_unless_it_came_whole() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         line.restart(7, 3);
         line.send(7, strike(0, 10));
         let [_, result, _] = strike(1, 20);
@@ -774,7 +774,7 @@ mod tests {
 
     #[test]
     fn a_fetched_strike_takes_the_place_of_the_parts_that_wait() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         line.restart(7, 0);
         let [_, result, shape] = strike(0, 10);
         line.push(7, Arrival::Next { lost: 1 }, result);
@@ -785,7 +785,7 @@ mod tests {
 
     #[test]
     fn strikes_that_count_down_and_settings_that_change_wait_in_bounded_room() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         for number in 0..1000 {
             line.send(7, [settings(50 + number % 2)]);
             assert!(line.assembly.beads[&7].settings.len() <= WAITING);
@@ -807,7 +807,7 @@ mod tests {
 
     #[test]
     fn of_very_many_strikes_the_newest_names_are_remembered_for_each_bead() {
-        let mut line = Line::default();
+        let mut line = FakeLine::default();
         line.restart(0, 0);
         line.send(0, strike(5, 10));
         for boot in 0..4 {

@@ -15,11 +15,11 @@ pub struct Frame {
     pub version: u8,
     /// Address, boot, sequence number, sample index.
     pub header: Header,
-    /// How it follows on the frames of its bead before it.
+    /// Its place among the frames of its bead.
     pub arrival: Arrival,
     /// Scans a second, in hertz, by the bead's last identity before it.
     pub sample_rate_hz: Option<u32>,
-    /// When the host received it, in ns since 1970, if that is known.
+    /// Receive time, ns since 1970, `None` if unknown.
     pub received_ns: Option<u64>,
     /// The message.
     pub message: Message,
@@ -85,14 +85,14 @@ impl Item {
     }
 }
 
-/// A piece of bytes, and when the host received the last byte, in ns since 1970, if that is known.
+/// A piece of received bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
-    /// Whose they are, by its address, in a recording of several beads.
+    /// Address of their bead, in a recording of several beads.
     pub bead: Option<u8>,
     /// The bytes, delimiters among them.
     pub bytes: Vec<u8>,
-    /// When the last of them was received.
+    /// Receive time of the last of them, ns since 1970, `None` if unknown.
     pub received_ns: Option<u64>,
 }
 

@@ -76,7 +76,7 @@ fn call<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ReadErro
 pub struct Reader {
     file: SerializedFileReader<File>,
     columns: Vec<Column>,
-    forms: Vec<Form>,
+    forms: Vec<CellForm>,
 }
 
 /// Rows of a table, column by column.
@@ -123,7 +123,7 @@ impl Reader {
         check_sizes(file.metadata(), length)?;
         check_compression(file.metadata())?;
         let schema = file.metadata().file_metadata().schema_descr();
-        let (forms, columns) = schema.columns().iter().map(|column| Form::of(column)).unzip();
+        let (forms, columns) = schema.columns().iter().map(|column| CellForm::of(column)).unzip();
         Ok(Self { file, columns, forms })
     }
 
@@ -201,9 +201,9 @@ fn sum(numbers: impl Iterator<Item = i64>) -> u64 {
     numbers.map(i64::unsigned_abs).fold(0, u64::saturating_add)
 }
 
-/// How the cells of a column are made of its values.
+/// The conversion of a column's values to cells.
 #[derive(Debug, Clone, Copy)]
-struct Form {
+struct CellForm {
     /// Definition level of a value that is not null.
     known_at: i16,
     /// A whole number is divided by this power of ten, in a column of decimals.
@@ -212,7 +212,7 @@ struct Form {
     time_unit: Option<&'static str>,
 }
 
-impl Form {
+impl CellForm {
     fn of(column: &ColumnDescriptor) -> (Self, Column) {
         use ConvertedType::{DECIMAL, UINT_8, UINT_16, UINT_32, UINT_64};
         let converted = column.converted_type();
@@ -263,7 +263,7 @@ struct Batches<'a> {
     /// The next row group.
     group: usize,
     /// Columns of the row group that is read, and its rows that are left.
-    open: Vec<(ColumnReader, Form)>,
+    open: Vec<(ColumnReader, CellForm)>,
     left: usize,
 }
 
@@ -306,7 +306,7 @@ impl Batches<'_> {
     }
 }
 
-fn cells(column: &mut ColumnReader, form: Form, rows: usize) -> Result<Vec<Cell>, ParquetError> {
+fn cells(column: &mut ColumnReader, form: CellForm, rows: usize) -> Result<Vec<Cell>, ParquetError> {
     match column {
         ColumnReader::Int32ColumnReader(column) => values(column, form, rows, |value| {
             let unsigned = i64::from(value.cast_unsigned());
@@ -346,7 +346,7 @@ fn cells(column: &mut ColumnReader, form: Form, rows: usize) -> Result<Vec<Cell>
 
 fn values<T: DataType>(
     column: &mut ColumnReaderImpl<T>,
-    form: Form,
+    form: CellForm,
     rows: usize,
     mut cell: impl FnMut(&T::T) -> Result<Cell, ParquetError>,
 ) -> Result<Vec<Cell>, ParquetError> {

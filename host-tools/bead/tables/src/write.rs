@@ -19,9 +19,9 @@ const GROUP_CELLS: usize = 1 << 22;
 const GROUP_TEXT: usize = 64 << 20;
 
 /// A table in a file, written row by row.
-pub struct Writer<'a>(Form<'a>);
+pub struct Writer<'a>(OpenTable<'a>);
 
-enum Form<'a> {
+enum OpenTable<'a> {
     Parquet(Box<Parquet<'a>>),
     Csv(Box<csv::Writer<&'a mut File>>),
 }
@@ -38,7 +38,7 @@ impl<'a> Writer<'a> {
         columns: &[Column],
         notes: &[(&str, &str)],
     ) -> anyhow::Result<Self> {
-        Ok(Self(Form::Parquet(Box::new(Parquet::new(
+        Ok(Self(OpenTable::Parquet(Box::new(Parquet::new(
             file, name, columns, notes,
         )?))))
     }
@@ -51,7 +51,7 @@ impl<'a> Writer<'a> {
     pub fn csv(file: &'a mut File, columns: &[Column]) -> anyhow::Result<Self> {
         let mut out = csv::Writer::from_writer(file);
         out.write_record(columns.iter().map(|column| &column.name))?;
-        Ok(Self(Form::Csv(Box::new(out))))
+        Ok(Self(OpenTable::Csv(Box::new(out))))
     }
 
     /// Appends a row, with a cell for each column.
@@ -60,8 +60,8 @@ impl<'a> Writer<'a> {
     /// The file cannot be written, or a cell is not of its column's kind.
     pub fn push(&mut self, row: Vec<Cell>) -> anyhow::Result<()> {
         match &mut self.0 {
-            Form::Parquet(out) => out.push(row),
-            Form::Csv(out) => {
+            OpenTable::Parquet(out) => out.push(row),
+            OpenTable::Csv(out) => {
                 for cell in row {
                     match cell {
                         Cell::Null => out.write_field("")?,
@@ -81,14 +81,14 @@ impl<'a> Writer<'a> {
     /// The file cannot be written.
     pub fn finish(self) -> anyhow::Result<()> {
         match self.0 {
-            Form::Parquet(out) => out.finish(),
-            Form::Csv(mut out) => Ok(out.flush()?),
+            OpenTable::Parquet(out) => out.finish(),
+            OpenTable::Csv(mut out) => Ok(out.flush()?),
         }
     }
 }
 
 /// The cells of a column that wait for their row group.
-enum Waiting {
+enum WaitingCells {
     Whole(Vec<i64>),
     Number(Vec<f64>),
     Text(Vec<ByteArray>),
@@ -96,7 +96,7 @@ enum Waiting {
 
 struct Parquet<'a> {
     writer: SerializedFileWriter<&'a mut File>,
-    waiting: Vec<Waiting>,
+    waiting: Vec<WaitingCells>,
     /// Definition levels by column: 1 for a value, 0 for null.
     known: Vec<Vec<i16>>,
     rows: usize,
@@ -114,9 +114,9 @@ impl<'a> Parquet<'a> {
         let (mut fields, mut waiting) = (String::new(), Vec::new());
         for column in columns {
             let (kind, end, empty) = match column.kind {
-                Kind::Whole => ("INT64", "", Waiting::Whole(Vec::new())),
-                Kind::Number => ("DOUBLE", "", Waiting::Number(Vec::new())),
-                Kind::Text => ("BYTE_ARRAY", " (UTF8)", Waiting::Text(Vec::new())),
+                Kind::Whole => ("INT64", "", WaitingCells::Whole(Vec::new())),
+                Kind::Number => ("DOUBLE", "", WaitingCells::Number(Vec::new())),
+                Kind::Text => ("BYTE_ARRAY", " (UTF8)", WaitingCells::Text(Vec::new())),
                 Kind::Other => anyhow::bail!("column {} is of a kind that is not written", column.name),
             };
             fields.push_str(&format!("OPTIONAL {kind} {}{end}; ", column.name));
@@ -144,9 +144,9 @@ impl<'a> Parquet<'a> {
             known.push(i16::from(cell != Cell::Null));
             match (waiting, cell) {
                 (_, Cell::Null) => {}
-                (Waiting::Whole(values), Cell::Whole(value)) => values.push(value),
-                (Waiting::Number(values), Cell::Number(value)) => values.push(value),
-                (Waiting::Text(values), Cell::Text(value)) => {
+                (WaitingCells::Whole(values), Cell::Whole(value)) => values.push(value),
+                (WaitingCells::Number(values), Cell::Number(value)) => values.push(value),
+                (WaitingCells::Text(values), Cell::Text(value)) => {
                     self.text += value.len();
                     values.push(value.as_bytes().to_vec().into());
                 }
@@ -169,9 +169,9 @@ impl<'a> Parquet<'a> {
         for (waiting, known) in self.waiting.iter_mut().zip(&mut self.known) {
             let mut out = group.next_column()?.context("the schema has too few columns")?;
             match waiting {
-                Waiting::Whole(values) => write_column::<Int64Type>(&mut out, values, known)?,
-                Waiting::Number(values) => write_column::<DoubleType>(&mut out, values, known)?,
-                Waiting::Text(values) => write_column::<ByteArrayType>(&mut out, values, known)?,
+                WaitingCells::Whole(values) => write_column::<Int64Type>(&mut out, values, known)?,
+                WaitingCells::Number(values) => write_column::<DoubleType>(&mut out, values, known)?,
+                WaitingCells::Text(values) => write_column::<ByteArrayType>(&mut out, values, known)?,
             }
             known.clear();
             out.close()?;

@@ -19,7 +19,7 @@ pub struct Alignment {
     /// Reference seconds in an own second, less one.
     #[serde(skip)]
     slope: f64,
-    /// How fast the own clock is against the reference's, ppm.
+    /// Drift of the own clock against the reference's, ppm; positive if it is fast.
     pub drift_ppm: f64,
     /// Two standard errors of the drift, from the residuals of the edges; none for two edges, which have no
     /// residual.
@@ -83,6 +83,7 @@ impl Alignment {
 }
 
 /// The edges of a segment, each at its own time, in s, and at the host's, in ns; in the order of the latter.
+#[derive(Debug, Clone)]
 pub(super) struct PlacedEdges {
     edges: Vec<(f64, i64)>,
     /// Time of the host between the two that are closest, s.
@@ -104,7 +105,8 @@ impl PlacedEdges {
         })
     }
 
-    /// The edges that both segments saw, as times of each in s. Two edges are the same if their host times are.
+    /// The edges that both segments saw, as times of each in s. Two edges are the same if their host times
+    /// are.
     pub(super) fn in_common(&self, reference: &Self) -> Vec<(f64, f64)> {
         let within = (self.closest.min(reference.closest) / 4.0).min(SAME_EDGE);
         let mut pairs = Vec::new();

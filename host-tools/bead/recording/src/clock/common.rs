@@ -1,7 +1,5 @@
 //! The time that the beads of one recording have in common.
 
-use std::collections::HashMap;
-
 use crate::clock::alignment::{Alignment, PlacedEdges};
 use crate::clock::fit::Fit;
 use crate::clock::segments::{Boots, Segment, Tracker};
@@ -12,11 +10,11 @@ use crate::strikes::RecordedStrike;
 #[derive(Debug, Clone)]
 pub struct CommonTime {
     places: Boots,
-    /// By the place of their segment, those whose clock was fitted.
-    boots: HashMap<usize, Boot>,
-    /// True if two of them have edges in common.
-    is_shared: bool,
-    /// True seconds in one of the boot whose time it is, as far as known.
+    /// By segment; `None` for a boot whose clock cannot be fitted.
+    boots: Vec<Option<BootClock>>,
+    /// Segment of the boot whose time it is, `None` if no two boots have edges in common.
+    reference: Option<usize>,
+    /// True seconds in one of the reference, as far as known.
     pace: f64,
 }
 
@@ -27,44 +25,26 @@ const SURE: f64 = 10.0;
 
 /// Edges that two clocks must have in common.
 const EDGES_LEAST: usize = 2;
-/// Frames of a bead between two resets, on other clocks than its own.
+/// The clock of a boot against others.
 #[derive(Debug, Clone)]
-struct Boot {
+struct BootClock {
+    /// Scans a second, Hz.
     rate: f64,
-    fit: Fit,
-    on: On,
-}
-
-/// How a boot stands on the common time.
-#[derive(Debug, Clone)]
-enum On {
-    /// It is the boot whose time it is.
-    Own,
-    /// By edges in common with that one.
-    Edges(Alignment),
-    /// There are none.
-    Nothing,
-}
-
-/// A boot whose clock could be held against the host's.
-struct Fitted {
-    /// The place of its segment.
-    place: usize,
-    rate: f64,
+    /// Against the host's.
     fit: Fit,
     edges: PlacedEdges,
+    /// Against the reference's, by edges in common with it.
+    alignment: Option<Alignment>,
 }
 
-impl Fitted {
-    fn of(place: usize, segment: &Segment) -> Option<Self> {
-        let rate = f64::from(segment.sample_rate_hz.filter(|rate| *rate > 0)?);
+impl BootClock {
+    fn of(segment: &Segment) -> Option<Self> {
         let fit = segment.fit()?;
-        let edges = PlacedEdges::of(segment, &fit)?;
         Some(Self {
-            place,
-            rate,
+            rate: f64::from(segment.sample_rate_hz?),
             fit,
-            edges,
+            edges: PlacedEdges::of(segment, &fit)?,
+            alignment: None,
         })
     }
 }
@@ -81,76 +61,69 @@ impl CommonTime {
 
     /// Finds the common time from the segments.
     pub(super) fn among(segments: &[Segment]) -> Self {
-        let places = Boots::of(segments);
-        let fitted: Vec<Fitted> = (0..)
-            .zip(segments)
-            .filter_map(|(place, segment)| Fitted::of(place, segment))
+        let mut boots: Vec<_> = segments.iter().map(BootClock::of).collect();
+        let fitted = boots.iter().enumerate();
+        let fitted: Vec<_> = fitted
+            .filter_map(|(at, boot)| Some((at, boot.as_ref()?)))
             .collect();
-        let (mut reference, mut most) = (0, 0);
-        for (at, base) in fitted.iter().enumerate() {
-            let others = fitted.iter().enumerate().filter(|(other, _)| *other != at);
-            let shares = |other: &Fitted| other.edges.in_common(&base.edges).len() >= EDGES_LEAST;
-            let reached = others.filter(|(_, other)| shares(other)).count();
+        let (mut reference, mut most) = (None, 0);
+        for (at, base) in &fitted {
+            let shares = |other: &BootClock| other.edges.in_common(&base.edges).len() >= EDGES_LEAST;
+            let reached = fitted.iter().filter(|(other, boot)| other != at && shares(boot));
+            let reached = reached.count();
             if reached > most {
-                (reference, most) = (at, reached);
+                (reference, most) = (Some(*at), reached);
             }
             if most + 1 == fitted.len() {
                 break;
             }
         }
-        let onto = |(at, own): (usize, &Fitted)| {
-            if most > 0 && at != reference {
-                Alignment::through(own.edges.in_common(&fitted[reference].edges))
-            } else {
-                None
+        let base = reference.and_then(|at| boots[at].as_ref());
+        let onto = |(at, own): (usize, &Option<BootClock>)| {
+            let (own, base) = (own.as_ref()?, base.filter(|_| reference != Some(at))?);
+            Alignment::through(own.edges.in_common(&base.edges))
+        };
+        let onto: Vec<_> = boots.iter().enumerate().map(onto).collect();
+        let pace = base.map_or(1.0, |base| pace(&base.fit, &onto));
+        for (boot, alignment) in boots.iter_mut().zip(onto) {
+            if let Some(boot) = boot {
+                boot.alignment = alignment;
             }
-        };
-        let onto: Vec<Option<Alignment>> = fitted.iter().enumerate().map(onto).collect();
-        let pace = fitted.get(reference).map_or(1.0, |own| pace(&own.fit, &onto));
-        let is_shared = most > 0;
-        let boots = fitted.into_iter().zip(onto).enumerate();
-        let boot = |(at, (own, alignment)): (usize, (Fitted, _))| {
-            let Fitted { place, rate, fit, .. } = own;
-            let on = match alignment {
-                Some(alignment) => On::Edges(alignment),
-                None if at == reference => On::Own,
-                None => On::Nothing,
-            };
-            (place, Boot { rate, fit, on })
-        };
+        }
         Self {
-            places,
-            boots: boots.map(boot).collect(),
-            is_shared,
+            places: Boots::of(segments),
+            boots,
+            reference,
             pace,
         }
     }
 
-    fn boot(&self, strike: &RecordedStrike) -> Option<&Boot> {
-        self.boots.get(&self.places.find(strike)?)
+    /// The segment of a strike, and its clock.
+    fn boot(&self, strike: &RecordedStrike) -> Option<(usize, &BootClock)> {
+        let at = self.places.find(strike)?;
+        Some((at, self.boots.get(at)?.as_ref()?))
     }
 
-    /// When a sample of the bead was taken in the boot of this strike, on the time in common, s. `None` for a
-    /// boot of a bead that saw fewer than two edges of it, or if no two did.
+    /// Time in common of a sample of the bead, in the boot of this strike, s. `None` for a boot that saw
+    /// fewer than two edges in common, or if no two boots did.
     pub fn common(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
-        let own = self.boot(strike)?;
+        let (at, own) = self.boot(strike)?;
         let time = sample / own.rate;
-        match &own.on {
-            On::Own => self.is_shared.then_some(time * self.pace),
-            On::Edges(alignment) => Some(alignment.reference(time) * self.pace),
-            On::Nothing => None,
+        if self.reference == Some(at) {
+            return Some(time * self.pace);
         }
+        Some(own.alignment.as_ref()?.reference(time) * self.pace)
     }
 
-    /// Returns `true` if there is a time that two beads have in common.
+    /// True if there is a time that two beads have in common.
     pub fn is_shared(&self) -> bool {
-        self.is_shared
+        self.reference.is_some()
     }
 
-    /// When a sample of the bead was taken in the boot of this strike, on the host's time, s since 1970, give
-    /// or take the delay of the line. `None` if the times of receipt are not known.
+    /// Host time of a sample of the bead, in the boot of this strike, s since 1970, to the delay of the line.
+    /// `None` if receive times are unknown.
     pub fn host(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
-        let own = self.boot(strike)?;
+        let (_, own) = self.boot(strike)?;
         Some(own.fit.host_ns(sample / own.rate) as f64 * 1e-9)
     }
 }

@@ -20,14 +20,14 @@ use crate::strikes::RecordedStrike;
 pub struct ClockComparison {
     /// One for each recording, bead and boot.
     pub clocks: Vec<ClockReport>,
-    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the
-    /// first bead in the first recording, the boot with most edges.
+    /// Origin of the times of [`AlignmentReport`]s and [`StrikeArrival`]s, if there are any: of the first
+    /// bead in the first recording, the boot with most edges.
     pub reference: Option<RecordedBoot>,
     /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival: at most 100 000.
     pub strikes: Vec<StrikeArrival>,
-    /// What is not shown, in words; empty if nothing.
+    /// Strikes that are not shown, in words; empty if all are.
     pub left_out: Vec<String>,
 }
 
@@ -72,14 +72,14 @@ pub struct ClockReport {
 /// A bead's clock against the reference's.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct AlignmentReport {
-    /// Where the bead was recorded.
+    /// The recording of the bead.
     #[serde(flatten)]
     pub place: RecordedBoot,
     /// Number of edges that both saw.
     pub edges_in_common: usize,
     /// Reference time of the bead's sample index 0.
     pub offset_s: f64,
-    /// How its clock runs.
+    /// Its clock against the reference's.
     #[serde(flatten)]
     pub alignment: Alignment,
 }
@@ -87,15 +87,15 @@ pub struct AlignmentReport {
 /// A strike on the reference's time.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct StrikeArrival {
-    /// Where it was felt.
+    /// The recording of the strike.
     #[serde(flatten)]
     pub place: RecordedBoot,
     /// Its number there.
     pub strike: u32,
-    /// When its force was highest, in s of the reference since its reset.
+    /// Time of its highest force, s of the reference since its reset.
     pub arrival_s: f64,
-    /// When its force rose through half of that, if its samples were received: the front is steep, and so
-    /// this is some times as exact.
+    /// Time at which its force rose through half of that, if its samples were received: the front is steep,
+    /// so this is some times as exact.
     pub rise_s: Option<f64>,
 }
 

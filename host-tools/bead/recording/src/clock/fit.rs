@@ -20,13 +20,14 @@ pub struct Fit {
     offset: f64,
     /// Host seconds in a second of the bead.
     rate: f64,
-    /// How fast the bead's clock is against the host's, ppm; 0 where that cannot be told.
+    /// Drift of the bead's clock against the host's, ppm, positive if it is fast; 0 where it is unknown.
     pub drift_ppm: f64,
-    /// The true drift lies within this many ppm in 19 cases of 20. None where the drift cannot be told.
+    /// Half width of the interval that holds the true drift in 19 cases of 20, ppm. `None` where the drift is
+    /// unknown.
     pub uncertainty_ppm: Option<f64>,
-    /// How far the least delay of a span typically lies above the line, s: how sure the line is.
+    /// Median distance of the least delay of a span from the line, s: a measure of the line's uncertainty.
     pub residual: f64,
-    /// How much later than the line a frame is typically received, s.
+    /// Median delay of a frame behind the line, s.
     pub delay: f64,
     /// From the first frame to the last, s of the bead.
     pub span: f64,

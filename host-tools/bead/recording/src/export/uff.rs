@@ -48,42 +48,33 @@ pub fn strike(out: &mut impl Write, recording: &str, strike: &RecordedStrike) ->
     for (number, (code, name, unit, values)) in (1u32..).zip(axes) {
         dataset(out, 58, |out| {
             let said = &strike.said;
-            let line = |out: &mut _, text: &str| -> io::Result<()> {
-                let text: String = text
-                    .chars()
-                    .map(|c| if c.is_ascii_graphic() { c } else { ' ' })
-                    .take(80)
-                    .collect();
-                Write::write_fmt(
-                    out,
-                    format_args!("{}\n", if text.trim().is_empty() { "NONE" } else { &text }),
-                )
+            let place = match number {
+                1 => "at the incoming contact",
+                _ => "of the intruder",
             };
-            let place = if number == 1 {
-                "at the incoming contact"
-            } else {
-                "of the intruder"
-            };
-            line(out, &format!("{name} {place}, strike {}", said.strike))?;
-            line(out, recording)?;
-            let received = strike.received_ns.and_then(|ns| i64::try_from(ns).ok());
             // A time soon after 1970 is that of an emulated bead since its power-up.
-            let received = received
-                .filter(|ns| *ns > YEAR_2000_NS)
-                .map(chrono::DateTime::from_timestamp_nanos);
-            line(
-                out,
-                &received.map_or_else(String::new, |at| at.format("%d-%b-%y %H:%M:%S").to_string()),
-            )?;
-            let named = strike.settings.map_or_else(String::new, |settings| {
-                settings.description().name.as_str().to_owned()
+            let received = strike.received_ns.and_then(|ns| i64::try_from(ns).ok());
+            let received = received.filter(|ns| *ns > YEAR_2000_NS).map(|ns| {
+                let at = chrono::DateTime::from_timestamp_nanos(ns);
+                at.format("%d-%b-%y %H:%M:%S").to_string()
             });
+            let named = strike.settings.map(|settings| settings.description().name);
+            let named = named.as_ref().map_or("", |name| name.as_str());
             let boot = match strike.nth_boot {
                 Some(nth) => format!("boot {nth} of the recording"),
                 None => format!("boot with low byte {}", strike.boot),
             };
-            line(out, &format!("bead {} {named}, {boot}", strike.address))?;
-            line(out, &format!("trigger at sample index {}", said.trigger_index))?;
+            for text in [
+                format!("{name} {place}, strike {}", said.strike),
+                recording.to_owned(),
+                received.unwrap_or_default(),
+                format!("bead {} {named}, {boot}", strike.address),
+                format!("trigger at sample index {}", said.trigger_index),
+            ] {
+                let plain = text.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' });
+                let plain: String = plain.take(80).collect();
+                writeln!(out, "{}", if plain.trim().is_empty() { "NONE" } else { &plain })?;
+            }
             // A function of time (1), its number; the bead is the node, in direction +X (1).
             writeln!(
                 out,

@@ -38,13 +38,13 @@ pub(super) type ChannelMessage = (u16, Vec<u8>);
 type NamedMessage = (&'static str, Vec<u8>);
 
 /// The channels, and the strikes whose windows are to be written to them.
-pub(super) struct Channels {
+pub(super) struct ReadableChannels {
     /// By name.
     ids: HashMap<&'static str, u16>,
     assembly: Assembly,
 }
 
-impl Channels {
+impl ReadableChannels {
     /// Adds the channels to a file: of one bead among several, or of all.
     pub(super) fn begin(mcap: &mut Mcap, bead: Option<u8>) -> McapResult<Self> {
         let (ids, assembly) = (ids(mcap, bead)?, Assembly::default());

@@ -119,7 +119,7 @@ pub(super) struct Records {
 }
 
 /// A step of [`Records::read`].
-enum Step {
+enum RecordStep {
     /// A record of the file was read.
     Record(u8, Vec<u8>),
     /// The record goes on behind the end of the file.
@@ -213,30 +213,30 @@ impl Records {
             return Ok(());
         }
         match self.next()? {
-            Step::Record(opcode, data) => {
+            RecordStep::Record(opcode, data) => {
                 let start = std::mem::replace(&mut self.at, self.fed);
                 self.take(start, opcode, data, contents)
             }
-            Step::Cut if self.has_footer => {
+            RecordStep::Cut if self.has_footer => {
                 // The magic behind the footer is cut.
                 self.has_footer = false;
                 self.end()
             }
-            Step::Cut => self.enter_cut_chunk(contents),
-            Step::Failed(McapError::BadDataCrc { .. }) => {
+            RecordStep::Cut => self.enter_cut_chunk(contents),
+            RecordStep::Failed(McapError::BadDataCrc { .. }) => {
                 self.damage.note("the CRC of the data is wrong");
                 self.resume(self.at)
             }
-            Step::Failed(McapError::BadSummaryCrc { .. }) => {
+            RecordStep::Failed(McapError::BadSummaryCrc { .. }) => {
                 self.damage.note("the CRC of the index is wrong");
                 self.end()
             }
-            Step::Failed(_) if self.has_footer => {
+            RecordStep::Failed(_) if self.has_footer => {
                 self.damage.note("the end is not a recording's");
                 self.end()
             }
-            Step::Failed(_) => self.search(self.at, true, contents),
-            Step::End => {
+            RecordStep::Failed(_) => self.search(self.at, true, contents),
+            RecordStep::End => {
                 if self.fed < self.length {
                     self.damage.note("bytes follow the end of the recording");
                 }
@@ -262,17 +262,17 @@ impl Records {
     }
 
     /// Gives the reader the bytes of its next record, and no more: so its place in the file is known.
-    fn next(&mut self) -> io::Result<Step> {
+    fn next(&mut self) -> io::Result<RecordStep> {
         loop {
             match self.reader.next_event() {
-                None => return Ok(Step::End),
-                Some(Err(error)) => return Ok(Step::Failed(error)),
+                None => return Ok(RecordStep::End),
+                Some(Err(error)) => return Ok(RecordStep::Failed(error)),
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    return Ok(Step::Record(opcode, data.to_vec()));
+                    return Ok(RecordStep::Record(opcode, data.to_vec()));
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                     if self.length - self.fed < wanted as u64 {
-                        return Ok(Step::Cut);
+                        return Ok(RecordStep::Cut);
                     }
                     self.file.read_exact(self.reader.insert(wanted))?;
                     self.reader.notify_read(wanted);

@@ -19,7 +19,7 @@ pub(super) const FRAME_MOST: usize = MESSAGE_HEAD + MAX_FRAME;
 /// A frame with a good CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SoundFrame<'a> {
-    /// Where its message begins; the frame itself, if the head of the message is damaged.
+    /// Offset of its message; of the frame itself, if the head of the message is damaged.
     pub(super) start: usize,
     /// Offset of the byte behind its delimiter.
     pub(super) end: usize,
@@ -86,7 +86,7 @@ fn message_head(head: &[u8], length: usize) -> Option<MessageHead> {
     })
 }
 
-/// Where the first chunk begins. It is known by its length, which stands there three times.
+/// Offset of the first chunk. A chunk is known by its length, which stands in it three times.
 pub(super) fn chunk(bytes: &[u8]) -> Option<usize> {
     let opcodes = (0..bytes.len()).filter(|at| bytes[*at] == mcap::records::op::CHUNK);
     opcodes

@@ -7,7 +7,7 @@ use mcap::McapResult;
 use mcap::records::MessageHeader;
 
 use crate::file::about::Origin;
-use crate::file::channels::{ChannelMessage, Channels};
+use crate::file::channels::{ChannelMessage, ReadableChannels};
 use crate::file::layout::{ENCODING, LONGEST_RUN, Mcap, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
 use crate::file::times::Clock;
 use crate::frames::{Item, Reader};
@@ -19,7 +19,7 @@ pub(super) struct Stream {
     origin: Option<Origin>,
     channel: u16,
     received: u16,
-    channels: Channels,
+    channels: ReadableChannels,
     run: Vec<u8>,
     /// Runs that are no frames, each with a delimiter.
     noise: Vec<u8>,
@@ -38,7 +38,7 @@ impl Stream {
             origin: origin.cloned(),
             channel,
             received,
-            channels: Channels::begin(mcap, origin.map(|origin| origin.address))?,
+            channels: ReadableChannels::begin(mcap, origin.map(|origin| origin.address))?,
             run: Vec::new(),
             noise: Vec::new(),
             reader: Reader::default(),

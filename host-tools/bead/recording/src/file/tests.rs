@@ -170,7 +170,7 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
     let stream = stream(200);
     let (_folder, path, file) = recorded(&stream, 33);
     let runs = runs(&stream);
-    // Where each message ends in the file: the bytes are stored as they are.
+    // The end of each message in the file, which stores the bytes as they are.
     let mut from = 0;
     let end = |run: &Vec<u8>| {
         let at = file[from..].windows(run.len()).position(|window| window == run);
@@ -343,7 +343,7 @@ fn a_name_has_one_writer_at_a_time_and_a_recording_that_comes_second_takes_anoth
     let refused = Writer::create(&Target::new(&path), &about()).err().unwrap();
     assert!(matches!(refused, RecordingError::Busy(_)), "{refused}");
     assert!(refused.to_string().contains("another program"), "{refused}");
-    // Where files cannot be locked, the name of the finished file decides.
+    // On a file system without locks, the name of the finished file decides.
     fs::write(&path, "of another program").unwrap();
     let finished = first.finish().unwrap();
     assert_eq!(finished.path, folder.path().join("strike-2.mcap"));

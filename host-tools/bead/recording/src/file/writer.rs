@@ -318,7 +318,7 @@ fn begin_file(
 /// A recording that is complete.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finished {
-    /// Where it is.
+    /// Path of the last file.
     pub path: PathBuf,
     /// Counts of frames received, refused and lost, of all beads.
     pub counters: Counters,
