@@ -55,73 +55,60 @@ fn is_there(image: &Path) -> bool {
 /// was asked for.
 fn target_directory() -> PathBuf {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
-    let profile = out
-        .ancestors()
-        .nth(3)
-        .expect("OUT_DIR lies in the target directory");
-    let above = profile.parent().expect("a profile lies in the target directory");
     let triple = env::var("TARGET").expect("cargo sets it");
-    if above.file_name().is_some_and(|name| *name == *triple) {
-        above
-            .parent()
-            .expect("a triple lies in the target directory")
-            .to_owned()
-    } else {
-        above.to_owned()
-    }
+    let mut above = out.ancestors().skip(4);
+    let folder = above.next().expect("OUT_DIR lies in the target directory");
+    let is_triple = folder.file_name().is_some_and(|name| *name == *triple);
+    let folder = if is_triple { above.next() } else { Some(folder) };
+    folder.expect("a triple lies in the target directory").to_owned()
 }
 
-/// Builds the image.
+/// Settings of the build of the host tools, which are not for the image.
+const OF_THIS_BUILD: [&str; 8] = [
+    "CARGO_FEATURE_",
+    "CARGO_CFG_",
+    "CARGO_PKG_",
+    "CARGO_MANIFEST_",
+    "DEP_",
+    "RUSTC_WORKSPACE_WRAPPER",
+    "CLIPPY_ARGS",
+    "CARGO_ENCODED_RUSTFLAGS",
+];
+
+/// Builds the image. Without the target, or on a system without it, `bead` is built all the same.
 fn build(root: &Path, image: &Path) {
     let folder = image
         .ancestors()
         .nth(3)
         .expect("TARGET/thumb…/firmware/bead-firmware");
     let mut cargo = Command::new(env::var_os("CARGO").expect("cargo sets it"));
-    cargo
-        .current_dir(root)
-        .args([
-            "build",
-            "--profile",
-            "firmware",
-            "--target",
-            TARGET,
-            "-p",
-            "bead-firmware",
-            "--target-dir",
-        ])
-        .arg(folder)
-        .stdin(Stdio::null());
-    // What is meant for the build of the host tools is not for the image.
+    cargo.current_dir(root).stdin(Stdio::null());
+    cargo.args([
+        "build",
+        "--profile",
+        "firmware",
+        "--target",
+        TARGET,
+        "-p",
+        "bead-firmware",
+    ]);
+    cargo.arg("--target-dir").arg(folder);
     for (name, _) in env::vars_os() {
-        let name = name.to_string_lossy().into_owned();
-        let of_this_build = [
-            "CARGO_FEATURE_",
-            "CARGO_CFG_",
-            "CARGO_PKG_",
-            "CARGO_MANIFEST_",
-            "DEP_",
-        ];
-        let wrappers = [
-            "RUSTC_WORKSPACE_WRAPPER",
-            "CLIPPY_ARGS",
-            "CARGO_ENCODED_RUSTFLAGS",
-        ];
-        if of_this_build.iter().any(|start| name.starts_with(start)) || wrappers.contains(&name.as_str()) {
+        if OF_THIS_BUILD
+            .iter()
+            .any(|start| name.to_string_lossy().starts_with(start))
+        {
             cargo.env_remove(&name);
         }
     }
-    // Without the target, or on a system without it, `bead` is built all the same.
-    match cargo.output() {
-        Ok(output) if output.status.success() => {}
+    let why = match cargo.output() {
+        Ok(output) if output.status.success() => return,
         Ok(output) => {
-            let said = String::from_utf8_lossy(&output.stderr);
-            let why = said
-                .lines()
-                .find(|line| line.starts_with("error"))
-                .unwrap_or("it does not say why");
-            println!("cargo::warning=building the flash image: {why}");
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            let error = said.lines().find(|line| line.starts_with("error"));
+            error.unwrap_or("it does not say why").to_owned()
         }
-        Err(error) => println!("cargo::warning=building the flash image: {error}"),
-    }
+        Err(error) => error.to_string(),
+    };
+    println!("cargo::warning=building the flash image: {why}");
 }

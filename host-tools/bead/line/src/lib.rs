@@ -3,6 +3,7 @@
 pub mod conversation;
 pub mod gaps;
 pub mod key;
+pub mod lines;
 pub mod listener;
 pub mod port;
 pub mod recorder;

@@ -103,6 +103,48 @@ fn advice() -> String {
     format!("serial ports here: {}", names.join(", "))
 }
 
+/// Opens ports, `None` being every serial port here. A port that is named twice is opened once. Of several,
+/// those that do not open are left out. `note` takes a line about each of these.
+///
+/// # Errors
+/// None of them opens.
+pub fn open_all(
+    wanted: &[Option<Address>],
+    baud: u32,
+    note: impl Fn(String),
+) -> Result<Vec<(Address, Port)>, PortError> {
+    let mut addresses: Vec<Address> = Vec::new();
+    for choice in wanted {
+        let found = choice
+            .as_ref()
+            .map_or_else(all_serial, |address| vec![address.clone()]);
+        for address in found {
+            if !addresses.iter().any(|other| other.is_same(&address)) {
+                addresses.push(address);
+            } else if wanted.contains(&Some(address.clone())) {
+                note(format!("{address} is named twice; it is recorded once"));
+            }
+        }
+    }
+    let one = addresses.len() == 1;
+    let none = match addresses.len() {
+        0 => "this computer has no serial port: plug the adapters in, or name a port",
+        _ => "none of the ports opens",
+    };
+    let mut open = Vec::new();
+    for address in addresses {
+        match address.open(baud) {
+            Ok(port) => open.push((address, port)),
+            Err(error) if one => return Err(error),
+            Err(error) => note(format!("{error}; the others are recorded")),
+        }
+    }
+    if open.is_empty() {
+        return Err(PortError(none.to_owned()));
+    }
+    Ok(open)
+}
+
 impl Address {
     /// Opens the address for both directions. `baud` is for serial ports; no other program can open a serial
     /// port meanwhile.

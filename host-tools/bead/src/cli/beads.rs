@@ -1,4 +1,4 @@
-//! Beads named on a command line: `8`, `7-16`, `7,9,12-14` or `all`.
+//! BeadNumbers named on a command line: `8`, `7-16`, `7,9,12-14` or `all`.
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use bead_tables::printable::first_of;
 
 /// The value of `--bead`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Beads {
+pub(crate) enum BeadNumbers {
     /// A single number.
     One(usize),
     /// A list or a range, in ascending order.
@@ -22,7 +22,7 @@ pub(crate) enum Beads {
 /// Greatest number of a bead, above that of any chain whose beads are emulated.
 const MOST: usize = 100_000;
 
-impl FromStr for Beads {
+impl FromStr for BeadNumbers {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -58,35 +58,30 @@ impl FromStr for Beads {
     }
 }
 
-/// Reads the value of `--bead` of a command for one bead.
-///
-/// # Errors
-/// The text names no bead, or several.
+/// Parses the value of `--bead` of a command for one bead.
 pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
     match text.parse()? {
-        Beads::One(bead) => Ok(bead),
+        BeadNumbers::One(bead) => Ok(bead),
         _ => Err(format!(
             "{text} is not one bead, which this command is for; give one number, such as 8"
         )),
     }
 }
 
-/// Beads with an intruder, in ascending order.
+/// BeadNumbers with an intruder, in ascending order.
 fn with_intruder(scenario: &Scenario) -> Vec<usize> {
-    let mut beads: Vec<usize> = scenario
+    let mut beads: Vec<_> = scenario
         .intruders
         .iter()
-        .flat_map(|intruder| intruder.beads.iter().copied())
+        .flat_map(|intruder| &intruder.beads)
+        .copied()
         .collect();
     beads.sort_unstable();
     beads
 }
 
-impl Beads {
+impl BeadNumbers {
     /// The beads, in ascending order, with an intruder or without.
-    ///
-    /// # Errors
-    /// All beads with an intruder are meant, and there is none.
     pub(crate) fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let beads = match self {
             Self::One(bead) => vec![*bead],
@@ -102,32 +97,23 @@ impl Beads {
     }
 
     /// The beads, in ascending order. Each has an intruder.
-    ///
-    /// # Errors
-    /// A bead has none; the message names those that have one.
     pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let with = with_intruder(scenario);
         if with.is_empty() {
             return Self::All.listed(scenario);
         }
         let named = self.listed(scenario)?;
-        let without: Vec<usize> = named
-            .iter()
-            .copied()
-            .filter(|bead| with.binary_search(bead).is_err())
-            .collect();
-        if without.is_empty() {
-            return Ok(named);
-        }
-        let (has, these) = if without.len() == 1 {
-            ("has", "bead")
-        } else {
-            ("have", "beads")
+        let has_none = |bead: &&usize| with.binary_search(bead).is_err();
+        let without: Vec<_> = named.iter().filter(has_none).collect();
+        let (has, these) = match without.len() {
+            0 => return Ok(named),
+            1 => ("has", "bead"),
+            _ => ("have", "beads"),
         };
         Err(BenchError::Unfit(format!(
             "--bead: {these} {} {has} no intruder; those with one are {}",
-            first_of(&without, BEADS_TOLD),
-            first_of(with, BEADS_TOLD)
+            first_of(without, BEADS_TOLD),
+            first_of(&with, BEADS_TOLD)
         )))
     }
 }
@@ -138,11 +124,11 @@ mod tests {
 
     #[test]
     fn numbers_ranges_lists_and_all_are_understood() {
-        let read = |text: &str| text.parse::<Beads>();
-        assert_eq!(read("8"), Ok(Beads::One(8)));
-        assert_eq!(read("7-9"), Ok(Beads::Several(vec![7, 8, 9])));
-        assert_eq!(read("12-13,7"), Ok(Beads::Several(vec![7, 12, 13])));
-        assert_eq!(read("all"), Ok(Beads::All));
+        let read = |text: &str| text.parse::<BeadNumbers>();
+        assert_eq!(read("8"), Ok(BeadNumbers::One(8)));
+        assert_eq!(read("7-9"), Ok(BeadNumbers::Several(vec![7, 8, 9])));
+        assert_eq!(read("12-13,7"), Ok(BeadNumbers::Several(vec![7, 12, 13])));
+        assert_eq!(read("all"), Ok(BeadNumbers::All));
         for odd in ["", "x", "7-", "-7", "1-1000000", "7;8"] {
             assert!(
                 read(odd).is_err_and(|why| why.contains("names no beads")),
@@ -156,12 +142,15 @@ mod tests {
 
     #[test]
     fn a_bead_named_twice_and_one_without_an_intruder_are_refused() {
-        assert_eq!("7-9,8".parse::<Beads>(), Err("bead 8 is named twice".to_owned()));
+        assert_eq!(
+            "7-9,8".parse::<BeadNumbers>(),
+            Err("bead 8 is named twice".to_owned())
+        );
         let mut scenario = Scenario::paper();
         scenario.intruders[0].beads = vec![9, 7];
-        assert_eq!(Beads::All.of(&scenario).unwrap(), [7, 9]);
+        assert_eq!(BeadNumbers::All.of(&scenario).unwrap(), [7, 9]);
         let refused = "7-10"
-            .parse::<Beads>()
+            .parse::<BeadNumbers>()
             .unwrap()
             .of(&scenario)
             .unwrap_err()
@@ -172,13 +161,17 @@ mod tests {
         );
         scenario.chain.beads = 20_000;
         scenario.intruders[0].beads = (1..=10_000).collect();
-        let refused = "10001-20000".parse::<Beads>().unwrap().of(&scenario).unwrap_err();
+        let refused = "10001-20000"
+            .parse::<BeadNumbers>()
+            .unwrap()
+            .of(&scenario)
+            .unwrap_err();
         assert_eq!(
             refused.to_string(),
             "--bead: beads 10001, 10002, 10003, 10004, 10005, 10006, 10007, 10008, 10009, 10010 and 9990 more have no \
              intruder; those with one are 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 9990 more"
         );
         scenario.intruders.clear();
-        assert!(Beads::All.of(&scenario).is_err());
+        assert!(BeadNumbers::All.of(&scenario).is_err());
     }
 }

@@ -31,14 +31,12 @@ pub(super) fn of_identity() -> Value {
 /// The schema of the answer to `status`: the bodies of several frames. A bead of an earlier version does not
 /// send the last two.
 pub(super) fn of_reports() -> Value {
-    let mut properties = Map::new();
-    for kind in [Kind::Status, Kind::Health, Kind::Link] {
-        properties.insert(kind.name().to_owned(), of_body(kind));
-    }
-    for kind in [Kind::Guard, Kind::Load] {
-        let body = json!({ "anyOf": [of_body(kind), { "type": "null" }] });
-        properties.insert(kind.name().to_owned(), body);
-    }
+    let sent = [Kind::Status, Kind::Health, Kind::Link].map(|kind| (kind, of_body(kind)));
+    let optional = |kind| (kind, json!({ "anyOf": [of_body(kind), { "type": "null" }] }));
+    let bodies = sent.into_iter().chain([Kind::Guard, Kind::Load].map(optional));
+    let properties = bodies
+        .map(|(kind, body)| (kind.name().to_owned(), body))
+        .collect();
     let mut schema = object(properties, &[]);
     describe(&mut schema, "command status");
     schema
@@ -55,7 +53,7 @@ fn generator() -> SchemaGenerator {
 /// The schema of a frame as [`Frame::json`](bead_recording::frames::Frame::json) shows it, with what
 /// `decode` and `record` add.
 fn frame(kind: Kind, generator: &mut SchemaGenerator) -> Value {
-    let Value::Object(mut properties) = json!({
+    let mut properties = members(json!({
         "kind": { "const": kind.name() },
         "schema_version": { "const": SCHEMA_VERSION },
         "version": whole(),
@@ -66,35 +64,30 @@ fn frame(kind: Kind, generator: &mut SchemaGenerator) -> Value {
         "time_s": real(),
         "arrival": { "enum": ["first", "next", "restart", "late", "duplicate"] },
         "lost_before": whole(),
-    }) else {
-        unreachable!("the macro makes an object of braces");
-    };
+    }));
     properties.extend(body(kind, generator));
-    let added = ["received", "host_time", "file"];
-    properties.insert(
-        "received".to_owned(),
-        json!({ "type": "string", "format": "date-time" }),
-    );
-    properties.insert(
-        "host_time".to_owned(),
-        json!({ "type": ["string", "null"], "format": "date-time" }),
-    );
-    properties.insert("file".to_owned(), json!({ "type": "string" }));
-    object(properties, &[&added[..], &["refused"]].concat())
+    properties.extend(members(json!({
+        "received": { "type": "string", "format": "date-time" },
+        "host_time": { "type": ["string", "null"], "format": "date-time" },
+        "file": { "type": "string" },
+    })));
+    object(properties, &["received", "host_time", "file", "refused"])
 }
 
-/// The properties of a body.
+fn members(object: Value) -> Map<String, Value> {
+    object.as_object().cloned().unwrap_or_default()
+}
+
 fn body(kind: Kind, generator: &mut SchemaGenerator) -> Map<String, Value> {
     let mut properties = fields(kind.fields());
     match kind {
         Kind::Shape => drop(properties.insert("arrival_time_s".to_owned(), real())),
         Kind::Sync => drop(properties.insert("edge_time_s".to_owned(), real())),
-        Kind::Settings => {
-            let physical = generator.subschema_for::<Option<Description>>();
-            properties.insert("settings".to_owned(), physical.into());
-            properties.insert("settings_raw".to_owned(), json!({ "type": ["object", "null"] }));
-            properties.insert("refused".to_owned(), json!({ "type": "string" }));
-        }
+        Kind::Settings => properties.extend(members(json!({
+            "settings": generator.subschema_for::<Option<Description>>(),
+            "settings_raw": { "type": ["object", "null"] },
+            "refused": { "type": "string" },
+        }))),
         _ => {}
     }
     properties
@@ -115,14 +108,13 @@ fn object(properties: Map<String, Value>, optional: &[&str]) -> Value {
     let required: Vec<_> = properties
         .keys()
         .filter(|key| !optional.contains(&&***key))
-        .cloned()
         .collect();
     json!({ "type": "object", "properties": properties, "required": required })
 }
 
 fn fields(fields: &'static [FieldDoc]) -> Map<String, Value> {
-    described(fields)
-        .into_iter()
+    let entries = described(fields).into_iter();
+    entries
         .map(|entry| (entry.key, of_content(&entry.content)))
         .collect()
 }
@@ -149,19 +141,11 @@ fn of_content(content: &Content<'_>) -> Value {
 /// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
 pub(super) fn describe(schema: &mut Value, command: &str) {
     schema["title"] = format!("Output of `bead {command}` as JSON").into();
-    if let Some(item) = schema.pointer("/items/$ref").and_then(Value::as_str) {
-        let item = item.trim_start_matches('#').to_owned();
-        let object = schema
-            .pointer_mut(&item)
-            .expect("a reference leads to a definition");
-        add_version(object);
-    } else {
-        add_version(schema);
-    }
-}
-
-/// Adds `schema_version` to the schema of an object.
-fn add_version(object: &mut Value) {
+    let item = schema.pointer("/items/$ref").and_then(Value::as_str);
+    let item = item.map_or(String::new(), |item| item.trim_start_matches('#').to_owned());
+    let object = schema
+        .pointer_mut(&item)
+        .expect("a reference leads to a definition");
     object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
     if let Value::Array(required) = &mut object["required"] {
         required.push("schema_version".into());

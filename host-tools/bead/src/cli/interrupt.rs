@@ -28,16 +28,10 @@ use bead_tables::whole::remove_unfinished;
 /// A command that was asked to end ends within this time.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
-/// End of a command that ends in order.
-struct Orderly {
-    stop: Arc<AtomicBool>,
-    /// Remains of a command that does not end in time.
-    left: String,
-}
-
-static ORDERLY: OnceLock<Orderly> = OnceLock::new();
-/// Way to go on with a command.
-static RESUMABLE: OnceLock<String> = OnceLock::new();
+/// Flag of a command that ends in order.
+static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+/// Remains of a command that ends at once, or a way to go on with it.
+static LEFT: OnceLock<String> = OnceLock::new();
 
 /// Listens for signals from now on. Call it once, first.
 ///
@@ -51,10 +45,10 @@ pub fn watch() -> io::Result<()> {
     thread::Builder::new().name("signals".to_owned()).spawn(move || {
         let mut asked = false;
         for signal in signals.forever() {
-            match ORDERLY.get().filter(|_| !asked) {
-                Some(orderly) => {
+            match STOP.get().filter(|_| !asked) {
+                Some(stop) => {
                     asked = true;
-                    orderly.stop.store(true, Ordering::Relaxed);
+                    stop.store(true, Ordering::Relaxed);
                     thread::spawn(move || {
                         thread::sleep(PATIENCE);
                         end(signal);
@@ -70,24 +64,21 @@ pub fn watch() -> io::Result<()> {
 /// A flag that the first signal sets. The command must then end in order, and has [`PATIENCE`] for that;
 /// `left` says what there is of its work if it takes longer.
 pub fn orderly(left: String) -> Arc<AtomicBool> {
-    let orderly = ORDERLY.get_or_init(|| Orderly {
-        stop: Arc::default(),
-        left,
-    });
-    Arc::clone(&orderly.stop)
+    resumable(left);
+    Arc::clone(STOP.get_or_init(Arc::default))
 }
 
 /// A command that ends at once may leave finished parts of its work; `how` says how to go on with them.
 pub fn resumable(how: String) {
     // A command says it once.
-    let _ = RESUMABLE.set(how);
+    let _ = LEFT.set(how);
 }
 
 /// Ends the program. Nothing half-done stays under a name that was asked for.
 fn end(signal: i32) -> ! {
     remove_unfinished();
     stm32f405_qemu::remove_temporary_files();
-    match ORDERLY.get().map(|orderly| &orderly.left).or(RESUMABLE.get()) {
+    match LEFT.get() {
         Some(left) => note(format_args!("interrupted; {left}")),
         None => note(format_args!("interrupted; nothing is left behind, run it again")),
     }

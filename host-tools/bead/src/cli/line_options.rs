@@ -35,7 +35,6 @@ pub(crate) struct LineOptions {
 }
 
 impl LineOptions {
-    /// Where the bead is.
     pub(crate) fn port(&self) -> &Address {
         &self.port
     }

@@ -7,7 +7,6 @@ pub mod failure;
 pub mod output;
 
 mod beads;
-mod bench_options;
 mod commands;
 mod frame_schemas;
 pub mod interrupt;

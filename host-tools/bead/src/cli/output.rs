@@ -44,7 +44,7 @@ pub enum Format {
 /// Prints a result: `value` as one JSON document, or the text that `table` makes of it.
 ///
 /// # Errors
-/// As [`print_json`].
+/// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
 pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> String) -> Result<(), Failure> {
     match format {
         Format::Json => print_json(value),
@@ -54,10 +54,7 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
 
 /// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every
 /// object has it, as every line of `bead decode` has.
-///
-/// # Errors
-/// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
-pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let failed = "cannot write the result as JSON";
     let mut document = serde_json::to_value(value).context(failed)?;
     let objects = match &mut document {
@@ -72,14 +69,12 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
 /// standard output. What could steer a terminal is shown, not sent.
-///
-/// # Errors
-/// As [`print_json`].
-pub fn print_line(text: &str) -> Result<(), Failure> {
+pub(crate) fn print_line(text: &str) -> Result<(), Failure> {
+    let text = printable(text);
     if TAKEN.load(Ordering::Relaxed) {
-        return written(writeln!(io::stderr().lock(), "{}", printable(text)));
+        return written(writeln!(io::stderr().lock(), "{text}"));
     }
-    written(writeln!(io::stdout().lock(), "{}", printable(text)))
+    written(writeln!(io::stdout().lock(), "{text}"))
 }
 
 /// Outcome of writing to standard output. A reader that has gone away is not an error.
@@ -90,37 +85,28 @@ pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
     }
 }
 
-/// A number above 0 on the command line.
-///
-/// # Errors
-/// The text is not one.
-pub fn positive(text: &str) -> Result<f64, String> {
+/// Parses a number above 0.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "give a number above 0".to_owned())
 }
 
-/// A duration on the command line.
-///
-/// # Errors
-/// The text is not a number of seconds above 0.
-pub fn seconds(text: &str) -> Result<Duration, String> {
-    text.parse()
+/// Parses a duration in s, more than 0.
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = positive(text)
         .ok()
-        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .filter(|duration| !duration.is_zero())
-        .ok_or_else(|| "give seconds, more than 0".to_owned())
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    let duration = seconds.filter(|duration| !duration.is_zero());
+    duration.ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// A duration on the command line, of a day at most: something waits for its end.
-///
-/// # Errors
-/// As [`seconds`], or the time is longer.
-pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
-    seconds(text)
+/// Parses a duration in s, a day at most: something waits for its end.
+pub(crate) fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
+    let duration = seconds(text)
         .ok()
-        .filter(|duration| *duration <= Duration::from_secs(86_400))
-        .ok_or_else(|| "give seconds, more than 0 and at most 86400, a day".to_owned())
+        .filter(|duration| duration.as_secs_f64() <= 86_400.0);
+    duration.ok_or_else(|| "give seconds, more than 0 and at most 86400, a day".to_owned())
 }
 
 /// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
@@ -130,15 +116,21 @@ pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<It
     aligned(&heads, rows)
 }
 
+/// The text of a table of names and values, without a header.
+pub(crate) fn rows<N: Into<String>>(rows: impl IntoIterator<Item = (N, String)>) -> String {
+    let rows = rows.into_iter().map(|(name, value)| [name.into(), value]);
+    table("|", rows).trim_start().to_owned()
+}
+
 /// `yes` if something holds, else `no`: for the cells of a table.
 pub fn either(holds: bool, yes: &str, no: &str) -> String {
     (if holds { yes } else { no }).to_owned()
 }
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
-pub fn spinner(step: impl Into<String>) -> ProgressBar {
-    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}")
-        .with_message(printable(&step.into()).into_owned())
+pub(crate) fn spinner(step: impl Into<String>) -> ProgressBar {
+    let bar = shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}");
+    bar.with_message(printable(&step.into()).into_owned())
 }
 
 /// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
@@ -148,15 +140,15 @@ pub fn progress(steps: u64) -> ProgressBar {
 
 /// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
 /// terminal. [`set_part`] moves it.
-pub fn part_done(step: impl Into<String>) -> ProgressBar {
-    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {left}")
-        .with_message(printable(&step.into()).into_owned())
+pub(crate) fn part_done(step: impl Into<String>) -> ProgressBar {
+    let bar = shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {left}");
+    bar.with_message(printable(&step.into()).into_owned())
 }
 
 const PARTS: u64 = 10_000;
 
 /// Moves a bar of [`part_done`] to a part of 0 to 1.
-pub fn set_part(bar: &ProgressBar, part: f64) {
+pub(crate) fn set_part(bar: &ProgressBar, part: f64) {
     bar.set_position((part * PARTS as f64) as u64);
 }
 
@@ -166,15 +158,14 @@ fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
         return bar;
     }
     if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(
-            style.with_key("left", |state: &ProgressState, to: &mut dyn fmt::Write| {
-                // Nothing is known of the rest before some of it is done. What cannot be told is not shown.
-                let _ = match state.pos() {
-                    0 => write!(to, "time left unknown"),
-                    _ => write!(to, "{:#} left", HumanDuration(state.eta())),
-                };
-            }),
-        );
+        let left = |state: &ProgressState, to: &mut dyn fmt::Write| {
+            // Nothing is known of the rest before some of it is done. What cannot be told is not shown.
+            let _ = match state.pos() {
+                0 => write!(to, "time left unknown"),
+                _ => write!(to, "{:#} left", HumanDuration(state.eta())),
+            };
+        };
+        bar.set_style(style.with_key("left", left));
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar

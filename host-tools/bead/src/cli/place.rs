@@ -27,14 +27,14 @@ pub struct Overwrite {
 }
 
 impl Overwrite {
-    /// As [`target()`] for an output that may not have been asked for.
+    /// The place of an output that may not have been asked for.
     ///
     /// # Errors
-    /// As [`target()`].
+    /// As of [`targets`].
     pub fn optional(
         self,
         path: Option<&Path>,
-        kind: Kind,
+        kind: FileKind,
         inputs: &[&Path],
     ) -> Result<Option<Target>, Failure> {
         path.map(|path| target(path, kind, inputs, self)).transpose()
@@ -44,7 +44,7 @@ impl Overwrite {
 /// The kinds of files that commands read and write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "each is what it is called")]
-pub enum Kind {
+pub enum FileKind {
     Recording,
     Parquet,
     Universal,
@@ -62,29 +62,34 @@ pub enum Kind {
 }
 
 /// Each kind as messages name it, with the first bytes of its files and the endings of their names.
-const KINDS: [(Kind, &str, &[&[u8]], &str); 14] = [
+const KINDS: [(FileKind, &str, &[&[u8]], &str); 14] = [
     (
-        Kind::Recording,
+        FileKind::Recording,
         "a recording",
         &[b"\x89MCAP0\r\n"],
         "mcap partial",
     ),
-    (Kind::Parquet, "a Parquet file", &[b"PAR1"], "parquet"),
-    (Kind::Universal, "a UFF file", &[], "uff unv"),
-    (Kind::Page, "a web page", &[b"<!doctype html"], "html"),
-    (Kind::Drawing, "an SVG picture", &[b"<svg"], "svg"),
-    (Kind::Picture, "a picture", &[b"\x89PNG", b"GIF8"], "png gif jpg"),
-    (Kind::Program, "a program", &[b"\x7fELF"], "elf"),
-    (Kind::Archive, "an archive", &[b"\x1f\x8b", b"PK\x03\x04"], ""),
-    (Kind::Settings, "a settings block", &[b"BEAD"], "settings"),
-    (Kind::Key, "a key", &[], "key"),
-    (Kind::Table, "a CSV table", &[], "csv"),
-    (Kind::Text, "a text", &[], "md txt"),
-    (Kind::Scenario, "a TOML file", &[], "toml"),
-    (Kind::Json, "a JSON file", &[], "json"),
+    (FileKind::Parquet, "a Parquet file", &[b"PAR1"], "parquet"),
+    (FileKind::Universal, "a UFF file", &[], "uff unv"),
+    (FileKind::Page, "a web page", &[b"<!doctype html"], "html"),
+    (FileKind::Drawing, "an SVG picture", &[b"<svg"], "svg"),
+    (
+        FileKind::Picture,
+        "a picture",
+        &[b"\x89PNG", b"GIF8"],
+        "png gif jpg",
+    ),
+    (FileKind::Program, "a program", &[b"\x7fELF"], "elf"),
+    (FileKind::Archive, "an archive", &[b"\x1f\x8b", b"PK\x03\x04"], ""),
+    (FileKind::Settings, "a settings block", &[b"BEAD"], "settings"),
+    (FileKind::Key, "a key", &[], "key"),
+    (FileKind::Table, "a CSV table", &[], "csv"),
+    (FileKind::Text, "a text", &[], "md txt"),
+    (FileKind::Scenario, "a TOML file", &[], "toml"),
+    (FileKind::Json, "a JSON file", &[], "json"),
 ];
 
-impl Kind {
+impl FileKind {
     fn name(self) -> &'static str {
         let described = KINDS.iter().find(|(kind, ..)| *kind == self);
         described.map_or("", |(_, name, ..)| name)
@@ -115,11 +120,12 @@ impl Kind {
 }
 
 /// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
-///
-/// # Errors
-/// It is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
-/// directory is missing or cannot be written to.
-pub fn target(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
+pub(crate) fn target(
+    path: &Path,
+    kind: FileKind,
+    inputs: &[&Path],
+    overwrite: Overwrite,
+) -> Result<Target, Failure> {
     let target = allowed(path, kind, inputs, overwrite)?;
     target.try_out()?;
     Ok(target)
@@ -129,10 +135,11 @@ pub fn target(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -
 /// [`make_directory`] when there is something to write.
 ///
 /// # Errors
-/// As [`target`]; `directory` is no directory, or it can neither be written to nor made.
+/// A file is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
+/// directory is a file, or can neither be written to nor made.
 pub fn targets<N: AsRef<str>>(
     directory: &Path,
-    files: impl IntoIterator<Item = (N, Kind)>,
+    files: impl IntoIterator<Item = (N, FileKind)>,
     inputs: &[&Path],
     overwrite: Overwrite,
 ) -> Result<Vec<Target>, Failure> {
@@ -164,9 +171,6 @@ pub fn make_directory(directory: &Path) -> Result<(), Failure> {
 }
 
 /// Fills a recording and completes it. One that fails is removed, as its source is there.
-///
-/// # Errors
-/// It cannot be written.
 pub(crate) fn record(
     mut writer: Writer,
     fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
@@ -181,10 +185,10 @@ pub(crate) fn record(
     })
 }
 
-fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
+fn allowed(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
     let shown = path.display();
     if path == Path::new(STANDARD_OUTPUT) {
-        if kind == Kind::Recording {
+        if kind == FileKind::Recording {
             bail!(
                 Input,
                 "a recording goes to a file; give the output a name in place of -"
@@ -228,7 +232,7 @@ fn allowed(path: &Path, kind: Kind, inputs: &[&Path], overwrite: Overwrite) -> R
             "{shown} is a device, a pipe or a socket, and a result goes to a file; give the output another name"
         );
     }
-    if let Some(other) = Kind::of(path).filter(|other| *other != kind) {
+    if let Some(other) = FileKind::of(path).filter(|other| *other != kind) {
         let (other, new) = (other.name(), kind.name());
         bail!(
             Input,
@@ -270,14 +274,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let path = at("report.html");
-        assert!(!target(&path, Kind::Page, &[], KEEP).unwrap().replaces());
+        assert!(!target(&path, FileKind::Page, &[], KEEP).unwrap().replaces());
         fs::write(&path, "<!DOCTYPE html>").unwrap();
-        let said = why(target(&path, Kind::Page, &[], KEEP));
+        let said = why(target(&path, FileKind::Page, &[], KEEP));
         assert!(
             said.contains("is there already") && said.contains("--overwrite"),
             "{said}"
         );
-        assert!(target(&path, Kind::Page, &[], REPLACE).unwrap().replaces());
+        assert!(target(&path, FileKind::Page, &[], REPLACE).unwrap().replaces());
         // By what is in it, whatever its name is; by its name if that is all that tells.
         for (content, other) in [
             (&b"\x89MCAP0\r\n"[..], "a recording"),
@@ -285,18 +289,18 @@ mod tests {
             (b"\x7fELF", "a program"),
         ] {
             fs::write(&path, content).unwrap();
-            let said = why(target(&path, Kind::Page, &[], REPLACE));
+            let said = why(target(&path, FileKind::Page, &[], REPLACE));
             assert!(
                 said.contains(&format!("is {other}, and a web page would")),
                 "{said}"
             );
         }
         fs::write(at("a.toml"), "title = 1").unwrap();
-        let said = why(target(&at("a.toml"), Kind::Text, &[], REPLACE));
+        let said = why(target(&at("a.toml"), FileKind::Text, &[], REPLACE));
         assert!(said.contains("is a TOML file"), "{said}");
         // Nothing is lost with an empty file.
         fs::write(at("empty"), "").unwrap();
-        target(&at("empty"), Kind::Page, &[], REPLACE).unwrap();
+        target(&at("empty"), FileKind::Page, &[], REPLACE).unwrap();
     }
 
     #[test]
@@ -308,12 +312,12 @@ mod tests {
         symlink(at("nothing"), at("nowhere.toml")).unwrap();
         let input = at("a.toml");
         for name in ["a.toml", "link.toml", "./a.toml"] {
-            let said = why(target(&at(name), Kind::Scenario, &[&input], REPLACE));
+            let said = why(target(&at(name), FileKind::Scenario, &[&input], REPLACE));
             assert!(said.contains("is an input of this command"), "{said}");
         }
-        let said = why(target(&at("nowhere.toml"), Kind::Scenario, &[], REPLACE));
+        let said = why(target(&at("nowhere.toml"), FileKind::Scenario, &[], REPLACE));
         assert!(said.contains("leads nowhere"), "{said}");
-        let linked = target(&at("link.toml"), Kind::Scenario, &[], REPLACE).unwrap();
+        let linked = target(&at("link.toml"), FileKind::Scenario, &[], REPLACE).unwrap();
         linked.write_bytes("title = 2").unwrap();
         assert!(at("link.toml").is_symlink());
         assert_eq!(fs::read_to_string(at("a.toml")).unwrap(), "title = 2");
@@ -328,15 +332,15 @@ mod tests {
             ("..".into(), "is no name of a file"),
             (folder.path().join("no/such/file"), "is the directory there"),
         ] {
-            let said = why(target(&path, Kind::Text, &[], REPLACE));
+            let said = why(target(&path, FileKind::Text, &[], REPLACE));
             assert!(said.contains(part), "{said}");
         }
         fs::write(folder.path().join("file"), "").unwrap();
         let below = folder.path().join("file/below");
-        let said = targets(&below, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap_err();
+        let said = targets(&below, [("a.svg", FileKind::Drawing)], &[], KEEP).unwrap_err();
         assert!(said.to_string().contains("file is a file"), "{said}");
         let new = folder.path().join("new/below");
-        let targets = targets(&new, [("a.svg", Kind::Drawing)], &[], KEEP).unwrap();
+        let targets = targets(&new, [("a.svg", FileKind::Drawing)], &[], KEEP).unwrap();
         assert!(!new.exists());
         make_directory(&new).unwrap();
         targets[0].write_bytes("<svg/>").unwrap();

@@ -29,7 +29,6 @@ pub(crate) struct Printer {
 }
 
 impl Printer {
-    /// A printer with a spinner that names the step under way.
     pub(crate) fn new(step: String) -> Self {
         let (said, receiver) = mpsc::sync_channel(WAITING);
         let thread = thread::spawn(move || {
@@ -70,9 +69,6 @@ impl Printer {
     }
 
     /// Waits for what is still to be printed, if the reader goes on.
-    ///
-    /// # Errors
-    /// Standard output is closed or full.
     pub(crate) fn finish(self) -> Result<(), Failure> {
         drop(self.said);
         let deadline = Instant::now() + PATIENCE;
@@ -85,10 +81,10 @@ impl Printer {
                 "the reader of standard output was too slow: lines are missing there, and the recording has all"
             );
         }
-        match paused {
+        if paused {
             // It ends with the program.
-            true => Ok(()),
-            false => self.thread.join().expect("printing does not panic"),
+            return Ok(());
         }
+        self.thread.join().expect("printing does not panic")
     }
 }

@@ -21,9 +21,6 @@ pub(crate) fn command() -> String {
 }
 
 /// The command line, the recording, what it was compared with, program and time.
-///
-/// # Errors
-/// The recording cannot be read.
 pub(crate) fn made(recording: &Path, compared: Fact) -> Result<Vec<Fact>, Failure> {
     let now = DateTime::<Utc>::from(SystemTime::now());
     Ok(vec![
@@ -35,15 +32,11 @@ pub(crate) fn made(recording: &Path, compared: Fact) -> Result<Vec<Fact>, Failur
     ])
 }
 
-/// A scenario, by its text.
 pub(crate) fn scenario(text: &str) -> Fact {
     ("scenario, SHA-256", hex(&Sha256::digest(text)))
 }
 
 /// The SHA-256 of a file, in hexadecimal, as `sha256sum` prints it.
-///
-/// # Errors
-/// The file cannot be read.
 pub(crate) fn sha256_of(path: &Path) -> Result<String, Failure> {
     let mut digest = Sha256::new();
     let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut digest));

@@ -7,9 +7,13 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
+use crate::cli::commands::compare_reference::ReferenceReport;
+use crate::cli::commands::compare_row::RowReport;
+use crate::cli::commands::emulate::SeveralBeads;
+use crate::cli::commands::proof::accuracy::StrikerCell;
+use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
-    command, compare, compare_reference, compare_row, emulate, fetch, optimise, proof, recover, replay,
-    settings, simulate, sweep_cluster, sweep_work,
+    command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
 };
 use crate::cli::frame_schemas::{self, describe};
 use bead_bench::run::RunReport;
@@ -17,58 +21,47 @@ use bead_recording::clock::ClockComparison;
 
 /// The schema of each result by its name, which is that of a file in docs/schemas.
 pub fn of_results() -> BTreeMap<&'static str, Value> {
-    BTreeMap::from([
-        ("clock", of::<ClockComparison>("clock")),
-        ("command-done", of::<command::Done>("command arm")),
-        ("command-raw", of::<command::Streamed>("command raw")),
-        ("command-reboot", of::<command::Rebooted>("command reboot")),
-        ("command-identity", frame_schemas::of_identity()),
-        (
-            "command-self-test",
-            of::<Vec<command::CheckResult>>("command self-test"),
-        ),
-        ("command-status", frame_schemas::of_reports()),
-        ("compare", of::<compare::Report<'_>>("compare")),
-        (
-            "compare-reference",
-            of::<compare_reference::Report<'_>>("compare --reference"),
-        ),
-        (
-            "compare-row",
-            of::<compare_row::Report<'_>>("compare of several beads"),
-        ),
-        ("decode", frame_schemas::of_lines("decode", Kind::ALL)),
-        ("emulate", of::<RunReport>("emulate")),
-        (
-            "emulate-several",
-            of::<emulate::SeveralBeads>("emulate of several beads"),
-        ),
-        ("fetch", of::<fetch::Fetched<'_>>("fetch --out")),
-        ("fetch-list", of::<fetch::KeptStrikes<'_>>("fetch")),
-        ("optimise", of::<optimise::SearchReport>("optimise")),
-        (
-            "proof-accuracy",
-            of::<Vec<proof::accuracy::StrikerCell>>("proof accuracy"),
-        ),
-        (
-            "proof-spheres",
-            of::<Vec<proof::spheres::SphereCell>>("proof spheres"),
-        ),
-        (
-            "record",
-            frame_schemas::of_lines("record", &[Kind::Strike, Kind::Fault]),
-        ),
-        ("recover", of::<recover::Report<'_>>("recover")),
-        ("replay", of::<replay::Report<'_>>("replay")),
-        ("settings", of::<settings::Report>("settings read")),
-        ("simulate", of::<simulate::Report<'_>>("simulate")),
-        ("sweep", of::<sweep_work::Report<'_>>("sweep")),
-        ("sweep-plan", of::<sweep_cluster::PlanReport<'_>>("sweep plan")),
-        (
-            "sweep-status",
-            of::<sweep_cluster::StatusReport<'_>>("sweep status"),
-        ),
-    ])
+    let mut all = BTreeMap::new();
+    let mut add = |name, schema| all.insert(name, schema);
+    add("clock", of::<ClockComparison>("clock"));
+    add("command-done", of::<command::Done>("command arm"));
+    add("command-raw", of::<command::Streamed>("command raw"));
+    add("command-reboot", of::<command::Rebooted>("command reboot"));
+    add("command-identity", frame_schemas::of_identity());
+    add(
+        "command-self-test",
+        of::<Vec<command::CheckResult>>("command self-test"),
+    );
+    add("command-status", frame_schemas::of_reports());
+    add("compare", of::<compare::CompareReport<'_>>("compare"));
+    add(
+        "compare-reference",
+        of::<ReferenceReport<'_>>("compare --reference"),
+    );
+    add("compare-row", of::<RowReport<'_>>("compare of several beads"));
+    add("decode", frame_schemas::of_lines("decode", Kind::ALL));
+    add("emulate", of::<RunReport>("emulate"));
+    add("emulate-several", of::<SeveralBeads>("emulate of several beads"));
+    add("fetch", of::<fetch::FetchReport<'_>>("fetch --out"));
+    add("fetch-list", of::<fetch::KeptStrikes<'_>>("fetch"));
+    add("optimise", of::<optimise::SearchReport>("optimise"));
+    add("proof-accuracy", of::<Vec<StrikerCell>>("proof accuracy"));
+    add("proof-spheres", of::<Vec<SphereCell>>("proof spheres"));
+    add(
+        "record",
+        frame_schemas::of_lines("record", &[Kind::Strike, Kind::Fault]),
+    );
+    add("recover", of::<recover::RecoverReport>("recover"));
+    add("replay", of::<replay::ReplayReport>("replay"));
+    add("settings", of::<settings::SettingsReport>("settings read"));
+    add("simulate", of::<simulate::SimulateReport>("simulate"));
+    add("sweep", of::<sweep_work::SweepReport<'_>>("sweep"));
+    add("sweep-plan", of::<sweep_cluster::PlanReport<'_>>("sweep plan"));
+    add(
+        "sweep-status",
+        of::<sweep_cluster::StatusReport<'_>>("sweep status"),
+    );
+    all
 }
 
 /// The schema of what `bead COMMAND` prints, with the version that [`print_json`](super::output::print_json)

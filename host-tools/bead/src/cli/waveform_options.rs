@@ -17,12 +17,12 @@ pub(crate) struct WaveformOptions {
     /// a unit; or rate=HZ: rows a second. strike=N: which strike of a recording, or of a table that `bead
     /// export` wrote, counted from 0 [default: the columns with such units, the first of time, strike 0].
     #[arg(long, value_name = "ITEM=VALUE", value_parser = item)]
-    read: Vec<Item>,
+    read: Vec<WaveformItem>,
 }
 
 /// An item of `--read`.
 #[derive(Debug, Clone)]
-enum Item {
+enum WaveformItem {
     Time(Wanted),
     Force(Wanted),
     Acceleration(Wanted),
@@ -31,18 +31,18 @@ enum Item {
     Strike(usize),
 }
 
-fn item(text: &str) -> Result<Item, String> {
+fn item(text: &str) -> Result<WaveformItem, String> {
     let odd = || "give force=, acceleration=, time=, rate= or strike=, as in force=CH1:8.9N".to_owned();
     let (item, value) = text.split_once('=').ok_or_else(odd)?;
     match item {
-        "time" => value.parse().map(Item::Time),
-        "force" => value.parse().map(Item::Force),
-        "acceleration" => value.parse().map(Item::Acceleration),
-        "rate" => positive(value).map(Item::Rate),
-        "strike" => value
-            .parse()
-            .map(Item::Strike)
-            .map_err(|_| "give a whole number, 0 or more".to_owned()),
+        "time" => value.parse().map(WaveformItem::Time),
+        "force" => value.parse().map(WaveformItem::Force),
+        "acceleration" => value.parse().map(WaveformItem::Acceleration),
+        "rate" => positive(value).map(WaveformItem::Rate),
+        "strike" => match value.parse() {
+            Ok(strike) => Ok(WaveformItem::Strike(strike)),
+            Err(_) => Err("give a whole number, 0 or more".to_owned()),
+        },
         _ => Err(odd()),
     }
 }
@@ -56,16 +56,15 @@ impl WaveformOptions {
         bail!(Input, "--read is of the file of {file}; give that too")
     }
 
-    /// Reads a waveform. `bead` is the one that is meant, if the file is a recording of several.
     pub(crate) fn read(&self, path: &Path, bead: Option<usize>) -> Result<Waveform, Failure> {
         let mut choice = Choice::default();
         for item in &self.read {
             let is_twice = match item.clone() {
-                Item::Time(column) => choice.time.replace(column).is_some(),
-                Item::Force(column) => choice.force.replace(column).is_some(),
-                Item::Acceleration(column) => choice.acceleration.replace(column).is_some(),
-                Item::Rate(hz) => choice.rate_hz.replace(hz).is_some(),
-                Item::Strike(strike) => choice.strike.replace(strike).is_some(),
+                WaveformItem::Time(column) => choice.time.replace(column).is_some(),
+                WaveformItem::Force(column) => choice.force.replace(column).is_some(),
+                WaveformItem::Acceleration(column) => choice.acceleration.replace(column).is_some(),
+                WaveformItem::Rate(hz) => choice.rate_hz.replace(hz).is_some(),
+                WaveformItem::Strike(strike) => choice.strike.replace(strike).is_some(),
             };
             if is_twice {
                 bail!(Input, "--read gives an item twice; give each once");

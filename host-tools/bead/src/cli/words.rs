@@ -1,7 +1,6 @@
 //! Plain words in place of Rust's own in errors of the command line.
 
 use std::io::IsTerminal;
-use std::ops::RangeInclusive;
 
 /// Errors of Rust's number parsers, each with its plain words.
 const PLAIN: [(&str, &str); 6] = [
@@ -23,47 +22,34 @@ pub(super) fn exit(error: &clap::Error) -> ! {
         error.exit();
     }
     let rendered = error.render();
-    let terminal = std::io::stderr().is_terminal();
-    let text = if terminal {
-        rendered.ansi().to_string()
-    } else {
-        rendered.to_string()
-    };
-    eprint!("{}", plain(&text));
+    let ansi = std::io::stderr()
+        .is_terminal()
+        .then(|| rendered.ansi().to_string());
+    eprint!("{}", plain(&ansi.unwrap_or_else(|| rendered.to_string())));
     std::process::exit(error.exit_code());
 }
 
-/// The text in plain words.
 fn plain(text: &str) -> String {
-    let lines = text.split_inclusive('\n').map(|line| {
-        let line = PLAIN
-            .iter()
-            .fold(line.to_owned(), |line, (rust, plain)| line.replace(rust, plain));
-        in_words(&line).unwrap_or(line)
-    });
-    lines.collect()
+    let mut text = text.to_owned();
+    for (rust, plain) in PLAIN {
+        text = text.replace(rust, plain);
+    }
+    text.split_inclusive('\n')
+        .map(|line| in_words(line).unwrap_or_else(|| line.to_owned()))
+        .collect()
 }
 
 /// A line that ends with a range of Rust, such as `0 is not in 1..=10`, with the range in words.
 fn in_words(line: &str) -> Option<String> {
     let (before, range) = line.split_once(" is not in ")?;
     let before = before.trim_end_matches(|letter: char| letter.is_ascii_digit() || letter == '-');
-    let range = range_of(range.trim_end())?;
-    Some(format!(
-        "{before}give a whole number from {} to {}\n",
-        range.start(),
-        range.end()
-    ))
-}
-
-/// A range as Rust writes it: `1..=10`, `0..255`.
-fn range_of(text: &str) -> Option<RangeInclusive<i64>> {
-    let (first, last) = text.split_once("..")?;
-    let (last, inside) = match last.strip_prefix('=') {
-        Some(last) => (last, 0),
-        None => (last, 1),
+    let (first, last) = range.trim_end().split_once("..")?;
+    let first: i64 = first.parse().ok()?;
+    let last: i64 = match last.strip_prefix('=') {
+        Some(last) => last.parse().ok()?,
+        None => last.parse::<i64>().ok()? - 1,
     };
-    Some(first.parse().ok()?..=last.parse::<i64>().ok()? - inside)
+    Some(format!("{before}give a whole number from {first} to {last}\n"))
 }
 
 #[cfg(test)]

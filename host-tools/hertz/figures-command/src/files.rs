@@ -4,7 +4,7 @@
 //! belongs, `x_quantity` and `y_quantity` what it is.
 
 use bead::cli::failure::Failure;
-use bead::cli::place::Kind;
+use bead::cli::place::FileKind;
 use bead_tables::whole::Target;
 use bead_tables::{Cell, Column, Writer};
 use hertz_charts::Chart;
@@ -13,12 +13,12 @@ use hertz_figures::plan::{Figure, FigurePlan};
 use crate::pixels::{gif, png};
 
 /// The files that a figure may have, by their endings.
-pub(crate) const KINDS: [(&str, Kind); 5] = [
-    ("svg", Kind::Drawing),
-    ("png", Kind::Picture),
-    ("csv", Kind::Table),
-    ("parquet", Kind::Parquet),
-    ("gif", Kind::Picture),
+pub(crate) const KINDS: [(&str, FileKind); 5] = [
+    ("svg", FileKind::Drawing),
+    ("png", FileKind::Picture),
+    ("csv", FileKind::Table),
+    ("parquet", FileKind::Parquet),
+    ("gif", FileKind::Picture),
 ];
 
 /// Writes the files of a figure, each to the target of its name, and returns their paths: `figure-NAME.svg`,
@@ -29,7 +29,7 @@ pub(crate) const KINDS: [(&str, Kind); 5] = [
 pub(crate) fn write(
     plan: &FigurePlan,
     figure: &Figure,
-    target: impl Fn(&str, Kind) -> Result<Target, Failure>,
+    target: impl Fn(&str, FileKind) -> Result<Target, Failure>,
 ) -> Result<Vec<String>, Failure> {
     let chart = &figure.chart;
     let mut paths = Vec::new();

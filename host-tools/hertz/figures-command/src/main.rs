@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use bead::cli::failure::Failure;
 use bead::cli::interrupt;
 use bead::cli::output::{self, Format};
-use bead::cli::place::{self, Kind, Overwrite};
+use bead::cli::place::{self, FileKind, Overwrite};
 use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{FigureOutcome, FigurePlan};
@@ -72,7 +72,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let place = |name: &str, kind| {
         place::targets(&arguments.out, [(name, kind)], &[], arguments.overwrite).map(|mut one| one.remove(0))
     };
-    let index = place("index.html", Kind::Page)?;
+    let index = place("index.html", FileKind::Page)?;
     for plan in &plans {
         for (extension, kind) in files::KINDS {
             place(&format!("figure-{}.{extension}", plan.name), kind)?;
@@ -81,7 +81,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     place::make_directory(&arguments.out)?;
     let table_file = arguments
         .overwrite
-        .optional(arguments.table.as_deref(), Kind::Text, &[])?;
+        .optional(arguments.table.as_deref(), FileKind::Text, &[])?;
     let progress = output::progress(plans.len() as u64);
     let lab = Lab::default();
     let mut outcomes = Vec::new();

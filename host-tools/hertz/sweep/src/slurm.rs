@@ -2,8 +2,6 @@
 
 use std::process::{Command, Output};
 
-use anyhow::Context;
-
 use crate::folder::ranges;
 
 /// A sweep to submit.
@@ -30,48 +28,40 @@ pub struct Jobs<'a> {
 }
 
 impl Jobs<'_> {
-    /// Arguments of `sbatch` for the array. A task that is killed computes its chunk anew.
-    pub fn array(&self) -> Vec<String> {
+    /// Lines for a shell that submit both jobs. A task that is killed computes its chunk anew.
+    pub fn script(&self) -> String {
         let Self { chunks, cpus, .. } = self;
+        let [program, folder, out] = [self.program, self.folder, self.out].map(quoted);
         let at_once = self.at_once.map_or(String::new(), |count| format!("%{count}"));
-        let options = [
+        let array = [
             format!("--array={}{at_once}", ranges(self.missing)),
             format!("--cpus-per-task={cpus}"),
         ];
-        let (program, folder) = (quoted(self.program), quoted(self.folder));
-        let command = format!(
-            "exec {program} sweep run {folder} --chunk \"$SLURM_ARRAY_TASK_ID/{chunks}\" --threads {cpus}"
-        );
-        self.job("sweep", "log-%a.txt", &options, &command)
+        let chunk = format!("--chunk \"$SLURM_ARRAY_TASK_ID/{chunks}\" --threads {cpus}");
+        let run = format!("exec {program} sweep run {folder} {chunk}");
+        let merge = format!("exec {program} sweep merge {folder} --out {out} --overwrite");
+        // A cluster's name may follow the number of a job.
+        format!(
+            "array=$({}) || exit\necho \"array: job ${{array%%;*}}\"\n{} \"--dependency=afterany:${{array%%;*}}\"",
+            self.job("sweep", "log-%a.txt", &array, &run),
+            self.job("merge", "log-merge.txt", &[], &merge)
+        )
     }
 
-    /// Arguments of `sbatch` for the job that merges, after the last task of `array`.
-    pub fn merge(&self, array: &str) -> Vec<String> {
-        let [program, folder, out] = [self.program, self.folder, self.out].map(quoted);
-        let command = format!("exec {program} sweep merge {folder} --out {out} --overwrite");
-        let dependency = format!("--dependency=afterany:{array}");
-        self.job("merge", "log-merge.txt", &[dependency], &command)
-    }
-
-    fn job(&self, name: &str, log: &str, options: &[String], command: &str) -> Vec<String> {
-        let mut arguments = vec![
-            "--parsable".to_owned(),
-            "--requeue".to_owned(),
+    fn job(&self, name: &str, log: &str, options: &[String], command: &str) -> String {
+        let own = [
             format!("--job-name=bead-{name}-{}", self.plan),
             format!("--chdir={}", self.folder),
             format!("--output={log}"),
-            "--open-mode=append".to_owned(),
         ];
-        arguments.extend(options.iter().chain(self.options).cloned());
-        arguments.push(format!("--wrap={command}"));
-        arguments
+        let command = [format!("--wrap={command}")];
+        let words = own.iter().chain(options).chain(self.options).chain(&command);
+        let words: Vec<_> = words.map(|word| quoted(word)).collect();
+        format!(
+            "sbatch --parsable --requeue --open-mode=append {}",
+            words.join(" ")
+        )
     }
-}
-
-/// A line for a shell that calls `sbatch` with these arguments.
-pub fn command_line(arguments: &[String]) -> String {
-    let arguments = arguments.iter().map(|argument| quoted(argument));
-    format!("sbatch {}", arguments.collect::<Vec<_>>().join(" "))
 }
 
 /// A word for a shell, in single quotes where it needs them.
@@ -83,29 +73,6 @@ fn quoted(text: &str) -> String {
         return text.to_owned();
     }
     format!("'{}'", text.replace('\'', r"'\''"))
-}
-
-/// Submits a job, and returns its number.
-///
-/// # Errors
-/// `sbatch` cannot be run, or refuses the job.
-pub fn submit(arguments: &[String]) -> anyhow::Result<String> {
-    let output = Command::new("sbatch").args(arguments).output();
-    let output = output.context("cannot run sbatch; is Slurm here? --dry-run prints the commands")?;
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = &output;
-    let messages = String::from_utf8_lossy(stderr);
-    let messages = messages.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-    anyhow::ensure!(status.success(), "sbatch refuses the job: {messages}");
-    // A cluster's name may follow the number.
-    let job = String::from_utf8_lossy(stdout);
-    let job = job.trim().split(';').next().unwrap_or_default().to_owned();
-    let is_number = !job.is_empty() && job.chars().all(|c| c.is_ascii_digit());
-    anyhow::ensure!(is_number, "sbatch gave no number of a job: {job:?} {messages}");
-    Ok(job)
 }
 
 /// Numbers of the jobs of a plan that have not ended. Without Slurm there are none.
@@ -143,22 +110,24 @@ mod tests {
             at_once: Some(3),
             options: &["--partition=all".to_owned()],
         };
-        for (arguments, last) in [
-            (jobs.array(), "--threads\n2\n"),
-            (jobs.merge("7"), "/work/a b.parquet\n--overwrite\n"),
-        ] {
-            let line = command_line(&arguments).replacen("sbatch", "printf '%s\\n'", 1);
-            let read = Command::new("sh").args(["-c", &line]).output().unwrap();
-            assert_eq!(
-                String::from_utf8(read.stdout).unwrap(),
-                arguments.join("\n") + "\n"
-            );
+        // A shell that prints the words of each call, and gives it a number.
+        let sbatch = "sbatch() { printf '%s\\n' \"$@\" >&2; echo '7;cluster'; }";
+        let script = format!("{sbatch}\n{}", jobs.script());
+        let read = Command::new("sh").args(["-c", &script]).output().unwrap();
+        let words = String::from_utf8(read.stderr).unwrap();
+        let lines: Vec<&str> = words.lines().collect();
+        for line in ["--array=1-2,4%3", "--partition=all", "--dependency=afterany:7"] {
+            assert!(lines.contains(&line), "{words}");
+        }
+        let commands = lines.iter().filter_map(|line| line.strip_prefix("--wrap=exec "));
+        let commands: Vec<&str> = commands.collect();
+        for (command, last) in commands
+            .iter()
+            .zip(["--threads\n2\n", "/work/a b.parquet\n--overwrite\n"])
+        {
             // The shell on the node reads the command again.
-            let command = arguments.last().unwrap().strip_prefix("--wrap=exec ").unwrap();
-            let read = Command::new("sh")
-                .args(["-c", &format!("printf '%s\\n' {command}")])
-                .output()
-                .unwrap();
+            let print = format!("printf '%s\\n' {command}");
+            let read = Command::new("sh").args(["-c", &print]).output().unwrap();
             let words = String::from_utf8(read.stdout).unwrap();
             assert!(words.starts_with("/work/é 1/bead\nsweep\n"), "{words}");
             assert!(
@@ -166,6 +135,6 @@ mod tests {
                 "{words}"
             );
         }
-        assert!(jobs.array().contains(&"--array=1-2,4%3".to_owned()));
+        assert_eq!(commands.len(), 2);
     }
 }

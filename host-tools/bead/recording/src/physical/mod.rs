@@ -12,4 +12,4 @@ pub use keys::{KEYS, KeyRow};
 pub use refusal::refusal;
 pub use text::{Change, changes, derived, parse, set, to_toml};
 pub(crate) use values::pointer;
-pub use values::value;
+pub use values::{shown, value};

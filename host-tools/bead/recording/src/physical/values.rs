@@ -17,7 +17,7 @@ pub(crate) fn pointer(key: Key) -> String {
 }
 
 /// A value as TOML, and as people read it.
-pub(super) fn shown(value: &Value) -> String {
+pub fn shown(value: &Value) -> String {
     match value {
         Value::Number(number) if number.is_f64() => match number.as_f64() {
             Some(float) if float != 0.0 && !(1e-3..1e6).contains(&float.abs()) => format!("{float:e}"),

@@ -1,12 +1,8 @@
 //! `bead clock`: how a bead's clock runs against the host's, and beads against one another.
 
-use std::path::PathBuf;
-
 use chrono::{DateTime, SecondsFormat};
-use clap::Args;
 
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
+use crate::cli::commands::prelude::*;
 use bead_recording::clock::{ClockComparison, RecordedBoot, compare};
 
 const AFTER_HELP: &str = "\
@@ -20,7 +16,6 @@ Examples:
   bead clock bead-5.mcap bead-8.mcap --format json \\
       | jq '.strikes[] | [.recording, .arrival_s]'";
 
-/// Arguments of `bead clock`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -86,7 +81,7 @@ const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drif
                       | edges | missed";
 
 fn table(report: &ClockComparison) -> String {
-    let micro = |seconds: f64| format!("{:.1}", seconds * 1e6);
+    let [micro, nano] = [1e6, 1e9].map(|unit| move |seconds: f64| format!("{:.1}", seconds * unit));
     let clocks = report.clocks.iter().map(|clock| {
         let [ppm, within] = drift(clock.drift_ppm.unwrap_or(0.0), clock.drift_uncertainty_ppm);
         [
@@ -106,7 +101,6 @@ fn table(report: &ClockComparison) -> String {
     let Some(reference) = &report.reference else {
         return parts.concat();
     };
-    let nano = |seconds: f64| format!("{:.1}", seconds * 1e9);
     let alignments = report.alignments.iter().map(|alignment| {
         let of = &alignment.alignment;
         let [ppm, within] = match of.drift_uncertainty_ppm {
@@ -134,10 +128,8 @@ fn table(report: &ClockComparison) -> String {
             let rise = strike.rise_s.map_or("-".to_owned(), |rise| format!("{rise:.9}"));
             [named(&strike.place), strike.strike.to_string(), rise, arrival]
         });
-        parts.push(output::table(
-            "strike at | number | half its force at s | highest at s",
-            strikes,
-        ));
+        let header = "strike at | number | half its force at s | highest at s";
+        parts.push(output::table(header, strikes));
     }
     parts.join("\n\n")
 }

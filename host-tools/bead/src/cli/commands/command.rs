@@ -2,23 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
-use std::path::PathBuf;
 use std::time::Duration;
 
-use bead_wire::{Check, Link, Message, Raw, Request, SelfTest, Standing};
-use clap::{Args, Subcommand};
-use schemars::JsonSchema;
-use serde::Serialize;
-use serde_json::Value;
+use bead_wire::{Check, Kind, Link, Message, Raw, Request, SelfTest, Standing};
+use clap::Subcommand;
+use serde_json::{Map, Value};
 
-use crate::cli::failure::Failure;
+use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{Kind, Overwrite};
-use bead_line::conversation::{Answer, Conversation};
+use bead_line::conversation::Conversation;
 use bead_recording::frames::Frame;
 use bead_tables::printable::one_line;
-use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 A bead goes on measuring while it is asked; a reboot excepted.
@@ -39,32 +33,31 @@ const TESTS: u32 = 5;
 /// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
 const PIECES: usize = 1 << 17;
 
-/// Arguments of `bead command`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    action: Action,
+    action: BeadAction,
 }
 
 #[derive(Debug, Subcommand)]
-enum Action {
+enum BeadAction {
     /// Show the bead's identity: firmware, device, boot.
-    Identity(Common),
+    Identity(CommandOptions),
     /// Show the bead's status: counts of samples, strikes, losses and faults, and of what came in over its
     /// line.
-    Status(Common),
+    Status(CommandOptions),
     /// Let the bead check itself: supply, sensors, settings, stack, estimators, flash.
-    SelfTest(Common),
+    SelfTest(CommandOptions),
     /// Look for strikes, as a bead does after a reset.
-    Arm(Common),
+    Arm(CommandOptions),
     /// Look for no strikes until it is armed or reset.
-    Disarm(Common),
+    Disarm(CommandOptions),
     /// Let the bead send every scan for a while, with or without a strike. About half of the scans fit the
     /// line.
     Raw {
         #[command(flatten)]
-        common: Common,
+        common: CommandOptions,
         /// Duration, s; at most 10.
         #[arg(long, value_name = "SECONDS", value_parser = output::seconds_of_a_day)]
         duration: Duration,
@@ -75,13 +68,13 @@ enum Action {
         overwrite: Overwrite,
     },
     /// Set the counts of losses, faults and rejected input to 0.
-    ResetCounters(Common),
+    ResetCounters(CommandOptions),
     /// Reset the bead, and wait until it is back.
-    Reboot(Common),
+    Reboot(CommandOptions),
 }
 
 #[derive(Debug, Args)]
-struct Common {
+struct CommandOptions {
     #[command(flatten)]
     line: LineOptions,
     /// Format of the answer.
@@ -91,22 +84,22 @@ struct Common {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
-        Action::Identity(common) => identity(common),
-        Action::Status(common) => status(common),
-        Action::SelfTest(common) => self_test(common),
-        Action::Arm(common) => simple(common, &Request::Arm, "armed"),
-        Action::Disarm(common) => simple(common, &Request::Disarm, "disarmed"),
-        Action::Raw {
+        BeadAction::Identity(common) => identity(common),
+        BeadAction::Status(common) => status(common),
+        BeadAction::SelfTest(common) => self_test(common),
+        BeadAction::Arm(common) => simple(common, &Request::Arm, "armed"),
+        BeadAction::Disarm(common) => simple(common, &Request::Disarm, "disarmed"),
+        BeadAction::Raw {
             common,
             duration,
             out,
             overwrite,
         } => {
             let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
-            raw(common, *duration, overwrite.optional(out, Kind::Table, &[])?)
+            raw(common, *duration, overwrite.optional(out, FileKind::Table, &[])?)
         }
-        Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
-        Action::Reboot(common) => {
+        BeadAction::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
+        BeadAction::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
             output::print(common.format, &Rebooted { boot }, || format!("in boot {boot}"))
         }
@@ -119,33 +112,12 @@ pub(crate) struct Done {
     outcome: &'static str,
 }
 
-/// The bodies of the frames that answer the request `status`, as JSON. Those that a bead of an earlier
-/// version does not send are null.
-#[derive(Serialize)]
-struct Reports<'a> {
-    status: &'a Value,
-    health: &'a Value,
-    link: &'a Value,
-    guard: &'a Value,
-    load: &'a Value,
-}
-
 /// One check of a self-test as JSON.
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct CheckResult {
     check: String,
     passed: bool,
     value: u32,
-}
-
-impl CheckResult {
-    fn of(test: &SelfTest) -> Self {
-        Self {
-            check: test.check.to_string(),
-            passed: test.passed,
-            value: test.value,
-        }
-    }
 }
 
 /// The answer to a reboot as JSON.
@@ -165,12 +137,12 @@ pub(crate) struct Streamed {
 }
 
 /// Sends a request whose answer is only that it was done.
-fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
+fn simple(common: &CommandOptions, request: &Request, done: &str) -> Result<(), Failure> {
     common.line.open()?.request_done(request)?;
     output::print(common.format, &Done { outcome: "done" }, || done.to_owned())
 }
 
-fn identity(common: &Common) -> Result<(), Failure> {
+fn identity(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Identity)?;
     let body = answer.last("identity frame", |frame| {
         matches!(frame.message, Message::Identity(_)).then(|| frame.body())
@@ -178,52 +150,45 @@ fn identity(common: &Common) -> Result<(), Failure> {
     output::print(common.format, &body, || rows([&body]))
 }
 
-fn status(common: &Common) -> Result<(), Failure> {
+fn status(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Status)?;
-    let body = |what: &str, wanted: fn(&Message) -> bool| {
-        answer.last(what, |frame| wanted(&frame.message).then(|| frame.body()))
-    };
-    let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
-    let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
-    let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
-    // A bead of an earlier version does not send these two.
-    let load = body("load frame", |message| matches!(message, Message::Load(_))).unwrap_or_default();
-    let guard = body("guard frame", |message| matches!(message, Message::Guard(_))).unwrap_or_default();
-    let all = Reports {
-        status: &status,
-        health: &health,
-        link: &link,
-        guard: &guard,
-        load: &load,
-    };
-    output::print(common.format, &all, || {
-        rows([&status, &health, &link, &guard, &load])
-    })
+    let mut bodies = Map::new();
+    for kind in [Kind::Status, Kind::Health, Kind::Link, Kind::Guard, Kind::Load] {
+        let what = format!("{} frame", kind.name());
+        let body = answer.last(&what, |frame| {
+            (frame.message.kind() == kind).then(|| frame.body())
+        });
+        // A bead of an earlier version does not send these two.
+        let is_new = matches!(kind, Kind::Guard | Kind::Load);
+        let body = if is_new { body.unwrap_or_default() } else { body? };
+        bodies.insert(kind.name().to_owned(), body);
+    }
+    output::print(common.format, &bodies, || rows(bodies.values()))
 }
 
 /// The members of JSON objects by name, one in each row.
-fn rows<const N: usize>(objects: [&Value; N]) -> String {
-    let members = objects.iter().filter_map(|object| object.as_object()).flatten();
-    let rows = members.map(|(key, value)| {
+fn rows<'a>(objects: impl IntoIterator<Item = &'a Value>) -> String {
+    let members = objects.into_iter().filter_map(Value::as_object).flatten();
+    output::rows(members.map(|(key, value)| {
         let value = match value {
             Value::String(text) => text.clone(),
             Value::Array(items) if items.is_empty() => "none".to_owned(),
-            Value::Array(items) => {
-                let names: Vec<_> = items.iter().filter_map(Value::as_str).collect();
-                names.join(", ")
-            }
+            Value::Array(items) => Vec::from_iter(items.iter().filter_map(Value::as_str)).join(", "),
             other => other.to_string(),
         };
         // A line end in the bead's text would begin another row.
-        [key.replace('_', " "), one_line(&value).into_owned()]
-    });
-    // Without its empty header.
-    output::table("|", rows).trim_start().to_owned()
+        (key.replace('_', " "), one_line(&value).into_owned())
+    }))
 }
 
-fn self_test(common: &Common) -> Result<(), Failure> {
+fn self_test(common: &CommandOptions) -> Result<(), Failure> {
     let checks = checks(&mut common.line.open()?)?;
-    let results: Vec<_> = checks.iter().map(CheckResult::of).collect();
+    let result = |test: &SelfTest| CheckResult {
+        check: test.check.to_string(),
+        passed: test.passed,
+        value: test.value,
+    };
+    let results: Vec<_> = checks.iter().map(result).collect();
     output::print(common.format, &results, || {
         let row = |test: &SelfTest| {
             let passed = output::either(test.passed, "passed", "FAILED");
@@ -231,16 +196,16 @@ fn self_test(common: &Common) -> Result<(), Failure> {
         };
         output::table("check | | found", checks.iter().map(row))
     })?;
-    let failed = checks.iter().filter(|test| !test.passed);
-    let failed: Vec<_> = failed.map(|test| test.check.to_string()).collect();
+    let failed = results.into_iter().filter(|result| !result.passed);
+    let failed: Vec<_> = failed.map(|result| result.check).collect();
     if failed.is_empty() {
         return Ok(());
     }
-    Err(failure!(
+    bail!(
         Verdict,
         "the self-test failed: {}; docs/protocol.md says what each check looks at",
         failed.join(", ")
-    ))
+    )
 }
 
 /// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for
@@ -267,7 +232,6 @@ fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
     ))
 }
 
-/// Finding of a check in words.
 fn found(check: Check, value: u32) -> String {
     match check {
         Check::Supply => format!("{value} mV"),
@@ -291,18 +255,17 @@ fn found(check: Check, value: u32) -> String {
     }
 }
 
-fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), Failure> {
-    let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
+fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Result<(), Failure> {
     let mut bead = common.line.open()?;
-    let link = |frame: &Frame| match frame.message {
-        Message::Link(link) => Some(link),
-        _ => None,
-    };
     // The identity gives the sample rate, the status the counts since the reset.
     bead.request_done(&Request::Identity)?;
-    let before = bead.request_done(&Request::Status)?.last("link frame", link)?;
-    let answer = bead.request_done(&Request::Raw { duration_ms })?;
-    let (pieces, after) = stream(&mut bead, answer, duration, before, u64::from(duration_ms))?;
+    let before = bead
+        .request_done(&Request::Status)?
+        .last("link frame", |frame| match frame.message {
+            Message::Link(link) => Some(link),
+            _ => None,
+        })?;
+    let (pieces, after) = stream(&mut bead, duration, before)?;
 
     let write = |to: &mut dyn Write| -> std::io::Result<()> {
         let mut to = BufWriter::new(to);
@@ -318,16 +281,13 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
         to.flush()
     };
     let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
-    let (sent, dropped) = counted_since(&before, &after);
-    let (scans, lost) = (sent.saturating_add(dropped), sent.saturating_sub(received as u64));
-    let summary = Streamed {
-        scans,
-        received,
-        dropped_by_bead: dropped,
-        lost,
-    };
+    let (sent, dropped_by_bead) = counted_since(&before, &after);
+    let (scans, lost) = (
+        sent.saturating_add(dropped_by_bead),
+        sent.saturating_sub(received as u64),
+    );
     let text = format!(
-        "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
+        "{received} of {scans} scans received; {dropped_by_bead} did not fit the line, {lost} were lost on it"
     );
     let Some(out) = out else {
         output::written(write(&mut std::io::stdout().lock()))?;
@@ -335,6 +295,12 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
         return Ok(());
     };
     out.write(|file| Ok(write(file)?))?;
+    let summary = Streamed {
+        scans,
+        received,
+        dropped_by_bead,
+        lost,
+    };
     output::print(common.format, &summary, || text)
 }
 
@@ -349,13 +315,9 @@ fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
 }
 
 /// The pieces of a raw stream, and the counts at its end.
-fn stream(
-    bead: &mut Conversation,
-    answer: Answer,
-    duration: Duration,
-    before: Link,
-    duration_ms: u64,
-) -> Result<(Vec<Raw>, Link), Failure> {
+fn stream(bead: &mut Conversation, duration: Duration, before: Link) -> Result<(Vec<Raw>, Link), Failure> {
+    let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
+    let answer = bead.request_done(&Request::Raw { duration_ms })?;
     let mut pieces = Vec::new();
     let mut take = |frame: Frame| match frame.message {
         Message::Raw(raw) => {
@@ -369,7 +331,8 @@ fn stream(
         Message::Link(link) => {
             let (sent, dropped) = counted_since(&before, &link);
             let counted = sent.saturating_add(dropped);
-            let scans = duration_ms.saturating_mul(u64::from(frame.sample_rate_hz.unwrap_or(0))) / 1000;
+            let rate = u64::from(frame.sample_rate_hz.unwrap_or(0));
+            let scans = u64::from(duration_ms).saturating_mul(rate) / 1000;
             (counted > 0 && counted >= scans).then_some(link)
         }
         _ => None,
@@ -378,13 +341,8 @@ fn stream(
     if after.is_none() {
         after = bead.listen(duration + Duration::from_secs(3), take)?;
     }
-    match after {
-        Some(after) => Ok((pieces, after)),
-        None => Err(failure!(
-            Device,
-            "the bead began its raw stream and did not say that it ended; ask again"
-        )),
-    }
+    let silent = "the bead began its raw stream and did not say that it ended; ask again";
+    Ok((pieces, after.ok_or_else(|| failure!(Device, "{silent}"))?))
 }
 
 #[cfg(test)]

@@ -1,20 +1,14 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::Args;
-use schemars::JsonSchema;
-use serde::Serialize;
-
-use crate::cli::beads::Beads;
+use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::compared::{
     Velocity, draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
+    velocity,
 };
+use crate::cli::commands::prelude::*;
 use crate::cli::commands::{compare_reference, compare_row};
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{Kind, Overwrite};
 use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_compare::bead::ComparedBead;
@@ -26,8 +20,6 @@ use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
 use bead_compare::verdict::{Echoes, other_length};
 use bead_recording::file::{Part, RecordedBead};
-use bead_recording::received::Received;
-use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \
@@ -74,10 +66,10 @@ pub(crate) struct Arguments {
     /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a
     /// recording of several, all of them]. Several side by side: 7-9, 7,9 or all.
     #[arg(long, value_name = "N")]
-    bead: Option<Beads>,
+    bead: Option<BeadNumbers>,
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded
     /// forces.
-    #[arg(long, value_name = "V|fit")]
+    #[arg(long, value_name = "V|fit", value_parser = velocity)]
     pub(super) velocity: Option<Velocity>,
     /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a
     /// recording.
@@ -102,7 +94,6 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The files that are read.
     pub(super) fn inputs(&self) -> Vec<&Path> {
         let files = [
             Some(&self.recording),
@@ -115,7 +106,7 @@ impl Arguments {
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Report<'a> {
+pub(crate) struct CompareReport<'a> {
     bead: usize,
     striker_velocity: Option<FittedVelocity>,
     strikes: &'a Vec<StrikeComparison>,
@@ -135,16 +126,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.columns.without("--reference")?;
     }
     let (page, overwrite) = (arguments.report.as_deref(), arguments.overwrite);
-    let page = overwrite.optional(page, Kind::Page, &arguments.inputs())?;
+    let page = overwrite.optional(page, FileKind::Page, &arguments.inputs())?;
     let mut received = Received::open(&arguments.recording)?;
     let of_several = received.recording.beads.len() > 1;
     let (only, row) = match &arguments.bead {
-        Some(Beads::One(bead)) => (Some(*bead), false),
-        Some(Beads::Several(beads)) => {
+        Some(BeadNumbers::One(bead)) => (Some(*bead), false),
+        Some(BeadNumbers::Several(beads)) => {
             keep(&mut received, beads)?;
             (None, true)
         }
-        Some(Beads::All) | None => (None, of_several),
+        Some(BeadNumbers::All) | None => (None, of_several),
     };
     if row && arguments.reference.is_none() {
         return compare_row::run(&received, arguments, page);
@@ -226,7 +217,7 @@ fn compare(
         }
     }
     let soundness = &compared.soundness;
-    let result = Report {
+    let result = CompareReport {
         bead,
         striker_velocity: fitted,
         strikes: &compared.strikes,
@@ -244,9 +235,6 @@ fn compare(
 }
 
 /// Keeps the beads of these numbers alone.
-///
-/// # Errors
-/// One of them is not in the recording.
 fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
     let of_recording = &mut received.recording.beads;
     let places: Vec<usize> = of_recording.iter().map(RecordedBead::place).collect();

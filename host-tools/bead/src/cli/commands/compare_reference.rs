@@ -1,30 +1,21 @@
 //! `bead compare --reference`: a strike against the record of another instrument.
 
-use std::path::Path;
-
-use schemars::JsonSchema;
-use serde::Serialize;
-
 use crate::cli::commands::compare::Arguments;
 use crate::cli::commands::compared::{made, publish};
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use crate::cli::commands::prelude::*;
 use crate::cli::provenance::sha256_of;
 use bead_compare::emulated::RunTruth;
 use bead_compare::reference::{AgainstReference, compare};
 use bead_compare::reference_report::ComparedReference;
 use bead_compare::replay::replay;
 use bead_recording::file::Part;
-use bead_recording::received::Received;
-use bead_recording::strikes::RecordedStrike;
-use bead_tables::whole::Target;
 
 /// Correlation below which a note asks whether it is the same strike.
 const LITTLE: f64 = 0.5;
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Report<'a> {
+pub(crate) struct ReferenceReport<'a> {
     bead: Option<usize>,
     strike: u32,
     sample_index: u64,
@@ -110,7 +101,7 @@ pub(super) fn run(
         failure: failure.as_deref(),
         made: &made,
     };
-    let result = Report {
+    let result = ReferenceReport {
         bead,
         strike: strike.said.strike,
         sample_index: strike.said.trigger_index,

@@ -1,24 +1,19 @@
 //! `bead compare` of a recording of several beads: all of them and one simulation, side by side.
 
-use serde::Serialize;
-
 use crate::cli::commands::compare::Arguments;
 use crate::cli::commands::compared::{
     draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
 };
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use crate::cli::commands::prelude::*;
 use crate::cli::provenance;
 use bead_compare::row::{self, BeadRow, ComparedRow, PlacedBead, RowBead, RowChain, RowComparison, among};
 use bead_compare::sensed::unlike_the_reduced_chain;
 use bead_compare::velocity::FittedVelocity;
 use bead_compare::verdict::other_length;
-use bead_recording::received::Received;
-use bead_tables::whole::Target;
 
 /// The result, as in the JSON.
-#[derive(Serialize, schemars::JsonSchema)]
-pub(crate) struct Report<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct RowReport<'a> {
     striker_velocity: Option<FittedVelocity>,
     #[serde(flatten)]
     told: &'a RowComparison,
@@ -70,7 +65,7 @@ pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Targe
     if let Some(figures) = figures {
         draw(&figures, row::charts(&row, &chain, &told))?;
     }
-    let printed = Report {
+    let printed = RowReport {
         striker_velocity: fitted,
         told: &told,
     };
@@ -93,11 +88,9 @@ fn length(row: &BeadRow, chain: &RowChain) -> Option<String> {
     })
 }
 
-/// The echoes of a row, if there are any.
 fn echoed(row: &BeadRow) -> Option<String> {
     let with_echoes = row.members.iter().filter(|member| member.echoes > 0);
-    let which: Vec<_> = with_echoes
-        .map(|member| format!("{} of bead {}", member.echoes, member.bead))
-        .collect();
+    let echoes = with_echoes.map(|member| format!("{} of bead {}", member.echoes, member.bead));
+    let which = Vec::from_iter(echoes);
     (!which.is_empty()).then(|| echoes_left_out(&which.join(", ")))
 }

@@ -1,24 +1,15 @@
 //! Shared by all comparisons: the scenario and the striker's velocity before, the report and figures after.
 
-use std::path::Path;
-use std::str::FromStr;
-
-use hertz_chain::Scenario;
 use hertz_charts::Chart;
-use serde::Serialize;
 
 use crate::cli::commands::compare::Arguments;
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format, positive};
-use crate::cli::place::{self, Kind};
+use crate::cli::commands::prelude::*;
 use crate::cli::provenance;
 use bead_compare::report::{Fact, Report, count};
 use bead_compare::sensed::load_scenario;
 use bead_compare::velocity::{FittedVelocity, first_strikes, fit};
 use bead_compare::verdict::Echoes;
 use bead_recording::file::Part;
-use bead_recording::received::Received;
-use bead_tables::whole::Target;
 
 /// The striker's velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,16 +20,13 @@ pub(crate) enum Velocity {
     Given(f64),
 }
 
-impl FromStr for Velocity {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "fit" => Ok(Self::Fit),
-            _ => positive(text)
-                .map(Self::Given)
-                .map_err(|_| "give m/s, above 0, or fit".to_owned()),
-        }
+/// Parses a velocity, m/s, or `fit`.
+pub(super) fn velocity(text: &str) -> Result<Velocity, String> {
+    match text {
+        "fit" => Ok(Velocity::Fit),
+        _ => positive(text)
+            .map(Velocity::Given)
+            .map_err(|_| "give m/s, above 0, or fit".to_owned()),
     }
 }
 
@@ -75,7 +63,6 @@ pub(super) fn set_velocity<'a>(
     failed.map_or(Ok(None), |why| Err(why.into()))
 }
 
-/// A fitted velocity in one line.
 pub(super) fn shown(fitted: &FittedVelocity) -> String {
     let FittedVelocity {
         velocity,
@@ -99,7 +86,7 @@ pub(super) fn echoes_left_out(which: &str) -> String {
 }
 
 /// A scenario that strikes are held against.
-pub(super) struct Given {
+pub(super) struct GivenScenario {
     pub(super) scenario: Scenario,
     /// The scenario, as its author wrote it.
     pub(super) text: String,
@@ -107,7 +94,7 @@ pub(super) struct Given {
     other: Option<String>,
 }
 
-impl Given {
+impl GivenScenario {
     /// Ends a comparison: with its failure, or with a note where the scenario is not the recording's.
     pub(super) fn end(&self, failure: Option<String>) -> Result<(), Failure> {
         match (failure, &self.other) {
@@ -121,7 +108,7 @@ impl Given {
 }
 
 /// The scenario that is given, or the one in the recording.
-pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Given, Failure> {
+pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<GivenScenario, Failure> {
     let shown = received.path.display();
     let carried = received.recording.parts.get(&Part::Scenario).map(|text| {
         let text = String::from_utf8_lossy(text).into_owned();
@@ -131,7 +118,7 @@ pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Give
     let Some(path) = given else {
         let missing = format!("{shown} carries no scenario; say what was struck with --scenario S.toml");
         let (scenario, text) = carried.ok_or_else(|| Failure::input(missing))??;
-        return Ok(Given {
+        return Ok(GivenScenario {
             scenario,
             text,
             other: None,
@@ -150,7 +137,7 @@ pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Give
             path.display()
         )
     });
-    Ok(Given {
+    Ok(GivenScenario {
         scenario,
         text,
         other,
@@ -180,11 +167,10 @@ pub(super) fn figures(arguments: &Arguments, names: [&str; 2]) -> Result<Option<
     let Some(directory) = &arguments.figures else {
         return Ok(None);
     };
-    let files = names.map(|name| (name, Kind::Drawing));
+    let files = names.map(|name| (name, FileKind::Drawing));
     place::targets(directory, files, &arguments.inputs(), arguments.overwrite).map(Some)
 }
 
-/// Draws the figures.
 pub(super) fn draw(figures: &[Target], charts: [Chart; 2]) -> Result<(), Failure> {
     for (figure, chart) in figures.iter().zip(charts) {
         place::make_directory(figure.path().parent().unwrap_or(Path::new(".")))?;

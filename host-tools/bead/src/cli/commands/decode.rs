@@ -3,18 +3,14 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::iter;
-use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use bead_wire::Kind;
-use clap::Args;
 use serde_json::Value;
 
 use super::clock::rfc3339;
-use crate::cli::failure::Failure;
+use crate::cli::commands::prelude::*;
 use bead_recording::clock::{Fit, Segments, Tracker};
 use bead_recording::frames::{Frame, Frames, Item, Piece};
-use bead_recording::received::Received;
 use bead_tables::printable::printable;
 
 const AFTER_HELP: &str = "\
@@ -28,7 +24,6 @@ Examples:
   bead decode monday.mcap tuesday.mcap --kind strike | jq .peak_force_n
   bead decode - < uart.bin";
 
-/// Arguments of `bead decode`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -40,20 +35,12 @@ pub(crate) struct Arguments {
     kind: Vec<Kind>,
 }
 
-/// A kind of frame by its name.
 fn kind(text: &str) -> Result<Kind, String> {
     let named = Kind::ALL.iter().find(|kind| kind.name() == text);
     named.copied().ok_or_else(|| {
         let names: Vec<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
         format!("no frame is of this kind; the kinds are {}", names.join(", "))
     })
-}
-
-impl Arguments {
-    /// True if frames of this kind are printed.
-    fn prints(&self, kind: Kind) -> bool {
-        self.kind.is_empty() || self.kind.contains(&kind)
-    }
 }
 
 /// First bytes of every MCAP file (MCAP specification, "Magic").
@@ -74,35 +61,23 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
         Box::new(File::open(path).with_context(context)?)
     };
     let mut head = Vec::new();
-    input
-        .by_ref()
-        .take(MCAP.len() as u64)
-        .read_to_end(&mut head)
-        .with_context(context)?;
+    let mut first = input.by_ref().take(MCAP.len() as u64);
+    first.read_to_end(&mut head).with_context(context)?;
     if head != MCAP {
         let mut failed = None;
         let mut input = io::Cursor::new(head).chain(input);
         let mut buffer = vec![0; 64 * 1024];
         let pieces = iter::from_fn(|| {
-            loop {
-                match input.read(&mut buffer) {
-                    Ok(0) => return None,
-                    Ok(length) => {
-                        let bytes = buffer[..length].to_vec();
-                        let received_ns = None;
-                        return Some(Piece {
-                            bytes,
-                            received_ns,
-                            ..Piece::default()
-                        });
-                    }
-                    Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                    Err(error) => {
-                        failed = Some(error);
-                        return None;
-                    }
-                }
-            }
+            let length = input.read(&mut buffer).unwrap_or_else(|error| {
+                failed = Some(error);
+                0
+            });
+            let piece = Piece {
+                bytes: buffer[..length].to_vec(),
+                received_ns: None,
+                ..Piece::default()
+            };
+            (length > 0).then_some(piece)
         });
         print(arguments, path, Frames::new(pieces), &[])?;
         return Ok(failed.map_or(Ok(()), Err).with_context(context)?);
@@ -141,7 +116,8 @@ fn print(
             Item::Frame(frame) => {
                 from_the_future = frame.from_the_future().or(from_the_future);
                 let fit = fits.get(segments.place(&frame)).and_then(Option::as_ref);
-                if arguments.prints(frame.message.kind()) {
+                let kind = frame.message.kind();
+                if arguments.kind.is_empty() || arguments.kind.contains(&kind) {
                     let mut line = timed(&frame, fit);
                     if let Some(file) = &file {
                         line["file"] = file.as_ref().into();
@@ -178,19 +154,19 @@ fn print(
             counters.bytes
         );
     }
+    let pending = match frames.pending() {
+        0 => String::new(),
+        bytes => format!("; {bytes} bytes of a frame cut short at the end"),
+    };
     note!(
-        "{} frames in {} bytes; {} lost, {} refused, {} late, {} twice, {} restarts{}",
+        "{} frames in {} bytes; {} lost, {} refused, {} late, {} twice, {} restarts{pending}",
         counters.frames,
         counters.bytes,
         counters.lost,
         counters.rejected.total(),
         counters.late,
         counters.duplicates,
-        counters.restarts,
-        match frames.pending() {
-            0 => String::new(),
-            bytes => format!("; {bytes} bytes of a frame cut short at the end"),
-        }
+        counters.restarts
     );
     if let Some(who) = from_the_future {
         note!("{who}");

@@ -2,23 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::iter;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
 use bead_wire::Message;
-use clap::Args;
 use clap::builder::BoolishValueParser;
-use hertz_chain::{Scenario, Solution};
+use hertz_chain::Solution;
 use indicatif::ProgressBar;
-use serde::Serialize;
 
-use crate::cli::beads::Beads;
+use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::emulated::{table, table_of_several};
-use crate::cli::failure::Failure;
-use crate::cli::interrupt;
-use crate::cli::output::{self, Format, positive};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_bench::bridge::{self, Bridge, Door};
@@ -40,7 +33,6 @@ use bead_compare::verdict::other_length;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
 use bead_recording::file::{About, Origin, Part, Writer};
-use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
@@ -91,7 +83,7 @@ pub(crate) struct Arguments {
     scenario: PathBuf,
     /// The bead that senses: one with an intruder. Several sense one strike on one time: 7-16, 7,9,12 or all.
     #[arg(long, value_name = "N")]
-    bead: Beads,
+    bead: BeadNumbers,
     /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
@@ -152,23 +144,14 @@ impl Arguments {
     /// The number of the bead, if there is one bead alone.
     fn one(&self) -> Option<usize> {
         match self.bead {
-            Beads::One(bead) => Some(bead),
+            BeadNumbers::One(bead) => Some(bead),
             _ => None,
         }
     }
 
-    /// Refuses options that do not go together, and more time than fits in memory.
+    /// Refuses options that do not go together, and more time of all beads together than fits in memory.
     fn check(&self, tables: &BenchTables, beads: usize) -> Result<(), Failure> {
-        let (strikes, interval) = (self.strikes, self.interval);
-        let seconds = interval * f64::from(strikes - 1);
-        if seconds > LONGEST {
-            bail!(
-                Input,
-                "--strikes {strikes} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike \
-                 less often, or sooner"
-            );
-        }
-        let seconds = tables.clock.start_spread + seconds;
+        let seconds = tables.clock.start_spread + self.interval * f64::from(self.strikes - 1);
         let all = seconds * beads as f64;
         if beads > 1 && all > LONGEST {
             bail!(
@@ -197,13 +180,13 @@ impl Arguments {
         let Some(out) = &self.out else { return Ok(None) };
         let inputs = [Some(&self.scenario), self.faults.as_ref(), self.stimulus.as_ref()];
         let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-        let recording = self
-            .one()
-            .map_or("chain.mcap".to_owned(), |bead| format!("bead-{bead}.mcap"));
-        let settings = beads
-            .iter()
-            .map(|bead| (format!("bead-{bead}.settings"), Kind::Settings));
-        let files = iter::once((recording, Kind::Recording)).chain(settings);
+        let recording = match self.one() {
+            Some(bead) => format!("bead-{bead}.mcap"),
+            None => "chain.mcap".to_owned(),
+        };
+        let block = |bead| (format!("bead-{bead}.settings"), FileKind::Settings);
+        let settings = beads.iter().map(block);
+        let files = iter::once((recording, FileKind::Recording)).chain(settings);
         place::targets(out, files, &inputs, self.overwrite).map(Some)
     }
 }
@@ -231,7 +214,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = arguments.outputs(&beads)?;
     // Before the work, which an address that does not do would waste.
     let door = arguments.listen.as_ref().map(Door::open).transpose()?;
-    let bench = Bench::of(arguments, &scenario, &tables, &beads)?;
+    let bench = BenchOfRun::of(arguments, &scenario, &tables, &beads)?;
     if let (Some(address), Some(door)) = (&arguments.listen, &door) {
         return listen(&bench, address, door);
     }
@@ -284,13 +267,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The result of several beads as JSON.
-#[derive(Serialize, schemars::JsonSchema)]
+#[derive(Serialize, JsonSchema)]
 pub(crate) struct SeveralBeads {
     beads: Vec<EmulatedBead>,
 }
 
 /// A bead among several, as in the JSON.
-#[derive(Serialize, schemars::JsonSchema)]
+#[derive(Serialize, JsonSchema)]
 pub(crate) struct EmulatedBead {
     pub(super) bead: usize,
     pub(super) clock_ppm: f64,
@@ -299,7 +282,6 @@ pub(crate) struct EmulatedBead {
     pub(super) report: RunReport,
 }
 
-/// Advice where a signal leaves the range of its sensor.
 const WIDER_RANGES: &str =
     "write sensors = \"strong\" under [front_end] of the scenario, or give wider spans there";
 
@@ -317,8 +299,7 @@ fn note_ranges(of: &EmulatedBead) {
     }
 }
 
-/// Serves a bead at an address until Ctrl-C.
-fn listen(bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
+fn listen(bench: &BenchOfRun<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
     bench.print_remarks();
@@ -339,8 +320,7 @@ fn listen(bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failu
     Ok(bridge::serve(&mut bridge, door, &stop)?)
 }
 
-/// The chain, and the beads in it that are run.
-struct Bench<'a> {
+struct BenchOfRun<'a> {
     arguments: &'a Arguments,
     scenario: &'a Scenario,
     tables: &'a BenchTables,
@@ -354,8 +334,7 @@ struct Bench<'a> {
     progress: ProgressBar,
 }
 
-impl<'a> Bench<'a> {
-    /// Simulates the strike.
+impl<'a> BenchOfRun<'a> {
     fn of(
         arguments: &'a Arguments,
         scenario: &'a Scenario,
@@ -432,16 +411,17 @@ impl<'a> Bench<'a> {
         emulation.gdb = arguments.gdb;
         let of_several = arguments.one().is_none().then_some(SYNC_OF_SEVERAL);
         if let Some(period) = clock.sync_period.or(of_several) {
-            let until = arguments
-                .listen
-                .as_ref()
-                .map_or(emulation.seconds(), |_| SYNC_OF_LISTENING);
+            let listens = arguments.listen.is_some();
+            let until = if listens {
+                SYNC_OF_LISTENING
+            } else {
+                emulation.seconds()
+            };
             emulation.sync_until((1..).map(|number| f64::from(number) * period), until);
         }
         Ok(emulation)
     }
 
-    /// Prints the remarks on the waveform.
     fn print_remarks(&self) {
         for remark in self.played.iter().flat_map(|played| &played.remarks) {
             note!("{remark}");
@@ -479,7 +459,6 @@ struct Played {
 }
 
 impl Played {
-    /// Reads the waveform, if one is given.
     fn of(arguments: &Arguments, front_end: &FrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
         let Some(path) = &arguments.stimulus else {
             return Ok(None);

@@ -3,11 +3,8 @@
 use crate::cli::commands::emulate::EmulatedBead;
 use crate::cli::output;
 use bead_bench::run::{MeasuredStrike, RunReport};
-use bead_compare::given::GivenEstimates;
 use bead_compare::report::{DASH, EnergyUnit, percent, signed};
-use bead_compare::sensed::Truth;
 
-/// The tables of one bead.
 pub(super) fn table(report: &RunReport) -> String {
     let mut parts = vec![strikes(report), counts(report)];
     if !report.provoked.is_empty() {
@@ -63,41 +60,44 @@ fn strikes(report: &RunReport) -> String {
 
 /// A strike: its values beside the truth, or beside f64 estimates of the waveform that was played.
 fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
-    let [peak, a, b] = if played {
-        let given = |of: fn(&GivenEstimates) -> Option<f64>| strike.given.as_ref().and_then(of);
-        [
-            given(|given| given.peak_force),
-            given(|given| given.absorbed_measured),
-            given(|given| given.absorbed_predicted),
-        ]
+    let (truth, given) = (strike.truth, strike.given);
+    let of_truth = truth.map(|truth| truth.peak_force);
+    let peak = if played {
+        given.and_then(|given| given.peak_force)
     } else {
-        let truth = |of: fn(&Truth) -> f64| strike.truth.as_ref().map(of);
-        [
-            truth(|truth| truth.peak_force),
-            truth(|truth| truth.absorbed),
-            None,
-        ]
+        of_truth
     };
-    let unknown = if played { DASH } else { "echo" };
-    let known = |value: Option<String>| value.unwrap_or(unknown.to_owned());
+    let known = |value: Option<String>| value.unwrap_or(output::either(played, DASH, "echo"));
     let energy = |joules: f64| unit.number(joules, 2);
     let off = |joules: f64, truth: Option<f64>| {
         let truth = truth.filter(|truth| *truth > 0.0);
         truth.map_or(DASH.to_owned(), |truth| percent(joules / truth - 1.0))
     };
-    let (measured, predicted) = (strike.device.absorbed_measured, strike.device.absorbed_predicted);
+    let (a, b) = (strike.device.absorbed_measured, strike.device.absorbed_predicted);
     let mut row = vec![
         strike.sample_index.to_string(),
         format!("{:.4}", strike.device.peak_force),
-        known(peak.map(|peak| format!("{peak:.4}"))),
-        energy(measured),
     ];
+    row.push(known(peak.map(|peak| format!("{peak:.4}"))));
     if played {
-        row.extend([known(a.map(energy)), energy(predicted), known(b.map(energy))]);
-        row.extend([off(measured, a), off(predicted, b)]);
+        let of_a = given.and_then(|given| given.absorbed_measured);
+        let of_b = given.and_then(|given| given.absorbed_predicted);
+        row.extend([
+            energy(a),
+            known(of_a.map(energy)),
+            energy(b),
+            known(of_b.map(energy)),
+        ]);
+        row.extend([off(a, of_a), off(b, of_b)]);
     } else {
-        row.extend([energy(predicted), known(a.map(energy))]);
-        row.extend([off(measured, a), off(predicted, a)]);
+        let truth = truth.map(|truth| truth.absorbed);
+        row.extend([
+            energy(a),
+            energy(b),
+            known(truth.map(energy)),
+            off(a, truth),
+            off(b, truth),
+        ]);
     }
     let flags = strike.flags.join(", ");
     row.push(output::either(strike.replay_identical, "identical", "differs"));
@@ -105,7 +105,6 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
     row
 }
 
-/// The tables of several beads.
 pub(super) fn table_of_several(beads: &[EmulatedBead]) -> String {
     let unit = energy_unit(beads.iter().flat_map(|of| of.report.measured()));
     let strikes = beads.iter().flat_map(|of| {

@@ -3,21 +3,15 @@
 use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::ValueEnum;
 use indicatif::ProgressBar;
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 use bead_compare::report::count;
 use bead_recording::export::{samples, strikes as strikes_table, uff};
 use bead_recording::file::RecordingError;
-use bead_recording::received::Received;
-use bead_recording::strikes::RecordedStrike;
 use bead_tables::{Column, Writer};
 
 const AFTER_HELP: &str = "\
@@ -33,9 +27,9 @@ Examples:
   bead export monday/*.mcap --out monday/tables --format csv
   bead export run/bead-8.mcap --out tables --format uff";
 
-/// Form of the exported files.
+/// ExportForm of the exported files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-enum Form {
+enum ExportForm {
     /// `strikes.parquet` and `samples.parquet`.
     #[default]
     Parquet,
@@ -45,7 +39,6 @@ enum Form {
     Uff,
 }
 
-/// Arguments of `bead export`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -57,7 +50,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
     /// The form of the files.
     #[arg(long, value_enum, default_value_t)]
-    format: Form,
+    format: ExportForm,
     #[command(flatten)]
     overwrite: Overwrite,
 }
@@ -67,12 +60,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (out, form) = (arguments.out.as_path(), arguments.format);
     let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
     let files = match form {
-        Form::Parquet => vec![
-            ("strikes.parquet", Kind::Parquet),
-            ("samples.parquet", Kind::Parquet),
+        ExportForm::Parquet => vec![
+            ("strikes.parquet", FileKind::Parquet),
+            ("samples.parquet", FileKind::Parquet),
         ],
-        Form::Csv => vec![("strikes.csv", Kind::Table), ("samples.csv", Kind::Table)],
-        Form::Uff => vec![("strikes.uff", Kind::Universal)],
+        ExportForm::Csv => vec![("strikes.csv", FileKind::Table), ("samples.csv", FileKind::Table)],
+        ExportForm::Uff => vec![("strikes.uff", FileKind::Universal)],
     };
     let targets = place::targets(out, files, &inputs, arguments.overwrite)?;
     place::make_directory(out)?;
@@ -179,11 +172,15 @@ impl Tally<'_> {
     }
 }
 
-/// Writes the two tables.
-fn tables(form: Form, strikes: &mut File, samples: &mut File, tally: &mut Tally<'_>) -> anyhow::Result<()> {
+fn tables(
+    form: ExportForm,
+    strikes: &mut File,
+    samples: &mut File,
+    tally: &mut Tally<'_>,
+) -> anyhow::Result<()> {
     const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
     let table = |file, name, columns: &[Column]| match form {
-        Form::Csv => Writer::csv(file, columns),
+        ExportForm::Csv => Writer::csv(file, columns),
         _ => Writer::parquet(file, name, columns, &NOTES),
     };
     let mut strike_table = table(strikes, "strikes", &strikes_table::columns())?;
@@ -197,7 +194,6 @@ fn tables(form: Form, strikes: &mut File, samples: &mut File, tally: &mut Tally<
     sample_table.finish()
 }
 
-/// Writes a UFF file.
 fn universal(file: &mut File, tally: &mut Tally<'_>) -> anyhow::Result<()> {
     let mut out = BufWriter::new(file);
     uff::begin(&mut out)?;
@@ -206,14 +202,14 @@ fn universal(file: &mut File, tally: &mut Tally<'_>) -> anyhow::Result<()> {
 }
 
 /// Lines of other programs that open the files.
-fn opened_by(form: Form, out: &Path) -> String {
+fn opened_by(form: ExportForm, out: &Path) -> String {
     let path = |name: &str| format!("{:?}", out.join(name).display().to_string());
-    if form == Form::Uff {
+    if form == ExportForm::Uff {
         let strikes = path("strikes.uff");
         return format!("pyuff   pyuff.UFF({strikes}).read_sets()\nMATLAB  readuff({strikes})");
     }
     let (samples, read, matlab) = match form {
-        Form::Csv => (path("samples.csv"), "read_csv", "readtable"),
+        ExportForm::Csv => (path("samples.csv"), "read_csv", "readtable"),
         _ => (path("samples.parquet"), "read_parquet", "parquetread"),
     };
     let cube = "set_index([\"id\", \"sample\"])[[\"force_n\", \"acceleration_mps2\"]].to_xarray()";

@@ -1,17 +1,11 @@
 //! `bead fetch`: lists the strikes that a bead keeps, or writes them to a recording.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
-use clap::Args;
-use schemars::JsonSchema;
-use serde::Serialize;
 
-use crate::cli::failure::Failure;
+use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{Kind, Overwrite};
 use bead_line::conversation::Conversation;
 use bead_recording::assembly::{Assembly, Event};
 use bead_recording::file::{About, Writer};
@@ -37,7 +31,6 @@ const ATTEMPTS: u32 = 5;
 /// Number of requests for the list while frames are lost. It is short.
 const LISTS: u32 = 20;
 
-/// Arguments of `bead fetch`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -68,46 +61,49 @@ pub(crate) struct KeptStrikes<'a> {
 
 /// The result of fetching, as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Fetched<'a> {
+pub(crate) struct FetchReport<'a> {
     fetched: usize,
     out: &'a str,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let format = arguments.format;
     let target = arguments
         .overwrite
-        .optional(arguments.out.as_deref(), Kind::Recording, &[])?;
+        .optional(arguments.out.as_deref(), FileKind::Recording, &[])?;
     let mut bead = arguments.line.open()?;
     // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
     // missed.
-    let identity = bead.request_done(&Request::Identity)?;
-    let kept = list(&mut bead)?;
-    let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();
-    let missing = |number: &&u32| !chosen.iter().any(|kept| kept.strike == **number);
-    if let Some(number) = arguments.strikes.iter().find(missing) {
+    let mut frames: Vec<Frame> = bead.request_done(&Request::Identity)?.frames;
+    let (numbers, boot) = (&arguments.strikes, arguments.boot);
+    let mut kept = list(&mut bead)?;
+    kept.retain(|kept| boot.is_none_or(|boot| boot == kept.boot));
+    kept.retain(|kept| numbers.is_empty() || numbers.contains(&kept.strike));
+    let is_missing = |number: &&u32| kept.iter().all(|kept| kept.strike != **number);
+    if let Some(number) = numbers.iter().find(is_missing) {
         bail!(
             Verdict,
             "the bead does not keep strike {number}: `bead fetch` without numbers lists those that it keeps"
         );
     }
     let Some(target) = target else {
-        let rows = chosen.iter().map(|kept| {
-            [kept.boot, kept.strike, kept.parts.into(), kept.bytes].map(|number| number.to_string())
-        });
-        return output::print(arguments.format, &KeptStrikes { strikes: &chosen }, || {
+        return output::print(format, &KeptStrikes { strikes: &kept }, || {
+            let numbers = |kept: &Kept| [kept.boot, kept.strike, kept.parts.into(), kept.bytes];
+            let rows = kept
+                .iter()
+                .map(|kept| numbers(kept).map(|number| number.to_string()));
             output::table("boot | strike | frames | bytes", rows)
         });
     };
-    if chosen.is_empty() {
+    if kept.is_empty() {
         bail!(Verdict, "the bead keeps no strike: nothing is written");
     }
-    let mut frames: Vec<Frame> = identity.frames;
-    let (mut strikes, mut failed) = (0, None);
-    for kept in &chosen {
+    let (mut fetched, mut failed) = (0, None);
+    for kept in &kept {
         match fetch(&mut bead, kept) {
             Ok(strike) => {
                 frames.extend(strike);
-                strikes += 1;
+                fetched += 1;
             }
             // It alone gave way: the others may be there.
             Err(why @ Failure::Verdict(_)) => failed = failed.or(Some(why)),
@@ -118,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     // Those that came are written, whatever became of the others.
-    if let Some(why) = failed.take_if(|_| strikes == 0) {
+    if let Some(why) = failed.take_if(|_| fetched == 0) {
         return Err(why);
     }
     let about = About {
@@ -132,24 +128,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let bytes = bytes.expect("MAX_FRAME bytes always suffice");
         writer.write(bytes, frame.received_ns, |_| {})?;
     }
-    let finished = writer.finish()?;
-    let path = finished.path.display().to_string();
-    output::print(
-        arguments.format,
-        &Fetched {
-            fetched: strikes,
-            out: &path,
-        },
-        || format!("{path}: {strikes} strikes fetched"),
-    )?;
+    let out = &writer.finish()?.path.display().to_string();
+    output::print(format, &FetchReport { fetched, out }, || {
+        format!("{out}: {fetched} strikes fetched")
+    })?;
     failed.map_or(Ok(()), Err)
-}
-
-impl Arguments {
-    fn wants(&self, kept: &Kept) -> bool {
-        self.boot.is_none_or(|boot| boot == kept.boot)
-            && (self.strikes.is_empty() || self.strikes.contains(&kept.strike))
-    }
 }
 
 /// Lists the strikes that the bead keeps, the oldest first.
@@ -169,15 +152,13 @@ fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
         if answer.lost {
             continue;
         }
-        let kept = answer.frames.iter().filter_map(|frame| match frame.message {
-            Message::Kept(kept) => Some(kept),
-            _ => None,
-        });
         // A copy of the request that was answered late gives the list twice.
         let mut named = BTreeSet::new();
-        return Ok(kept
-            .filter(|kept| named.insert((kept.boot, kept.strike)))
-            .collect());
+        let kept = answer.frames.iter().filter_map(|frame| match frame.message {
+            Message::Kept(kept) if named.insert((kept.boot, kept.strike)) => Some(kept),
+            _ => None,
+        });
+        return Ok(kept.collect());
     }
     Err(failure!(
         Device,
@@ -209,12 +190,9 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
             if !is_its {
                 continue;
             }
-            let whole = assembly
-                .push(&frame)
-                .iter()
-                .any(|event| matches!(event, Event::Whole(_)));
+            let events = assembly.push(&frame);
             frames.push(frame);
-            if whole {
+            if events.iter().any(|event| matches!(event, Event::Whole(_))) {
                 return Ok(frames);
             }
         }

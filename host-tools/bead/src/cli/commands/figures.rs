@@ -4,10 +4,7 @@ use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-use anyhow::Context;
-use clap::Args;
-
-use crate::cli::failure::Failure;
+use crate::cli::commands::prelude::*;
 
 /// Arguments of `bead figures`: those of `bead-figures`.
 #[derive(Debug, Args)]

@@ -1,14 +1,9 @@
 //! `bead completions` and `bead man`: what a shell and `man` know of the commands.
 
-use std::path::PathBuf;
-
-use anyhow::Context;
-use clap::{Args, Command};
+use clap::Command;
 use clap_complete::Shell;
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 
 const COMPLETIONS_HELP: &str = "\
 Examples:
@@ -17,7 +12,6 @@ Examples:
     (with fpath+=~/.zfunc before compinit in ~/.zshrc)
   bead completions fish > ~/.config/fish/completions/bead.fish";
 
-/// Arguments of `bead completions`.
 #[derive(Debug, Args)]
 #[command(after_help = COMPLETIONS_HELP)]
 pub(crate) struct Completions {
@@ -26,7 +20,6 @@ pub(crate) struct Completions {
     shell: Shell,
 }
 
-/// Prints the completions of `command`.
 pub(crate) fn completions(arguments: &Completions, mut command: Command) -> Result<(), Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "bead", &mut script);
@@ -38,7 +31,6 @@ Examples:
   bead man ~/.local/share/man/man1
   man bead-emulate";
 
-/// Arguments of `bead man`.
 #[derive(Debug, Args)]
 #[command(after_help = MAN_HELP)]
 pub(crate) struct Manual {
@@ -52,7 +44,9 @@ pub(crate) struct Manual {
 /// Writes a manual page for `command` and for each of its commands.
 pub(crate) fn manual(arguments: &Manual, command: Command) -> Result<(), Failure> {
     let (pages, out) = (pages(command), arguments.out.as_path());
-    let files = pages.iter().map(|(name, _)| (format!("{name}.1"), Kind::Text));
+    let files = pages
+        .iter()
+        .map(|(name, _)| (format!("{name}.1"), FileKind::Text));
     let targets = place::targets(out, files, &[], arguments.overwrite)?;
     place::make_directory(out)?;
     for (target, (_, page)) in targets.iter().zip(&pages) {

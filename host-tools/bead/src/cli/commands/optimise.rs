@@ -1,22 +1,15 @@
 //! `bead optimise`: the intruders that leave least energy in the chain.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use clap::Args;
 use hertz_chain::{
-    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
+    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Search,
     SearchProgress, SimulateError, optimise, remaining,
 };
-use schemars::JsonSchema;
-use serde::Serialize;
 
-use crate::cli::beads::Beads;
-use crate::cli::failure::Failure;
-use crate::cli::interrupt;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{Kind, Overwrite};
+use crate::cli::beads::BeadNumbers;
+use crate::cli::commands::prelude::*;
 
 const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
@@ -34,7 +27,6 @@ Examples:
       --total-mass 0.12 --velocity 0.1,1,10 --worst
   bead simulate best.toml";
 
-/// Arguments of `bead optimise`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -42,7 +34,7 @@ pub(crate) struct Arguments {
     scenario: PathBuf,
     /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14; all: those of the scenario that do.
     #[arg(long, value_name = "BEADS")]
-    bead: Beads,
+    bead: BeadNumbers,
     /// Greatest mass of all intruders together, kg.
     #[arg(long, value_name = "KG")]
     total_mass: f64,
@@ -77,10 +69,8 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-/// Least and greatest value.
 type Limits = [f64; 2];
 
-/// Parses LOW:HIGH.
 fn bounds(text: &str) -> Result<Limits, String> {
     let number = |part: &str| part.trim().parse::<f64>().ok();
     let bounds = text
@@ -122,7 +112,7 @@ struct OtherIntruders {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let (out, inputs) = (arguments.out.as_deref(), [arguments.scenario.as_path()]);
-    let out = arguments.overwrite.optional(out, Kind::Scenario, &inputs)?;
+    let out = arguments.overwrite.optional(out, FileKind::Scenario, &inputs)?;
     let search = search(arguments, &scenario)?;
     search.check(&scenario).map_err(refusal)?;
     // What cannot be run is told before the search.

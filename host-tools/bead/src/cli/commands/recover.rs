@@ -3,20 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
 
 use bead_wire::{Arrival, Message};
-use clap::Args;
-use schemars::JsonSchema;
-use serde::Serialize;
 
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 use bead_recording::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
 use bead_recording::frames::Item;
 use bead_recording::raw;
-use bead_tables::whole::Target;
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \
@@ -30,7 +23,6 @@ Examples:
   bead recover damaged.mcap --out sound.mcap
   bead recover uart.bin --out strikes.mcap";
 
-/// Arguments of `bead recover`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -48,9 +40,9 @@ pub(crate) struct Arguments {
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Report<'a> {
-    recording: &'a Path,
-    found: &'a str,
+pub(crate) struct RecoverReport {
+    recording: PathBuf,
+    found: String,
     frames: u64,
     bytes: u64,
     runs_missing: u64,
@@ -63,68 +55,55 @@ pub(crate) struct Report<'a> {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = &arguments.file;
     let out = arguments.out.clone().unwrap_or_else(|| new_name(file));
-    let target = place::target(&out, Kind::Recording, &[file], arguments.overwrite)?;
+    let target = place::target(&out, FileKind::Recording, &[file], arguments.overwrite)?;
     let progress = output::spinner(format!("reading {}", file.display()));
-    let recovered = match Recording::salvage(file) {
+    let result = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
-        Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => {
-            bail!(
-                Input,
-                "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a \
-                 bead sent",
-                file.display()
-            );
-        }
+        Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => bail!(
+            Input,
+            "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a bead \
+             sent",
+            file.display()
+        ),
         Err(error) => return Err(error.into()),
     };
     progress.finish_and_clear();
-    let Recovered {
-        finished: Finished { path, counters },
-        missing,
-        state,
-        open,
-    } = recovered;
-    let state = match state {
-        State::Whole => "nothing is wrong with it".to_owned(),
-        State::CutShort { runs_whole: true } => "it is cut in its index, behind the last frame".to_owned(),
-        State::CutShort { runs_whole: false } => {
-            "it is cut short: what was received last is missing".to_owned()
-        }
-        State::Damaged(damage) => damage.to_string(),
-    };
-    let result = Report {
-        recording: &path,
-        found: &state,
-        frames: counters.frames,
-        bytes: counters.bytes,
-        runs_missing: missing,
-        frames_lost: counters.lost,
-        strikes_without_result: open.count(),
-        frames_corrupt: counters.rejected.total(),
-        restarts: counters.restarts,
-    };
     output::print(arguments.format, &result, || {
         let rows = [
-            ("recording", path.display().to_string()),
-            ("found", state.clone()),
-            ("frames", counters.frames.to_string()),
-            ("runs of bytes missing in the file", missing.to_string()),
-            ("frames missing by their numbers", counters.lost.to_string()),
-            ("strikes without their result", open.count().to_string()),
-            ("corrupt frames kept", counters.rejected.total().to_string()),
+            ("recording", result.recording.display().to_string()),
+            ("found", result.found.clone()),
+            ("frames", result.frames.to_string()),
+            (
+                "runs of bytes missing in the file",
+                result.runs_missing.to_string(),
+            ),
+            ("frames missing by their numbers", result.frames_lost.to_string()),
+            (
+                "strikes without their result",
+                result.strikes_without_result.to_string(),
+            ),
+            ("corrupt frames kept", result.frames_corrupt.to_string()),
         ];
-        let rows = rows.map(|(name, value)| [name.to_owned(), value]);
-        output::table("|", rows).trim_start().to_owned()
+        output::rows(rows)
     })
 }
 
-/// A recovered recording, and what is missing in it.
-struct Recovered {
-    finished: Finished,
-    missing: u64,
-    state: State,
-    open: OpenStrikes,
+impl RecoverReport {
+    fn new(finished: Finished, runs_missing: u64, found: String, open: &OpenStrikes) -> Self {
+        let counters = finished.counters;
+        Self {
+            recording: finished.path,
+            found,
+            frames: counters.frames,
+            bytes: counters.bytes,
+            runs_missing,
+            frames_lost: counters.lost,
+            strikes_without_result: open.count(),
+            frames_corrupt: counters.rejected.total(),
+            restarts: counters.restarts,
+        }
+    }
 }
 
 /// Greatest number of strikes without a result at a time: one is sent while the next is measured. More are
@@ -162,7 +141,6 @@ impl OpenStrikes {
         }
     }
 
-    /// Number of strikes without a result.
     fn count(&self) -> u64 {
         self.ended + self.strikes.values().map(|open| open.len() as u64).sum::<u64>()
     }
@@ -171,20 +149,21 @@ impl OpenStrikes {
 /// `F.mcap` of `F.mcap.partial` and `F.mcap.2.partial`, else `F-recovered.mcap`.
 fn new_name(file: &Path) -> PathBuf {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let whole = name.strip_suffix(".partial").map(|name| {
-        let stem = name
-            .rsplit_once('.')
-            .filter(|(_, end)| end.parse::<u32>().is_ok());
-        stem.map_or(name, |(stem, _)| stem)
-    });
-    match whole.filter(|name| name.ends_with(".mcap")) {
-        Some(name) if !file.with_file_name(name).exists() => file.with_file_name(name),
-        Some(name) => file.with_file_name(format!("{}-recovered.mcap", name.trim_end_matches(".mcap"))),
-        None => {
-            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-            file.with_file_name(format!("{stem}-recovered.mcap"))
-        }
+    let whole = name
+        .strip_suffix(".partial")
+        .map(|name| match name.rsplit_once('.') {
+            Some((stem, number)) if number.parse::<u32>().is_ok() => stem,
+            _ => name,
+        });
+    let whole = whole.filter(|name| name.ends_with(".mcap"));
+    if let Some(name) = whole.filter(|name| !file.with_file_name(name).exists()) {
+        return file.with_file_name(name);
     }
+    let stem = whole
+        .map_or(Path::new(&*name), Path::new)
+        .file_stem()
+        .unwrap_or_default();
+    file.with_file_name(format!("{}-recovered.mcap", stem.to_string_lossy()))
 }
 
 fn begins_as_mcap(file: &Path) -> bool {
@@ -193,22 +172,29 @@ fn begins_as_mcap(file: &Path) -> bool {
     read.is_ok() && head == *b"\x89MCAP"
 }
 
-fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {
-    let mut about = About::clone(&recording.about);
-    let how = match &recording.state {
-        State::Whole => "whole".to_owned(),
-        State::CutShort { .. } => "cut short".to_owned(),
-        State::Damaged(damage) => damage.to_string(),
+fn recover(recording: &Recording, target: &Target) -> Result<RecoverReport, Failure> {
+    let (how, found) = match &recording.state {
+        State::Whole => ("whole".to_owned(), "nothing is wrong with it".to_owned()),
+        State::CutShort { runs_whole } => {
+            let behind = "it is cut in its index, behind the last frame";
+            let before = "it is cut short: what was received last is missing";
+            (
+                "cut short".to_owned(),
+                output::either(*runs_whole, behind, before),
+            )
+        }
+        State::Damaged(damage) => (damage.to_string(), damage.to_string()),
     };
+    let mut about = About::clone(&recording.about);
     about.notes.insert("recovered_from".into(), how);
     let mut open = OpenStrikes::default();
     let several = !recording.beads.is_empty();
-    let begin = if several {
-        Writer::create_for_several
+    let writer = if several {
+        Writer::create_for_several(target, &about)?
     } else {
-        Writer::create
+        Writer::create(target, &about)?
     };
-    let finished = place::record(begin(target, &about)?, |writer| {
+    let finished = place::record(writer, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
@@ -230,16 +216,10 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         }
         Ok(())
     })?;
-    Ok(Recovered {
-        finished,
-        missing: recording.runs_missing,
-        state: recording.state.clone(),
-        open,
-    })
+    Ok(RecoverReport::new(finished, recording.runs_missing, found, &open))
 }
 
-/// A recording of bytes as a bead sent them.
-fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
+fn from_raw(file: &Path, target: &Target) -> Result<RecoverReport, Failure> {
     let about = About {
         source: "raw bytes".to_owned(),
         ..About::default()
@@ -248,16 +228,11 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
     let finished = place::record(Writer::create(target, &about)?, |writer| {
         raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;
-    let other = Some("it has raw bytes, without times of receipt".to_owned());
-    Ok(Recovered {
-        finished,
-        missing: 0,
-        state: State::Damaged(Damage {
-            other,
-            ..Damage::default()
-        }),
-        open,
-    })
+    let damage = Damage {
+        other: Some("it has raw bytes, without times of receipt".to_owned()),
+        ..Damage::default()
+    };
+    Ok(RecoverReport::new(finished, 0, damage.to_string(), &open))
 }
 
 #[cfg(test)]

@@ -2,18 +2,14 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
-use clap::Args;
 use hertz_chain::read_text;
 
 use crate::cli::beads::one_bead;
-use crate::cli::failure::Failure;
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 use bead_compare::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use bead_recording::physical::{self, Change};
 
@@ -28,7 +24,6 @@ Examples:
   bead settings make --template bead.toml --from before.settings
   bead settings make bead.toml --out left.settings";
 
-/// Arguments of `bead settings make`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct MakeArguments {
@@ -55,13 +50,12 @@ pub(super) struct MakeArguments {
     overwrite: Overwrite,
 }
 
-/// Makes settings of physical quantities, or a file of these.
 pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
     let file = &arguments.file;
     if arguments.template {
         let inputs = [&arguments.scenario, &arguments.from];
         let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
-        let target = place::target(file, Kind::Scenario, &inputs, arguments.overwrite)?;
+        let target = place::target(file, FileKind::Scenario, &inputs, arguments.overwrite)?;
         let text = physical::to_toml(&template(arguments)?);
         target.write_bytes(text)?;
         note!("wrote {0}; edit it, then: bead settings make {0}", file.display());
@@ -71,7 +65,7 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| file.with_extension("settings"));
-    let target = place::target(&out, Kind::Settings, &[file], arguments.overwrite)?;
+    let target = place::target(&out, FileKind::Settings, &[file], arguments.overwrite)?;
     let settings = read_toml(file)?;
     let block = block(&settings).with_context(|| file.display().to_string())?;
     target.write_bytes(&block)?;
@@ -80,31 +74,24 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The bead to start from.
 fn template(arguments: &MakeArguments) -> Result<Description, Failure> {
     if let Some(from) = &arguments.from {
         let settings = Settings::decode(&load(from, None)?);
         let settings = settings.map_err(|error| failure!(Input, "{}: {error}", from.display()))?;
         return Ok(*settings.description());
     }
-    let (bead, neighbours) = match &arguments.scenario {
-        None => (Bead::paper(), Neighbours::default()),
-        Some(path) => {
-            let (scenario, _) = load_scenario(path)?;
-            let bead = match arguments.bead {
-                Some(bead) => bead,
-                None => only_host(&scenario)?,
-            };
-            let solution = simulate_with_ring_down(&scenario)?;
-            (bead_of(&solution, bead)?, neighbours_of(&solution, bead))
-        }
-    };
+    let (mut bead, mut neighbours) = (Bead::paper(), Neighbours::default());
+    if let Some(path) = &arguments.scenario {
+        let (scenario, _) = load_scenario(path)?;
+        let place = arguments.bead.map_or_else(|| only_host(&scenario), Ok)?;
+        let solution = simulate_with_ring_down(&scenario)?;
+        (bead, neighbours) = (bead_of(&solution, place)?, neighbours_of(&solution, place));
+    }
     let front_end = FrontEnd::reference();
     let capture = Capture::of(&bead, &front_end);
     Ok(Description::new(&bead, &neighbours, &front_end, &capture))
 }
 
-/// The settings of a file of physical quantities.
 fn read_toml(file: &Path) -> Result<Settings, Failure> {
     let text = read_text(file, "a file that `bead settings make --template` wrote")?;
     Ok(physical::parse(&text, &file.display().to_string())?)
@@ -120,14 +107,10 @@ fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
 fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     let name = file.display();
     let mut bytes = Vec::new();
-    let file = if file == Path::new("-") {
-        Path::new("/dev/stdin")
-    } else {
-        file
-    };
-    File::open(file)
-        .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
-        .with_context(|| format!("cannot read {name}"))?;
+    let is_stream = file == Path::new("-");
+    let read = File::open(if is_stream { Path::new("/dev/stdin") } else { file })
+        .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes));
+    read.with_context(|| format!("cannot read {name}"))?;
     if bytes.is_empty() || bytes.len() > MAX_BLOCK {
         bail!(
             Input,
@@ -140,9 +123,6 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
 
 /// The block in a file, or the one made of a file of physical quantities; with another address if one is
 /// given.
-///
-/// # Errors
-/// A file that is neither.
 pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure> {
     let name = file.display();
     let refused = |error| failure!(Input, "{name}: {error}");
@@ -156,30 +136,20 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
         return Ok(bytes);
     };
     let settings = Settings::decode(&bytes).map_err(refused)?;
-    let settings = settings
-        .with(|description| description.address = address)
-        .map_err(|violation| refused(violation.into()))?;
-    block(&settings).map_err(refused)
+    let settings = settings.with(|description| description.address = address);
+    block(&settings.map_err(|violation| refused(violation.into()))?).map_err(refused)
 }
 
-/// Settings after some changes.
-pub(super) struct Changed {
-    /// Differences.
-    pub(super) changes: Vec<Change>,
-    /// The new block.
-    pub(super) block: Vec<u8>,
-}
-
-/// Changes some keys of settings: see [`physical::set`].
-pub(super) fn changed(settings: &Settings, assignments: &[String]) -> Result<Changed, Failure> {
+/// Changes some keys of settings, as [`physical::set`] does: the differences, and the new block.
+pub(super) fn changed(
+    settings: &Settings,
+    assignments: &[String],
+) -> Result<(Vec<Change>, Vec<u8>), Failure> {
     let before = *settings.description();
     let mut after = before;
     for assignment in assignments {
         physical::set(&mut after, assignment)?;
     }
-    let settings = physical::derived(&after)?;
-    Ok(Changed {
-        changes: physical::changes(&before, &after),
-        block: block(&settings).map_err(Failure::input)?,
-    })
+    let block = block(&physical::derived(&after)?).map_err(Failure::input)?;
+    Ok((physical::changes(&before, &after), block))
 }

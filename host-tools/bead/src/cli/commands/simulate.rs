@@ -1,18 +1,12 @@
 //! `bead simulate`: the full f64 chain.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use clap::Args;
-use hertz_chain::{Options, Run, Scenario, Summary, Validity, summarise};
+use hertz_chain::{Options, Run, Summary, Validity, summarise};
 use indicatif::HumanDuration;
-use serde::Serialize;
 
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
-use crate::cli::place::{self, Kind, Overwrite};
-use bead_tables::whole::Target;
+use crate::cli::commands::prelude::*;
 use hertz_sweep::time_series::{self, TimeSeriesForm};
 
 const AFTER_HELP: &str = "\
@@ -22,10 +16,8 @@ Examples:
   bead simulate docs/scenarios/paper-strike.toml --out strike.parquet \\
       --rate 1e6";
 
-/// Remarks that are printed at most.
 const REMARKS: usize = 5;
 
-/// Arguments of `bead simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
@@ -46,10 +38,11 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    let out = match &arguments.out {
-        Some(path) => Some(output_file(path, arguments)?),
-        None => None,
-    };
+    let out = arguments
+        .out
+        .as_deref()
+        .map(|path| output_file(path, arguments))
+        .transpose()?;
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
     let accuracy = Options::default().accuracy;
     let fewest = Run::new(&scenario, accuracy)?.fewest_steps(scenario.duration, accuracy.longest_step);
@@ -69,22 +62,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     progress.finish_and_clear();
     let validity = Validity::of(&scenario, &summary.peak_force)?;
-    let report = Report {
-        summary: &summary,
-        validity: &validity,
-    };
-    output::print(arguments.format, &report, || {
-        table(&scenario, &summary, &validity)
-    })
+    let report = SimulateReport { summary, validity };
+    output::print(arguments.format, &report, || table(&scenario.title, &report))
 }
 
 /// The form and the place of the time series.
 fn output_file(path: &Path, arguments: &Arguments) -> Result<(TimeSeriesForm, Target), Failure> {
     let form = TimeSeriesForm::of(path);
     let kind = if form == Some(TimeSeriesForm::Csv) {
-        Kind::Table
+        FileKind::Table
     } else {
-        Kind::Parquet
+        FileKind::Parquet
     };
     let target = place::target(path, kind, &[&arguments.scenario], arguments.overwrite)?;
     let form = form.ok_or_else(|| {
@@ -117,31 +105,27 @@ fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<
 }
 
 /// The summary, and how well each contact met the assumptions of the model.
-#[derive(Serialize, schemars::JsonSchema)]
-pub(crate) struct Report<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct SimulateReport {
     #[serde(flatten)]
-    summary: &'a Summary,
-    validity: &'a [Validity],
+    summary: Summary,
+    validity: Vec<Validity>,
 }
 
-fn table(scenario: &Scenario, summary: &Summary, validity: &[Validity]) -> String {
-    let mut parts = Vec::new();
-    if !scenario.title.is_empty() {
-        parts.push(scenario.title.clone());
-    }
-
+fn table(title: &str, SimulateReport { summary, validity }: &SimulateReport) -> String {
+    let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
+    let known = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     let contacts = summary.peak_force.iter().zip(validity).map(|(peak, valid)| {
         [
             peak.contact.to_string(),
             format!("{:.4}", peak.force),
             format!("{:.4}", peak.time * 1e3),
-            peak.fwhm
-                .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
+            known(peak.fwhm.map(|width| width * 1e3)),
             format!("{:.1}", valid.pressure * 1e-6),
             format!("{:.4}", valid.radius_ratio),
             valid
                 .periods
-                .map_or_else(|| "-".to_owned(), |periods| format!("{periods:.2}")),
+                .map_or("-".to_owned(), |periods| format!("{periods:.2}")),
         ]
     });
     parts.push(output::table(

@@ -1,16 +1,12 @@
 //! `bead sweep`: a scenario over axes of its parameters.
 
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::{Args, Subcommand};
+use clap::Subcommand;
 
 use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary};
 use super::{sweep_cluster, sweep_plot};
-use crate::cli::failure::Failure;
-use crate::cli::interrupt;
-use crate::cli::output::Format;
-use crate::cli::place::{self, Kind, Overwrite};
+use crate::cli::commands::prelude::*;
 use hertz_sweep::folder::Folder;
 use hertz_sweep::plan::Plan;
 
@@ -55,37 +51,36 @@ Examples:
   bead sweep plot map.parquet --x striker_velocity_mps \\
       --y absorbed_of_injected --out curves.svg
   bead sweep plan SWEEP.toml --dir big --chunks 100
-  bead sweep submit big --engine slurm --cpus 8 --out big.parquet --dry-run";
+  bead sweep submit big --cpus 8 --out big.parquet | sh";
 
-/// Arguments of `bead sweep`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    action: Option<Action>,
+    action: Option<SweepAction>,
     #[command(flatten)]
     here: Here,
 }
 
 #[derive(Debug, Subcommand)]
-enum Action {
+enum SweepAction {
     /// Write the plan of a sweep into a folder, to be computed in chunks, here or elsewhere.
-    Plan(sweep_cluster::Planning),
+    Plan(sweep_cluster::PlanArguments),
     /// Compute a chunk of a plan, or all that are missing. A finished chunk is not computed again.
-    Run(sweep_cluster::Running),
-    /// Give the missing chunks of a plan to a cluster, and a job that merges them.
-    Submit(sweep_cluster::Submitting),
+    Run(sweep_cluster::RunArguments),
+    /// Print a script that gives Slurm the missing chunks of a plan, and a job that merges them.
+    Submit(sweep_cluster::SubmitArguments),
     /// Show which chunks of a plan are finished.
-    Status(sweep_cluster::Standing),
+    Status(sweep_cluster::StatusArguments),
     /// Write the table of all chunks of a plan.
-    Merge(sweep_cluster::Merging),
+    Merge(sweep_cluster::MergeArguments),
     /// Draw curves or a map of a sweep's table.
-    Plot(sweep_plot::Plotting),
+    Plot(sweep_plot::PlotArguments),
 }
 
 /// A sweep on this machine.
 #[derive(Debug, Args)]
-#[command(mut_group("Choice", |choice| choice.requires("plot")))]
+#[command(mut_group("PictureOptions", |choice| choice.requires("plot")))]
 struct Here {
     /// The sweep, a TOML file.
     #[arg(value_name = "SWEEP.toml", required = true)]
@@ -97,7 +92,7 @@ struct Here {
     #[arg(long, value_name = "F.svg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
-    choice: sweep_plot::Choice,
+    choice: sweep_plot::PictureOptions,
     #[command(flatten)]
     threads: Threads,
     #[command(flatten)]
@@ -111,12 +106,12 @@ struct Here {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
-        Some(Action::Plan(planning)) => sweep_cluster::plan(planning),
-        Some(Action::Run(running)) => sweep_cluster::run(running),
-        Some(Action::Submit(submitting)) => sweep_cluster::submit(submitting),
-        Some(Action::Status(standing)) => sweep_cluster::status(standing),
-        Some(Action::Merge(merging)) => sweep_cluster::merge(merging),
-        Some(Action::Plot(plotting)) => sweep_plot::plot(plotting),
+        Some(SweepAction::Plan(planning)) => sweep_cluster::plan(planning),
+        Some(SweepAction::Run(running)) => sweep_cluster::run(running),
+        Some(SweepAction::Submit(submitting)) => sweep_cluster::submit(submitting),
+        Some(SweepAction::Status(standing)) => sweep_cluster::status(standing),
+        Some(SweepAction::Merge(merging)) => sweep_cluster::merge(merging),
+        Some(SweepAction::Plot(plotting)) => sweep_plot::plot(plotting),
         None => {
             let here = &arguments.here;
             // clap requires both, but not beside a subcommand.
@@ -140,10 +135,9 @@ const CHUNKS: u64 = 10_000;
 fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let plan = Plan::load(file)?;
     let inputs = [file];
-    let out = place::target(result, Kind::Parquet, &inputs, here.overwrite)?;
-    let picture = here
-        .overwrite
-        .optional(here.plot.as_deref(), Kind::Drawing, &inputs)?;
+    let out = place::target(result, FileKind::Parquet, &inputs, here.overwrite)?;
+    let picture = here.plot.as_deref();
+    let picture = here.overwrite.optional(picture, FileKind::Drawing, &inputs)?;
     if picture.is_some() {
         sweep_plot::check(&here.choice, &plan)?;
     }

@@ -1,14 +1,6 @@
 //! `bead sweep plot`: curves and maps of a sweep's table.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::Context;
-use clap::Args;
-
-use crate::cli::failure::Failure;
-use crate::cli::output;
-use crate::cli::place::{self, Kind, Overwrite};
-use bead_tables::whole::Target;
+use crate::cli::commands::prelude::*;
 use hertz_sweep::picture;
 use hertz_sweep::plan::Plan;
 use hertz_sweep::view::View;
@@ -28,21 +20,21 @@ Examples:
 /// `bead sweep plot`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Plotting {
+pub(crate) struct PlotArguments {
     /// The table of a sweep.
     table: PathBuf,
     /// The picture.
     #[arg(long, value_name = "F.svg")]
     out: PathBuf,
     #[command(flatten)]
-    choice: Choice,
+    choice: PictureOptions,
     #[command(flatten)]
     overwrite: Overwrite,
 }
 
 /// Options of a picture.
 #[derive(Debug, Clone, Default, Args)]
-pub(crate) struct Choice {
+pub(crate) struct PictureOptions {
     /// The column of the horizontal axis.
     #[arg(long, value_name = "COLUMN")]
     x: Option<String>,
@@ -61,7 +53,7 @@ pub(crate) struct Choice {
     at: Vec<String>,
 }
 
-impl Choice {
+impl PictureOptions {
     fn view(&self) -> View {
         View {
             x: self.x.clone(),
@@ -73,10 +65,10 @@ impl Choice {
     }
 }
 
-pub(crate) fn plot(plotting: &Plotting) -> Result<(), Failure> {
+pub(crate) fn plot(plotting: &PlotArguments) -> Result<(), Failure> {
     let out = place::target(
         &plotting.out,
-        Kind::Drawing,
+        FileKind::Drawing,
         &[&plotting.table],
         plotting.overwrite,
     )?;
@@ -85,11 +77,11 @@ pub(crate) fn plot(plotting: &Plotting) -> Result<(), Failure> {
 }
 
 /// Checks that a picture can be drawn of a sweep, before it is computed.
-pub(crate) fn check(choice: &Choice, plan: &Plan) -> Result<(), Failure> {
+pub(crate) fn check(choice: &PictureOptions, plan: &Plan) -> Result<(), Failure> {
     choice.view().check(plan).map_err(Failure::input)
 }
 
-pub(crate) fn draw(table: &Path, choice: &Choice, out: &Target) -> Result<(), Failure> {
+pub(crate) fn draw(table: &Path, choice: &PictureOptions, out: &Target) -> Result<(), Failure> {
     let chart = picture::chart(table, &choice.view()).with_context(|| table.display().to_string())?;
     out.write_bytes(chart.standalone_svg()?)?;
     Ok(())

@@ -1,15 +1,8 @@
 //! Options, progress and the summary of every command that computes a sweep.
 
-use std::path::Path;
+use indicatif::{DecimalBytes, HumanCount};
 
-use anyhow::Context;
-use clap::Args;
-use schemars::JsonSchema;
-use serde::Serialize;
-
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
-use bead_tables::whole::Target;
+use crate::cli::commands::prelude::*;
 use hertz_sweep::axis::SweepAxis;
 use hertz_sweep::compute;
 use hertz_sweep::folder::{Folder, Merged};
@@ -49,17 +42,16 @@ impl Consent {
             return Ok(());
         }
         let bytes = plan.points() as f64 * plan.columns().len() as f64 * 8.0;
+        let (points, size) = (HumanCount(plan.points()), DecimalBytes(bytes as u64));
         let make = if plan.axes().len() == 1 { "makes" } else { "make" };
-        Err(failure!(
+        bail!(
             Input,
-            "{} {make} {} points, about {} on {} threads here, and {} of table; if that is meant, give --yes, or --limit with a \
-             higher number",
+            "{} {make} {points} points, about {} on {} threads here, and {size} of table; if that is meant, give --yes, or \
+             --limit with a higher number",
             axes(plan),
-            grouped(plan.points()),
             time(seconds * plan.points() as f64),
             rayon::current_num_threads(),
-            size(bytes)
-        ))
+        )
     }
 }
 
@@ -80,7 +72,7 @@ pub(crate) fn compute_missing(folder: &Folder) -> Result<u64, Failure> {
     };
     let left: u64 = missing.iter().map(count).sum();
     let mut done = folder.plan().points() - left;
-    let bar = output::part_done(format!("of {} points", grouped(folder.plan().points())));
+    let bar = output::part_done(format!("of {} points", HumanCount(folder.plan().points())));
     output::set_part(&bar, done as f64 / all);
     // Finished chunks tell nothing of the time left.
     bar.reset_eta();
@@ -105,7 +97,7 @@ pub(crate) fn merge(folder: &Folder, out: &Target) -> Result<Merged, Failure> {
 
 /// The result of a sweep as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct Report<'a> {
+pub(crate) struct SweepReport<'a> {
     plan: &'a str,
     points: u64,
     /// Points that this run computed; null of a merge.
@@ -131,51 +123,37 @@ pub(crate) fn summary(
     if let Some(why) = &merged.first {
         note!(
             "{} of {} points could not be computed, and the column `error` says why; the first: {why}",
-            grouped(merged.failed),
-            grouped(plan.points())
+            HumanCount(merged.failed),
+            HumanCount(plan.points())
         );
     }
-    let index: Vec<String> = plan.axes().iter().map(SweepAxis::index).collect();
-    let report = Report {
+    let report = SweepReport {
         plan: plan.hash(),
         points: plan.points(),
         computed: computed.map(|(points, _)| points),
         failed: merged.failed,
         seconds: computed.map(|(_, seconds)| seconds),
         file: out.display().to_string(),
-        index,
+        index: plan.axes().iter().map(SweepAxis::index).collect(),
         xarray: plan.xarray(out),
     };
     output::print(format, &report, || {
         let computed = computed.map_or(String::new(), |(points, seconds)| {
-            format!(", {} computed in {}", grouped(points), time(seconds))
+            format!(", {} computed in {}", HumanCount(points), time(seconds))
         });
-        format!(
-            "{}: {} points{computed}\nA cube in Python: {}",
-            out.display(),
-            grouped(plan.points()),
-            plan.xarray(out)
-        )
+        let (file, points, xarray) = (&report.file, HumanCount(report.points), &report.xarray);
+        format!("{file}: {points} points{computed}\nA cube in Python: {xarray}")
     })
 }
 
 /// Sizes of the axes as a product: `41 × 15`.
 pub(crate) fn axes(plan: &Plan) -> String {
-    let counts: Vec<String> = plan.axes().iter().map(|axis| grouped(axis.count)).collect();
+    let axes = plan.axes().iter();
+    let counts: Vec<String> = axes.map(|axis| HumanCount(axis.count).to_string()).collect();
     match counts.as_slice() {
         [one] => format!("1 axis of {one}"),
         _ => format!("axes of {}", counts.join(" × ")),
     }
-}
-
-/// Writes a number in groups of three digits.
-pub(crate) fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let first = digits.len() % 3;
-    let (head, rest) = digits.split_at(first);
-    let mut groups: Vec<&str> = if head.is_empty() { Vec::new() } else { vec![head] };
-    groups.extend((0..rest.len()).step_by(3).map(|at| &rest[at..at + 3]));
-    groups.join(",")
 }
 
 /// Writes a time in the unit that suits it.
@@ -189,22 +167,12 @@ pub(crate) fn time(seconds: f64) -> String {
     }
 }
 
-fn size(bytes: f64) -> String {
-    match bytes {
-        b if b < 1e9 => format!("{:.0} MB", (b / 1e6).max(1.0)),
-        b => format!("{:.0} GB", b / 1e9),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_groups_and_times_have_units() {
-        assert_eq!(grouped(7), "7");
-        assert_eq!(grouped(1_000_000), "1,000,000");
-        assert_eq!(grouped(123_456), "123,456");
+    fn times_have_units() {
         assert_eq!(time(0.012), "12 ms");
         assert_eq!(time(4000.0), "67 min");
     }

@@ -1,14 +1,8 @@
 //! `bead proof accuracy`: the error of the image's two estimates over strikers and velocities, behind each
 //! pair of sensors.
 
-use clap::Args;
-use hertz_chain::Scenario;
-use schemars::JsonSchema;
-use serde::Serialize;
-
-use super::measure::{Common, Errors, Peaks, Prepared, grid, metres};
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, positive};
+use super::measure::{Errors, Prepared, ProofOptions, StrikePeaks, grid, metres};
+use crate::cli::commands::prelude::*;
 use bead_bench::tables::Sensors;
 use bead_compare::sensed::{bead_of, simulate_with_ring_down};
 
@@ -52,7 +46,7 @@ const VELOCITIES: [f64; 6] = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0];
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    common: Common,
+    common: ProofOptions,
     /// Radii of the striker, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = RADII, value_parser = metres)]
     radii: Vec<f64>,
@@ -70,7 +64,7 @@ pub(crate) struct StrikerCell {
     radius_m: f64,
     velocity_mps: f64,
     #[serde(flatten)]
-    peaks: Peaks,
+    peaks: StrikePeaks,
     /// Behind the sensors for weak strikes, and behind those for strong ones.
     weak: Errors,
     strong: Errors,
@@ -109,7 +103,7 @@ fn struck(scenario: &Scenario, radius: f64, velocity: f64) -> Scenario {
 
 fn cell(prepared: &Prepared<'_>, scenario: &Scenario, strikes: u32) -> Result<StrikerCell, Failure> {
     let solution = simulate_with_ring_down(scenario)?;
-    bead_of(&solution, prepared.common.bench.bead)?;
+    bead_of(&solution, prepared.common.bead)?;
     let errors = |sensors: Sensors| prepared.measure(scenario, &solution, &sensors.front_end(), strikes);
     let (weak, strong) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
     Ok(StrikerCell {
@@ -178,7 +172,7 @@ mod tests {
         let cell = StrikerCell {
             radius_m: 0.0045,
             velocity_mps: 1.0,
-            peaks: Peaks {
+            peaks: StrikePeaks {
                 peak_force_n: 1.0,
                 peak_acceleration_mps2: 1.0,
             },

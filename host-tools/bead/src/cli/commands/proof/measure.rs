@@ -1,26 +1,19 @@
 //! Shared by all proofs: options, runs, errors of the estimates, and the page of a table.
 
-use std::path::{Path, PathBuf};
-
 use bead_wire::{Energy, Strike, StrikeFlags};
-use clap::Args;
-use hertz_chain::{Scenario, Solution};
+use hertz_chain::Solution;
 use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::Serialize;
 
-use crate::cli::bench_options::BenchOptions;
-use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format, positive};
-use crate::cli::place::{Kind, Overwrite};
+use crate::cli::beads::one_bead;
+use crate::cli::commands::prelude::*;
 use crate::cli::provenance::command;
 use bead_bench::emulation::Emulation;
 use bead_bench::error::BenchError;
+use bead_bench::image::find_image;
 use bead_compare::front_end::FrontEnd;
 use bead_compare::sensed::{Timing, Truth, load_scenario};
 use bead_recording::frames::Frame;
 use bead_recording::strikes::assemble;
-use bead_tables::whole::Target;
 
 /// Goals, as parts of the truth: of estimate A, and of B.
 const GOALS: [f64; 2] = [5e-3, 1e-2];
@@ -33,9 +26,15 @@ const LONGEST: f64 = 1.0;
 
 /// Options of every proof.
 #[derive(Debug, Args)]
-pub(super) struct Common {
-    #[command(flatten)]
-    pub(super) bench: BenchOptions,
+pub(super) struct ProofOptions {
+    /// The scenario, a TOML file in SI units.
+    scenario: PathBuf,
+    /// The bead that senses: one with an intruder.
+    #[arg(long, value_name = "N", value_parser = one_bead)]
+    pub(super) bead: usize,
+    /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
+    #[arg(long, value_name = "ELF")]
+    firmware: Option<PathBuf>,
     /// Seed of the noise: the same seed gives the same table.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
@@ -49,7 +48,6 @@ pub(super) struct Common {
     format: Format,
 }
 
-/// Parses a radius or a diameter, m.
 pub(super) fn metres(text: &str) -> Result<f64, String> {
     let metres = positive(text).map_err(|_| "give more than 0, in m".to_owned())?;
     if metres <= LONGEST {
@@ -61,24 +59,23 @@ pub(super) fn metres(text: &str) -> Result<f64, String> {
     ))
 }
 
-/// A proof that is about to run.
 pub(super) struct Prepared<'a> {
-    pub(super) common: &'a Common,
+    pub(super) common: &'a ProofOptions,
     pub(super) scenario: Scenario,
     image: PathBuf,
     page: Option<Target>,
 }
 
-impl Common {
+impl ProofOptions {
     /// Finds the image, reads the scenario, and looks whether the table can be written.
     pub(super) fn prepare(&self) -> Result<Prepared<'_>, Failure> {
-        let image = self.bench.image()?;
-        let inputs: [&Path; 2] = [&self.bench.scenario, &image];
+        let image = find_image(self.firmware.as_deref())?;
+        let inputs: [&Path; 2] = [&self.scenario, &image];
         Ok(Prepared {
             page: self
                 .overwrite
-                .optional(self.table.as_deref(), Kind::Text, &inputs)?,
-            scenario: load_scenario(&self.bench.scenario)?.0,
+                .optional(self.table.as_deref(), FileKind::Text, &inputs)?,
+            scenario: load_scenario(&self.scenario)?.0,
             common: self,
             image,
         })
@@ -87,9 +84,6 @@ impl Common {
 
 impl Prepared<'_> {
     /// Runs the image on strikes of a simulated scenario.
-    ///
-    /// # Errors
-    /// The bead has no intruder, the front end does not fit it, or the emulator fails.
     pub(super) fn measure(
         &self,
         scenario: &Scenario,
@@ -102,7 +96,7 @@ impl Prepared<'_> {
             strikes,
             interval: INTERVAL.max(1.1 * solution.end()),
         };
-        let (bead, seed) = (self.common.bench.bead, Some(self.common.seed));
+        let (bead, seed) = (self.common.bead, Some(self.common.seed));
         let run = Emulation::prepare(scenario, solution, bead, front_end, seed, timing, &self.image)?;
         let frames = run.run()?.whole()?.frames;
         Ok(Errors::of(&run, frames))
@@ -143,24 +137,21 @@ impl Prepared<'_> {
     }
 
     /// The peaks of a strike.
-    ///
-    /// # Errors
-    /// The bead has no intruder.
-    pub(super) fn peaks(&self, scenario: &Scenario, solution: &Solution) -> Result<Peaks, Failure> {
-        let bead = self.common.bench.bead;
+    pub(super) fn peaks(&self, scenario: &Scenario, solution: &Solution) -> Result<StrikePeaks, Failure> {
+        let bead = self.common.bead;
         let intruders = solution.summary().intruders;
         let intruder = intruders.iter().find(|intruder| intruder.bead == bead);
         let acceleration = intruder.map(|intruder| intruder.acceleration_max.max(-intruder.acceleration_min));
-        Ok(Peaks {
+        Ok(StrikePeaks {
             peak_force_n: Truth::of(scenario, solution, bead)?.peak_force,
             peak_acceleration_mps2: acceleration.unwrap_or(0.0),
         })
     }
 }
 
-/// Peaks of a strike at the bead.
+/// StrikePeaks of a strike at the bead.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct Peaks {
+pub(super) struct StrikePeaks {
     /// Highest force at the bead's incoming contact.
     pub(super) peak_force_n: f64,
     /// Greatest magnitude of the intruder's acceleration.

@@ -8,14 +8,11 @@
 use std::f64::consts::PI;
 
 use bead_model::design::Bead;
-use clap::{Args, ValueEnum};
-use hertz_chain::{Options, Scenario};
-use schemars::JsonSchema;
-use serde::Serialize;
+use clap::ValueEnum;
+use hertz_chain::Options;
 
-use super::measure::{Common, Errors, Peaks, Prepared, grid, metres};
-use crate::cli::failure::Failure;
-use crate::cli::output::positive;
+use super::measure::{Errors, Prepared, ProofOptions, StrikePeaks, grid, metres};
+use crate::cli::commands::prelude::*;
 use bead_bench::error::BenchError;
 use bead_compare::error::CompareError;
 use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
@@ -53,7 +50,6 @@ refused, and the table says which diameter is the least.
 ",
 ];
 
-/// Range at the low gain, as a multiple of that at the high one.
 const WIDER: f64 = 1.25;
 
 const DIAMETERS: [f64; 7] = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04];
@@ -61,7 +57,7 @@ const DIAMETERS: [f64; 7] = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04];
 /// Materials of spheres, by handbook values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum Sphere {
+enum SphereMaterial {
     Steel,
     Glass,
     Aluminium,
@@ -71,7 +67,7 @@ enum Sphere {
     Bakelite,
 }
 
-impl Sphere {
+impl SphereMaterial {
     /// Density, kg/m³, Young's modulus, Pa, and Poisson's ratio; Bakelite as in the paper.
     const fn material(self) -> (f64, f64, f64) {
         match self {
@@ -90,10 +86,10 @@ impl Sphere {
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    common: Common,
+    common: ProofOptions,
     /// Materials [default: all].
     #[arg(long, value_enum, value_delimiter = ',')]
-    materials: Vec<Sphere>,
+    materials: Vec<SphereMaterial>,
     /// Diameters, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = DIAMETERS, value_parser = metres)]
     diameters: Vec<f64>,
@@ -129,17 +125,17 @@ fn relaxation(text: &str) -> Result<f64, String> {
 /// One material and one diameter.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct SphereCell {
-    material: Sphere,
+    material: SphereMaterial,
     diameter_m: f64,
     /// Width of the pulse of a wave of 1 m/s, in samples.
     width_samples: f64,
     #[serde(flatten)]
-    outcome: Outcome,
+    outcome: SphereOutcome,
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum Outcome {
+enum SphereOutcome {
     Measured(Measured),
     /// Why nothing was measured.
     Refused(String),
@@ -148,23 +144,27 @@ enum Outcome {
 #[derive(Debug, Serialize, JsonSchema)]
 struct Measured {
     #[serde(flatten)]
-    peaks: Peaks,
+    peaks: StrikePeaks,
     errors: Errors,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let prepared = arguments.common.prepare()?;
     let scenario = &prepared.scenario;
-    let own = bead_of(&simulate_with_ring_down(scenario)?, arguments.common.bench.bead)?;
+    let own = bead_of(&simulate_with_ring_down(scenario)?, arguments.common.bead)?;
     let points = points(arguments, scenario, &own)?;
     let cell = |&point: &_| cell(arguments, &prepared, &own, point);
     prepared.tabulate(&points, cell, PAGE, HEADINGS, row).map(drop)
 }
 
 /// Materials and diameters, each of which can be run: one that cannot would lose the results of all others.
-fn points(arguments: &Arguments, scenario: &Scenario, own: &Bead) -> Result<Vec<(Sphere, f64)>, Failure> {
+fn points(
+    arguments: &Arguments,
+    scenario: &Scenario,
+    own: &Bead,
+) -> Result<Vec<(SphereMaterial, f64)>, Failure> {
     let materials = match &arguments.materials[..] {
-        [] => Sphere::value_variants(),
+        [] => SphereMaterial::value_variants(),
         some => some,
     };
     let points = grid(materials, &arguments.diameters);
@@ -182,7 +182,7 @@ fn chain(
     arguments: &Arguments,
     scenario: &Scenario,
     own: &Bead,
-    (sphere, diameter): (Sphere, f64),
+    (sphere, diameter): (SphereMaterial, f64),
 ) -> (Scenario, Bead) {
     let (radius, (density, young, poisson)) = (0.5 * diameter, sphere.material());
     let mass = 4.0 / 3.0 * PI * radius.powi(3) * density;
@@ -220,15 +220,17 @@ fn cell(
     arguments: &Arguments,
     prepared: &Prepared<'_>,
     own: &Bead,
-    (material, diameter_m): (Sphere, f64),
+    (material, diameter_m): (SphereMaterial, f64),
 ) -> Result<SphereCell, Failure> {
     let (scenario, bead) = chain(arguments, &prepared.scenario, own, (material, diameter_m));
     let solution = simulate_with_ring_down(&scenario)?;
     let peaks = prepared.peaks(&scenario, &solution)?;
     let outcome = match prepared.measure(&scenario, &solution, &filled(&peaks), arguments.strikes) {
-        Ok(errors) => Outcome::Measured(Measured { peaks, errors }),
+        Ok(errors) => SphereOutcome::Measured(Measured { peaks, errors }),
         // The table says which spheres are refused.
-        Err(BenchError::Unfit(why) | BenchError::Compare(CompareError::Unfit(why))) => Outcome::Refused(why),
+        Err(BenchError::Unfit(why) | BenchError::Compare(CompareError::Unfit(why))) => {
+            SphereOutcome::Refused(why)
+        }
         Err(error) => return Err(error.into()),
     };
     Ok(SphereCell {
@@ -242,7 +244,7 @@ fn cell(
 /// The reference front end behind sensors of which the strike fills two thirds of the range at the high gain.
 /// The low gain is little less, since the amplifiers of a fast bead have no room for more: ±65 km/s² is the
 /// limit.
-fn filled(peaks: &Peaks) -> FrontEnd {
+fn filled(peaks: &StrikePeaks) -> FrontEnd {
     let mut front_end = FrontEnd::default();
     // The reference reaches from -0.5 to 15.5 N, and to 250 m/s² to either side.
     let (force, acceleration) = (&mut front_end.force, &mut front_end.acceleration);
@@ -274,7 +276,7 @@ const HEADINGS: [&str; 7] = [
 
 fn row(cell: &SphereCell) -> [String; 7] {
     let [peaks, a, b, flags] = match &cell.outcome {
-        Outcome::Measured(Measured { peaks, errors }) => [
+        SphereOutcome::Measured(Measured { peaks, errors }) => [
             format!(
                 "{:.3} N, {:.0} m/s²",
                 peaks.peak_force_n, peaks.peak_acceleration_mps2
@@ -283,7 +285,7 @@ fn row(cell: &SphereCell) -> [String; 7] {
             errors.shown(1),
             errors.flags.join(", "),
         ],
-        Outcome::Refused(why) => ["-", "refused", "refused", short(why)].map(str::to_owned),
+        SphereOutcome::Refused(why) => ["-", "refused", "refused", short(why)].map(str::to_owned),
     };
     let material = format!("{:?}", cell.material).to_lowercase();
     let [diameter, width] = [cell.diameter_m * 1e3, cell.width_samples].map(|number| format!("{number:.1}"));
@@ -313,14 +315,14 @@ mod tests {
     const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
 
     #[derive(Parser)]
-    struct Line {
+    struct ProofLine {
         #[command(flatten)]
         arguments: Arguments,
     }
 
     fn read(options: &[&str]) -> Arguments {
         let line = ["spheres", SCENARIO, "--bead", "8"].iter().chain(options);
-        Line::try_parse_from(line).unwrap().arguments
+        ProofLine::try_parse_from(line).unwrap().arguments
     }
 
     #[test]
@@ -351,10 +353,10 @@ mod tests {
     #[test]
     fn a_chain_is_of_equal_spheres_alone() {
         let (arguments, own) = (read(&[]), Bead::paper());
-        let equal = |scenario: &Scenario| chain(&arguments, scenario, &own, (Sphere::Glass, 0.02)).0;
+        let equal = |scenario: &Scenario| chain(&arguments, scenario, &own, (SphereMaterial::Glass, 0.02)).0;
         let mut scenario = Scenario::paper();
         let expected = equal(&scenario);
-        let (density, young, poisson) = Sphere::Steel.material();
+        let (density, young, poisson) = SphereMaterial::Steel.material();
         scenario.wall = Some(Wall::flat(Material {
             density,
             young,
