@@ -1,6 +1,7 @@
 //! The line to a bead: ports, conversations over them, and the recorder.
 
 pub mod conversation;
+pub mod exchanges;
 pub mod gaps;
 pub mod key;
 pub mod lines;

@@ -1,17 +1,14 @@
 //! `bead command`: requests to a bead, except those for its settings.
 
-use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
 use std::time::Duration;
 
-use bead_wire::{Check, Kind, Link, Message, Raw, Request, SelfTest, Standing};
+use bead_wire::{Check, Kind, Message, Request, SelfTest, Standing};
 use clap::Subcommand;
 use serde_json::{Map, Value};
 
 use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
-use bead_line::conversation::Conversation;
-use bead_recording::frames::Frame;
 use bead_tables::printable::one_line;
 
 const AFTER_HELP: &str = "\
@@ -26,12 +23,6 @@ Examples:
   bead command status --port /dev/ttyUSB0 \\
       --address 3 (one of several on a line)
   bead command reboot --port tcp:192.168.1.7:4000";
-
-/// Most requests for a self-test of which a part is lost on the way.
-const TESTS: u32 = 5;
-
-/// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
-const PIECES: usize = 1 << 17;
 
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
@@ -182,7 +173,7 @@ fn rows<'a>(objects: impl IntoIterator<Item = &'a Value>) -> String {
 }
 
 fn self_test(common: &CommandOptions) -> Result<(), Failure> {
-    let checks = checks(&mut common.line.open()?)?;
+    let checks = common.line.open()?.self_test()?;
     let result = |test: &SelfTest| CheckResult {
         check: test.check.to_string(),
         passed: test.passed,
@@ -206,30 +197,6 @@ fn self_test(common: &CommandOptions) -> Result<(), Failure> {
         "the self-test failed: {}; docs/protocol.md says what each check looks at",
         failed.join(", ")
     )
-}
-
-/// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for
-/// again.
-fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
-    for _ in 0..TESTS {
-        let answer = bead.request_done(&Request::SelfTest)?;
-        // A copy of the request that was answered late gives each check twice: the last one counts.
-        let checks: BTreeMap<u8, SelfTest> = answer
-            .frames
-            .iter()
-            .filter_map(|frame| match frame.message {
-                Message::SelfTest(test) => Some((test.check.number(), test)),
-                _ => None,
-            })
-            .collect();
-        if !answer.lost && Check::LIST.iter().all(|(number, ..)| checks.contains_key(number)) {
-            return Ok(checks.into_values().collect());
-        }
-    }
-    Err(failure!(
-        Device,
-        "the bead tested itself {TESTS} times, and each time a part of what it found was lost on the way; ask again"
-    ))
 }
 
 fn found(check: Check, value: u32) -> String {
@@ -256,21 +223,11 @@ fn found(check: Check, value: u32) -> String {
 }
 
 fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Result<(), Failure> {
-    let mut bead = common.line.open()?;
-    // The identity gives the sample rate, the status the counts since the reset.
-    bead.request_done(&Request::Identity)?;
-    let before = bead
-        .request_done(&Request::Status)?
-        .last("link frame", |frame| match frame.message {
-            Message::Link(link) => Some(link),
-            _ => None,
-        })?;
-    let (pieces, after) = stream(&mut bead, duration, before)?;
-
+    let stream = common.line.open()?.raw(duration)?;
     let write = |to: &mut dyn Write| -> std::io::Result<()> {
         let mut to = BufWriter::new(to);
         writeln!(to, "sample_index,force_code,acceleration_code")?;
-        for piece in &pieces {
+        for piece in &stream.pieces {
             for (place, codes) in (0..).zip(piece.codes.iter()) {
                 // What is on the line may be near the end of the range.
                 let index = piece.first_index.wrapping_add(place);
@@ -280,8 +237,8 @@ fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Resu
         }
         to.flush()
     };
-    let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
-    let (sent, dropped_by_bead) = counted_since(&before, &after);
+    let received: usize = stream.pieces.iter().map(|piece| piece.codes.len()).sum();
+    let (sent, dropped_by_bead) = (stream.sent, stream.dropped);
     let (scans, lost) = (
         sent.saturating_add(dropped_by_bead),
         sent.saturating_sub(received as u64),
@@ -302,61 +259,4 @@ fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Resu
         lost,
     };
     output::print(common.format, &summary, || text)
-}
-
-/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started
-/// anew between them counts from zero again.
-fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
-    let since = |now: u64, then: u64| now.checked_sub(then).unwrap_or(now);
-    (
-        since(after.raw_sent, before.raw_sent),
-        since(after.raw_dropped, before.raw_dropped),
-    )
-}
-
-/// The pieces of a raw stream, and the counts at its end.
-fn stream(bead: &mut Conversation, duration: Duration, before: Link) -> Result<(Vec<Raw>, Link), Failure> {
-    let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
-    let answer = bead.request_done(&Request::Raw { duration_ms })?;
-    let mut pieces = Vec::new();
-    let mut take = |frame: Frame| match frame.message {
-        Message::Raw(raw) => {
-            // What is more than that counts as lost.
-            if pieces.len() < PIECES {
-                pieces.push(raw);
-            }
-            None
-        }
-        // A link frame comes every second, and one at the end of the stream, when all its scans are counted.
-        Message::Link(link) => {
-            let (sent, dropped) = counted_since(&before, &link);
-            let counted = sent.saturating_add(dropped);
-            let rate = u64::from(frame.sample_rate_hz.unwrap_or(0));
-            let scans = u64::from(duration_ms).saturating_mul(rate) / 1000;
-            (counted > 0 && counted >= scans).then_some(link)
-        }
-        _ => None,
-    };
-    let mut after = answer.frames.into_iter().find_map(&mut take);
-    if after.is_none() {
-        after = bead.listen(duration + Duration::from_secs(3), take)?;
-    }
-    let silent = "the bead began its raw stream and did not say that it ended; ask again";
-    Ok((pieces, after.ok_or_else(|| failure!(Device, "{silent}"))?))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bead_that_starts_anew_in_a_stream_counts_from_zero() {
-        let counts = |raw_sent, raw_dropped| Link {
-            raw_sent,
-            raw_dropped,
-            ..Link::default()
-        };
-        assert_eq!(counted_since(&counts(100, 7), &counts(150, 9)), (50, 2));
-        assert_eq!(counted_since(&counts(100, 7), &counts(30, 0)), (30, 0));
-    }
 }

@@ -1,13 +1,10 @@
 //! `bead fetch`: lists the strikes that a bead keeps, or writes them to a recording.
 
-use std::collections::BTreeSet;
-
-use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
+use bead_wire::{Kept, MAX_FRAME, Request, encode};
 
 use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
-use bead_line::conversation::Conversation;
-use bead_recording::assembly::{Assembly, Event};
+use bead_line::conversation::LineError;
 use bead_recording::file::{About, Writer};
 use bead_recording::frames::Frame;
 
@@ -25,11 +22,6 @@ Examples:
   bead fetch --port /dev/ttyUSB0
   bead fetch --port /dev/ttyUSB0 --out kept.mcap
   bead fetch --port /dev/ttyUSB0 --boot 3 17 18 --out two.mcap";
-
-/// Number of requests for a strike whose frames are lost on the way, or while strikes take the line.
-const ATTEMPTS: u32 = 5;
-/// Number of requests for the list while frames are lost. It is short.
-const LISTS: u32 = 20;
 
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
@@ -76,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     // missed.
     let mut frames: Vec<Frame> = bead.request_done(&Request::Identity)?.frames;
     let (numbers, boot) = (&arguments.strikes, arguments.boot);
-    let mut kept = list(&mut bead)?;
+    let mut kept = bead.kept()?;
     kept.retain(|kept| boot.is_none_or(|boot| boot == kept.boot));
     kept.retain(|kept| numbers.is_empty() || numbers.contains(&kept.strike));
     let is_missing = |number: &&u32| kept.iter().all(|kept| kept.strike != **number);
@@ -100,13 +92,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let (mut fetched, mut failed) = (0, None);
     for kept in &kept {
-        match fetch(&mut bead, kept) {
+        match bead.fetch(kept) {
             Ok(strike) => {
                 frames.extend(strike);
                 fetched += 1;
             }
             // It alone gave way: the others may be there.
-            Err(why @ Failure::Verdict(_)) => failed = failed.or(Some(why)),
+            Err(why @ LineError::Refused(_)) => failed = failed.or(Some(why)),
             Err(why) => {
                 failed = Some(why);
                 break;
@@ -115,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     // Those that came are written, whatever became of the others.
     if let Some(why) = failed.take_if(|_| fetched == 0) {
-        return Err(why);
+        return Err(why.into());
     }
     let about = About {
         source: arguments.line.port().to_string(),
@@ -132,73 +124,5 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(format, &FetchReport { fetched, out }, || {
         format!("{out}: {fetched} strikes fetched")
     })?;
-    failed.map_or(Ok(()), Err)
-}
-
-/// Lists the strikes that the bead keeps, the oldest first.
-fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
-    for _ in 0..LISTS {
-        let answer = bead.request(&Request::ListKept)?;
-        match answer.reply.outcome {
-            Outcome::Done => {}
-            Outcome::Kind => {
-                bail!(
-                    Verdict,
-                    "the firmware of this bead keeps no strikes: flash a newer one"
-                );
-            }
-            _ => return Err(answer.refusal().into()),
-        }
-        if answer.lost {
-            continue;
-        }
-        // A copy of the request that was answered late gives the list twice.
-        let mut named = BTreeSet::new();
-        let kept = answer.frames.iter().filter_map(|frame| match frame.message {
-            Message::Kept(kept) if named.insert((kept.boot, kept.strike)) => Some(kept),
-            _ => None,
-        });
-        return Ok(kept.collect());
-    }
-    Err(failure!(
-        Device,
-        "the list of what the bead keeps did not come whole in {LISTS} attempts: is the line noisy?"
-    ))
-}
-
-/// Fetches a strike. Gives its frames, each at least once.
-fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
-    let (boot, strike) = (kept.boot, kept.strike);
-    let mut assembly = Assembly::default();
-    let mut frames = Vec::new();
-    for _ in 0..ATTEMPTS {
-        let answer = bead.request(&Request::Fetch { boot, strike })?;
-        match answer.reply.outcome {
-            Outcome::Done | Outcome::Busy => {}
-            Outcome::NotKept => {
-                bail!(
-                    Verdict,
-                    "strike {strike} of boot {boot} gave way to newer ones meanwhile: list again"
-                );
-            }
-            _ => return Err(answer.refusal().into()),
-        }
-        for frame in answer.frames {
-            // Frames of an earlier request may still arrive.
-            let is_its = matches!(&frame.message, Message::Fetched(fetched)
-                if (fetched.boot, fetched.strike) == (boot, strike));
-            if !is_its {
-                continue;
-            }
-            let events = assembly.push(&frame);
-            frames.push(frame);
-            if events.iter().any(|event| matches!(event, Event::Whole(_))) {
-                return Ok(frames);
-            }
-        }
-    }
-    Err(failure!(
-        Device,
-        "strike {strike} of boot {boot} did not come whole in {ATTEMPTS} attempts: is the line noisy?"
-    ))
+    failed.map_or(Ok(()), |why| Err(why.into()))
 }
