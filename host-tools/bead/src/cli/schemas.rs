@@ -64,7 +64,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     all
 }
 
-/// The schema of what `bead COMMAND` prints, with the version that [`print_json`](super::output::print_json)
+/// The schema of what `bead COMMAND` prints, with the version that [`print`](super::output::print)
 /// puts into each object.
 pub fn of<T: JsonSchema>(command: &str) -> Value {
     let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
