@@ -213,17 +213,10 @@ impl FrontEnd {
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
     pub fn digitise(&self, stimulus: &impl SensorStimulus, scans: usize, seed: Option<u64>) -> Digitised {
-        let Self { force, acceleration } = self;
-        let channels = [
-            &force.sensitive,
-            &force.wide,
-            &acceleration.sensitive,
-            &acceleration.wide,
-        ];
-        let converted = channels.par_iter().enumerate();
-        let converted: Vec<_> = converted
-            .map(|(number, channel)| convert(channel, number, stimulus, scans, seed))
-            .collect();
+        let mut own = *self;
+        let channels = own.channels_mut().into_par_iter().enumerate();
+        let converted = channels.map(|(number, channel)| convert(channel, number, stimulus, scans, seed));
+        let converted: Vec<_> = converted.collect();
         let scan = |scan: usize| std::array::from_fn(|channel| converted[channel].0[scan]);
         Digitised {
             scans: (0..scans).map(scan).collect(),

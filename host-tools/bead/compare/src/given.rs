@@ -140,6 +140,7 @@ mod tests {
 
     use super::*;
     use crate::sensed::{bead_of, simulate_with_ring_down};
+    use crate::testing::waveform;
 
     /// The paper's strike at bead 8, as an instrument has it: `rate` rows a second, each put through `row`.
     fn recorded(rate: f64, mut row: impl FnMut(usize, f64) -> f64) -> (Waveform, Settings, Truth) {
@@ -151,17 +152,11 @@ mod tests {
         let before = 3e-3;
         let times = (0..((before + solution.end()) * rate) as usize).map(|n| n as f64 / rate - before);
         let acceleration_at = |t: f64| solution.at(t.max(0.0)).intruder_acceleration(8).unwrap();
-        let force = times
-            .clone()
-            .map(|t| row(0, solution.at(t.max(0.0)).force(8)))
-            .collect();
+        let force_at = |t: f64| solution.at(t.max(0.0)).force(8);
+        let force = times.clone().map(|t| row(0, force_at(t))).collect();
         let acceleration = times.map(|t| row(1, acceleration_at(t))).collect();
-        let waveform = Waveform {
-            force: Some(Trace::even(force, rate)),
-            acceleration: Some(Trace::even(acceleration, rate)),
-            start: 0.0,
-            remarks: Vec::new(),
-        };
+        let [force, acceleration] = [force, acceleration].map(|values| Some(Trace::even(values, rate)));
+        let waveform = waveform(force, acceleration);
         (waveform, settings, truth)
     }
 

@@ -356,7 +356,7 @@ mod tests {
 
     use super::*;
     use crate::sensed::simulate_with_ring_down;
-    use crate::testing::recorded_strike;
+    use crate::testing::{recorded_strike, waveform};
 
     /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0
     /// `late` s after the striker hit, its values `gain` times as high.
@@ -368,11 +368,11 @@ mod tests {
         let along = |of: &mut dyn FnMut(f64) -> f64| -> Vec<f64> {
             (0..count).map(|n| gain * of(late + n as f64 / rate_hz)).collect()
         };
+        let force = Trace::even(along(&mut |time| force.at(time)), rate_hz);
+        let acceleration = Trace::even(along(&mut |time| acceleration.at(time)), rate_hz);
         Waveform {
-            force: Some(Trace::even(along(&mut |time| force.at(time)), rate_hz)),
-            acceleration: Some(Trace::even(along(&mut |time| acceleration.at(time)), rate_hz)),
             start: -5.0,
-            remarks: Vec::new(),
+            ..waveform(Some(force), Some(acceleration))
         }
     }
 
@@ -425,12 +425,7 @@ mod tests {
         );
         // A sine has little in common with a solitary wave.
         let sine = (0..20_000).map(|n| (f64::from(n) * 0.9).sin()).collect();
-        let strange = Waveform {
-            force: Some(Trace::even(sine, 1e6)),
-            acceleration: None,
-            start: 0.0,
-            remarks: Vec::new(),
-        };
+        let strange = waveform(Some(Trace::even(sine, 1e6)), None);
         let found = compare(&strike, &strange).unwrap();
         let correlation = found.force.unwrap().correlation.abs();
         assert!(correlation < 0.3, "{correlation}");

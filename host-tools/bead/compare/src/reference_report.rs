@@ -177,20 +177,15 @@ fn chart(name: &str, unit: &str, points: &[AlignedPoint]) -> Chart {
 mod tests {
     use super::*;
     use crate::reference::compare;
-    use crate::testing::recorded_strike;
-    use bead_instrument::{Trace, Waveform};
+    use crate::testing::{recorded_strike, waveform};
+    use bead_instrument::Trace;
     use bead_recording::signal::Signal;
 
     #[test]
     fn a_reference_without_an_acceleration_is_compared_by_its_force() {
         let strike = recorded_strike();
         let signal = Signal::of(&strike.scans, &strike.settings.unwrap()).unwrap();
-        let waveform = Waveform {
-            force: Some(Trace::even(signal.force, 1e5)),
-            acceleration: None,
-            start: 0.0,
-            remarks: Vec::new(),
-        };
+        let waveform = waveform(Some(Trace::even(signal.force, 1e5)), None);
         let against = compare(&strike, &waveform).unwrap();
         let compared = ComparedReference {
             recording: "r.mcap",

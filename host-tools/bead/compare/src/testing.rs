@@ -9,6 +9,7 @@ use hertz_chain::{Scenario, Solution};
 
 use crate::front_end::FrontEnd;
 use crate::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
+use bead_instrument::{Trace, Waveform};
 use bead_recording::strikes::RecordedStrike;
 
 static PAPER: LazyLock<Solution> = LazyLock::new(|| simulate_with_ring_down(&Scenario::paper()).unwrap());
@@ -53,4 +54,14 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
         strike.push(&chunk.into());
     }
     Some(strike)
+}
+
+/// The record of an instrument that begins at 0 s.
+pub(crate) fn waveform(force: Option<Trace>, acceleration: Option<Trace>) -> Waveform {
+    Waveform {
+        force,
+        acceleration,
+        start: 0.0,
+        remarks: Vec::new(),
+    }
 }

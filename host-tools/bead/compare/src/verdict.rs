@@ -167,10 +167,8 @@ impl Soundness {
             return Some(format!("{lost} lost and {} corrupt", self.corrupt));
         }
         if self.overruns > 0 {
-            return Some(format!(
-                "{}: samples are missing",
-                count(self.overruns, "overrun")
-            ));
+            let overruns = count(self.overruns, "overrun");
+            return Some(format!("{overruns}: samples are missing"));
         }
         let (total, available) = self.instructions?;
         (total > BUSY_MOST * available).then(|| {
@@ -247,12 +245,13 @@ mod tests {
             assert_eq!(other_lengths(&scenario), [""; 0], "{sound}");
         }
         let mut scenario = Scenario::paper();
-        scenario.duration = 3.7e-3;
-        assert_eq!(other_lengths(&scenario), [""; 0]);
-        scenario.duration = 1.8e-3;
-        assert_eq!(other_lengths(&scenario).len(), 1);
-        scenario.duration = 2.7e-3;
-        let early = other_lengths(&scenario);
+        let mut lasting = |duration| {
+            scenario.duration = duration;
+            other_lengths(&scenario)
+        };
+        assert_eq!(lasting(3.7e-3), [""; 0]);
+        assert_eq!(lasting(1.8e-3).len(), 1);
+        let early = lasting(2.7e-3);
         let part = "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come";
         assert!(early.len() == 1 && early[0].starts_with(part), "{early:?}");
         // The window has all of the intruder's ringing, but not what comes back from a wall.
