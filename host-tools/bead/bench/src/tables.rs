@@ -180,7 +180,7 @@ impl FrontEndTable {
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClockTable {
-    /// How fast each bead's crystal is, ppm, below 0 for a slow one. A single one is every bead's.
+    /// Deviation of each crystal, ppm, negative for a slow one. A single value holds for every bead.
     pub ppm: Vec<f64>,
     /// Greatest ppm of crystals that chance chooses by the seed.
     pub spread: Option<f64>,

@@ -312,8 +312,8 @@ impl LowPass {
     /// Takes 0 as the next inputs, `steps` of them.
     fn rest(&mut self, steps: u32) {
         for _ in 0..steps {
-            // What is left is far below the least noise. As a subnormal number it would never end, and cost
-            // most of the time.
+            // An output far below the least noise is 0. As a subnormal number it would never end, and cost most
+            // of the time.
             if self.input == 0.0 && self.output.abs() < 1e-30 {
                 self.output = 0.0;
                 return;

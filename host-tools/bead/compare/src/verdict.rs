@@ -228,17 +228,17 @@ mod tests {
     fn other_lengths(scenario: &Scenario) -> Vec<String> {
         let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
         let hosts = solution.model().intruders().iter().map(|one| one.bead);
-        let told = hosts.filter_map(|bead| {
+        let warnings = hosts.filter_map(|bead| {
             let (physics, front_end) = (bead_of(&solution, bead).unwrap(), FrontEnd::reference());
             let settings = derive(&physics, &front_end, &Capture::of(&physics, &front_end)).unwrap();
             let chain = FullChain::of(scenario, &solution, bead).unwrap();
             other_length(scenario, &solution, &chain, bead, settings.window)
         });
-        told.collect()
+        warnings.collect()
     }
 
     #[test]
-    fn a_scenario_that_is_shorter_or_longer_than_the_window_is_told() {
+    fn a_scenario_that_is_shorter_or_longer_than_the_window_is_warned_of() {
         for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
             let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/scenarios");
             let (scenario, _) = load_scenario(&Path::new(folder).join(format!("{sound}.toml"))).unwrap();

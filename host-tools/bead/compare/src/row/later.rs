@@ -17,23 +17,12 @@ const SMOOTH: usize = 9;
 /// Greatest distance of the bead's wave from the simulated one, in samples.
 const NEAR: usize = 15;
 
-/// Conditions of a wave.
-#[derive(Clone, Copy)]
-struct Plain {
-    /// Least height, as a part of the main one.
-    height: f64,
-    /// Before and after it the force is below this part of its height.
-    fall: f64,
-}
+/// Conditions of a wave: its least height, as a part of the main one, and the part of its height that the force
+/// is below before and after it.
+type Plain = [f64; 2];
 
-const SIMULATED: Plain = Plain {
-    height: 5e-3,
-    fall: 0.5,
-};
-const UNEXPECTED: Plain = Plain {
-    height: 2e-2,
-    fall: 0.25,
-};
+const SIMULATED: Plain = [5e-3, 0.5];
+const UNEXPECTED: Plain = [2e-2, 0.25];
 
 /// The strongest wave after the main one: by the bead, and by the chain at the same samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
@@ -95,8 +84,8 @@ fn strongest(values: &[f64], main: usize, plain: Plain) -> Option<usize> {
 }
 
 /// The places of the tops of the waves after the main one.
-fn waves(values: &[f64], main: usize, plain: Plain) -> Vec<usize> {
-    let (least, fall) = (plain.height * values[main], plain.fall);
+fn waves(values: &[f64], main: usize, [height, fall]: Plain) -> Vec<usize> {
+    let least = height * values[main];
     let mut waves = Vec::new();
     // The wave that is being looked at, and the least force since the one before.
     let (mut top, mut low) = (None, values[main]);

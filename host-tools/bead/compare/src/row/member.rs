@@ -85,7 +85,7 @@ pub struct BeadOfRow {
     pub bead: usize,
     /// Its address.
     pub address: u8,
-    /// Strikes that it told of.
+    /// Strikes that it measured.
     pub strikes: usize,
     /// Strikes that are only in the means, as there are so many.
     pub strikes_left_out: usize,
@@ -185,7 +185,7 @@ impl RowBead {
         let compared = ComparedBead::read(received, &chain, echoes, fitted, each)?;
         let (soundness, count, truth) = (compared.soundness, compared.count, chain.truth);
         let [peak_force, width, incident, measured, predicted] = means;
-        let told = BeadOfRow {
+        let of_row = BeadOfRow {
             bead: *bead,
             address,
             strikes: count,
@@ -211,7 +211,7 @@ impl RowBead {
             bead: *bead,
             window: compared.settings.map(|settings| settings.window),
             echoes: compared.echoes,
-            compared: told,
+            compared: of_row,
             chain,
             felt,
         })
