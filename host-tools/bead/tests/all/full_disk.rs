@@ -13,9 +13,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
 
-use crate::program::{DATA, PROGRAM, SCENARIO, done, refused, said, short_scenario, typed};
+use crate::program::{DATA, PROGRAM, SCENARIO, TestFolder, refused, said, short_scenario};
 
-/// Every command that writes a file, with what it writes.
+/// Every command that writes a file, with the name of the file.
 const WRITERS: [(&str, &str); 10] = [
     ("simulate s.toml --overwrite --out disk/a.parquet", "a.parquet"),
     ("emulate s.toml --bead 8 --overwrite --out disk", "bead-8.mcap"),
@@ -58,18 +58,17 @@ fn with_disk(folder: &Path, script: &str) -> Option<Output> {
     Some(shell(&format!("{mount} && {script}")).unwrap())
 }
 
-fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
+fn folder() -> TestFolder {
+    let folder = TestFolder::new();
+    let path = &folder;
     fs::copy(SCENARIO, path.join("s.toml")).unwrap();
     fs::copy(format!("{DATA}/recording-v1.mcap"), path.join("x.mcap")).unwrap();
     fs::write(path.join("short.toml"), short_scenario()).unwrap();
-    done(typed(path, "settings make --template bead.settings.toml"));
+    folder.done("settings make --template bead.settings.toml");
     folder
 }
 
-/// Runs each command after `spoil`, which lets no result be written: what was there stays, nothing else is
-/// left.
+/// Runs each command after `spoil`, which makes writing fail, and asserts that the disk is unchanged.
 fn refuses_each(spoil: &str, reason: &str) {
     let folder = folder();
     for (command, name) in WRITERS {
@@ -77,7 +76,7 @@ fn refuses_each(spoil: &str, reason: &str) {
             "printf '' > disk/{name}; {spoil}; ls -A disk > before; $BEAD {command} > /dev/null; status=$?; \
              ls -A disk > after; cmp before after && test ! -s disk/{name} && exit $status; exit 99"
         );
-        let Some(output) = with_disk(folder.path(), &script) else {
+        let Some(output) = with_disk(&folder, &script) else {
             return;
         };
         println!("{command}");
@@ -110,11 +109,11 @@ fn a_result_that_fits_only_in_part_is_removed_and_a_full_temporary_folder_is_tol
         let script = format!(
             "{fill} $BEAD {command} > /dev/null; status=$?; rm -f disk/fill; ls -A disk >&2; exit $status"
         );
-        let Some(output) = with_disk(folder.path(), &script) else {
+        let Some(output) = with_disk(&folder, &script) else {
             return;
         };
         println!("{command}");
-        // QEMU's own failure has another status.
+        // A failure within QEMU has status 3.
         let status = output.status.code().unwrap().clamp(2, 3);
         refused(&output, status, "No space left on device");
     }
@@ -122,8 +121,8 @@ fn a_result_that_fits_only_in_part_is_removed_and_a_full_temporary_folder_is_tol
 
 #[test]
 fn a_recording_on_a_disk_that_becomes_full_keeps_what_came_before() {
-    let folder = tempfile::tempdir().unwrap();
-    let listener = UnixListener::bind(folder.path().join("bead.sock")).unwrap();
+    let folder = TestFolder::new();
+    let listener = UnixListener::bind(folder.join("bead.sock")).unwrap();
     let sending = thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         let frames = fs::read(format!("{DATA}/frame-of-the-future.bin")).unwrap();
@@ -131,7 +130,7 @@ fn a_recording_on_a_disk_that_becomes_full_keeps_what_came_before() {
     });
     let script = "$BEAD record --port unix:bead.sock --out disk/a.mcap > /dev/null; status=$?; ls -A disk >&2; \
                   $BEAD recover disk/a.mcap.partial --out whole.mcap --format json; exit $status";
-    let Some(output) = with_disk(folder.path(), script) else {
+    let Some(output) = with_disk(&folder, script) else {
         return;
     };
     sending.join().unwrap();

@@ -1,14 +1,14 @@
-//! Every command's message about wrong input: the table tests/inputs.txt, a row for each command and class.
+//! Messages about wrong input: the table tests/inputs.txt has a row for each command and class of mistake.
 //!
 //! # Design
-//! A row has the exit status, what the message holds, and the command line, between bars. To add one is to
-//! add a line. Each runs in a folder of its own with the files of [`fixture`]. Beside status and message it
-//! must keep three rules, which no row has to say: the message of `bead` is one line; every file that was
-//! there is as it was, if the row has no `--overwrite`; and a command that fails leaves no new file.
+//! A row holds the exit status, a part of the message, and the command line, between bars. It runs in a
+//! folder of its own with the files of [`fixture`], and must keep three rules beside: the message is one
+//! line; every file stays as it was unless the row has `--overwrite`; and a command that fails leaves no new
+//! file.
 //!
 //! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte.
-//! `@gone` is a port whose other end hangs up at once, `@noise` one that sends what are no frames, `@silent`
-//! one that sends nothing.
+//! `@gone` is a port whose other end hangs up at once, `@noise` sends bytes that are no frames, and `@silent`
+//! sends nothing.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -55,7 +55,7 @@ fn cases() -> Vec<InputCase> {
     rows.map(case).collect()
 }
 
-/// Files that are there when a command runs.
+/// Writes the input files of the commands.
 fn fixture(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.join(name), bytes).unwrap();
     let read = |of: &str| fs::read(format!("{ROOT}/{of}")).unwrap();
@@ -80,7 +80,7 @@ fn fixture(folder: &Path) {
         read("tests/data/recording-v1.mcap"),
         read("tests/data/frame-of-the-future.bin"),
     );
-    // One recording was cut, one has a hole as a card's erased flash.
+    // One recording is cut, and one has a hole like the erased flash of a card.
     let mut hole = recording.clone();
     hole[2000..2512].fill(0xFF);
     for (name, bytes) in [
@@ -143,7 +143,7 @@ fn fixture(folder: &Path) {
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
-    // Its listener is dropped: nobody is there any more.
+    // Its listener is dropped, so that nobody listens.
     UnixListener::bind(folder.join("stale.sock")).unwrap();
     let pipe = folder.join("pipe");
     assert!(Command::new("mkfifo").arg(pipe).status().unwrap().success());
@@ -184,7 +184,7 @@ fn word(text: &str, ports: &Path) -> OsString {
     OsString::from_vec(bytes)
 }
 
-/// Runs a command line. One that takes longer than a minute hangs, and gets the status 124.
+/// Runs a command line. One that takes longer than a minute ends with status 124.
 fn run(words: &str, folder: &Path, ports: &Path) -> Output {
     let (line, is_full) = (
         words.trim_end_matches(" > /dev/full"),
@@ -210,7 +210,7 @@ fn run(words: &str, folder: &Path, ports: &Path) -> Output {
     child.wait_with_output().unwrap()
 }
 
-/// Runs a case. The error says what is wrong with what the command did.
+/// Runs a case. The error names the rule that the command broke.
 fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
     let folder = tempfile::tempdir().unwrap();
     fixture(folder.path());
@@ -224,7 +224,7 @@ fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
     if !said.contains(case.part) && !printed.contains(case.part) {
         return Err(format!("it does not say so: {said}"));
     }
-    // Notes on what is read may come before; what a command line lacks is said with its usage.
+    // Notes on the input may come before. Mistakes of the command line are shown with its usage.
     let notes = ["rejected", "recording is ", "more ", ": 0 strikes, 0 frames in"];
     let is_note = |line: &&str| notes.iter().any(|note| line.contains(note));
     let lines = said.lines().filter(|line| !is_note(line)).count();
@@ -243,7 +243,7 @@ fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
             return Err(format!("{} is not as it was", path.display()));
         }
     }
-    // What came of a bead is kept, whatever happens.
+    // A recording is kept, whatever happens.
     let keeps = case.status < 2 || case.words.starts_with("record") && case.status == 3;
     match after.keys().find(|path| !before.contains_key(*path)) {
         Some(new) if !keeps => Err(format!("{} is left", new.display())),
@@ -251,7 +251,7 @@ fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
     }
 }
 
-/// Sockets that are ports of no bead: `gone`, `noise` and `silent`.
+/// Serves the sockets `gone`, `noise` and `silent`.
 fn serve(folder: &Path) {
     let ports = ["gone", "noise", "silent"].map(|name| UnixListener::bind(folder.join(name)).unwrap());
     let [gone, noise, silent] = ports;
@@ -277,7 +277,7 @@ fn every_wrong_input_is_told_in_one_line_and_loses_nothing() {
     let ports = tempfile::tempdir().unwrap();
     serve(ports.path());
     let mut cases = cases();
-    // A program of its own, which a build of these tests alone does not make.
+    // A build of these tests alone does not make the program of the figures.
     if !Path::new(PROGRAM).with_file_name("bead-figures").exists() {
         eprintln!("SKIPPED: the rows of `bead figures`; `cargo build --release -p bead-figures` makes it");
         cases.retain(|case| !case.words.starts_with("figures"));

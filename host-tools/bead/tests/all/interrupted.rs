@@ -1,4 +1,4 @@
-//! Commands that are interrupted: what they leave behind, and how they end.
+//! Interrupted commands: exit status, message, and files left behind.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -6,35 +6,31 @@ use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
-use crate::program::{ROOT, RunningProgram, SCENARIO, interruptible, json, names, signal, until};
+use crate::program::{ROOT, RunningProgram, SCENARIO, TestFolder, interruptible, json, signal, until};
 
 /// Each signal that interrupts, and the exit status after it.
 const SIGNALS: [(&str, i32); 3] = [("INT", 130), ("TERM", 143), ("HUP", 129)];
 
-/// Starts `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it
-/// starts are one group, unless it says otherwise.
+/// Starts `bead` in a directory, with another one for its temporary files, in a process group of its own.
 fn start(directory: &Path, temporary: &Path, arguments: &str) -> RunningProgram {
     let mut command = interruptible(directory, arguments);
     RunningProgram::spawn(command.env("TMPDIR", temporary).process_group(0))
 }
 
-/// Asserts that an interrupted command ends with this status, says so in a line, and leaves nothing in its
-/// directory.
-fn leaves_nothing(interrupted: RunningProgram, status: i32, directory: &Path) {
-    let (ended, said) = interrupted.end();
-    assert_eq!((ended, said.lines().count()), (status, 1), "{said}");
-    assert!(
-        said.starts_with("bead: interrupted; nothing is left behind"),
-        "{said}"
-    );
-    assert!(names(directory).is_empty());
+/// Asserts that an interrupted command ends with this status and one line, and leaves its directory empty.
+fn leaves_nothing(interrupted: RunningProgram, status: i32, directory: &TestFolder) {
+    let said = interrupted.end(status);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    let begin = "bead: interrupted; nothing is left behind";
+    assert!(said.starts_with(begin), "{said}");
+    assert!(directory.names().is_empty());
 }
 
 /// Starts to write a result of half a gigabyte of rows: there is time to interrupt it.
-fn write_long(directory: &Path) -> RunningProgram {
+fn write_long(directory: &TestFolder) -> RunningProgram {
     let long = format!("simulate {SCENARIO} --out a.parquet --rate 1e8");
     let running = start(directory, directory, &long);
-    let is_hidden = || names(directory).iter().any(|name| name.starts_with(".bead-"));
+    let is_hidden = || directory.names().contains(".bead-");
     // The first such file only shows that the directory can be written to.
     until("the result is being written", || {
         is_hidden() && {
@@ -48,25 +44,25 @@ fn write_long(directory: &Path) -> RunningProgram {
 #[test]
 fn a_result_that_is_interrupted_leaves_no_part_of_it() {
     for (name, status) in SIGNALS {
-        let directory = tempfile::tempdir().unwrap();
-        let running = write_long(directory.path());
+        let directory = TestFolder::new();
+        let running = write_long(&directory);
         running.signal(name);
-        leaves_nothing(running, status, directory.path());
+        leaves_nothing(running, status, &directory);
     }
 }
 
 #[test]
 fn a_signal_ends_a_command_whose_standard_error_is_closed() {
-    let directory = tempfile::tempdir().unwrap();
-    let mut running = write_long(directory.path());
+    let directory = TestFolder::new();
+    let mut running = write_long(&directory);
     drop(running.stderr.take());
     running.signal("TERM");
     until("it has ended", || running.has_ended());
     assert_eq!(running.child.wait().unwrap().code(), Some(143));
-    assert!(names(directory.path()).is_empty());
+    assert!(directory.names().is_empty());
 }
 
-/// State and parent of a process: `None` if it has ended, also if nobody has waited for it yet.
+/// Parent of a process. `None` if the process has ended, waited for or not.
 fn running(pid: u32) -> Option<u32> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (state, rest) = stat.rsplit_once(") ")?.1.split_once(' ')?;
@@ -82,13 +78,13 @@ fn children(parent: u32) -> Vec<u32> {
 
 #[test]
 fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
-    // The last one as at a terminal: Ctrl-C reaches the whole group.
+    // The last case is Ctrl-C at a terminal, which reaches the whole group.
     let cases = SIGNALS.map(|(name, status)| (name, status, false));
     for (name, status, is_group) in cases.into_iter().chain([("INT", 130, true)]) {
-        let [directory, temporary] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let [directory, temporary] = [(); 2].map(|()| TestFolder::new());
         // Thirty seconds of the bead's time: there is time to interrupt it.
         let emulate = format!("emulate {SCENARIO} --bead 8 --strikes 300 --out run");
-        let interrupted = start(directory.path(), temporary.path(), &emulate);
+        let interrupted = start(&directory, &temporary, &emulate);
         let pid = interrupted.child.id();
         until("QEMU runs", || !children(pid).is_empty());
         let qemu = children(pid);
@@ -101,13 +97,11 @@ fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
                 pid.to_string()
             },
         );
-        leaves_nothing(interrupted, status, directory.path());
+        leaves_nothing(interrupted, status, &directory);
         until("QEMU has ended", || {
             qemu.iter().all(|pid| running(*pid).is_none())
         });
-        until("the temporary folder is empty", || {
-            names(temporary.path()).is_empty()
-        });
+        until("the temporary folder is empty", || temporary.names().is_empty());
     }
 }
 

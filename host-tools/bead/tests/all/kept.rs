@@ -1,42 +1,38 @@
-//! `bead record` at beads that keep their strikes: a cable that is pulled, beads that are reset meanwhile,
-//! several ports, and ports at which something is wrong; and `bead fetch`.
+//! `bead record` at beads that store their strikes: a cable that is pulled, resets meanwhile, several ports
+//! and wrong ones. And `bead fetch`.
 
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
+use std::mem;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::program::{RunningProgram, assert_says, done, refused, said};
+use crate::answering::AnsweringBead;
+use crate::program::{RunningProgram, TestFolder, assert_says, done, refused, said};
 use bead_recording::received::Received;
-use bead_testing::{Speaker, block_of, fetched, one_sample_strike, paper_settings};
-use bead_wire::{Codes, Kept, Kind, Message, Outcome, Reply, Request, Status, Waveform};
+use bead_testing::{block_of, one_sample_strike, paper_settings};
+use bead_wire::{Codes, Kind, Message, Status};
 
-/// Between two strikes.
+/// Time from strike to strike.
 const EVERY: Duration = Duration::from_millis(40);
 
 /// Boot and number of a strike.
-type Name = (u32, u32);
+type BootAndNumber = (u32, u32);
 
-/// A bead at a socket that keeps its strikes. It acts only while the test lets it, by [`run`] and the
-/// like.
+/// A bead at a socket that stores its strikes. It acts only in [`serve`], [`run`] and [`settle`].
 struct StoringBead {
-    speaker: Speaker,
+    bead: AnsweringBead,
+    /// Number of strikes since the last reset.
     strikes: u32,
-    kept: Vec<(Name, Vec<Message>)>,
     socket: PathBuf,
     /// `None` while the cable is out.
     listener: Option<UnixListener>,
     line: Option<UnixStream>,
     /// Frames lost on the way, %.
     losses: u32,
-    /// With each strike that is fetched, the one before it comes once more: the answer to a copy of its
-    /// request.
-    repeats: bool,
-    /// Strike 1 gave way to newer ones after it was listed.
-    gave_way: bool,
-    /// When it last introduced itself, and was last asked for something.
+    /// Times of its last introduction and of the last request.
     introduced: Instant,
     asked: Instant,
 }
@@ -45,18 +41,16 @@ impl StoringBead {
     fn new(folder: &Path, name: &str, address: u8) -> Self {
         let now = Instant::now();
         let mut bead = Self {
-            speaker: Speaker::at(address),
+            bead: AnsweringBead::new(address, block_of(&paper_settings()).block.bytes()),
             strikes: 0,
-            kept: Vec::new(),
             socket: folder.join(name),
             listener: None,
             line: None,
             losses: 0,
-            repeats: false,
-            gave_way: false,
             introduced: now,
             asked: now,
         };
+        bead.bead.speaker.boot = 0;
         bead.plug();
         bead
     }
@@ -73,38 +67,47 @@ impl StoringBead {
     }
 
     fn reset(&mut self) {
-        (self.strikes, self.speaker.sequence) = (0, 0);
-        self.speaker.boot += 1;
+        (self.strikes, self.bead.speaker.sequence) = (0, 0);
+        self.bead.speaker.boot += 1;
         self.introduce();
     }
 
-    fn send(&mut self, message: impl Into<Message>) {
-        let index = 100 * u64::from(self.speaker.sequence);
-        let frame = self.speaker.frame(index, &message.into());
-        let drawn = self.speaker.sequence.wrapping_mul(2_654_435_761) >> 8;
-        if drawn % 100 >= self.losses
-            && let Some(line) = &mut self.line
-            && line.write_all(&frame).is_err()
-        {
-            self.line = None;
+    /// Sends frames, but for those that the line loses.
+    fn send(&mut self, bytes: &[u8]) {
+        for frame in bytes.split_inclusive(|byte| *byte == 0) {
+            let drawn = frame.iter().fold(7_u32, |drawn, byte| {
+                drawn.wrapping_mul(31).wrapping_add((*byte).into())
+            });
+            if drawn % 100 >= self.losses
+                && let Some(line) = &mut self.line
+                && line.write_all(frame).is_err()
+            {
+                self.line = None;
+            }
         }
+    }
+
+    fn send_said(&mut self) {
+        let bytes = mem::take(&mut self.bead.speaker.bytes);
+        self.send(&bytes);
     }
 
     /// Sends identity, settings and status, as a bead does now and then.
     fn introduce(&mut self) {
         self.introduced = Instant::now();
-        self.send(self.speaker.identity());
-        self.send(block_of(&paper_settings()));
+        self.bead.say_identity();
+        self.bead.say_settings();
         let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
             panic!("a status");
         };
         let strikes = self.strikes;
-        self.send(Status { strikes, ..status });
+        self.bead.say(Status { strikes, ..status });
+        self.send_said();
     }
 
     /// Measures a strike of 64 samples in two pieces.
     fn strike(&mut self) {
-        let (boot, number) = (self.speaker.boot, self.strikes);
+        let (boot, number) = (self.bead.speaker.boot, self.strikes);
         self.strikes += 1;
         let first_index = 10_000 * u64::from(boot) + 100 * u64::from(number);
         let [waveform, strike, shape] = one_sample_strike(number, first_index);
@@ -114,32 +117,25 @@ impl StoringBead {
         (strike.samples, strike.trigger_index) = (64, first_index + 20);
         let piece = |piece: u16| {
             let code = number as u16 % 1000 + 32 * piece;
-            Waveform {
-                first_index: first_index + 32 * u64::from(piece),
-                codes: Codes::pack((0..32).map(|n| [code + n, 4095 - code])).unwrap(),
-                ..waveform.clone()
-            }
+            let mut waveform = waveform.clone();
+            waveform.first_index += 32 * u64::from(piece);
+            waveform.codes = Codes::pack((0..32).map(|n| [code + n, 4095 - code])).unwrap();
+            Message::from(waveform)
         };
-        let settings = block_of(&paper_settings());
-        let frames = vec![
-            settings.into(),
-            piece(0).into(),
-            piece(1).into(),
-            strike.into(),
-            shape,
-        ];
-        for frame in &frames[1..] {
-            self.send(frame.clone());
-        }
-        self.kept.push(((boot, number), frames));
+        let frames = [piece(0), piece(1), strike.into(), shape];
+        frames.iter().for_each(|frame| self.bead.say(frame.clone()));
+        self.send_said();
+        let settings = block_of(&paper_settings()).into();
+        let frames = [vec![settings], frames.to_vec()].concat();
+        self.bead.kept.push(((boot, number), frames));
     }
 
     /// Every strike that it measured.
-    fn measured(&self) -> Vec<Name> {
-        self.kept.iter().map(|(name, _)| *name).collect()
+    fn measured(&self) -> Vec<BootAndNumber> {
+        self.bead.kept.iter().map(|(name, _)| *name).collect()
     }
 
-    /// Takes a connection, introduces itself, and answers requests, if it is time.
+    /// Takes a connection and answers requests; introduces itself now and then.
     fn serve(&mut self) {
         if let Some(Ok((line, _))) = self.listener.as_ref().map(UnixListener::accept) {
             line.set_nonblocking(true).unwrap();
@@ -150,59 +146,19 @@ impl StoringBead {
             self.introduce();
         }
         let mut buffer = [0; 4096];
-        let mut requests = Vec::new();
         match self.line.as_mut().map(|line| line.read(&mut buffer)) {
             Some(Ok(length @ 1..)) => {
-                let asked = |_: &mut Speaker, asked: &_| requests.push(Clone::clone(asked));
-                self.speaker.answer(&buffer[..length], asked);
+                self.asked = Instant::now();
+                let answer = self.bead.hear(&buffer[..length]);
+                self.send(&answer);
             }
             Some(Err(error)) if error.kind() == ErrorKind::WouldBlock => {}
             _ => self.line = None,
         }
-        for asked in requests {
-            self.asked = Instant::now();
-            let outcome = self.execute(asked.request.unwrap());
-            self.send(Reply {
-                request: asked.number,
-                outcome,
-                detail: "".into(),
-            });
-        }
-    }
-
-    fn execute(&mut self, request: Request) -> Outcome {
-        match request {
-            Request::Identity => self.introduce(),
-            Request::ListKept => {
-                for ((boot, strike), frames) in self.kept.clone() {
-                    let parts = frames.len() as u8;
-                    self.send(Kept {
-                        boot,
-                        strike,
-                        parts,
-                        bytes: 300,
-                    });
-                }
-            }
-            Request::Fetch { boot, strike } => {
-                let found = self.kept.iter().position(|(name, _)| *name == (boot, strike));
-                let Some(found) = found.filter(|_| strike != 1 || !self.gave_way) else {
-                    return Outcome::NotKept;
-                };
-                for at in found - usize::from(self.repeats)..=found {
-                    let ((boot, strike), frames) = self.kept[at].clone();
-                    for part in fetched(boot, strike, &frames) {
-                        self.send(part);
-                    }
-                }
-            }
-            _ => return Outcome::Kind,
-        }
-        Outcome::Done
     }
 }
 
-/// Lets beads answer while something holds.
+/// Runs beads while a condition holds.
 fn serve(beads: &mut [&mut StoringBead], mut holds: impl FnMut(&[&mut StoringBead]) -> bool) {
     while holds(beads) {
         beads.iter_mut().for_each(|bead| bead.serve());
@@ -210,7 +166,7 @@ fn serve(beads: &mut [&mut StoringBead], mut holds: impl FnMut(&[&mut StoringBea
     }
 }
 
-/// Lets beads answer, and measure a strike every [`EVERY`], for so many seconds.
+/// Runs beads for so many seconds, with a strike every [`EVERY`].
 fn run(beads: &mut [&mut StoringBead], seconds: f64) {
     for _ in 0..(seconds / EVERY.as_secs_f64()).round() as u32 {
         let started = Instant::now();
@@ -219,7 +175,7 @@ fn run(beads: &mut [&mut StoringBead], seconds: f64) {
     }
 }
 
-/// Lets beads answer until nothing has been asked for a while.
+/// Runs beads until no request has come for a while.
 fn settle(beads: &mut [&mut StoringBead]) {
     let calm = Instant::now();
     let is_asked = |bead: &&mut StoringBead| bead.asked.max(calm).elapsed() < Duration::from_millis(1500);
@@ -239,7 +195,7 @@ fn open(folder: &Path) -> Received {
 }
 
 /// The strikes of a recording, sorted; each is whole.
-fn whole(received: &Received) -> Vec<Name> {
+fn whole(received: &Received) -> Vec<BootAndNumber> {
     let strikes = received.strikes().unwrap();
     let names = strikes.map(|strike| {
         let (number, scans) = (strike.said.strike, &strike.scans);
@@ -256,13 +212,13 @@ fn whole(received: &Received) -> Vec<Name> {
 #[test]
 fn a_cable_that_is_pulled_for_a_second_and_a_lossy_line_cost_no_strike_nor_does_a_reset_meanwhile() {
     for is_reset in [false, true] {
-        let folder = tempfile::tempdir().unwrap();
-        let mut bead = StoringBead::new(folder.path(), "bead.sock", 7);
+        let folder = TestFolder::new();
+        let mut bead = StoringBead::new(&folder, "bead.sock", 7);
         bead.losses = 3;
         run(&mut [&mut bead], 0.3);
-        let recorder = record(folder.path(), "--port unix:bead.sock");
+        let recorder = record(&folder, "--port unix:bead.sock");
         run(&mut [&mut bead], 0.8);
-        let before = bead.kept.len();
+        let before = bead.measured().len();
         bead.unplug();
         run(&mut [&mut bead], 0.4);
         if is_reset {
@@ -282,13 +238,13 @@ fn a_cable_that_is_pulled_for_a_second_and_a_lossy_line_cost_no_strike_nor_does_
             "{said}"
         );
         assert_says(&done(output), ", fetched\n");
-        let names = whole(&open(folder.path()));
+        let names = whole(&open(&folder));
         let expected = &bead.measured()[before..];
         assert!(expected.len() > 30, "{}", expected.len());
         for name in expected {
             assert!(names.contains(name), "strike {name:?}: {said}");
         }
-        // Each is there once. Those that were measured before anybody listened are nobody's.
+        // Each is there once. Strikes from before the recording are not in it.
         assert!(names.is_sorted_by(|one, other| one < other), "{names:?}");
         assert!(!names.contains(&(0, 0)));
     }
@@ -296,8 +252,8 @@ fn a_cable_that_is_pulled_for_a_second_and_a_lossy_line_cost_no_strike_nor_does_
 
 #[test]
 fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
+    let folder = TestFolder::new();
+    let path = &folder;
     let mut seven = StoringBead::new(path, "seven.sock", 7);
     let mut eight = StoringBead::new(path, "eight.sock", 8);
     run(&mut [&mut seven, &mut eight], 0.1);
@@ -306,14 +262,13 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
         ["seven", "./seven", "eight", "silent", "none"].map(|name| format!("--port unix:{name}.sock"));
     let recorder = record(path, &ports.join(" "));
     run(&mut [&mut seven, &mut eight], 0.6);
-    // The second comes and goes.
+    // The second port comes and goes.
     eight.unplug();
     run(&mut [&mut seven, &mut eight], 0.4);
     eight.plug();
     run(&mut [&mut seven, &mut eight], 0.6);
     settle(&mut [&mut seven, &mut eight]);
-    let (status, said) = recorder.interrupt();
-    assert_eq!(status, 0, "{said}");
+    let said = recorder.interrupt(0);
     for part in [
         "unix:./seven.sock is named twice; it is recorded once",
         "cannot connect to unix:none.sock",
@@ -331,7 +286,7 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     assert_eq!(received.recording.beads.len(), 2);
     for (bead, of) in [&seven, &eight].into_iter().zip(received.each()) {
         let names = whole(&of);
-        // From the first whole one on, all are there.
+        // The recording has all from its first one on.
         assert!(names.len() > 25 && bead.measured().ends_with(&names), "{names:?}");
     }
     drop(silent);
@@ -341,8 +296,7 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     let mut other = StoringBead::new(path, "other.sock", 7);
     let recorder = record(path, "--port unix:seven.sock --port unix:other.sock");
     run(&mut [&mut seven, &mut other], 0.8);
-    let (status, said) = recorder.interrupt();
-    assert_eq!(status, 0, "{said}");
+    let said = recorder.interrupt(0);
     assert_says(&said, "two beads have the address 7; give one of them another");
     assert_says(&said, "the others are");
     assert_eq!(open(path).recording.beads.len(), 1);
@@ -350,33 +304,33 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
 
 #[test]
 fn what_a_bead_keeps_is_listed_and_fetched_to_a_recording() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut bead = StoringBead::new(folder.path(), "bead.sock", 7);
+    let folder = TestFolder::new();
+    let mut bead = StoringBead::new(&folder, "bead.sock", 7);
     run(&mut [&mut bead], 0.3);
     let fetch = |bead: &mut StoringBead, arguments: &str| {
         let fetch = format!("fetch --port unix:bead.sock {arguments}");
-        let mut program = RunningProgram::start(folder.path(), &fetch);
+        let mut program = folder.start(&fetch);
         serve(&mut [bead], |_| !program.has_ended());
         program.finish()
     };
     assert_says(&done(fetch(&mut bead, "--format json")), "\"strike\": 0");
     let measured = bead.measured();
-    // In the third case parts of another strike come too.
+    // In the third case the bead sends parts of another strike too.
     for (arguments, repeats, expected) in [
         ("", false, &measured[..]),
         ("1 2", false, &[(0, 1), (0, 2)]),
         ("1 2", true, &[(0, 1), (0, 2)]),
     ] {
-        bead.repeats = repeats;
+        bead.bead.repeats = repeats;
         done(fetch(&mut bead, &format!("{arguments} --out a.mcap --overwrite")));
-        assert_eq!(whole(&open(folder.path())), expected);
+        assert_eq!(whole(&open(&folder)), expected);
     }
-    bead.gave_way = true;
+    bead.bead.kept[1].1.clear();
     let left = fetch(&mut bead, "1 2 --out a.mcap --overwrite");
     refused(&left, 1, "strike 1 of boot 0 gave way");
     let printed = String::from_utf8(left.stdout).unwrap();
     assert_says(&printed, "a.mcap: 1 strikes fetched");
-    assert_eq!(whole(&open(folder.path())), [(0, 2)]);
+    assert_eq!(whole(&open(&folder)), [(0, 2)]);
     let gone = fetch(&mut bead, "999");
     refused(&gone, 1, "the bead does not keep strike 999");
 }

@@ -1,9 +1,9 @@
 //! The program under test: run to its end, started, asked at a port, or typed in a shell.
 
-use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpListener;
+use std::ops::Deref;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
@@ -11,6 +11,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_bead");
 pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -20,15 +21,11 @@ pub(crate) const SCENARIO: &str = concat!(
     "/../../docs/scenarios/paper-strike.toml"
 );
 
-/// Runs `bead` in a folder until it ends.
-pub(crate) fn bead(folder: &Path, arguments: impl IntoIterator<Item: AsRef<OsStr>>) -> Output {
-    let mut command = Command::new(PROGRAM);
-    command.current_dir(folder).args(arguments).output().unwrap()
-}
-
-/// Runs `bead` with the words of a line.
+/// Runs `bead` in a folder with the words of a line, until it ends.
 pub(crate) fn typed(folder: &Path, line: &str) -> Output {
-    bead(folder, line.split_whitespace())
+    let mut command = Command::new(PROGRAM);
+    command.current_dir(folder).args(line.split_whitespace());
+    command.output().unwrap()
 }
 
 /// Text on standard error.
@@ -56,11 +53,8 @@ pub(crate) fn documents(text: &[u8]) -> Vec<Value> {
 /// Asserts that a command failed with this status and one line that holds `part`.
 pub(crate) fn refused(output: &Output, status: i32, part: &str) {
     let said = said(output);
-    assert_eq!(
-        (output.status.code(), said.lines().count()),
-        (Some(status), 1),
-        "{said}"
-    );
+    let lines = said.lines().count();
+    assert_eq!((output.status.code(), lines), (Some(status), 1), "{said}");
     assert_says(&said, part);
 }
 
@@ -69,13 +63,68 @@ pub(crate) fn assert_says(text: &str, part: &str) {
     assert!(text.contains(part), "\"{part}\" is not in: {text}");
 }
 
-/// Names of what is in a folder, in their order.
+/// Names of the entries of a folder, sorted.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let mut names: Vec<_> = names.collect();
     names.sort();
     names
+}
+
+/// A temporary folder in which `bead` runs.
+pub(crate) struct TestFolder(TempDir);
+
+impl TestFolder {
+    pub(crate) fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    /// Runs `bead` with the words of a line.
+    pub(crate) fn run(&self, line: &str) -> Output {
+        typed(self, line)
+    }
+
+    pub(crate) fn done(&self, line: &str) -> String {
+        done(self.run(line))
+    }
+
+    pub(crate) fn json(&self, line: &str) -> Value {
+        json(self.run(line))
+    }
+
+    pub(crate) fn refused(&self, line: &str, status: i32, part: &str) {
+        refused(&self.run(line), status, part);
+    }
+
+    pub(crate) fn start(&self, line: &str) -> RunningProgram {
+        RunningProgram::start(self, line)
+    }
+
+    pub(crate) fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
+        fs::write(self.join(name), contents).unwrap();
+    }
+
+    pub(crate) fn read(&self, name: impl AsRef<Path>) -> Vec<u8> {
+        fs::read(self.join(name)).unwrap()
+    }
+
+    pub(crate) fn text(&self, name: impl AsRef<Path>) -> String {
+        String::from_utf8(self.read(name)).unwrap()
+    }
+
+    /// Names of its entries, between spaces.
+    pub(crate) fn names(&self) -> String {
+        names(self).join(" ")
+    }
+}
+
+impl Deref for TestFolder {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        self.0.path()
+    }
 }
 
 /// Waits until something holds.
@@ -87,8 +136,8 @@ pub(crate) fn until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as
-/// under nohup or in the background of a script.
+/// Prepares `bead` in a folder. It heeds signals even if this test ignores them, as under nohup or in the
+/// background of a script.
 pub(crate) fn interruptible(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new("env");
     command
@@ -99,7 +148,7 @@ pub(crate) fn interruptible(folder: &Path, arguments: &str) -> Command {
     command
 }
 
-/// A running program, killed if a failing test drops it.
+/// A running program. It is killed when it is dropped.
 pub(crate) struct RunningProgram {
     pub(crate) child: Child,
     stdout: Option<BufReader<ChildStdout>>,
@@ -107,7 +156,7 @@ pub(crate) struct RunningProgram {
 }
 
 impl RunningProgram {
-    /// Takes a process with those of its streams that are pipes.
+    /// Wraps a process, with the streams that are pipes.
     pub(crate) fn of(mut child: Child) -> Self {
         Self {
             stdout: child.stdout.take().map(BufReader::new),
@@ -127,7 +176,7 @@ impl RunningProgram {
         Self::spawn(&mut interruptible(folder, arguments))
     }
 
-    /// Waits for a line on standard output. Gives no text when the program ends.
+    /// Waits for a line on standard output. Empty when the program has ended.
     pub(crate) fn line(&mut self) -> String {
         let mut line = String::new();
         self.stdout.as_mut().unwrap().read_line(&mut line).unwrap();
@@ -149,7 +198,7 @@ impl RunningProgram {
         self.child.try_wait().unwrap().is_some()
     }
 
-    /// Waits for the end; returns the exit status and what was not read of both streams.
+    /// Waits for the end. The output holds the rest of both streams.
     pub(crate) fn finish(mut self) -> Output {
         let mut stdout = Vec::new();
         self.stdout.take().unwrap().read_to_end(&mut stdout).unwrap();
@@ -163,19 +212,21 @@ impl RunningProgram {
         }
     }
 
-    /// Reads standard error to its end, and nothing of standard output; returns it with the exit status.
-    pub(crate) fn end(mut self) -> (i32, String) {
+    /// Asserts that it ends with this status and returns the rest of standard error. Standard output is not
+    /// read.
+    pub(crate) fn end(mut self, status: i32) -> String {
         let mut said = String::new();
         if let Some(stderr) = &mut self.stderr {
             stderr.read_to_string(&mut said).unwrap();
         }
-        (self.child.wait().unwrap().code().unwrap(), said)
+        assert_eq!(self.child.wait().unwrap().code(), Some(status), "{said}");
+        said
     }
 
-    /// Interrupts it and waits for its end.
-    pub(crate) fn interrupt(self) -> (i32, String) {
+    /// Interrupts it and asserts that it ends with this status.
+    pub(crate) fn interrupt(self, status: i32) -> String {
         self.signal("INT");
-        self.end()
+        self.end(status)
     }
 }
 
@@ -200,8 +251,8 @@ pub(crate) fn tcp() -> (TcpListener, String) {
     (listener, port)
 }
 
-/// Runs `bead` in a folder with `--port` at a socket. What `bead` sends is given to `peer`, and its answer
-/// sent back, until `bead` hangs up.
+/// Runs `bead` in a folder with `--port` at a socket, whose other end answers with `peer` until `bead` hangs
+/// up.
 pub(crate) fn asked(folder: &Path, arguments: &str, peer: impl FnMut(&[u8]) -> Vec<u8> + Send) -> Output {
     let socket = folder.join("line.sock");
     let _ = fs::remove_file(&socket);
@@ -212,13 +263,13 @@ pub(crate) fn asked(folder: &Path, arguments: &str, peer: impl FnMut(&[u8]) -> V
             let (mut stream, _) = listener.accept().unwrap();
             let mut buffer = [0; 4096];
             while let Ok(length @ 1..) = stream.read(&mut buffer) {
-                // A program that hung up meanwhile reads no more.
+                // The program may have hung up meanwhile.
                 let _ = stream.write_all(&peer(&buffer[..length]));
             }
         });
         let output = typed(folder, &format!("{arguments} --port unix:line.sock"));
         if !listening.is_finished() {
-            // One that never connected leaves the other end waiting.
+            // The program may never have connected: this ends the other side.
             let _ = UnixStream::connect(&socket);
         }
         output

@@ -1,16 +1,17 @@
 //! `bead record` as its users run it: over pseudo-terminals and sockets, interrupted, unplugged, refused.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::iter;
 use std::net::TcpStream;
 use std::os::unix::net::UnixListener;
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use crate::program::{self, PROGRAM, RunningProgram, assert_says, interruptible, names, refused, tcp, typed};
+use crate::program::{
+    self, PROGRAM, RunningProgram, TestFolder, assert_says, interruptible, names, refused, tcp,
+};
 use bead_recording::file::{Recording, State};
 use bead_testing::{Speaker, one_sample_strike};
 use bead_wire::{Acceleration, Codes, Energy, Force, Message, Strike, StrikeFlags, Waveform};
@@ -83,24 +84,24 @@ fn line() -> (File, String) {
     (bead.into(), port)
 }
 
-/// Starts a recorder to `a.mcap`. One that waits in vain ends after a minute, and its test fails.
-fn record(folder: &Path, port: &str, more: &str) -> RunningProgram {
-    RunningProgram::start(
-        folder,
-        &format!("record --port {port} --out a.mcap --duration 60 {more}"),
-    )
+/// Starts a recorder to `a.mcap` in a folder. It ends after a minute, so that a test does not wait in vain.
+fn record(port: &str, more: &str) -> (TestFolder, RunningProgram) {
+    let folder = TestFolder::new();
+    let record = format!("record --port {port} --out a.mcap --duration 60 {more}");
+    let recorder = folder.start(&record);
+    (folder, recorder)
 }
 
-/// Sends [`stream`] to a recorder and waits until its strike is printed: all of it has then been received.
+/// Sends [`stream`] to a recorder and waits until the strike is printed, as all of it has then been received.
 fn strike_is_printed(bead: &mut impl Write, recorder: &mut RunningProgram) {
     bead.write_all(&stream()).unwrap();
     let line = recorder.line();
     assert!(line.starts_with("strike 1 "), "{line}");
 }
 
-/// Asserts that a whole recording holds what was sent between the delimiters, and returns it.
-fn assert_holds(path: &Path, sent: &[u8]) -> Recording {
-    let recording = Recording::open(path).unwrap();
+/// Asserts that `a.mcap` is whole and holds the bytes sent between delimiters. Returns the recording.
+fn assert_holds(folder: &TestFolder, sent: &[u8]) -> Recording {
+    let recording = Recording::open(&folder.join("a.mcap")).unwrap();
     assert_eq!(recording.state, State::Whole);
     let sent = sent.split(|&byte| byte == 0).filter(|run| !run.is_empty());
     let kept = recording.pieces().unwrap().map(|piece| piece.bytes);
@@ -111,29 +112,25 @@ fn assert_holds(path: &Path, sent: &[u8]) -> Recording {
 #[test]
 fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
     let (mut bead, port) = line();
-    let folder = tempfile::tempdir().unwrap();
-    let mut recorder = record(folder.path(), &port, "");
+    let (folder, mut recorder) = record(&port, "");
     bead.write_all(&stream()).unwrap();
     assert_eq!(
         recorder.line(),
         "strike 1 at 0.01032 s: 1.500 N, -1.0 to +5.0 m/s², absorbed 830.00 nJ measured, 812.00 nJ predicted, \
          acceleration_railed\n"
     );
-    // A frame that the end of the recording cuts short is kept too.
+    // A frame cut by the end of the recording is kept too.
     let tail = &waveform(5)[..50];
     bead.write_all(tail).unwrap();
     thread::sleep(Duration::from_millis(500));
-    let (status, said) = recorder.interrupt();
-    assert_eq!(status, 0, "{said}");
-    assert!(
-        said.starts_with("bead: a.mcap: 1 strikes, 3 frames in "),
-        "{said}"
-    );
+    let said = recorder.interrupt(0);
+    let begin = "bead: a.mcap: 1 strikes, 3 frames in ";
+    assert!(said.starts_with(begin), "{said}");
     assert_says(&said, "; 2 lost, 1 corrupt, 0 restarts");
 
-    assert_eq!(names(folder.path()), ["a.mcap"]);
-    let recording = assert_holds(&folder.path().join("a.mcap"), &[&stream(), tail].concat());
-    // Every run has its time, to the second that this test takes.
+    assert_eq!(folder.names(), "a.mcap");
+    let recording = assert_holds(&folder, &[&stream(), tail].concat());
+    // Every run has the time of its receipt.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
     for run in recording.pieces().unwrap() {
         assert!(now - run.received_ns.unwrap() < 60_000_000_000);
@@ -146,16 +143,14 @@ fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
 #[test]
 fn a_megabyte_over_tcp_is_recorded_to_the_last_byte_before_the_server_closes() {
     let (listener, port) = tcp();
-    let folder = tempfile::tempdir().unwrap();
-    let recorder = record(folder.path(), &port, "--wait 0");
+    let (folder, recorder) = record(&port, "--wait 0");
     let (mut bead, _) = listener.accept().unwrap();
     let sent: Vec<u8> = (0..9000).flat_map(waveform).collect();
     assert!(sent.len() > 1 << 20);
     bead.write_all(&sent).unwrap();
     drop(bead);
-    let (status, said) = recorder.end();
-    assert_eq!(status, 3, "{said}");
-    let recording = assert_holds(&folder.path().join("a.mcap"), &sent);
+    recorder.end(3);
+    let recording = assert_holds(&folder, &sent);
     assert_eq!(recording.about.source, port);
     assert_eq!(recording.about.notes.get("baud"), None);
 }
@@ -163,96 +158,87 @@ fn a_megabyte_over_tcp_is_recorded_to_the_last_byte_before_the_server_closes() {
 #[test]
 fn a_duration_ends_a_recording_with_status_0_and_a_dated_name() {
     let (mut bead, port) = line();
-    let folder = tempfile::tempdir().unwrap();
+    let folder = TestFolder::new();
     bead.write_all(&identity(0)).unwrap();
     let started = Instant::now();
-    program::done(typed(
-        folder.path(),
-        &format!("record --port {port} --duration 0.7"),
-    ));
+    let record = format!("record --port {port} --duration 0.7");
+    folder.done(&record);
     assert!(started.elapsed() >= Duration::from_millis(700));
-    let names = names(folder.path());
+    let name = folder.names();
     let digit = |letter: char| if letter.is_ascii_digit() { '0' } else { letter };
-    let shapes: Vec<String> = names
-        .iter()
-        .map(|name| name.chars().map(digit).collect())
-        .collect();
-    assert_eq!(shapes, ["bead-00000000-000000.mcap"]);
-    assert_holds(&folder.path().join(&names[0]), &identity(0));
+    let shape: String = name.chars().map(digit).collect();
+    assert_eq!(shape, "bead-00000000-000000.mcap");
+    fs::rename(folder.join(name), folder.join("a.mcap")).unwrap();
+    assert_holds(&folder, &identity(0));
 }
 
 #[test]
 fn a_long_recording_goes_on_in_further_files_of_which_each_is_whole() {
     let (mut bead, port) = line();
-    let folder = tempfile::tempdir().unwrap();
-    let recorder = record(folder.path(), &port, "--split 1");
+    let (folder, recorder) = record(&port, "--split 1");
     for second in 0..3 {
         bead.write_all(&identity(second)).unwrap();
         thread::sleep(Duration::from_millis(1100));
     }
-    let (status, said) = recorder.interrupt();
-    assert_eq!(status, 0, "{said}");
+    let said = recorder.interrupt(0);
     assert_says(&said, "bead: a.mcap is complete; the recording goes on");
     assert_says(&said, "bead: a.mcap, a-2.mcap, ");
     assert_says(&said, " 3 frames in ");
-    let recordings = names(folder.path())
-        .into_iter()
-        .map(|name| folder.path().join(name));
-    let recordings = recordings.map(|path| Recording::open(&path).unwrap());
-    let frames = recordings.inspect(|recording| assert_eq!(recording.state, State::Whole));
-    assert_eq!(frames.map(|recording| recording.runs).sum::<u64>(), 3);
+    let mut frames = 0;
+    for name in names(&folder) {
+        let recording = Recording::open(&folder.join(name)).unwrap();
+        assert_eq!(recording.state, State::Whole);
+        frames += recording.runs;
+    }
+    assert_eq!(frames, 3);
 }
 
 #[test]
 fn standard_output_that_is_full_costs_no_recording() {
     let (mut bead, port) = line();
-    let folder = tempfile::tempdir().unwrap();
+    let folder = TestFolder::new();
     let sent = [stream(), identity(5)].concat();
     bead.write_all(&sent).unwrap();
     let record = format!("record --port {port} --out a.mcap --duration 0.5");
     let full = File::options().write(true).open("/dev/full").unwrap();
-    let output = interruptible(folder.path(), &record)
-        .stdout(full)
-        .output()
-        .unwrap();
+    let mut recorder = interruptible(&folder, &record);
+    let output = recorder.stdout(full).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     let said = program::said(&output);
     assert_says(&said, "cannot write to standard output");
-    assert_holds(&folder.path().join("a.mcap"), &sent);
+    assert_holds(&folder, &sent);
 }
 
 #[test]
 fn a_port_or_a_name_that_is_in_use_is_refused_and_what_uses_it_goes_on() {
     let [(mut bead, port), (_other_bead, other)] = [line(), line()];
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let mut recorder = record(folder, &port, "");
+    let (folder, mut recorder) = record(&port, "");
     strike_is_printed(&mut bead, &mut recorder);
-    let busy = typed(folder, &format!("record --port {port} --out b.mcap"));
+    let busy = folder.run(&format!("record --port {port} --out b.mcap"));
     refused(&busy, 3, &format!("bead: {port} is in use by another program"));
     for overwrite in ["", "--overwrite"] {
-        let taken = typed(folder, &format!("record --port {other} --out a.mcap {overwrite}"));
+        let taken = folder.run(&format!("record --port {other} --out a.mcap {overwrite}"));
         refused(&taken, 2, "another program is recording to a.mcap");
     }
     recorder.signal("TERM");
-    assert_eq!(recorder.end().0, 0);
-    assert_eq!(names(folder), ["a.mcap"]);
-    assert_holds(&folder.join("a.mcap"), &stream());
+    recorder.end(0);
+    assert_eq!(folder.names(), "a.mcap");
+    assert_holds(&folder, &stream());
     let again = format!("record --port {port} --out a.mcap --overwrite --duration 0.1");
-    assert_eq!(typed(folder, &again).status.code(), Some(3));
-    assert_holds(&folder.join("a.mcap"), &[]);
+    assert_eq!(folder.run(&again).status.code(), Some(3));
+    assert_holds(&folder, &[]);
 }
 
 #[test]
 fn a_terminal_that_goes_away_ends_a_recording_as_ctrl_c_does_and_nohup_keeps_it() {
-    // `nohup` ignores the signal, which is handed on to what it runs.
+    // A program started by `nohup` inherits that the signal is ignored.
     for (begin, signals) in [("", "INT,TERM,HUP"), ("trap '' HUP;", "INT,TERM")] {
         let (mut bead, port) = line();
-        let folder = tempfile::tempdir().unwrap();
+        let folder = TestFolder::new();
         let record = format!("{PROGRAM} record --port {port} --out a.mcap --duration 60");
         let script = format!("{begin} exec env --default-signal={signals} {record}");
         let mut command = Command::new("sh");
-        let mut recorder = RunningProgram::spawn(command.args(["-c", &script]).current_dir(&folder));
+        let mut recorder = RunningProgram::spawn(command.args(["-c", &script]).current_dir(&*folder));
         strike_is_printed(&mut bead, &mut recorder);
         recorder.signal("HUP");
         if !begin.is_empty() {
@@ -260,48 +246,47 @@ fn a_terminal_that_goes_away_ends_a_recording_as_ctrl_c_does_and_nohup_keeps_it(
             assert!(!recorder.has_ended());
             recorder.signal("TERM");
         }
-        assert_eq!(recorder.end().0, 0);
-        assert_holds(&folder.path().join("a.mcap"), &stream());
+        recorder.end(0);
+        assert_holds(&folder, &stream());
     }
 }
 
 #[test]
 fn a_reader_of_standard_output_that_pauses_holds_nothing_up() {
     let (listener, port) = tcp();
-    let folder = tempfile::tempdir().unwrap();
     // Nobody reads what it prints.
-    let recorder = record(folder.path(), &port, "");
+    let (folder, recorder) = record(&port, "");
     let (mut bead, _) = listener.accept().unwrap();
     let sent: Vec<u8> = (0..20_000).flat_map(strike).collect();
     bead.write_all(&sent).unwrap();
     thread::sleep(Duration::from_millis(500));
     let signalled = Instant::now();
-    let (status, said) = recorder.interrupt();
+    let said = recorder.interrupt(0);
     assert!(signalled.elapsed() < Duration::from_secs(5));
-    assert_eq!(status, 0, "{said}");
+
     assert_says(&said, "lines are missing there");
-    assert_holds(&folder.path().join("a.mcap"), &sent);
+    assert_holds(&folder, &sent);
 }
 
 #[test]
 fn standard_error_that_is_closed_costs_no_recording() {
     let (mut bead, port) = line();
-    let folder = tempfile::tempdir().unwrap();
+    let folder = TestFolder::new();
     bead.write_all(&identity(0)).unwrap();
     let (reader, closed) = io::pipe().unwrap();
     drop(reader);
     // It ends between two ends of a file.
     let record = format!("record --port {port} --out a.mcap --split 1 --duration 1.5");
-    let mut command = interruptible(folder.path(), &record);
+    let mut command = interruptible(&folder, &record);
     let mut recorder = command.stdout(Stdio::null()).stderr(closed).spawn().unwrap();
     let started = Instant::now();
     while recorder.try_wait().unwrap().is_none() && started.elapsed() < Duration::from_secs(30) {
         thread::sleep(Duration::from_millis(20));
     }
-    // If it is still there, the test has failed, and it is to end.
+    // A recorder that still runs has failed the test.
     let _ = recorder.kill();
     assert_eq!(recorder.wait().unwrap().code(), Some(0));
-    assert_eq!(names(folder.path()), ["a-2.mcap", "a.mcap"]);
+    assert_eq!(folder.names(), "a-2.mcap a.mcap");
 }
 
 #[test]
@@ -311,39 +296,38 @@ fn a_server_that_takes_each_connection_and_closes_it_is_given_up_after_wait() {
         let (mut first, _) = listener.accept().unwrap();
         first.write_all(&identity(0)).unwrap();
         drop(first);
-        // The others hear nothing. It ends with the test.
+        // Later connections get nothing. The thread ends with the test.
         listener.incoming().for_each(drop);
     });
-    let folder = tempfile::tempdir().unwrap();
-    let (status, said) = record(folder.path(), &port, "--wait 0.7").end();
-    assert_eq!((status, said.lines().count()), (3, 2), "{said}");
+    let (folder, recorder) = record(&port, "--wait 0.7");
+    let said = recorder.end(3);
+    assert_eq!(said.lines().count(), 2, "{said}");
     assert_says(&said, "the recording goes on when it is back");
     assert_says(&said, "all that came before is in a.mcap");
-    assert_holds(&folder.path().join("a.mcap"), &identity(0));
+    assert_holds(&folder, &identity(0));
 }
 
 #[test]
 fn a_recording_that_is_interrupted_while_a_server_does_not_answer_ends_at_once() {
     let (listener, port) = tcp();
-    let folder = tempfile::tempdir().unwrap();
-    let mut recorder = record(folder.path(), &port, "");
+    let (folder, mut recorder) = record(&port, "");
     let (mut bead, _) = listener.accept().unwrap();
     bead.write_all(&identity(0)).unwrap();
-    // As many as wait to be accepted: after that the system leaves who connects without an answer.
+    // Fill the backlog of the listener: the system then leaves further connections without an answer.
     let address = listener.local_addr().unwrap();
     let connect = || TcpStream::connect_timeout(&address, Duration::from_millis(300));
     let _waiting: Vec<TcpStream> = iter::from_fn(|| connect().ok()).collect();
     drop(bead);
     let line = recorder.error_line();
     assert_says(&line, &format!("{port} went away"));
-    // By then it has asked the server.
+    // The recorder tries to connect meanwhile.
     thread::sleep(Duration::from_millis(400));
     let signalled = Instant::now();
-    let (status, said) = recorder.interrupt();
+    let said = recorder.interrupt(0);
     assert!(signalled.elapsed() < Duration::from_secs(3));
-    assert_eq!(status, 0, "{said}");
+
     assert_says(&said, "was not back at the end");
-    assert_holds(&folder.path().join("a.mcap"), &identity(0));
+    assert_holds(&folder, &identity(0));
 }
 
 #[test]
@@ -352,10 +336,11 @@ fn one_of_two_ports_that_goes_away_is_told_and_without_wait_it_ends_the_recordin
         (0, 3, "all that came before is in"),
         (60, 0, "was not back at the end"),
     ] {
-        let folder = tempfile::tempdir().unwrap();
-        let [one, other] = ["one", "other"].map(|name| UnixListener::bind(folder.path().join(name)).unwrap());
+        let folder = TestFolder::new();
+        let [one, other] = ["one", "other"].map(|name| UnixListener::bind(folder.join(name)).unwrap());
         let more = format!("--port unix:other --wait {wait}");
-        let mut recorder = record(folder.path(), "unix:one", &more);
+        let record = format!("record --port unix:one --out a.mcap --duration 60 {more}");
+        let mut recorder = folder.start(&record);
         let (mut bead, _) = one.accept().unwrap();
         let _silent = other.accept().unwrap();
         bead.write_all(&stream()).unwrap();
@@ -365,8 +350,7 @@ fn one_of_two_ports_that_goes_away_is_told_and_without_wait_it_ends_the_recordin
             recorder.error_line();
             recorder.signal("INT");
         }
-        let (status, said) = recorder.end();
-        assert_eq!(status, expected, "{said}");
+        let said = recorder.end(expected);
         let is_told = |line: &str| line.starts_with("bead: unix:one went away (") && line.contains(end);
         assert!(said.lines().any(is_told), "{said}");
     }

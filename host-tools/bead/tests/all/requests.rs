@@ -1,29 +1,29 @@
-//! `bead command`, `bead settings` and `bead fetch` at a line where something is wrong.
+//! `bead command`, `bead settings` and `bead fetch` over lines that lose frames and at beads that misbehave.
 
 use std::fs;
 use std::os::unix::net::UnixListener;
 use std::process::Output;
 
-use crate::program::{self, RunningProgram, asked, assert_says, refused, said, until};
+use crate::program::{self, TestFolder, asked, assert_says, refused, said, until};
 use bead_testing::Speaker;
 use bead_wire::{
     Block, Check, Codes, Identity, Kept, Link, Outcome, Raw, ReceivedRequest, Request, SelfTest, Settings,
 };
 
-/// Runs `bead` at a bead that answers each request as `answer` says. Where it adds 1 to its sequence, a frame
-/// is lost on the way.
+/// Runs `bead` at a bead that answers each request by `answer`, which adds 1 to the bead's sequence to lose a
+/// frame.
 fn at_bead(arguments: &str, mut answer: impl FnMut(&mut Speaker, &ReceivedRequest) + Send) -> Output {
     let mut bead = Speaker::default();
-    let folder = tempfile::tempdir().unwrap();
+    let folder = TestFolder::new();
     let arguments = format!("{arguments} --timeout 0.3");
-    asked(folder.path(), &arguments, |bytes| bead.answer(bytes, &mut answer))
+    asked(&folder, &arguments, |bytes| bead.answer(bytes, &mut answer))
 }
 
 #[test]
 fn a_bead_that_says_nothing_gets_one_line_and_status_3_after_three_tries() {
     let mut heard = Vec::new();
-    let folder = tempfile::tempdir().unwrap();
-    let output = asked(folder.path(), "command arm --timeout 0.3", |bytes| {
+    let folder = TestFolder::new();
+    let output = asked(&folder, "command arm --timeout 0.3", |bytes| {
         heard.extend_from_slice(bytes);
         Vec::new()
     });
@@ -36,7 +36,7 @@ fn a_bead_that_says_nothing_gets_one_line_and_status_3_after_three_tries() {
 
 #[test]
 fn only_the_reply_to_its_own_request_ends_a_command() {
-    // One that sends and does not reply.
+    // The bead sends, and never replies.
     let deaf = at_bead("command arm", |bead, _| {
         let block = Block::try_from(&[1][..]).unwrap();
         bead.say(0, Settings { block });
@@ -53,7 +53,7 @@ fn only_the_reply_to_its_own_request_ends_a_command() {
     });
     assert_eq!((said(&busy), copies), (String::new(), 2));
     program::done(busy);
-    // The frame that the reply ends is lost.
+    // The frame before the reply is lost.
     let lossy = at_bead("command status", |bead, asked| {
         bead.sequence += 1;
         bead.reply(asked.number, Outcome::Done);
@@ -64,19 +64,19 @@ fn only_the_reply_to_its_own_request_ends_a_command() {
 
 #[test]
 fn a_key_that_the_bead_may_have_taken_is_kept() {
-    let folder = tempfile::tempdir().unwrap();
-    let key = folder.path().join("new.key");
+    let folder = TestFolder::new();
+    let key = folder.join("new.key");
     let mut copies = 0;
     let give = format!("settings key --new {}", key.display());
     let output = at_bead(&give, |bead, asked| {
         let is_key = matches!(asked.request, Ok(Request::SetKey { .. }));
         copies += u32::from(is_key);
         if is_key && copies > 1 {
-            // It refuses what is not signed.
+            // The bead refuses the unsigned copy.
             bead.reply(asked.number, Outcome::Unsigned);
         } else {
-            // The bead takes the key, and its reply is lost. Its identity is lost too, so it cannot be found
-            // out whether it has the key.
+            // The bead takes the key, and its reply is lost. So is its identity, by which the command would
+            // know.
             bead.sequence += 1;
             if !is_key {
                 bead.reply(asked.number, Outcome::Done);
@@ -90,22 +90,19 @@ fn a_key_that_the_bead_may_have_taken_is_kept() {
 
 #[test]
 fn a_key_that_is_being_given_when_the_command_is_interrupted_is_told() {
-    let folder = tempfile::tempdir().unwrap();
-    let _silent = UnixListener::bind(folder.path().join("bead.sock")).unwrap();
+    let folder = TestFolder::new();
+    let _silent = UnixListener::bind(folder.join("bead.sock")).unwrap();
     let give = "settings key --new new.key --port unix:bead.sock --timeout 60";
-    let giving = RunningProgram::start(folder.path(), give);
-    until("the key is made", || folder.path().join("new.key").exists());
-    let (status, said) = giving.interrupt();
-    assert_eq!(status, 130);
-    assert_says(
-        &said,
-        "interrupted; the bead may have taken the key in new.key: keep it",
-    );
+    let giving = folder.start(give);
+    until("the key is made", || folder.join("new.key").exists());
+    let said = giving.interrupt(130);
+    let part = "interrupted; the bead may have taken the key in new.key: keep it";
+    assert_says(&said, part);
 }
 
 #[test]
 fn a_self_test_of_which_a_part_is_lost_is_asked_for_again() {
-    // Acceleration fails; of the first `lossy` answers that result is lost.
+    // The check of the acceleration fails. Its result is lost in the first `lossy` answers.
     let tested = |lossy: u32| {
         let mut copies = 0;
         at_bead("command self-test", |bead, asked| {
@@ -129,8 +126,7 @@ fn a_self_test_of_which_a_part_is_lost_is_asked_for_again() {
 
 #[test]
 fn a_list_of_which_a_part_is_lost_is_asked_for_again_and_names_each_strike_once() {
-    // A frame is lost; then the reply, so that the next copy has its number; at last the answer to a copy
-    // comes late.
+    // The first list lacks a frame, the second its reply, and the last comes twice.
     let mut lists = [&[1, 2][..], &[0, 1, 2], &[0, 1, 2], &[0, 1, 2, 0, 1, 2]].into_iter();
     let output = at_bead("fetch --format json", |bead, asked| {
         if asked.request != Ok(Request::ListKept) {
@@ -177,8 +173,8 @@ fn a_line_end_in_the_text_of_a_bead_begins_no_row() {
 #[test]
 fn of_a_raw_stream_without_end_so_much_is_kept_as_a_bead_may_send() {
     const SENT: u64 = (1 << 17) + 10;
-    let folder = tempfile::tempdir().unwrap();
-    let scans = folder.path().join("scans.csv");
+    let folder = TestFolder::new();
+    let scans = folder.join("scans.csv");
     let stream = format!("command raw --duration 0.001 --out {}", scans.display());
     let output = at_bead(&stream, |bead, asked| {
         let mut link = Link::default();

@@ -1,16 +1,13 @@
-//! `bead compare` of a recording of several beads: what it says of a row, and of a row in which something is
-//! missing.
+//! `bead compare` of a recording of several beads, whole and with something missing.
 
-use std::fs;
 use std::process::Output;
 
-use crate::program::{ROOT, assert_says, documents, done, refused, said, typed};
-use crate::rows::{RowBead, record};
+use crate::program::{ROOT, TestFolder, assert_says, documents, done, refused, said};
+use crate::rows::{ModelBead, record};
 use hertz_chain::Scenario;
 use serde_json::Value;
-use tempfile::TempDir;
 
-/// Elastic beads with light intruders in these hosts, of which the wave has passed all at the end.
+/// Elastic beads with light intruders in these hosts. The wave has passed them all at the end.
 pub(crate) fn light_intruders(hosts: &[usize]) -> Scenario {
     let mut scenario = Scenario::load(format!("{ROOT}/docs/scenarios/row-of-ten.toml")).unwrap();
     (scenario.chain.beads, scenario.duration) = (32, 0.007);
@@ -19,24 +16,24 @@ pub(crate) fn light_intruders(hosts: &[usize]) -> Scenario {
 }
 
 /// A folder with a recording, `row.mcap`.
-struct RecordedRow(TempDir);
+struct RecordedRow(TestFolder);
 
 impl RecordedRow {
-    fn of(scenario: &Scenario, beads: &[RowBead], strikes: u32) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        record(&folder.path().join("row.mcap"), scenario, beads, strikes);
+    fn of(scenario: &Scenario, beads: &[ModelBead], strikes: u32) -> Self {
+        let folder = TestFolder::new();
+        record(&folder.join("row.mcap"), scenario, beads, strikes);
         Self(folder)
     }
 
     fn write(&self, name: &str, scenario: &Scenario) {
-        fs::write(self.0.path().join(name), scenario.to_toml()).unwrap();
+        self.0.write(name, scenario.to_toml());
     }
 
     fn compare(&self, more: &str) -> Output {
-        typed(self.0.path(), &format!("compare row.mcap {more}"))
+        self.0.run(&format!("compare row.mcap {more}"))
     }
 
-    /// The result as JSON, and the notes on standard error, after an end with this status.
+    /// Asserts the exit status of `bead compare`. Returns its result as JSON and its notes on standard error.
     fn compared(&self, more: &str, status: i32) -> (Value, String) {
         let output = self.compare(&format!("--format json {more}"));
         let notes = said(&output);
@@ -50,12 +47,12 @@ fn number(value: &Value) -> f64 {
 }
 
 /// The values of a key in each object of a list.
-fn each(list: &Value, key: &str) -> Value {
+fn each(list: &Value, key: &str) -> Vec<Value> {
     let list = list.as_array().unwrap().iter();
     list.map(|object| object[key].clone()).collect()
 }
 
-/// Asserts that T by A and by B is the simulation's, and that arrivals are, if they are known.
+/// Asserts that T by A and by B is that of the simulation, and that known arrivals are.
 fn assert_close(compared: &Value) {
     for (side, most) in [("by_a", 0.002), ("by_b", 0.005)] {
         for after in compared["energy"]["after"].as_array().unwrap() {
@@ -74,16 +71,11 @@ fn assert_close(compared: &Value) {
 #[test]
 fn a_row_is_compared_whole_with_a_page_and_figures() {
     let hosts = [7, 8, 9, 10];
-    let row = RecordedRow::of(&light_intruders(&hosts), &hosts.map(RowBead::at), 1);
+    let row = RecordedRow::of(&light_intruders(&hosts), &hosts.map(ModelBead::at), 1);
     let (compared, notes) = row.compared("--report row.html --figures figures", 0);
-    assert_eq!(
-        (&each(&compared["beads"], "bead"), &notes[..]),
-        (&hosts[..].into(), "")
-    );
-    assert_eq!(
-        (&compared["pass"], &compared["strikes"]),
-        (&true.into(), &1.into())
-    );
+    assert_eq!(notes, "");
+    assert_eq!(each(&compared["beads"], "bead"), hosts);
+    assert!(compared["pass"] == true && compared["strikes"] == 1);
     assert_close(&compared);
     let speeds = compared["arrivals"]["speeds"].as_array().unwrap();
     assert_eq!(speeds.len(), 3);
@@ -91,10 +83,7 @@ fn a_row_is_compared_whole_with_a_page_and_figures() {
         let off = number(&speed["device"]) / number(&speed["f64_chain"]) - 1.0;
         assert!(off.abs() < 3e-3, "{speed}");
     }
-    assert_eq!(
-        each(&compared["beads"], "replay_identical"),
-        Value::from(vec![true; 4])
-    );
+    assert_eq!(each(&compared["beads"], "replay_identical"), [true; 4]);
     // The line through E(n) has the same T by the beads as in the simulation.
     let fit = &compared["energy"]["fit"];
     let difference = number(&fit["by_a"]["transmission"]) - number(&fit["f64_chain"]["transmission"]);
@@ -106,7 +95,7 @@ fn a_row_is_compared_whole_with_a_page_and_figures() {
         assert!(difference.abs() < 2e-3, "{after}");
     }
 
-    let read = |name: &str| fs::read_to_string(row.0.path().join(name)).unwrap();
+    let read = |name: &str| row.0.text(name);
     let (page, table) = (read("row.html"), done(row.compare("")));
     for part in [
         "Every check passed",
@@ -126,71 +115,60 @@ fn a_row_is_compared_whole_with_a_page_and_figures() {
 
 #[test]
 fn beads_that_are_not_neighbours_may_come_in_any_order() {
-    let row = RecordedRow::of(&light_intruders(&[12, 9, 7]), &[12, 7, 9].map(RowBead::at), 1);
+    let row = RecordedRow::of(&light_intruders(&[12, 9, 7]), &[12, 7, 9].map(ModelBead::at), 1);
     let (compared, notes) = row.compared("", 0);
-    assert_eq!(
-        (each(&compared["beads"], "bead"), &notes[..]),
-        (vec![7, 9, 12].into(), "")
-    );
+    assert_eq!(notes, "");
+    assert_eq!(each(&compared["beads"], "bead"), [7, 9, 12]);
     assert_close(&compared);
     let speeds = &compared["arrivals"]["speeds"];
-    assert_eq!(
-        (each(speeds, "from"), each(speeds, "to")),
-        (vec![7, 9].into(), vec![9, 12].into())
-    );
+    assert_eq!(each(speeds, "from"), [7, 9]);
+    assert_eq!(each(speeds, "to"), [9, 12]);
 }
 
 #[test]
 fn what_one_bead_lacks_is_said_in_a_line_and_the_others_go_on() {
     let hosts = [7, 8, 9, 10];
     let scenario = light_intruders(&hosts);
-    // A bead that did not record: its energy is the simulation's, and no line is fitted over the gap.
-    let row = RecordedRow::of(&scenario, &[7, 8, 10].map(RowBead::at), 1);
+    // Bead 9 did not record: its energy is that of the simulation, and no line is fitted over the gap.
+    let row = RecordedRow::of(&scenario, &[7, 8, 10].map(ModelBead::at), 1);
     let (compared, notes) = row.compared("", 0);
     assert_says(&notes, "bead 9 of the scenario did not record");
-    assert_eq!(each(&compared["beads"], "bead"), Value::from(vec![7, 8, 10]));
+    assert_eq!(each(&compared["beads"], "bead"), [7, 8, 10]);
     assert_eq!(compared["energy"]["fit"]["by_a"], Value::Null);
-    assert_eq!(compared["energy"]["not_measured"], Value::from(vec![9]));
+    assert_eq!(compared["energy"]["not_measured"][0], 9);
     assert_close(&compared);
 
-    // One of another scenario, and one where no intruder is.
-    let mut beads = hosts.map(RowBead::at);
+    // A bead carries another scenario, and one has no intruder.
+    let mut beads = hosts.map(ModelBead::at);
     beads[1].carries = Some("title = \"another\"".to_owned());
     let row = RecordedRow::of(&scenario, &beads, 1);
     let (compared, notes) = row.compared("", 0);
-    assert_says(
-        &notes,
-        "bead 8 (address 8) is left out: it carries another scenario",
-    );
-    assert_eq!(each(&compared["beads"], "bead"), Value::from(vec![7, 9, 10]));
+    let part = "bead 8 (address 8) is left out: it carries another scenario";
+    assert_says(&notes, part);
+    assert_eq!(each(&compared["beads"], "bead"), [7, 9, 10]);
     row.write("other.toml", &light_intruders(&[7, 8, 10]));
     let (compared, notes) = row.compared("--scenario other.toml", 1);
     let reason = "bead 9 (address 9) is left out: it has no intruder in this scenario";
     assert_says(&notes, reason);
-    assert_eq!(each(&compared["beads"], "bead"), Value::from(vec![7, 10]));
+    assert_eq!(each(&compared["beads"], "bead"), [7, 10]);
 
-    // One that never saw the strike, and one that is not on the sync line.
-    let mut beads = hosts.map(RowBead::at);
+    // A bead never saw the strike, and one is not on the sync line.
+    let mut beads = hosts.map(ModelBead::at);
     beads[1].lost = vec![0];
     beads[2].synced = false;
     let (compared, notes) = RecordedRow::of(&scenario, &beads, 1).compared("", 0);
     assert_says(&notes, "bead 8 never saw a strike");
     assert_says(&notes, "bead 9 is not on the common time");
-    assert_eq!(
-        each(&compared["arrivals"]["beads"], "bead"),
-        Value::from(vec![7, 10])
-    );
+    assert_eq!(each(&compared["arrivals"]["beads"], "bead"), [7, 10]);
     assert_eq!(compared["arrivals"]["speeds"], Value::Array(vec![]));
 
     // Without a common time there are energies and no arrivals.
-    beads
-        .iter_mut()
-        .for_each(|bead| (bead.synced, bead.lost) = (false, Vec::new()));
+    for bead in &mut beads {
+        (bead.synced, bead.lost) = (false, Vec::new());
+    }
     let (compared, notes) = RecordedRow::of(&scenario, &beads, 1).compared("--figures figures", 0);
-    assert!(
-        notes.contains("no common time") && notes.lines().count() == 1,
-        "{notes}"
-    );
+    assert_says(&notes, "no common time");
+    assert_eq!(notes.lines().count(), 1);
     assert_eq!(compared["arrivals"]["off_rms_s"], Value::Null);
     assert!(number(&compared["energy"]["fit"]["by_b"]["transmission"]) < 1.0);
     assert_close(&compared);
@@ -198,7 +176,7 @@ fn what_one_bead_lacks_is_said_in_a_line_and_the_others_go_on() {
 
 #[test]
 fn several_strikes_are_judged_together_also_where_a_bead_lost_one() {
-    let mut beads = [7, 8, 9].map(RowBead::at);
+    let mut beads = [7, 8, 9].map(ModelBead::at);
     beads[1].lost = vec![0];
     let row = RecordedRow::of(&light_intruders(&[7, 8, 9]), &beads, 3);
     let (compared, notes) = row.compared("", 0);
@@ -212,21 +190,18 @@ fn several_strikes_are_judged_together_also_where_a_bead_lost_one() {
 
 #[test]
 fn a_check_that_says_no_names_its_bead_and_a_replay_that_differs_is_the_gravest() {
-    let mut beads = [7, 8, 9].map(RowBead::at);
+    let mut beads = [7, 8, 9].map(ModelBead::at);
     beads[0].frames_lost = 1;
     beads[2].wrong_by = 1;
     let mut scenario = light_intruders(&[7, 8, 9]);
     let (compared, notes) = RecordedRow::of(&scenario, &beads, 1).compared("", 1);
     assert_says(&notes, "bead 9: replay differs");
-    assert_eq!(
-        each(&compared["beads"], "pass"),
-        Value::from(vec![false, true, false])
-    );
+    assert_eq!(each(&compared["beads"], "pass"), [false, true, false]);
     let failure = compared["beads"][0]["failure"].as_str().unwrap();
     assert_says(failure, "1 frame lost");
 
-    // A striker that was faster than the scenario says: every A is off, and the fitted velocity mends it.
-    let row = RecordedRow::of(&scenario, &[7, 8, 9].map(RowBead::at), 1);
+    // The striker was faster than in the scenario: every A is off until the velocity is fitted.
+    let row = RecordedRow::of(&scenario, &[7, 8, 9].map(ModelBead::at), 1);
     scenario.striker.velocity *= 0.99;
     row.write("slow.toml", &scenario);
     let (_, notes) = row.compared("--scenario slow.toml", 1);
@@ -241,13 +216,13 @@ fn a_check_that_says_no_names_its_bead_and_a_replay_that_differs_is_the_gravest(
     refused(
         &row.compare("--bead 3"),
         2,
-        "has the beads [7, 8, 9]; give --bead one of them",
+        "has the beads [7, 8, 9]; give --bead",
     );
 }
 
 #[test]
 fn beads_without_strikes_and_those_of_another_chain_cannot_be_compared() {
-    let mut beads = [7, 8].map(RowBead::at);
+    let mut beads = [7, 8].map(ModelBead::at);
     beads.iter_mut().for_each(|bead| bead.lost = vec![0]);
     let row = RecordedRow::of(&light_intruders(&[7, 8, 9]), &beads, 1);
     refused(&row.compare(""), 2, "no strike among its");
@@ -259,8 +234,8 @@ fn beads_without_strikes_and_those_of_another_chain_cannot_be_compared() {
 
 #[test]
 fn the_velocity_is_that_of_the_first_bead_whose_strikes_tell_it_and_one_alone_says_why_not() {
-    let mut beads = [7, 8].map(RowBead::at);
-    // Its first samples.
+    let mut beads = [7, 8].map(ModelBead::at);
+    // Bead 7 lost its first samples.
     (beads[0].synced, beads[0].frames_lost) = (false, 1);
     let row = RecordedRow::of(&light_intruders(&[7, 8]), &beads, 1);
     let (compared, notes) = row.compared("--velocity fit", 1);
@@ -268,7 +243,7 @@ fn the_velocity_is_that_of_the_first_bead_whose_strikes_tell_it_and_one_alone_sa
     let velocity = number(&compared["striker_velocity"]["velocity"]);
     assert!((velocity / 0.45 - 1.0).abs() < 1e-3, "{velocity}");
 
-    // The comparison is told also where there is nothing to draw.
+    // The comparison is printed although there is nothing to draw.
     let (compared, notes) = row.compared("--bead 7 --figures figures", 1);
     assert_eq!(compared["strikes"].as_array().unwrap().len(), 1);
     assert_says(&notes, "--figures has nothing to draw");
@@ -278,13 +253,13 @@ fn the_velocity_is_that_of_the_first_bead_whose_strikes_tell_it_and_one_alone_sa
 
 #[test]
 fn echoes_are_not_held_against_the_chain_and_tell_no_velocity() {
-    // A striker so heavy that the beads part, and meet again after the window.
+    // The striker is so heavy that the beads part and meet again after the window.
     let mut scenario = Scenario::paper();
     (scenario.striker.radius, scenario.striker.velocity) = (0.009, 1.0);
-    let struck = RecordedRow::of(&scenario, &[RowBead::at(8)], 2);
+    let struck = RecordedRow::of(&scenario, &[ModelBead::at(8)], 2);
     let (compared, notes) = struck.compared("--velocity fit", 0);
     assert_eq!(compared["strikes"].as_array().unwrap().len(), 2);
     assert_eq!(compared["striker_velocity"]["strikes"], 2);
-    // That of the last strike comes too late for the recording.
+    // The echo of the last strike comes after the recording.
     assert_says(&notes, "as a wave came again: 1");
 }

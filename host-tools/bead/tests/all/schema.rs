@@ -1,4 +1,4 @@
-//! JSON schemas in docs/schemas: that they are up to date, and that documents hold them.
+//! Compares schemas with those in docs/schemas, and holds documents against these.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -21,7 +21,7 @@ pub(crate) fn hold(folder: &str, name: &str, schema: &Value) {
     );
 }
 
-/// The schema without its texts for people.
+/// Removes the descriptions from a schema.
 fn without_descriptions(schema: &Value) -> Value {
     let mut schema = schema.clone();
     match &mut schema {
@@ -48,14 +48,14 @@ pub(crate) fn assert_valid(folder: &str, name: &str, document: &Value) {
     }
 }
 
-/// The keywords of our schemas: those that are held, and those that only tell.
+/// Keywords of our schemas, checked here or descriptive.
 const KEYWORDS: &str = "$ref type const enum minimum maximum minItems maxItems items anyOf oneOf required \
                         properties additionalProperties description format default title $schema $defs pattern";
 
 /// Keys of an object that a schema knows.
 type Known = BTreeSet<String>;
 
-/// Holds a value against a schema: the keywords that our schemas use. `at` is the value's place.
+/// Holds a value against a schema. `at` is the place of the value.
 fn check(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
     let known = matches(root, schema, value, at)?;
     let mut keys = value.as_object().into_iter().flat_map(Map::keys);
@@ -129,7 +129,7 @@ fn of_type(schema: &Map<String, Value>, value: &Value) -> bool {
     }
 }
 
-/// Holds what is within a value against its schema: the entries of an object, the items of an array.
+/// Holds the entries of an object and the items of an array against a schema.
 fn within(root: &Value, schema: &Map<String, Value>, value: &Value, at: &str) -> Result<Known, String> {
     let mut known = Known::new();
     if let Some(entries) = value.as_object() {

@@ -1,4 +1,4 @@
-//! The published JSON schemas in docs/schemas are those of the types, and what commands print holds them.
+//! The JSON schemas in docs/schemas are those of the types, and the output of commands conforms to them.
 //!
 //! After a change that is meant: `SCHEMAS=overwrite cargo test --release -p absorber-bead --test all
 //! schemas::`, and a new `schema_version` if a key went away or means something else.
@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use crate::answering::{AnsweringBead, at_line};
-use crate::program::{ROOT, RunningProgram, documents, done, names, said, short_scenario, typed};
+use crate::program::{ROOT, TestFolder, documents, done, names, said, short_scenario, typed};
 use crate::row::light_intruders;
-use crate::rows::{RowBead, record};
+use crate::rows::{ModelBead, record};
 use crate::schema;
 use bead::cli::schemas::of_results;
 use bead_recording::file::{Part, Recording};
@@ -35,13 +35,8 @@ fn the_published_schemas_are_those_of_the_types() {
     // `bead figures` is a program of its own, and its tests hold its schema.
     let known: BTreeSet<_> = schemas.keys().copied().chain(["figures"]).collect();
     let published = names(Path::new(SCHEMAS));
-    assert_eq!(
-        known,
-        published
-            .iter()
-            .map(|name| name.trim_end_matches(".json"))
-            .collect()
-    );
+    let published = published.iter().map(|name| name.trim_end_matches(".json"));
+    assert_eq!(known, published.collect());
 }
 
 /// A file with a pulse of force over microseconds.
@@ -53,17 +48,14 @@ fn force_alone(folder: &Path) -> PathBuf {
     path
 }
 
-/// The documents that a command prints. A check that says no prints its result too.
+/// Documents printed by a command, which may be a check that fails.
 fn printed(output: &Output) -> Vec<Value> {
-    assert!(
-        output.status.code().is_some_and(|code| code < 2),
-        "{}",
-        said(output)
-    );
+    let status = output.status.code().unwrap();
+    assert!(status < 2, "{}", said(output));
     documents(&output.stdout)
 }
 
-/// Asserts that all that a command prints as JSON holds the schema of this name, and returns it.
+/// Asserts that the document that a command prints conforms to a schema, and returns it.
 fn hold(name: &str, line: &str) -> Value {
     let mut printed = printed(&typed(Path::new(ROOT), &format!("{line} --format json")));
     assert_eq!(printed.len(), 1, "{line}");
@@ -96,16 +88,16 @@ fn frames() -> Vec<u8> {
 /// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, without a time in common, and
 /// against a wave from the far end.
 fn compare_rows() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
+    let folder = TestFolder::new();
+    let path = |name: &str| folder.join(name);
     let mut scenario = light_intruders(&[7, 8, 9, 10]);
-    let mut lossy = [7, 8, 9, 10].map(RowBead::at);
+    let mut lossy = [7, 8, 9, 10].map(ModelBead::at);
     lossy[1].lost = vec![0];
     lossy[2].wrong_by = 1;
-    let mut apart = [7, 8, 10].map(RowBead::at);
+    let mut apart = [7, 8, 10].map(ModelBead::at);
     apart[2].lost = vec![0];
     apart.iter_mut().for_each(|bead| bead.synced = false);
-    let mut whole = [7, 8, 9, 10].map(RowBead::at);
+    let mut whole = [7, 8, 9, 10].map(ModelBead::at);
     let emulated = Recording::open(&Path::new(ROOT).join(RECORDING)).unwrap();
     whole[0].emulator = Some(emulated.parts[&Part::EmulatorReport].to_vec());
     for (beads, strikes) in [(&lossy[..], 2), (&apart, 1), (&whole, 1)] {
@@ -128,8 +120,8 @@ fn compare_rows() {
 
 #[test]
 fn results_of_simulations_hold_their_schemas() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).display().to_string();
+    let folder = TestFolder::new();
+    let path = |name: &str| folder.join(name).display().to_string();
     // The third run ends before a force has halved.
     let text = fs::read_to_string(format!("{ROOT}/{SCENARIO}")).unwrap();
     fs::write(path("early.toml"), text.replace("= 0.006", "= 0.0012")).unwrap();
@@ -151,10 +143,10 @@ fn results_of_simulations_hold_their_schemas() {
 
 #[test]
 fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
-    let folder = tempfile::tempdir().unwrap();
-    let [twice, wrong, out] = ["twice.mcap", "wrong.mcap", "out.mcap"].map(|name| folder.path().join(name));
-    record(&twice, &Scenario::paper(), &[RowBead::at(8)], 2);
-    let mut bead = RowBead::at(8);
+    let folder = TestFolder::new();
+    let [twice, wrong, out] = ["twice.mcap", "wrong.mcap", "out.mcap"].map(|name| folder.join(name));
+    record(&twice, &Scenario::paper(), &[ModelBead::at(8)], 2);
+    let mut bead = ModelBead::at(8);
     bead.wrong_by = 1;
     record(&wrong, &Scenario::paper(), &[bead], 1);
     let replay = format!("replay {}", wrong.display());
@@ -167,7 +159,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     assert!(hold("compare", &format!("{compare} --velocity 0.6"))["failure"].is_string());
     compare_rows();
     // Against itself, and against a force alone.
-    for reference in [PathBuf::from(RECORDING), force_alone(folder.path())] {
+    for reference in [PathBuf::from(RECORDING), force_alone(&folder)] {
         let reference = reference.display();
         hold(
             "compare-reference",
@@ -181,15 +173,15 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
 
 #[test]
 fn results_of_the_image_hold_their_schemas() {
-    let folder = tempfile::tempdir().unwrap();
-    let [faults, out] = ["faults.toml", "run"].map(|name| folder.path().join(name));
+    let folder = TestFolder::new();
+    let [faults, out] = ["faults.toml", "run"].map(|name| folder.join(name));
     let of_port = "[[fault]]\nat = 0.06\nkind = \"uart_stall\"\nduration = 0.1\n";
     fs::write(
         &faults,
         format!("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n{of_port}"),
     )
     .unwrap();
-    let (faults, out, force) = (faults.display(), out.display(), force_alone(folder.path()));
+    let (faults, out, force) = (faults.display(), out.display(), force_alone(&folder));
     for more in [
         format!("--strikes 2 --out {out}"),
         // A fault that the bead reports, and one that it must not notice.
@@ -222,8 +214,8 @@ fn results_of_the_image_hold_their_schemas() {
 
 #[test]
 fn every_frame_holds_the_schema_of_its_kind_also_while_it_is_received() {
-    let folder = tempfile::tempdir().unwrap();
-    let raw = folder.path().join("frames.bin");
+    let folder = TestFolder::new();
+    let raw = folder.join("frames.bin");
     fs::write(&raw, frames()).unwrap();
     let decode = |arguments: &str| {
         let decode = format!("decode {} {arguments}", raw.display());
@@ -236,17 +228,14 @@ fn every_frame_holds_the_schema_of_its_kind_also_while_it_is_received() {
     let decoded = decode("");
     let kinds: BTreeSet<_> = decoded.iter().map(|line| line["kind"].to_string()).collect();
     assert_eq!(kinds.len(), Kind::ALL.len());
-    let shapes = decode(&format!("{RECORDING} --kind shape"));
-    assert!(
-        shapes
-            .iter()
-            .all(|line| line["kind"] == "shape" && line["file"].is_string())
-    );
+    for line in decode(&format!("{RECORDING} --kind shape")) {
+        assert!(line["kind"] == "shape" && line["file"].is_string());
+    }
 
     // `bead record` prints strikes and faults as `bead decode` does, with the time of receipt.
-    let listener = UnixListener::bind(folder.path().join("bead.sock")).unwrap();
+    let listener = UnixListener::bind(folder.join("bead.sock")).unwrap();
     let record = "record --port unix:bead.sock --out a.mcap --wait 0 --format json";
-    let recorder = RunningProgram::start(folder.path(), record);
+    let recorder = folder.start(record);
     let (mut bead, _) = listener.accept().unwrap();
     bead.write_all(&frames()).unwrap();
     // A bead that hangs up ends the recording, with status 3.
@@ -266,15 +255,9 @@ fn every_frame_holds_the_schema_of_its_kind_also_while_it_is_received() {
 #[test]
 fn every_answer_of_a_bead_holds_its_schema() {
     let block = fs::read(format!("{ROOT}/tests/data/settings-v1.bin")).unwrap();
-    let folder = tempfile::tempdir().unwrap();
+    let folder = TestFolder::new();
     let mut beads = [AnsweringBead::new(3, &block)];
-    let mut ask = |asked: &str| {
-        printed(&at_line(
-            folder.path(),
-            &mut beads,
-            &format!("{asked} --format json"),
-        ))
-    };
+    let mut ask = |asked: &str| printed(&at_line(&folder, &mut beads, &format!("{asked} --format json")));
     for (action, name) in [
         ("identity", "command-identity"),
         ("status", "command-status"),
@@ -289,7 +272,7 @@ fn every_answer_of_a_bead_holds_its_schema() {
             schema::assert_valid(SCHEMAS, name, &document);
         }
     }
-    // `read` prints of a bead what `show` prints of a file.
+    // `read` prints for a bead the same as `show` for a file.
     let shown = typed(
         Path::new(ROOT),
         "settings show tests/data/settings-v1.bin --format json",

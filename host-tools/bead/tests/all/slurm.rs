@@ -1,10 +1,11 @@
 //! A sweep on a real Slurm: one node on this machine, killed in the middle and submitted again.
 
-use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
 
-use crate::program::{PROGRAM, assert_says, done, names, refused, until};
+use crate::program::{PROGRAM, TestFolder, assert_says, done, names, refused, said, until};
 use hertz_chain::Scenario;
 
 const ONE_NODE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/slurm/one-node.sh");
@@ -14,8 +15,8 @@ const SWEEP: &str =
 
 /// A Slurm of one node, stopped at the end of the test, and a folder to work in.
 struct Slurm {
-    node: tempfile::TempDir,
-    folder: tempfile::TempDir,
+    node: TestFolder,
+    folder: TestFolder,
 }
 
 impl Slurm {
@@ -30,23 +31,17 @@ impl Slurm {
             eprintln!("SKIPPED: no Slurm here (Debian: apt-get install --no-install-recommends slurm-wlm)");
             return None;
         }
-        let [node, folder] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        done(
-            Command::new(ONE_NODE)
-                .arg("start")
-                .arg(node.path())
-                .output()
-                .unwrap(),
-        );
+        let [node, folder] = [(); 2].map(|()| TestFolder::new());
+        done(Command::new(ONE_NODE).arg("start").arg(&*node).output().unwrap());
         Some(Self { node, folder })
     }
 
     fn command(&self, program: &str, arguments: &str) -> Output {
         let mut command = Command::new(program);
         command
-            .current_dir(&self.folder)
+            .current_dir(&*self.folder)
             .args(arguments.split_whitespace());
-        let configuration = self.node.path().join("slurm.conf");
+        let configuration = self.node.join("slurm.conf");
         command.env("SLURM_CONF", configuration).output().unwrap()
     }
 
@@ -56,8 +51,7 @@ impl Slurm {
 
     /// Gives a script to a shell.
     fn shell(&self, script: &str) -> String {
-        let path = self.path("submit.sh");
-        fs::write(&path, script).unwrap();
+        self.folder.write("submit.sh", script);
         done(self.command("sh", "submit.sh"))
     }
 
@@ -65,25 +59,22 @@ impl Slurm {
         done(self.command("squeue", "--noheader --format=%T"))
     }
 
-    fn path(&self, name: &str) -> std::path::PathBuf {
-        self.folder.path().join(name)
-    }
-
     /// Number of chunks that are finished.
     fn parts(&self) -> usize {
-        let names = names(&self.path("d"));
+        let names = names(&self.folder.join("d"));
         names.iter().filter(|name| name.starts_with("part-")).count()
     }
 }
 
 impl Drop for Slurm {
     fn drop(&mut self) {
-        let _ = Command::new(ONE_NODE).arg("stop").arg(self.node.path()).status();
+        let _ = Command::new(ONE_NODE).arg("stop").arg(&*self.node).status();
         // The daemons write into their folder until they have ended.
-        let is_gone = |name: &str| !self.node.path().join(format!("{name}.pid")).exists();
-        until("the daemons have ended", || {
-            is_gone("slurmd") && is_gone("slurmctld")
-        });
+        let is_gone = |name: &str| !self.node.join(name).exists();
+        let mut waits = 0..100;
+        while waits.next().is_some() && !(is_gone("slurmd.pid") && is_gone("slurmctld.pid")) {
+            thread::sleep(Duration::from_millis(50));
+        }
     }
 }
 
@@ -94,8 +85,8 @@ fn a_sweep_that_is_killed_on_slurm_and_submitted_again_comes_out_whole() {
     };
     let mut long = Scenario::paper();
     (long.chain.beads, long.chain.relaxation, long.duration) = (40, 0.0, 0.08);
-    fs::write(slurm.path("long.toml"), long.to_toml()).unwrap();
-    fs::write(slurm.path("sweep.toml"), SWEEP).unwrap();
+    slurm.folder.write("long.toml", long.to_toml());
+    slurm.folder.write("sweep.toml", SWEEP);
     slurm.bead("sweep plan sweep.toml --dir d --chunks 6");
 
     let submit = "sweep submit d --out a.parquet --at-once 2";
@@ -113,29 +104,24 @@ fn a_sweep_that_is_killed_on_slurm_and_submitted_again_comes_out_whole() {
     let submitted = slurm.shell(&slurm.bead(submit));
     until("two chunks are finished", || slurm.parts() >= 2);
     refused(&slurm.command(PROGRAM, submit), 2, "is still in the queue");
-    // The array is killed with tasks that run; what merges then finds that chunks are missing.
-    let array = submitted
-        .lines()
-        .find_map(|line| line.strip_prefix("array: job "))
-        .unwrap();
+    // The array is killed while tasks run. The merging job then finds that chunks are missing.
+    let mut lines = submitted.lines();
+    let array = lines.find_map(|line| line.strip_prefix("array: job ")).unwrap();
     done(slurm.command("scancel", &format!("--signal=KILL {array}")));
     done(slurm.command("scancel", array));
     until("the queue is empty", || slurm.queue().is_empty());
     let left = slurm.parts();
     assert!((2..6).contains(&left), "{left}");
-    assert!(!slurm.path("a.parquet").exists());
-    let log = fs::read_to_string(slurm.path("d/log-merge.txt")).unwrap();
+    assert!(!slurm.folder.join("a.parquet").exists());
+    let log = slurm.folder.text("d/log-merge.txt");
     assert_says(&log, "of 6 chunks are missing");
 
     slurm.shell(&slurm.bead(submit));
-    until("the table is merged", || slurm.path("a.parquet").exists());
+    until("the table is merged", || slurm.folder.join("a.parquet").exists());
     let again = slurm.command(PROGRAM, &submit.replace("a.p", "c.p"));
-    assert_says(
-        &String::from_utf8_lossy(&again.stderr),
-        "all 6 chunks are finished",
-    );
-    // The bytes are those of one machine.
+    assert_says(&said(&again), "all 6 chunks are finished");
+    // One machine gives the same bytes.
     slurm.bead("sweep sweep.toml --out b.parquet");
-    let [slurms, own] = ["a.parquet", "b.parquet"].map(|name| fs::read(slurm.path(name)).unwrap());
+    let [slurms, own] = ["a.parquet", "b.parquet"].map(|name| slurm.folder.read(name));
     assert!(slurms == own);
 }

@@ -1,18 +1,15 @@
-//! `bead sweep`: rows that are those of single runs, the same bytes however they were computed, and what is
-//! said when it cannot be.
+//! `bead sweep`: rows equal to single runs, the same bytes however they were computed, and refusals.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use bead_tables::{Cell, Reader, Writer};
 use hertz_chain::{EnsembleOptions, Scenario, ensemble};
 use serde_json::Value;
 
-use crate::program::{
-    self, PROGRAM, RunningProgram, assert_says, done, json, names, python, said, typed, until,
-};
+use crate::program::{self, PROGRAM, TestFolder, assert_says, done, names, python, said, until};
 
 /// Two axes, keys that go together, and drawn points: 3 × 3 × 8 points.
 const SWEEP: &str = r#"
@@ -40,81 +37,45 @@ transmission = [8]
 "#;
 
 /// A folder with a scenario and a sweep over it.
-struct SweepFolder(tempfile::TempDir);
-
-impl SweepFolder {
-    fn of(sweep: &str) -> Self {
-        let folder = Self(tempfile::tempdir().unwrap());
-        folder.write("paper.toml", Scenario::paper().to_toml());
-        folder.write("sweep.toml", sweep);
-        folder
-    }
-
-    /// With an axis alone, of this key and these values.
-    fn of_axis(key: &str, values: &str) -> Self {
-        Self::of(&axis(key, values))
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
-        fs::write(self.path().join(name), contents).unwrap();
-    }
-
-    fn read(&self, name: &str) -> Vec<u8> {
-        fs::read(self.path().join(name)).unwrap()
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        typed(self.path(), &format!("sweep {arguments}"))
-    }
-
-    fn names(&self) -> String {
-        names(self.path()).join(" ")
-    }
-
-    fn done(&self, arguments: &str) -> String {
-        done(self.run(arguments))
-    }
-
-    fn refused(&self, arguments: &str, part: &str) {
-        program::refused(&self.run(arguments), 2, part);
-    }
-
-    /// The cells of a column of a table.
-    fn cells(&self, table: &str, column: &str) -> Vec<Cell> {
-        let table = Reader::open(&self.path().join(table)).unwrap();
-        let place = table.columns().iter().position(|one| one.name == column).unwrap();
-        let rows = table.all_batches().flat_map(|batch| batch.unwrap().into_rows());
-        rows.map(|mut row| row.swap_remove(place)).collect()
-    }
-
-    fn numbers(&self, table: &str, column: &str) -> Vec<f64> {
-        let number = |cell| match cell {
-            Cell::Number(number) => number,
-            Cell::Whole(number) => number as f64,
-            _ => f64::NAN,
-        };
-        self.cells(table, column).into_iter().map(number).collect()
-    }
+fn folder(sweep: &str) -> TestFolder {
+    let folder = TestFolder::new();
+    folder.write("paper.toml", Scenario::paper().to_toml());
+    folder.write("sweep.toml", sweep);
+    folder
 }
 
+/// A sweep along one axis.
 fn axis(key: &str, values: &str) -> String {
     format!("scenario = \"paper.toml\"\n[[axis]]\nkey = \"{key}\"\n{values}\n")
 }
 
+/// The cells of a column of a table.
+fn cells(table: &Path, column: &str) -> Vec<Cell> {
+    let table = Reader::open(table).unwrap();
+    let place = table.columns().iter().position(|one| one.name == column).unwrap();
+    let rows = table.all_batches().flat_map(|batch| batch.unwrap().into_rows());
+    rows.map(|mut row| row.swap_remove(place)).collect()
+}
+
+fn numbers(table: &Path, column: &str) -> Vec<f64> {
+    let number = |cell| match cell {
+        Cell::Number(number) => number,
+        Cell::Whole(number) => number as f64,
+        _ => f64::NAN,
+    };
+    cells(table, column).into_iter().map(number).collect()
+}
+
 #[test]
 fn each_row_is_the_run_of_its_scenario() {
-    let folder = SweepFolder::of(SWEEP);
-    let printed = folder.done("sweep.toml --out a.parquet");
+    let folder = folder(SWEEP);
+    let printed = folder.done("sweep sweep.toml --out a.parquet");
     assert_says(&printed, "a.parquet: 72 points");
     let index = r#"set_index(["striker_velocity_mps", "tuned", "sample"]).to_xarray()"#;
     assert_says(&printed, index);
     assert_eq!(folder.names(), "a.parquet paper.toml sweep.toml");
 
-    let of = |column: &str| folder.numbers("a.parquet", column);
+    let of = |column: &str| numbers(&folder.join("a.parquet"), column);
     let velocity = of("striker_velocity_mps");
     assert_eq!((velocity[0], velocity[71]), (0.2, 1.2));
     let (stiffness, tuned) = (of("intruder_1_stiffness_n_per_m"), of("tuned"));
@@ -139,78 +100,76 @@ fn each_row_is_the_run_of_its_scenario() {
         assert_eq!(of_injected[row], outcome.absorbed() / outcome.injected());
         let at_8 = outcome.peaks().iter().find(|peak| peak.contact == 8).unwrap();
         assert_eq!((peak[row], arrival[row]), (at_8.force, at_8.time));
-        // Only the first of the three has it in bead 8.
+        // Bead 8 has an intruder in the first of three cases only.
         assert_eq!(of_bead[row].is_nan(), tuned[row] != 0.0);
         assert_eq!(behind[row], outcome.end().region(9..=16).mechanical());
     }
-    // The drawn points are those of the axis, again for each other place.
+    // The points drawn for the axis repeat at each place of the others.
     let relaxations: BTreeSet<_> = relaxation.iter().map(|tau| tau.to_bits()).collect();
     assert_eq!(relaxations.len(), 8);
 }
 
 #[test]
 fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
-    let folder = SweepFolder::of(SWEEP);
-    folder.done("sweep.toml --out one.parquet --threads 1");
-    folder.done("sweep.toml --out three.parquet --threads 3");
+    let folder = folder(SWEEP);
+    folder.done("sweep sweep.toml --out one.parquet --threads 1");
+    folder.done("sweep sweep.toml --out three.parquet --threads 3");
     assert!(folder.read("one.parquet") == folder.read("three.parquet"));
-    folder.done("plan sweep.toml --dir d --chunks 7");
+    folder.done("sweep plan sweep.toml --dir d --chunks 7");
     for chunk in [7, 3, 1, 2] {
-        folder.done(&format!("run d --chunk {chunk}/7 --threads 2"));
+        folder.done(&format!("sweep run d --chunk {chunk}/7 --threads 2"));
     }
-    folder.refused("merge d --out chunks.parquet", "3 of 7 chunks are missing: 4-6");
-    assert!(folder.done("run d --chunk 3/7").contains("finished already"));
-    let status = json(folder.run("status d --format json"));
+    let why = "3 of 7 chunks are missing: 4-6";
+    folder.refused("sweep merge d --out chunks.parquet", 2, why);
+    assert_says(&folder.done("sweep run d --chunk 3/7"), "finished already");
+    let status = folder.json("sweep status d --format json");
     let expected = (&4.into(), &serde_json::json!([4, 5, 6]));
     assert_eq!((&status["finished"], &status["missing"]), expected);
-    folder.done("run d");
-    folder.done("merge d --out chunks.parquet");
+    folder.done("sweep run d");
+    folder.done("sweep merge d --out chunks.parquet");
     assert!(folder.read("one.parquet") == folder.read("chunks.parquet"));
-    folder.refused(
-        "plan sweep.toml --dir d --chunks 8",
-        "in 7 chunks; leave --chunks 8 out",
-    );
-    let onto_part = "merge d --out d/part-00003.parquet --overwrite";
-    folder.refused(onto_part, "lies among the parts");
+    let why = "in 7 chunks; leave --chunks 8 out";
+    folder.refused("sweep plan sweep.toml --dir d --chunks 8", 2, why);
+    let onto_part = "sweep merge d --out d/part-00003.parquet --overwrite";
+    folder.refused(onto_part, 2, "lies among the parts");
 }
 
 #[test]
 fn a_sweep_that_was_killed_goes_on_where_it_was() {
-    let folder = SweepFolder::of_axis("striker.velocity", "linspace = [0.2, 1.2, 12000]");
-    // The command alone makes chunks of five seconds; it goes on with those that are there.
-    folder.done("plan sweep.toml --dir a.parquet.sweep --chunks 40");
-    let parts = || names(&folder.path().join("a.parquet.sweep")).len();
+    let folder = folder(&axis("striker.velocity", "linspace = [0.2, 1.2, 12000]"));
+    // The command alone would make chunks of five seconds. It goes on with planned ones.
+    folder.done("sweep plan sweep.toml --dir a.parquet.sweep --chunks 40");
+    let parts = || names(&folder.join("a.parquet.sweep")).len();
     for signal in ["INT", "KILL"] {
         let before = parts();
         let sweep = "sweep sweep.toml --out a.parquet --threads 1";
-        let mut running = RunningProgram::start(folder.path(), sweep);
+        let mut running = folder.start(sweep);
         until("four parts more are there", || parts() >= before + 4);
         running.signal(signal);
         if signal == "INT" {
-            let (status, said) = running.end();
-            assert_eq!(status, 130, "{said}");
+            let said = running.end(130);
             assert_says(&said, "finished parts are in a.parquet.sweep");
         } else {
             running.child.wait().unwrap();
         }
     }
-    let report = json(folder.run("sweep.toml --out a.parquet --format json"));
+    let report = folder.json("sweep sweep.toml --out a.parquet --format json");
     let computed = report["computed"].as_u64().unwrap();
     assert!(computed < 12_000 && computed.is_multiple_of(300), "{computed}");
-    folder.done("sweep.toml --out b.parquet");
+    folder.done("sweep sweep.toml --out b.parquet");
     assert!(folder.read("a.parquet") == folder.read("b.parquet"));
     assert_eq!(folder.names(), "a.parquet b.parquet paper.toml sweep.toml");
 }
 
 #[test]
 fn a_point_that_cannot_be_run_is_a_row_with_its_error_and_a_picture_of_none_hides_no_summary() {
-    let folder = SweepFolder::of_axis("intruder.1.mass", "values = [1e-3, 1.0, 2e-3, -1.0]");
-    let output = folder.run("sweep.toml --out a.parquet");
+    let folder = folder(&axis("intruder.1.mass", "values = [1e-3, 1.0, 2e-3, -1.0]"));
+    let output = folder.run("sweep sweep.toml --out a.parquet");
     let notes = said(&output);
     assert_says(&notes, "2 of 4 points could not be computed");
     done(output);
-    let errors = folder.cells("a.parquet", "error");
-    let absorbed = folder.numbers("a.parquet", "absorbed_j");
+    let errors = cells(&folder.join("a.parquet"), "error");
+    let absorbed = numbers(&folder.join("a.parquet"), "absorbed_j");
     for (row, reason) in [(1, "as heavy as its host"), (3, "not a positive number")] {
         let Cell::Text(why) = &errors[row] else {
             panic!("{errors:?}");
@@ -221,7 +180,7 @@ fn a_point_that_cannot_be_run_is_a_row_with_its_error_and_a_picture_of_none_hide
     }
 
     folder.write("sweep.toml", axis("intruder.1.mass", "values = [1.0, 2.0]"));
-    let output = folder.run("sweep.toml --out b.parquet --plot b.svg --format json");
+    let output = folder.run("sweep sweep.toml --out b.parquet --plot b.svg --format json");
     assert_eq!(output.status.code(), Some(2));
     assert_says(&said(&output), "no point with a value of absorbed_j");
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -233,85 +192,90 @@ fn a_point_that_cannot_be_run_is_a_row_with_its_error_and_a_picture_of_none_hide
 fn a_grid_typed_by_mistake_says_its_size_and_its_time_first() {
     let values = "linspace = [0.2, 1.2, 1000]";
     let second = format!("{values}\n[[axis]]\nkey = \"striker.relaxation\"\n{values}");
-    let folder = SweepFolder::of_axis("striker.velocity", &second);
-    let output = folder.run("sweep.toml --out a.parquet");
+    let folder = folder(&axis("striker.velocity", &second));
+    let output = folder.run("sweep sweep.toml --out a.parquet");
     program::refused(&output, 2, "axes of 1,000 × 1,000 make 1,000,000 points, about ");
     assert!(said(&output).contains("--yes"));
-    folder.refused("plan sweep.toml --dir d", "1,000,000 points");
+    folder.refused("sweep plan sweep.toml --dir d", 2, "1,000,000 points");
     assert_eq!(folder.names(), "paper.toml sweep.toml");
-    folder.done("plan sweep.toml --dir d --limit 1000000");
+    folder.done("sweep plan sweep.toml --dir d --limit 1000000");
 }
 
 #[test]
 fn what_is_of_another_plan_is_refused_and_stays() {
-    let folder = SweepFolder::of_axis("duration", "linspace = [1e-3, 2e-3, 8]");
-    folder.done("plan sweep.toml --dir one --chunks 4");
-    folder.done("run one");
-    folder.refused("run one --chunk 2/5", "was the chunk of another plan meant?");
+    let folder = folder(&axis("duration", "linspace = [1e-3, 2e-3, 8]"));
+    folder.done("sweep plan sweep.toml --dir one --chunks 4");
+    folder.done("sweep run one");
+    let why = "was the chunk of another plan meant?";
+    folder.refused("sweep run one --chunk 2/5", 2, why);
     folder.write("sweep.toml", axis("duration", "linspace = [1e-3, 3e-3, 8]"));
-    folder.refused("plan sweep.toml --dir one", "holds the parts of another sweep");
-    folder.done("plan sweep.toml --dir two --chunks 4");
+    let why = "holds the parts of another sweep";
+    folder.refused("sweep plan sweep.toml --dir one", 2, why);
+    folder.done("sweep plan sweep.toml --dir two --chunks 4");
     let cut = folder.read("one/part-00004.parquet");
     folder.write("two/part-00002.parquet", folder.read("one/part-00002.parquet"));
-    folder.refused("run two", "is not chunk 2 of this plan: it is of plan");
-    folder.refused("merge two --out a.parquet", "is not chunk 2 of this plan");
-    // A part under another's name, and one that is cut.
+    folder.refused("sweep run two", 2, "is not chunk 2 of this plan: it is of plan");
+    let why = "is not chunk 2 of this plan";
+    folder.refused("sweep merge two --out a.parquet", 2, why);
+    // One part has the name of another, and one is cut.
     folder.write("one/part-00003.parquet", folder.read("one/part-00001.parquet"));
-    folder.refused("merge one --out a.parquet", "it has 2 rows of chunk 1/4");
+    folder.refused("sweep merge one --out a.parquet", 2, "it has 2 rows of chunk 1/4");
     folder.write("one/part-00004.parquet", &cut[..cut.len() / 2]);
-    fs::remove_file(folder.path().join("one/part-00003.parquet")).unwrap();
-    folder.refused("status one", "is no Parquet file, or a damaged one");
-    // One whose columns stand in another order: their values would be taken for each other's.
-    let part = Reader::open(&folder.path().join("one/part-00002.parquet")).unwrap();
+    fs::remove_file(folder.join("one/part-00003.parquet")).unwrap();
+    folder.refused("sweep status one", 2, "is no Parquet file, or a damaged one");
+    // A part has its columns in another order.
+    let part = Reader::open(&folder.join("one/part-00002.parquet")).unwrap();
     let notes = ["plan", "chunk"].map(|key| (key, part.note(key).unwrap()));
     let turned: Vec<_> = part.columns().iter().rev().cloned().collect();
-    let mut file = fs::File::create(folder.path().join("other.parquet")).unwrap();
+    let mut file = fs::File::create(folder.join("other.parquet")).unwrap();
     let mut table = Writer::parquet(&mut file, "sweep", &turned, &notes).unwrap();
     for row in part.all_batches().flat_map(|batch| batch.unwrap().into_rows()) {
         table.push(row.into_iter().rev().collect()).unwrap();
     }
     table.finish().unwrap();
     folder.write("one/part-00002.parquet", folder.read("other.parquet"));
-    folder.refused("status one", "is not chunk 2 of this plan: it has other columns");
+    let why = "is not chunk 2 of this plan: it has other columns";
+    folder.refused("sweep status one", 2, why);
     // A plan that was edited.
-    let plan = String::from_utf8(folder.read("two/plan.toml")).unwrap();
+    let plan = folder.text("two/plan.toml");
     for (was, is, why) in [
         ("chunks = 4", "chunks = 0", "has 8 points in 0 chunks"),
         ("chunks = 4", "chunks = 100000", "has 8 points in 100000 chunks"),
         ("points = 8", "points = 9", "was changed after it was made"),
     ] {
         folder.write("two/plan.toml", plan.replace(was, is));
-        folder.refused("status two", why);
+        folder.refused("sweep status two", 2, why);
     }
-    folder.refused("sweep.toml --out paper.toml --overwrite", "is a TOML file");
+    let why = "is a TOML file";
+    folder.refused("sweep sweep.toml --out paper.toml --overwrite", 2, why);
 }
 
 #[test]
 fn a_disk_that_is_full_leaves_the_finished_parts() {
-    let folder = SweepFolder::of_axis("duration", "linspace = [1e-3, 2e-3, 800]");
-    folder.done("plan sweep.toml --dir d --chunks 4");
-    folder.done("run d --chunk 1/4");
+    let folder = folder(&axis("duration", "linspace = [1e-3, 2e-3, 800]"));
+    folder.done("sweep plan sweep.toml --dir d --chunks 4");
+    folder.done("sweep run d --chunk 1/4");
     // No file may grow beyond some kilobytes.
     let limited = format!("trap '' XFSZ; ulimit -f 8; exec {PROGRAM} sweep run d");
     let mut shell = Command::new("sh");
-    let output = shell.current_dir(folder.path()).args(["-c", &limited]).output();
+    let output = shell.current_dir(&*folder).args(["-c", &limited]).output();
     program::refused(&output.unwrap(), 2, "cannot write d/part-00002.parquet");
-    let left = names(&folder.path().join("d"));
-    assert_eq!(left, ["part-00001.parquet", "plan.toml"]);
+    let left = names(&folder.join("d")).join(" ");
+    assert_eq!(left, "part-00001.parquet plan.toml");
 }
 
 #[test]
 fn curves_and_maps_are_drawn_of_any_two_axes() {
-    let folder = SweepFolder::of(SWEEP);
+    let folder = folder(SWEEP);
     let advice = "more axes: tuned (3 values), sample (8 values); choose a place of each with --at tuned=";
-    folder.refused("sweep.toml --out a.parquet --plot a.svg", advice);
-    // It says so before the work.
+    folder.refused("sweep sweep.toml --out a.parquet --plot a.svg", 2, advice);
+    // The refusal comes before the work.
     assert_eq!(folder.names(), "paper.toml sweep.toml");
     let plot = "--plot a.svg --at sample=3 --x striker_velocity_mps --y tuned";
-    folder.done(&format!("sweep.toml --out a.parquet {plot}"));
+    folder.done(&format!("sweep sweep.toml --out a.parquet {plot}"));
     let curves = "--x striker_velocity_mps --y contact_8_peak_force_n --by tuned --at chain_relaxation_s=0";
-    folder.done(&format!("plot a.parquet {curves} --out b.svg"));
-    let [map, curves] = ["a.svg", "b.svg"].map(|name| String::from_utf8(folder.read(name)).unwrap());
+    folder.done(&format!("sweep plot a.parquet {curves} --out b.svg"));
+    let [map, curves] = ["a.svg", "b.svg"].map(|name| folder.text(name));
     // The bar's colours, and a cell for each point.
     assert_eq!(map.matches("crispEdges").count(), 128 + 9);
     assert!(map.contains("striker velocity (m/s)") && map.contains("absorbed (µJ)"));
@@ -320,15 +284,15 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
 
 #[test]
 fn the_printed_line_makes_a_cube_in_xarray() {
-    let folder = SweepFolder::of(SWEEP);
-    let report = json(folder.run("sweep.toml --out a.parquet --format json"));
+    let folder = folder(SWEEP);
+    let report = folder.json("sweep sweep.toml --out a.parquet --format json");
     let line = report["xarray"].as_str().unwrap();
     let print = "print(dict(cube.sizes), float(cube.absorbed_j[2, 1, 5]))";
     let script = format!("import pandas\ncube = {line}\n{print}");
-    let Some(printed) = python(folder.path(), &["-c", &script]) else {
+    let Some(printed) = python(&folder, &["-c", &script]) else {
         return;
     };
-    let value = folder.numbers("a.parquet", "absorbed_j")[2 * 24 + 8 + 5];
+    let value = numbers(&folder.join("a.parquet"), "absorbed_j")[2 * 24 + 8 + 5];
     let (sizes, printed) = printed.trim().rsplit_once(' ').unwrap();
     assert_eq!(sizes, "{'striker_velocity_mps': 3, 'tuned': 3, 'sample': 8}");
     assert_eq!(printed.parse(), Ok(value));

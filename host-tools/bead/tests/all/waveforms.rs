@@ -1,11 +1,11 @@
-//! docs/waveforms.md: every command of the page, and a recorded strike played again from every form of file.
+//! Every command of docs/waveforms.md, and a recorded strike played again from every form of file.
 
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
 use crate::first_strike::copy_scenario;
-use crate::program::{DATA, ROOT, SCENARIO, shell};
+use crate::program::{DATA, ROOT, SCENARIO, TestFolder, shell};
 use bead_compare::replay::replay;
 use bead_compare::sensed::{load_scenario, simulate_with_ring_down};
 use bead_recording::received::Received;
@@ -17,8 +17,8 @@ use serde_json::Value;
 /// Full scale of the channels of `drop.wav`: N and m/s².
 const FULL: [f64; 2] = [16.0, 500.0];
 
-/// Writes the force at bead 8 as an oscilloscope of eight bits saves it: 1 MHz, its trigger at time 0, 8.9 N
-/// a volt.
+/// Writes the force at bead 8 as an oscilloscope of eight bits saves it: at 1 MHz, with the trigger at time 0
+/// and 8.9 N a volt.
 fn scope(path: &Path) {
     let (scenario, _) = load_scenario(Path::new(SCENARIO)).unwrap();
     let mut force = simulate_with_ring_down(&scenario).unwrap().force_curve(8);
@@ -33,7 +33,7 @@ fn scope(path: &Path) {
     fs::write(path, text).unwrap();
 }
 
-/// Both signals of a strike as channels of a WAV file at the bead's rate, padded with rest.
+/// Writes both signals of a strike as channels of a WAV file at the rate of the bead.
 fn drop_rig(path: &Path, strike: &RecordedStrike) {
     let spec = WavSpec {
         channels: 2,
@@ -56,9 +56,8 @@ fn strikes(path: &Path) -> Vec<RecordedStrike> {
 
 #[test]
 fn every_command_of_the_page_works() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    copy_scenario(folder);
+    let folder = TestFolder::new();
+    copy_scenario(&folder);
     scope(&folder.join("scope.csv"));
     let old = strikes(&Path::new(DATA).join("recording-v1.mcap"));
     drop_rig(&folder.join("drop.wav"), &old[0]);
@@ -67,13 +66,13 @@ fn every_command_of_the_page_works() {
     let commands: Vec<_> = lines.filter(|line| line.starts_with("bead ")).collect();
     assert_eq!(commands.len(), 8);
     for line in commands {
-        shell(folder, line);
+        shell(&folder, line);
     }
-    let report = fs::read_to_string(folder.join("against.html")).unwrap();
+    let report = folder.text("against.html");
     assert!(report.contains("residual (N)") && report.contains("scope.csv"));
-    // The oscilloscope and the bead that it was played to agree, as far as eight bits do.
+    // The oscilloscope and the bead agree within the resolution of eight bits.
     let against = "bead compare mine/bead-8.mcap --reference scope.csv --read force=CH1:8.9N --format json";
-    let against: Value = serde_json::from_str(&shell(folder, against)).unwrap();
+    let against: Value = serde_json::from_str(&shell(&folder, against)).unwrap();
     let force = &against["against"]["force"];
     let number = |key: &str| force[key].as_f64().unwrap();
     println!("{force}");
@@ -85,15 +84,14 @@ fn every_command_of_the_page_works() {
 
 #[test]
 fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     let emulate = format!("bead emulate {SCENARIO} --bead 8 --noise off");
-    shell(folder, &format!("{emulate} --out run"));
-    shell(folder, "bead export run/bead-8.mcap --out tables");
-    shell(folder, "bead export run/bead-8.mcap --out tables --format csv");
+    shell(&folder, &format!("{emulate} --out run"));
+    shell(&folder, "bead export run/bead-8.mcap --out tables");
+    shell(&folder, "bead export run/bead-8.mcap --out tables --format csv");
     let first = strikes(&folder.join("run/bead-8.mcap")).swap_remove(0);
     drop_rig(&folder.join("drop.wav"), &first);
-    // A WAV file's channels are of one time, a bead's are not: see the page.
+    // Channels of a WAV file are sampled at one time, those of a bead one after another.
     for (name, sensors, file) in [
         ("mcap", 2, "run/bead-8.mcap"),
         ("csv", 2, "tables/samples.csv"),
@@ -104,7 +102,7 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
             "drop.wav --read force=1:16N --read acceleration=2:500m/s2",
         ),
     ] {
-        shell(folder, &format!("{emulate} --stimulus {file} --out {name}"));
+        shell(&folder, &format!("{emulate} --stimulus {file} --out {name}"));
         let again = strikes(&folder.join(name).join("bead-8.mcap")).swap_remove(0);
         assert_eq!(replay(&again).first_difference, None);
         assert_eq!(again.said.samples, first.said.samples);
@@ -114,19 +112,5 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
         let off = again.said.absorbed_measured.joules() / first.said.absorbed_measured.joules() - 1.0;
         println!("{name}: A off by {off:.1e}");
         assert!(off.abs() < 5e-4, "{name}: {off}");
-    }
-    // The estimate in f64 stands beside each, three times at three phases of the scans.
-    let again = format!("{emulate} --stimulus tables/samples.csv --strikes 3 --format json");
-    let report: Value = serde_json::from_str(&shell(folder, &again)).unwrap();
-    let played = report["strikes"].as_array().unwrap();
-    assert_eq!(played.len(), 3);
-    for strike in played {
-        assert_eq!(strike.get("truth"), None);
-        for (estimate, most) in [("absorbed_measured", 5e-4), ("absorbed_predicted", 1e-3)] {
-            let [bead, given] = [strike, &strike["given"]].map(|of| of[estimate].as_f64().unwrap());
-            let off = bead / given - 1.0;
-            println!("{estimate}: {off:.1e}");
-            assert!(off.abs() < most, "{estimate}: {off}");
-        }
     }
 }

@@ -1,13 +1,13 @@
-//! Recordings of other versions, as `tests/data/README.md` tells of them: read, or refused by one line that
-//! says what to do.
+//! Recordings of other versions, described in `tests/data/README.md`: read, or refused by one line with
+//! advice.
 
 use std::fs;
 use std::path::Path;
 
-use crate::program::{DATA, documents, done, json, refused, said, typed};
+use crate::program::{DATA, TestFolder, documents, done, json, said, typed};
 use serde_json::Value;
 
-/// Every number of `then` whose key ends with `_raw` or that counts, and what `now` has in its place.
+/// Whole numbers of `then`, and the values of `now` under the same keys.
 fn bits<'a>(then: &'a Value, now: &'a Value) -> Vec<(&'a str, &'a Value, &'a Value)> {
     let mut found = Vec::new();
     for (key, value) in then.as_object().unwrap() {
@@ -24,17 +24,14 @@ fn bits<'a>(then: &'a Value, now: &'a Value) -> Vec<(&'a str, &'a Value, &'a Val
 fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
     let folder = Path::new(DATA);
     let mut now = json(typed(folder, "replay recording-v1.mcap --format json"));
-    // It has a version since, and counts.
+    // Keys that were added since.
     for (key, value) in [
         ("schema_version", 1),
         ("strikes_differ", 0),
         ("strikes_left_out", 0),
     ] {
-        assert_eq!(
-            now.as_object_mut().unwrap().remove(key),
-            Some(value.into()),
-            "{key}"
-        );
+        let removed = now.as_object_mut().unwrap().remove(key);
+        assert_eq!(removed, Some(value.into()), "{key}");
     }
     let then = fs::read(folder.join("recording-v1.replay.json")).unwrap();
     assert_eq!(documents(&then), [now]);
@@ -59,21 +56,16 @@ fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
 fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
     const WHO: &str = "bead 7 with firmware 9.0.0 (v9.0.0) speaks version 9 of the protocol, and this program \
                        knows version 1; use the `bead` that belongs to that firmware";
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+    let folder = TestFolder::new();
     let bytes = fs::read(format!("{DATA}/frame-of-the-future.bin")).unwrap();
-    fs::write(folder.join("future.bin"), &bytes).unwrap();
-    done(typed(folder, "recover future.bin --out future.mcap"));
-    refused(
-        &typed(folder, "replay future.mcap"),
-        2,
-        &format!("bead: future.mcap: {WHO}\n"),
-    );
+    folder.write("future.bin", &bytes);
+    folder.done("recover future.bin --out future.mcap");
+    folder.refused("replay future.mcap", 2, &format!("bead: future.mcap: {WHO}\n"));
 
-    // What is frozen is shown: who it is, and what it replied. The status between them is refused and not
-    // lost. A recording has one delimiter after each of the three frames.
+    // Identity and reply are frozen and shown. The status between them counts as refused, not as lost. A
+    // recording has one delimiter less for each of the three frames.
     for (file, length) in [("future.mcap", bytes.len() - 3), ("future.bin", bytes.len())] {
-        let decoded = typed(folder, &format!("decode {file}"));
+        let decoded = folder.run(&format!("decode {file}"));
         assert_eq!(
             said(&decoded),
             format!(
@@ -83,18 +75,11 @@ fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
             )
         );
         let frames = documents(done(decoded).as_bytes());
-        let [identity, reply] = &frames[..] else {
-            panic!("{frames:?}");
-        };
-        for (frame, key, value) in [
-            (identity, "kind", Value::from("identity")),
-            (identity, "version", 9.into()),
-            (identity, "address", 7.into()),
-            (identity, "firmware", "9.0.0".into()),
-            (reply, "request", 42.into()),
-            (reply, "outcome", "done".into()),
-        ] {
-            assert_eq!(frame[key], value, "{key}");
-        }
+        assert_eq!(frames.len(), 2);
+        let shown = |frame: usize, keys: [&str; 4]| keys.map(|key| frames[frame][key].to_string());
+        let identity = shown(0, ["kind", "version", "address", "firmware"]);
+        assert_eq!(identity, ["\"identity\"", "9", "7", "\"9.0.0\""]);
+        let reply = shown(1, ["kind", "version", "request", "outcome"]);
+        assert_eq!(reply, ["\"reply\"", "9", "42", "\"done\""]);
     }
 }
