@@ -237,18 +237,7 @@ impl Definition {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn read(axes: &str) -> Result<Definition, InputError> {
-        let text = format!(
-            "{axes}\n[scenario]\n{}",
-            Scenario::paper()
-                .to_toml()
-                .replace("[[intruder", "[[scenario.intruder")
-                .replace("[chain", "[scenario.chain")
-                .replace("[striker", "[scenario.striker")
-        );
-        Definition::from_toml(&text, "sweep.toml")
-    }
+    use crate::testing::definition as read;
 
     #[test]
     fn a_plan_that_names_a_file_in_place_of_its_scenario_is_refused() {

@@ -365,15 +365,9 @@ mod tests {
     use super::*;
 
     fn plan(points: u64) -> Plan {
-        let scenario = hertz_chain::Scenario::paper().to_toml();
-        let mut sweep: toml::Table = "[scenario]".parse().unwrap();
-        sweep.insert(
-            "scenario".to_owned(),
-            scenario.parse::<toml::Table>().unwrap().into(),
-        );
-        let axis = format!("[[axis]]\nkey = \"duration\"\nlinspace = [1e-3, 2e-3, {points}]");
-        sweep.extend(axis.parse::<toml::Table>().unwrap());
-        Plan::new(Definition::from_toml(&sweep.to_string(), "x").unwrap()).unwrap()
+        crate::testing::plan(&format!(
+            "[[axis]]\nkey = \"duration\"\nlinspace = [1e-3, 2e-3, {points}]"
+        ))
     }
 
     #[test]

@@ -21,5 +21,7 @@ pub mod picture;
 pub mod plan;
 mod side;
 pub mod slurm;
+#[cfg(test)]
+mod testing;
 pub mod time_series;
 pub mod view;

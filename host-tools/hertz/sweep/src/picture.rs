@@ -183,6 +183,7 @@ fn map(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::plan;
     use bead_tables::Writer;
 
     const BEADS: &str = "[[axis]]\nkey = \"intruder.1.beads\"\nvalues = [8, 12, [3, 4], 5]\n";
@@ -191,14 +192,6 @@ mod tests {
         { key = \"intruder.1.stiffness\", values = [1e5, 4e5, 4e5] }]\n";
     fn speeds(count: u64) -> String {
         format!("[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, {count}]\n")
-    }
-
-    fn plan(axes: &str) -> Plan {
-        let mut sweep: toml::Table = toml::from_str(axes).unwrap();
-        let paper = hertz_chain::Scenario::paper().to_toml();
-        let scenario: toml::Table = toml::from_str(&paper).unwrap();
-        sweep.insert("scenario".to_owned(), scenario.into());
-        Plan::new(Definition::from_toml(&sweep.to_string(), "a.toml").unwrap()).unwrap()
     }
 
     /// A view from words such as `x=COLUMN`.

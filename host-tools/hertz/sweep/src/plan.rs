@@ -172,15 +172,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn plan(axes: &str) -> Plan {
-        let scenario = Scenario::paper().to_toml();
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("paper.toml"), scenario).unwrap();
-        let path = folder.path().join("sweep.toml");
-        std::fs::write(&path, format!("scenario = \"paper.toml\"\n{axes}")).unwrap();
-        Plan::load(&path).unwrap()
-    }
+    use crate::testing::{definition, plan};
 
     #[test]
     fn the_last_axis_turns_fastest() {
@@ -215,11 +207,7 @@ mod tests {
     #[test]
     fn a_grid_that_cannot_be_counted_is_refused() {
         let axis = |key: &str| format!("[[axis]]\nkey = \"{key}\"\nlinspace = [1.0, 2.0, 1e9]\n");
-        let text = format!("scenario = {{}}\n{}{}", axis("duration"), axis("chain.young"));
-        let table: toml::Table = Scenario::paper().to_toml().parse().unwrap();
-        let mut whole: toml::Table = text.parse().unwrap();
-        whole.insert("scenario".to_owned(), table.into());
-        let definition = Definition::from_toml(&whole.to_string(), "x").unwrap();
+        let definition = definition(&(axis("duration") + &axis("chain.young"))).unwrap();
         assert!(
             Plan::new(definition)
                 .unwrap_err()

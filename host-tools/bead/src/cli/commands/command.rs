@@ -1,5 +1,6 @@
 //! `bead command`: requests to a bead, except those for its settings.
 
+use std::collections::HashSet;
 use std::io::{BufWriter, Write};
 use std::time::Duration;
 
@@ -138,7 +139,7 @@ fn identity(common: &CommandOptions) -> Result<(), Failure> {
     let body = answer.last("identity frame", |frame| {
         matches!(frame.message, Message::Identity(_)).then(|| frame.body())
     })?;
-    output::print(common.format, &body, || rows([&body]))
+    output::print(common.format, &body, || rows([("", &body)]))
 }
 
 fn status(common: &CommandOptions) -> Result<(), Failure> {
@@ -154,13 +155,26 @@ fn status(common: &CommandOptions) -> Result<(), Failure> {
         let body = if is_new { body.unwrap_or_default() } else { body? };
         bodies.insert(kind.name().to_owned(), body);
     }
-    output::print(common.format, &bodies, || rows(bodies.values()))
+    output::print(common.format, &bodies, || {
+        rows(bodies.iter().map(|(name, body)| (name.as_str(), body)))
+    })
 }
 
-/// The members of JSON objects by name, one in each row.
-fn rows<'a>(objects: impl IntoIterator<Item = &'a Value>) -> String {
-    let members = objects.into_iter().filter_map(Value::as_object).flatten();
-    output::rows(members.map(|(key, value)| {
+/// The members of JSON objects by name, one in each row. Where an object before has the name too, that of its
+/// own stands before it.
+fn rows<'a>(objects: impl IntoIterator<Item = (&'a str, &'a Value)>) -> String {
+    let members = objects.into_iter().flat_map(|(object, body)| {
+        let members = body.as_object().into_iter().flatten();
+        members.map(move |(key, value)| (object, key, value))
+    });
+    let mut names = HashSet::new();
+    output::rows(members.map(|(object, key, value)| {
+        let twice = !names.insert(key);
+        let name = if twice {
+            format!("{object} {key}")
+        } else {
+            key.clone()
+        };
         let value = match value {
             Value::String(text) => text.clone(),
             Value::Array(items) if items.is_empty() => "none".to_owned(),
@@ -168,7 +182,7 @@ fn rows<'a>(objects: impl IntoIterator<Item = &'a Value>) -> String {
             other => other.to_string(),
         };
         // A line end in the bead's text would begin another row.
-        (key.replace('_', " "), one_line(&value).into_owned())
+        (name.replace('_', " "), one_line(&value).into_owned())
     }))
 }
 

@@ -111,6 +111,8 @@ fn print(
     let file = (arguments.files.len() > 1).then(|| path.to_string_lossy());
     let mut from_the_future = None;
     let mut rejects = 0;
+    // Notes that wait for the first frame: a file without one is refused in a single line.
+    let mut notes = Vec::new();
     while let Some(item) = frames.next() {
         let written = match item {
             Item::Frame(frame) => {
@@ -130,14 +132,19 @@ fn print(
             Item::Rejected(reject) => {
                 rejects += 1;
                 if rejects <= REJECTS_MOST {
-                    note!("{reject}");
-                }
-                if rejects == REJECTS_MOST + 1 {
-                    note!("more than {REJECTS_MOST} runs of bytes are refused; the others are only counted");
+                    notes.push(reject.to_string());
+                } else if rejects == REJECTS_MOST + 1 {
+                    let most = format!(
+                        "more than {REJECTS_MOST} runs of bytes are refused; the others are only counted"
+                    );
+                    notes.push(most);
                 }
                 Ok(())
             }
         };
+        if frames.counters().frames > 0 {
+            notes.drain(..).for_each(|line| note!("{line}"));
+        }
         // Live frames must not wait for a buffer to fill.
         match written.and_then(|()| if frames.is_empty() { out.flush() } else { Ok(()) }) {
             // No program reads the output any more.

@@ -36,6 +36,8 @@ pub(crate) struct ReplayReport {
 
 #[derive(Serialize, JsonSchema)]
 struct ReplayedStrike {
+    /// Address of the bead.
+    bead: u8,
     strike: u32,
     sample_index: u64,
     samples: usize,
@@ -65,6 +67,7 @@ impl ReplayReport {
     fn table(&self) -> String {
         let rows = self.strikes.iter().map(|strike| {
             [
+                strike.bead.to_string(),
                 strike.strike.to_string(),
                 strike.sample_index.to_string(),
                 strike.samples.to_string(),
@@ -72,7 +75,7 @@ impl ReplayReport {
                 output::either(strike.identical, "identical", "differs"),
             ]
         });
-        let table = output::table("strike | sample index | samples | chunks | replay", rows);
+        let table = output::table("bead | strike | sample index | samples | chunks | replay", rows);
         if self.strikes_left_out == 0 {
             return table;
         }
@@ -91,6 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for strike in recorded.by_ref() {
         let replay = replay(&strike);
         report.push(ReplayedStrike {
+            bead: strike.address,
             strike: strike.said.strike,
             sample_index: strike.said.trigger_index,
             samples: strike.scans.len(),
@@ -121,6 +125,7 @@ mod tests {
         for number in 0..last {
             let differs = number > last - 2000;
             shown.push(ReplayedStrike {
+                bead: 0,
                 strike: number,
                 sample_index: 0,
                 samples: 672,
