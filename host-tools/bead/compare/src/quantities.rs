@@ -3,23 +3,10 @@
 use crate::report::EnergyUnit;
 use crate::strike::{ShapeValues, StrikeComparison, StrikeValues};
 
-/// Who gives a value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ValueSource {
-    /// The bead.
-    Device,
-    /// The bead's code on this computer.
-    Replay,
-    /// f64 estimates from the same samples.
-    F64Samples,
-    /// The full simulation.
-    F64Chain,
-}
-
-impl ValueSource {
-    /// In the order of the columns of a table: each adds one source of error to the one on its right.
-    pub(super) const ALL: [Self; 4] = [Self::Device, Self::Replay, Self::F64Samples, Self::F64Chain];
-}
+/// Places of the values of a quantity: by the device, by replay, by f64 from the same samples, and by the full
+/// chain. Each adds one source of error to the one after it.
+pub(super) const DEVICE: usize = 0;
+const F64_CHAIN: usize = 3;
 
 #[derive(Debug, Clone, Copy)]
 enum ValueField {
@@ -80,19 +67,20 @@ pub(super) const QUANTITIES: [StrikeQuantity; 9] = [
 ];
 
 impl StrikeQuantity {
-    /// The value in SI units. `None` where the source does not give it, or found no ringing.
-    pub(super) fn value(&self, strike: &StrikeComparison, source: ValueSource) -> Option<f64> {
-        let shape = strike.shape;
-        let (values, shape) = match source {
-            ValueSource::Device => (Some(strike.device), shape.map(|shape| shape.device)),
-            ValueSource::Replay => (strike.replay, None),
-            ValueSource::F64Samples => (strike.f64_samples, None),
-            ValueSource::F64Chain => (Some(strike.f64_chain), shape.map(|shape| shape.f64_chain)),
-        };
+    /// The values by the four sources, SI units. `None` where a source does not give it, or found no ringing.
+    pub(super) fn values(&self, strike: &StrikeComparison) -> [Option<f64>; 4] {
+        let (device, chain) = (Some(strike.device), Some(strike.f64_chain));
+        let known = [device, strike.replay, strike.f64_samples, chain];
         match self.field {
-            OfAll(of) => values.as_ref().map(of),
-            // A bead that found no ringing, or none there is, says 0.
-            OfShape(of) => shape.as_ref().map(of).filter(|value| *value != 0.0),
+            OfAll(of) => known.map(|values| values.as_ref().map(of)),
+            OfShape(of) => {
+                let [device, chain] = match strike.shape {
+                    Some(shape) => [shape.device, shape.f64_chain].map(|side| Some(of(&side))),
+                    None => [None; 2],
+                };
+                // A bead that found no ringing, or none there is, says 0.
+                [device, None, None, chain].map(|value| value.filter(|value| *value != 0.0))
+            }
         }
     }
 
@@ -103,8 +91,8 @@ impl StrikeQuantity {
 
     /// The device's deviation, as a part of the full chain's value.
     pub(super) fn off(&self, strike: &StrikeComparison) -> Option<f64> {
-        let device = self.value(strike, ValueSource::Device)?;
-        Some(device / self.value(strike, ValueSource::F64Chain)? - 1.0)
+        let values = self.values(strike);
+        Some(values[DEVICE]? / values[F64_CHAIN]? - 1.0)
     }
 
     /// The name with the unit, and the number of this unit in the SI unit. Energies are shown in `energies`.
@@ -145,7 +133,7 @@ mod tests {
         let shape = strike.shape.as_mut().unwrap();
         (shape.device.ring_frequency, shape.f64_chain.ring_frequency) = (0.0, 0.0);
         assert_eq!(ringing.shown_in(energy_unit(&[strike.clone()])).0, "ringing (Hz)");
-        let (value, off) = (ringing.value(&strike, ValueSource::Device), ringing.off(&strike));
+        let (value, off) = (ringing.values(&strike)[DEVICE], ringing.off(&strike));
         assert_eq!((value, off), (None, None));
     }
 }

@@ -3,7 +3,7 @@
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 
 use crate::pictures::{curve, wide};
-use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
+use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::report::{Chapter, DASH, EnergyUnit, Grid, GridCell, percent_within};
 use crate::spread::{Spread, mean_uncertainty};
 use crate::strike::StrikeComparison;
@@ -82,7 +82,7 @@ fn row(
 ) -> Option<Vec<GridCell>> {
     let values = strikes
         .iter()
-        .filter_map(|strike| quantity.value(strike, ValueSource::Device));
+        .filter_map(|strike| quantity.values(strike)[DEVICE]);
     let values: Vec<f64> = values.collect();
     let distribution = Distribution::of(&values)?;
     let offs: Vec<f64> = strikes.iter().filter_map(|strike| quantity.off(strike)).collect();

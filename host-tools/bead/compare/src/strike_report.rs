@@ -7,7 +7,7 @@ use bead_wire::{Counters, Identity, SettingsSource, Status};
 
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
-use crate::quantities::{QUANTITIES, StrikeQuantity, ValueSource, energy_unit};
+use crate::quantities::{QUANTITIES, StrikeQuantity, energy_unit};
 use crate::report::{
     Chapter, Content, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Report, count, energy, percent,
     percent_within,
@@ -267,26 +267,21 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     let goals = [strike.goal.absorbed_measured, strike.goal.absorbed_predicted];
     let row = |(place, quantity): (usize, &StrikeQuantity)| {
         let ((name, scale), digits) = (quantity.shown_in(unit), quantity.digits);
-        let value = |source| {
-            let is_shown =
-                quantity.has_four_sources() || matches!(source, ValueSource::Device | ValueSource::F64Chain);
-            let value = quantity
-                .value(strike, source)
-                .map(|value| format!("{:.digits$}", value * scale));
-            if is_shown {
-                GridCell::known(value)
-            } else {
-                "".into()
-            }
-        };
+        let shown = |value: f64| format!("{:.digits$}", value * scale);
+        let cells = quantity
+            .values(strike)
+            .map(|value| GridCell::known(value.map(shown)));
+        let [device, mut replay, mut samples, chain] = cells;
+        if !quantity.has_four_sources() {
+            (replay, samples) = ("".into(), "".into());
+        }
         let off = quantity.off(strike);
         let goal = goals.get(place).filter(|_| strike.alone);
         let met = goal.map(|goal| off.is_some_and(|off| off.abs() <= *goal));
-        let mut cells = vec![name.into()];
-        cells.extend(ValueSource::ALL.map(value));
-        cells.push(GridCell::judged(off.map_or(DASH.to_owned(), percent), met));
-        cells.push(goal.map_or_else(String::new, |goal| goal_of(*goal)).into());
-        cells.push(GridCell::verdict(met));
+        let off = GridCell::judged(off.map_or(DASH.to_owned(), percent), met);
+        let goal = goal.map_or_else(String::new, |goal| goal_of(*goal));
+        let mut cells = vec![name.into(), device, replay, samples, chain];
+        cells.extend([off, goal.into(), GridCell::verdict(met)]);
         cells
     };
     let is_known =
@@ -328,12 +323,11 @@ fn of_identity(identity: &Identity) -> Vec<Fact> {
     let causes: Vec<_> = identity.reset_cause.names().collect();
     let (channels, rate) = (identity.channels, identity.sample_rate_hz);
     let boot = format!("{}, reset by {}", identity.boot, causes.join(", "));
-    vec![
-        ("firmware", format!("{} ({})", identity.firmware, identity.git)),
-        ("device", hex(&identity.uid)),
-        ("boot", boot),
-        ("sampling", format!("{channels} channels at {rate} Hz")),
-    ]
+    let firmware = format!("{} ({})", identity.firmware, identity.git);
+    let sampling = format!("{channels} channels at {rate} Hz");
+    let mut facts = vec![("firmware", firmware), ("device", hex(&identity.uid))];
+    facts.extend([("boot", boot), ("sampling", sampling)]);
+    facts
 }
 
 fn of_settings(settings: &Settings) -> Vec<Fact> {
@@ -364,11 +358,9 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
         bead.contact_stiffness,
         bead.relaxation * 1e6,
     );
-    vec![
-        ("settings: bead", physics),
-        ("window", window),
-        ("resolution", resolution),
-    ]
+    let mut facts = vec![("settings: bead", physics), ("window", window)];
+    facts.push(("resolution", resolution));
+    facts
 }
 
 fn of_status(status: &Status) -> Vec<Fact> {
@@ -411,11 +403,9 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
     } else {
         registers
     };
-    vec![
-        ("image", emulator.image.clone()),
-        ("emulator", run),
-        ("registers without a model", registers),
-    ]
+    let mut facts = vec![("image", emulator.image.clone()), ("emulator", run)];
+    facts.push(("registers without a model", registers));
+    facts
 }
 
 #[cfg(test)]
