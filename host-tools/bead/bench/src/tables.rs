@@ -144,16 +144,12 @@ impl FrontEndTable {
                 *channel = channel.with_span(span);
             }
         }
+        let advice = ["N rms, such as 0.005", "m/s² rms, such as 0.05"];
         let noises = [
-            (force, "force_noise", self.force_noise, "N rms, such as 0.005"),
-            (
-                acceleration,
-                "acceleration_noise",
-                self.acceleration_noise,
-                "m/s² rms, such as 0.05",
-            ),
+            (force, "force_noise", self.force_noise),
+            (acceleration, "acceleration_noise", self.acceleration_noise),
         ];
-        for (sensor, key, rms, unit) in noises {
+        for ((sensor, key, rms), unit) in noises.into_iter().zip(advice) {
             if let Some(rms) = rms {
                 let holds = rms.is_finite() && rms >= 0.0;
                 ensure(holds, "front_end", key, rms, format!("give 0 or more, in {unit}"))?;

@@ -27,6 +27,7 @@ impl ComparedReference<'_> {
     /// The report.
     pub fn report(&self) -> Report {
         let failure = self.failure.map(str::to_owned);
+        let made = Chapter::facts("How it was made", self.made.iter().cloned());
         let tiles = self
             .quantities()
             .flat_map(|(name, _, aligned)| tiles(name, aligned));
@@ -35,11 +36,7 @@ impl ComparedReference<'_> {
             title: format!("The bead against {}", self.reference),
             verdict: failure.map_or(Ok("Replay is identical"), Err),
             tiles: tiles.collect(),
-            sections: vec![
-                self.pictures(),
-                self.tables(),
-                Chapter::facts("How it was made", self.made.iter().cloned()),
-            ],
+            sections: vec![self.pictures(), self.tables(), made],
         }
     }
 
@@ -84,10 +81,8 @@ impl ComparedReference<'_> {
         let bits = vec![vec!["bits of device and replay".into(), bits.into()]];
         let text = "The reference’s energies are those of the same estimators in floating point on the reference’s values, \
                     without the gain.";
-        section
-            .table(table("absorbed energy", rows.into()))
-            .table(table("", bits))
-            .text(text)
+        let section = section.table(table("absorbed energy", rows.into()));
+        section.table(table("", bits)).text(text)
     }
 }
 

@@ -66,12 +66,13 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Opti
     let count = strikes.len();
     let headings =
         format!("all {count} strikes | mean | spread | ~least | ~greatest | mean off by | #values");
-    (count > 1).then(|| {
+    let table = Grid::new(&headings, rows);
+    let section = || {
         Chapter::new(format!("All {count} strikes"))
             .text(text)
-            .table(Grid::new(&headings, rows))
-            .chart(history(strikes))
-    })
+            .table(table)
+    };
+    (count > 1).then(|| section().chart(history(strikes)))
 }
 
 fn row(
@@ -125,11 +126,8 @@ fn history(strikes: &[StrikeComparison]) -> Chart {
     ];
     let description = "Deviation of both estimates from the full chain, strike by strike";
     let x = Axis::count("strike, in the order of the recording", 0..=strikes.len() - 1);
-    wide(
-        description,
-        x,
-        vec![Panel::new("off the full chain (%)", curves).height(190)],
-    )
+    let panel = Panel::new("off the full chain (%)", curves).height(190);
+    wide(description, x, vec![panel])
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The beads of a recording that belong to the row of a scenario.
 
 use crate::row::chain::RowChain;
-use bead_recording::file::{Part, RecordedBead};
+use bead_recording::file::Part;
 use bead_recording::received::Received;
 
 /// A bead of a recording at its place in the chain.
@@ -21,12 +21,14 @@ pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBe
     let mut notes = Vec::new();
     for (bead, received) in received.recording.beads.iter().zip(received.each()) {
         let (address, at) = (bead.origin.address, bead.place());
+        let own = bead.parts.get(&Part::Scenario);
         let why = if !chain.hosts.contains(&at) {
-            Some("has no intruder in this scenario".to_owned())
+            Some("has no intruder in this scenario")
         } else if places.iter().any(|other| other.bead == at) {
-            Some("is there twice".to_owned())
+            Some("is there twice")
         } else {
-            of_another(bead, text)
+            let is_other = own.is_some_and(|own| **own != *text.as_bytes());
+            is_other.then_some("carries another scenario")
         };
         match why {
             Some(why) => notes.push(format!("bead {at} (address {address}) is left out: it {why}")),
@@ -41,20 +43,16 @@ pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBe
     let missing = chain.hosts.iter().filter(is_missing).map(usize::to_string);
     let missing: Vec<String> = missing.collect();
     if !missing.is_empty() {
-        let (beads, took) = match missing.len() {
-            1 => ("bead", "its intruder"),
-            _ => ("beads", "their intruders"),
+        let is_one = missing.len() == 1;
+        let (beads, took) = if is_one {
+            ("bead", "its intruder")
+        } else {
+            ("beads", "their intruders")
         };
+        let missing = missing.join(", ");
         notes.push(format!(
-            "{beads} {} of the scenario did not record: what {took} took is the simulation's",
-            missing.join(", ")
+            "{beads} {missing} of the scenario did not record: what {took} took is the simulation's"
         ));
     }
     (places, notes)
-}
-
-/// Why a bead is of another chain, if it carries a scenario of its own.
-fn of_another(bead: &RecordedBead, text: &str) -> Option<String> {
-    let own = bead.parts.get(&Part::Scenario)?;
-    (**own != *text.as_bytes()).then(|| "carries another scenario".to_owned())
 }

@@ -33,10 +33,8 @@ pub fn charts(row: &BeadRow, chain: &RowChain, compared: &RowComparison) -> [Cha
                      after n intruders";
     let of_accelerations = "The acceleration of each intruder over time at its place in the chain, and the part of the energy \
                             that each lets pass";
-    [
-        wide(of_forces, time(), overview),
-        wide(of_accelerations, time(), details),
-    ]
+    let overview = wide(of_forces, time(), overview);
+    [overview, wide(of_accelerations, time(), details)]
 }
 
 /// From shortly before the wave comes to the first bead until it has passed the last, s.
