@@ -19,6 +19,7 @@ use hertz_chain::{InputError, TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Fault, FaultKind, Run};
 
+use crate::error::BenchError;
 use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
 
 /// Kind of a planned fault.
@@ -370,6 +371,30 @@ impl FaultTable {
             volts,
         })
     }
+}
+
+/// Refuses faults that come too late for a run of this length, s.
+///
+/// # Errors
+/// The message names the fault, and what would do.
+pub fn check(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
+    for fault in faults {
+        let (name, at, within) = (fault.kind.name(), fault.at, fault.reported_within());
+        let why = if at >= seconds {
+            format!(
+                "{name} at {at} s comes after the end of the run at {seconds} s; make it earlier, or strike more often"
+            )
+        } else if fault.cause().is_some() && at + within > seconds {
+            format!(
+                "the run ends at {seconds} s, before the bead can tell of {name} at {at} s, which takes up to {within} s; give \
+                 more --strikes or a longer --interval"
+            )
+        } else {
+            continue;
+        };
+        return Err(BenchError::Unfit(format!("--faults: {why}")));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

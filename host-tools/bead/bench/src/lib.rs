@@ -7,6 +7,7 @@ mod fault_reports;
 pub mod faults;
 pub mod image;
 mod playback;
+pub mod recording;
 pub mod run;
 pub mod several;
 pub mod tables;

@@ -14,6 +14,7 @@ pub mod physical;
 pub mod protobuf;
 pub mod raw;
 pub mod received;
+pub mod recover;
 pub mod signal;
 pub mod statuses;
 pub mod strike;

@@ -15,8 +15,7 @@ use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::cli::output;
-use bead_recording::file::{Finished, RecordingError, Writer};
-use bead_tables::whole::{STANDARD_OUTPUT, Target, Unfinished};
+use bead_tables::whole::{STANDARD_OUTPUT, Target};
 
 /// `--overwrite`.
 #[derive(Debug, Clone, Copy, Default, Args)]
@@ -168,21 +167,6 @@ pub fn targets<N: AsRef<str>>(
 pub fn make_directory(directory: &Path) -> Result<(), Failure> {
     let made = fs::create_dir_all(directory);
     Ok(made.with_context(|| format!("cannot make the directory {}; give another", directory.display()))?)
-}
-
-/// Fills a recording and completes it. One that fails is removed, as its source is there.
-pub(crate) fn record(
-    mut writer: Writer,
-    fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
-) -> Result<Finished, Failure> {
-    let partial = writer.partial_path().to_owned();
-    let _listed = Unfinished::list(&partial);
-    let finished = fill(&mut writer).and_then(|()| writer.finish());
-    finished.map_err(|error| {
-        // It may never have come into being.
-        let _ = fs::remove_file(&partial);
-        error.into()
-    })
 }
 
 fn allowed(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {

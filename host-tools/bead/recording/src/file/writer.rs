@@ -15,7 +15,7 @@ use crate::file::error::RecordingError;
 use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
 use crate::file::stream::Stream;
 use crate::frames::Item;
-use bead_tables::whole::{Target, with_stem_end};
+use bead_tables::whole::{Target, Unfinished, with_stem_end};
 
 /// A recording that is being written.
 ///
@@ -244,6 +244,24 @@ impl Writer {
         (self.begun, self.flushes) = (Instant::now(), 0);
         let path = end_file(mcap, &partial, &target)?;
         Ok(Some(path))
+    }
+
+    /// Fills the recording and completes it. One that fails is removed: its source is there.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish), or what `fill` reports.
+    pub fn fill(
+        mut self,
+        fill: impl FnOnce(&mut Self) -> Result<(), RecordingError>,
+    ) -> Result<Finished, RecordingError> {
+        let partial = self.partial.clone();
+        let _listed = Unfinished::list(&partial);
+        let finished = fill(&mut self).and_then(|()| self.finish());
+        if finished.is_err() {
+            // It may never have come into being.
+            let _ = fs::remove_file(&partial);
+        }
+        finished
     }
 
     /// Completes the file and gives it its name. A file of that name that is not to be replaced came

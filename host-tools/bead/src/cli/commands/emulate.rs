@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::iter;
 use std::sync::Arc;
 
-use bead_wire::Message;
 use clap::builder::BoolishValueParser;
 use hertz_chain::Solution;
 use indicatif::ProgressBar;
@@ -19,11 +18,12 @@ use bead_bench::emulation::{Emulation, Placed, Ran, settings_of};
 use bead_bench::error::BenchError;
 use bead_bench::faults::{self, Planned};
 use bead_bench::image::find_image;
+use bead_bench::recording;
 use bead_bench::run::RunReport;
 use bead_bench::several;
 use bead_bench::tables::BenchTables;
 use bead_compare::emulated::StimulusFile;
-use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::front_end::FrontEnd;
 use bead_compare::given::GivenEstimates;
 use bead_compare::sensed::{
     Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
@@ -32,7 +32,6 @@ use bead_compare::strike::FullChain;
 use bead_compare::verdict::other_length;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
-use bead_recording::file::{About, Origin, Part, Writer};
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
@@ -405,7 +404,7 @@ impl<'a> BenchOfRun<'a> {
                 emulation
             }
         };
-        check_faults(&self.faults, emulation.seconds())?;
+        faults::check(&self.faults, emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
         emulation.shift = clock.shift;
         emulation.gdb = arguments.gdb;
@@ -427,27 +426,6 @@ impl<'a> BenchOfRun<'a> {
             note!("{remark}");
         }
     }
-}
-
-/// Refuses faults that come too late for a run of this length, s.
-fn check_faults(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
-    for fault in faults {
-        let (name, at, within) = (fault.kind.name(), fault.at, fault.reported_within());
-        let why = if at >= seconds {
-            format!(
-                "{name} at {at} s comes after the end of the run at {seconds} s; make it earlier, or strike more often"
-            )
-        } else if fault.cause().is_some() && at + within > seconds {
-            format!(
-                "the run ends at {seconds} s, before the bead can tell of {name} at {at} s, which takes up to {within} s; give \
-                 more --strikes or a longer --interval"
-            )
-        } else {
-            continue;
-        };
-        return Err(BenchError::Unfit(format!("--faults: {why}")));
-    }
-    Ok(())
 }
 
 /// A waveform that is played in place of the scenario's strike.
@@ -520,66 +498,14 @@ fn record(
     if let Some(directory) = recording.path().parent() {
         place::make_directory(directory)?;
     }
-    let mut frames = ran.iter().flat_map(|(_, ran)| &ran.frames);
-    let firmware = frames.find_map(|frame| match &frame.message {
-        Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
-        _ => None,
-    });
     let mut notes = BTreeMap::from([("scenario".to_owned(), arguments.scenario.display().to_string())]);
     notes.extend(arguments.one().map(|bead| ("bead".to_owned(), bead.to_string())));
     let stimulus = arguments.stimulus.as_ref();
     notes.extend(stimulus.map(|stimulus| ("stimulus".to_owned(), stimulus.display().to_string())));
-    let about = About {
-        source: "bead emulate".to_owned(),
-        firmware,
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        notes,
-    };
-    let mut parts = Vec::new();
-    for (emulation, ran) in ran {
-        let failed = || format!("cannot write {}", recording.path().display());
-        let truth = serde_json::to_vec_pretty(&emulation.truth).with_context(failed)?;
-        let report = serde_json::to_vec_pretty(&ran.report).with_context(failed)?;
-        let block = emulation.block.clone();
-        parts.push([
-            (Part::Settings, block),
-            (Part::Truth, truth),
-            (Part::EmulatorReport, report),
-        ]);
-    }
-    let scenario = (Part::Scenario, scenario.as_bytes());
-    let written = match (arguments.one(), ran, &parts[..]) {
-        (Some(_), [(emulation, ran)], [[settings, others @ ..]]) => {
-            place::record(Writer::create(recording, &about)?, |writer| {
-                writer.attach(settings.0, &settings.1)?;
-                writer.attach(scenario.0, scenario.1)?;
-                others
-                    .iter()
-                    .try_for_each(|(part, data)| writer.attach(*part, data))?;
-                ran.write(writer, (emulation.truth.began * 1e9).round() as u64)
-            })?
-        }
-        _ => place::record(Writer::create_for_several(recording, &about)?, |writer| {
-            writer.attach(scenario.0, scenario.1)?;
-            let mut of_beads = Vec::new();
-            for ((emulation, ran), parts) in ran.iter().zip(&parts) {
-                let bead = writer.join(&Origin {
-                    address: emulation.settings.description().address,
-                    bead: Some(emulation.truth.bead),
-                    port: None,
-                    clock: Some("emulator".to_owned()),
-                })?;
-                parts
-                    .iter()
-                    .try_for_each(|(part, data)| writer.attach_to(bead, *part, data))?;
-                of_beads.push((bead, ran, emulation.truth.began));
-            }
-            several::write(&of_beads, writer)
-        })?,
-    };
+    let written = recording::write(recording, ran, arguments.one().is_none(), scenario, notes)?;
     for (target, (emulation, _)) in outputs[1..].iter().zip(ran) {
-        let target = target.beside(recording.path(), &written.path);
+        let target = target.beside(recording.path(), &written);
         target.write_bytes(&emulation.block)?;
     }
-    Ok(written.path)
+    Ok(written)
 }
