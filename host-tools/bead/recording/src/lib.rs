@@ -15,6 +15,7 @@ pub mod protobuf;
 pub mod raw;
 pub mod received;
 pub mod recover;
+pub mod schemas;
 pub mod signal;
 pub mod statuses;
 pub mod strike;

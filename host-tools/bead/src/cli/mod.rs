@@ -8,7 +8,6 @@ pub mod output;
 
 mod beads;
 mod commands;
-mod frame_schemas;
 pub mod interrupt;
 mod line_options;
 pub mod place;

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use bead_wire::Kind;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::cli::commands::command::{SENT, SENT_LATELY};
 use crate::cli::commands::compare_reference::ReferenceReport;
 use crate::cli::commands::compare_row::RowReport;
 use crate::cli::commands::emulate::SeveralBeads;
@@ -15,9 +16,10 @@ use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
     command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
 };
-use crate::cli::frame_schemas::{self, describe};
 use bead_bench::run::RunReport;
 use bead_recording::clock::ClockComparison;
+use bead_recording::json::SCHEMA_VERSION;
+use bead_recording::schemas::{of_bodies, of_body, of_frames};
 
 /// The schema of each result by its name, which is that of a file in docs/schemas.
 pub fn of_results() -> BTreeMap<&'static str, Value> {
@@ -27,19 +29,25 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     add("command-done", of::<command::Done>("command arm"));
     add("command-raw", of::<command::Streamed>("command raw"));
     add("command-reboot", of::<command::Rebooted>("command reboot"));
-    add("command-identity", frame_schemas::of_identity());
+    add(
+        "command-identity",
+        described(of_body(Kind::Identity), "command identity"),
+    );
     add(
         "command-self-test",
         of::<Vec<command::CheckResult>>("command self-test"),
     );
-    add("command-status", frame_schemas::of_reports());
+    add(
+        "command-status",
+        described(of_bodies(&SENT, &SENT_LATELY), "command status"),
+    );
     add("compare", of::<compare::CompareReport<'_>>("compare"));
     add(
         "compare-reference",
         of::<ReferenceReport<'_>>("compare --reference"),
     );
     add("compare-row", of::<RowReport<'_>>("compare of several beads"));
-    add("decode", frame_schemas::of_lines("decode", Kind::ALL));
+    add("decode", of_lines("decode", Kind::ALL));
     add("emulate", of::<RunReport>("emulate"));
     add("emulate-several", of::<SeveralBeads>("emulate of several beads"));
     add("fetch", of::<fetch::FetchReport<'_>>("fetch --out"));
@@ -47,10 +55,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     add("optimise", of::<optimise::SearchReport>("optimise"));
     add("proof-accuracy", of::<Vec<StrikerCell>>("proof accuracy"));
     add("proof-spheres", of::<Vec<SphereCell>>("proof spheres"));
-    add(
-        "record",
-        frame_schemas::of_lines("record", &[Kind::Strike, Kind::Fault]),
-    );
+    add("record", of_lines("record", &[Kind::Strike, Kind::Fault]));
     add("recover", of::<recover::RecoverReport>("recover"));
     add("replay", of::<replay::ReplayReport>("replay"));
     add("settings", of::<settings::SettingsReport>("settings read"));
@@ -64,11 +69,31 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     all
 }
 
+/// The schema of the lines of `bead COMMAND`: frames of these kinds.
+fn of_lines(command: &str, kinds: &[Kind]) -> Value {
+    let mut schema = of_frames(kinds);
+    schema["title"] = format!("A line that `bead {command}` prints").into();
+    schema
+}
+
 /// The schema of what `bead COMMAND` prints, with the version that [`print`](super::output::print)
 /// puts into each object.
 pub fn of<T: JsonSchema>(command: &str) -> Value {
     let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
-    let mut schema = Value::from(generator.into_root_schema_for::<T>());
-    describe(&mut schema, command);
+    described(generator.into_root_schema_for::<T>().into(), command)
+}
+
+/// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
+fn described(mut schema: Value, command: &str) -> Value {
+    schema["title"] = format!("Output of `bead {command}` as JSON").into();
+    let item = schema.pointer("/items/$ref").and_then(Value::as_str);
+    let item = item.map_or(String::new(), |item| item.trim_start_matches('#').to_owned());
+    let object = schema
+        .pointer_mut(&item)
+        .expect("a reference leads to a definition");
+    object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
+    if let Value::Array(required) = &mut object["required"] {
+        required.push("schema_version".into());
+    }
     schema
 }

@@ -142,17 +142,23 @@ fn identity(common: &CommandOptions) -> Result<(), Failure> {
     output::print(common.format, &body, || rows([("", &body)]))
 }
 
+/// Frames that answer the request `status`, and those that a bead of an earlier version does not send.
+pub(crate) const SENT: [Kind; 3] = [Kind::Status, Kind::Health, Kind::Link];
+pub(crate) const SENT_LATELY: [Kind; 2] = [Kind::Guard, Kind::Load];
+
 fn status(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Status)?;
     let mut bodies = Map::new();
-    for kind in [Kind::Status, Kind::Health, Kind::Link, Kind::Guard, Kind::Load] {
+    for kind in SENT.into_iter().chain(SENT_LATELY) {
         let what = format!("{} frame", kind.name());
         let body = answer.last(&what, |frame| {
             (frame.message.kind() == kind).then(|| frame.body())
         });
-        // A bead of an earlier version does not send these two.
-        let is_new = matches!(kind, Kind::Guard | Kind::Load);
-        let body = if is_new { body.unwrap_or_default() } else { body? };
+        let body = if SENT_LATELY.contains(&kind) {
+            body.unwrap_or_default()
+        } else {
+            body?
+        };
         bodies.insert(kind.name().to_owned(), body);
     }
     output::print(common.format, &bodies, || {

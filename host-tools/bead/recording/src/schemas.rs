@@ -6,43 +6,35 @@ use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 
-use bead_recording::fields::{Content, described};
-use bead_recording::json::SCHEMA_VERSION;
+use crate::fields::{Content, described};
+use crate::json::SCHEMA_VERSION;
 
-/// The schema of the lines of `bead COMMAND`: one of these kinds of frames.
-pub(super) fn of_lines(command: &str, kinds: &[Kind]) -> Value {
+/// The schema of one of these kinds of frames, as [`Frame::json`](crate::frames::Frame::json) shows it, with
+/// what commands add.
+pub fn of_frames(kinds: &[Kind]) -> Value {
     let mut generator = generator();
     let frames: Vec<Value> = kinds.iter().map(|kind| frame(*kind, &mut generator)).collect();
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": format!("A line that `bead {command}` prints"),
         "oneOf": frames,
         "$defs": generator.take_definitions(true),
     })
 }
 
-/// The schema of the answer to `identity`: the body of a frame.
-pub(super) fn of_identity() -> Value {
-    let mut schema = of_body(Kind::Identity);
-    describe(&mut schema, "command identity");
-    schema
+/// The schema of the bodies of frames of these kinds, by the names of the kinds. Those of `optional` may be
+/// null.
+pub fn of_bodies(kinds: &[Kind], optional: &[Kind]) -> Value {
+    let name = |kind: &Kind| kind.name().to_owned();
+    let mut properties: Map<String, Value> = kinds.iter().map(|kind| (name(kind), of_body(*kind))).collect();
+    for kind in optional {
+        let body = json!({ "anyOf": [of_body(*kind), { "type": "null" }] });
+        properties.insert(name(kind), body);
+    }
+    object(properties, &[])
 }
 
-/// The schema of the answer to `status`: the bodies of several frames. A bead of an earlier version does not
-/// send the last two.
-pub(super) fn of_reports() -> Value {
-    let sent = [Kind::Status, Kind::Health, Kind::Link].map(|kind| (kind, of_body(kind)));
-    let optional = |kind| (kind, json!({ "anyOf": [of_body(kind), { "type": "null" }] }));
-    let bodies = sent.into_iter().chain([Kind::Guard, Kind::Load].map(optional));
-    let properties = bodies
-        .map(|(kind, body)| (kind.name().to_owned(), body))
-        .collect();
-    let mut schema = object(properties, &[]);
-    describe(&mut schema, "command status");
-    schema
-}
-
-fn of_body(kind: Kind) -> Value {
+/// The schema of the body of a frame.
+pub fn of_body(kind: Kind) -> Value {
     object(body(kind, &mut generator()), &[])
 }
 
@@ -50,7 +42,7 @@ fn generator() -> SchemaGenerator {
     SchemaSettings::draft2020_12().for_serialize().into_generator()
 }
 
-/// The schema of a frame as [`Frame::json`](bead_recording::frames::Frame::json) shows it, with what
+/// The schema of a frame as [`Frame::json`](crate::frames::Frame::json) shows it, with what
 /// `decode` and `record` add.
 fn frame(kind: Kind, generator: &mut SchemaGenerator) -> Value {
     let mut properties = members(json!({
@@ -135,19 +127,5 @@ fn of_content(content: &Content<'_>) -> Value {
             json!({ "type": "array", "items": { "type": "array", "items": whole() } })
         }
         Content::Group(of, _) => json!({ "anyOf": [object(fields(of), &[]), { "type": "null" }] }),
-    }
-}
-
-/// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
-pub(super) fn describe(schema: &mut Value, command: &str) {
-    schema["title"] = format!("Output of `bead {command}` as JSON").into();
-    let item = schema.pointer("/items/$ref").and_then(Value::as_str);
-    let item = item.map_or(String::new(), |item| item.trim_start_matches('#').to_owned());
-    let object = schema
-        .pointer_mut(&item)
-        .expect("a reference leads to a definition");
-    object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
-    if let Value::Array(required) = &mut object["required"] {
-        required.push("schema_version".into());
     }
 }
