@@ -7,10 +7,10 @@ use std::sync::LazyLock;
 
 use bead_bench::emulation::Emulation;
 use bead_bench::image::find_image;
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::Settings;
-use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_recording::frames::{self, Frame};
 use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
@@ -52,7 +52,7 @@ pub fn settings_at(rate: u32) -> Settings {
         length: slower * capture.length,
         ..capture
     };
-    derive(&Bead::paper(), &FrontEndDesign::reference(), &capture).unwrap_or_else(|error| panic!("{error}"))
+    derive(&Bead::paper(), &FrontEnd::reference(), &capture).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The flash image, as built.
@@ -95,7 +95,7 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
         scenario,
         solution,
         HOST,
-        &FrontEnd::default(),
+        &AnalogFrontEnd::default(),
         seed,
         timing,
         &image(),

@@ -7,7 +7,7 @@ use bead_bench::emulation::{Emulation, Ran};
 use bead_bench::faults::{Planned, PlannedKind};
 use bead_bench::image::find_image;
 use bead_bench::run::RunReport;
-use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{load_scenario, simulate_with_ring_down};
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_wire::StrikeFlags;
@@ -68,7 +68,7 @@ fn check_unguarded(bench: &Bench, script: &Script) -> Result<usize, String> {
         &bench.scenario,
         &bench.solution,
         BEAD,
-        &FrontEnd::default(),
+        &AnalogFrontEnd::default(),
         Some(script.seed),
         script.timing(),
         &bench.image,

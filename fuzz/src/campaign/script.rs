@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bead_bench::faults::{self, Planned, PlannedKind};
+use bead_bench::faults::{self, KINDS, Planned, PlannedKind};
 use bead_compare::sensed::Timing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,22 +22,6 @@ pub struct Script {
 
 /// Quiet before the first strike, s: that of `bead emulate`.
 const LEAD_IN: f64 = 0.02;
-/// All kinds of faults.
-const KINDS: [PlannedKind; 13] = [
-    PlannedKind::AdcOverrun,
-    PlannedKind::AdcDmaError,
-    PlannedKind::ForceStuck,
-    PlannedKind::AccelerationStuck,
-    PlannedKind::ForceRailed,
-    PlannedKind::AccelerationRailed,
-    PlannedKind::Supply,
-    PlannedKind::UartStall,
-    PlannedKind::Panic,
-    PlannedKind::HardFault,
-    PlannedKind::Hang,
-    PlannedKind::StackOverflow,
-    PlannedKind::PowerCut,
-];
 /// Most faults of a script.
 const MOST: u32 = 6;
 /// The first faults come within this time, s.
@@ -51,7 +35,7 @@ impl Script {
         let interval = tenths(random.random_range(0.05..0.12));
         let mut faults: Vec<Planned> = Vec::new();
         for _ in 0..random.random_range(1..=MOST) {
-            let kind = KINDS[random.random_range(0..KINDS.len())];
+            let (_, kind) = KINDS[random.random_range(0..KINDS.len())];
             if short && kind == PlannedKind::Hang {
                 continue;
             }

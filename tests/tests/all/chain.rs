@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::several::{self, Crystals};
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::file::{About, Origin, Recording, State, Writer};
@@ -34,7 +34,14 @@ fn run(scenario: &Scenario, solution: &Solution, placed: &[Placed]) -> Vec<(Emul
         interval: 0.1,
     };
     let prepare = |placed| {
-        let mut run = Emulation::place(scenario, solution, placed, &FrontEnd::default(), timing, &image())?;
+        let mut run = Emulation::place(
+            scenario,
+            solution,
+            placed,
+            &AnalogFrontEnd::default(),
+            timing,
+            &image(),
+        )?;
         // In step with no clock.
         run.sync((1..).map(|n| 0.100_371_9 * f64::from(n)));
         Ok(run)

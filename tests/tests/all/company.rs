@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use bead_bench::emulation::Emulation;
 use bead_compare::emulated::EmulatorReport;
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::strikes::assemble;
@@ -33,7 +33,7 @@ fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Optio
         scenario,
         solution,
         host,
-        &FrontEnd::default(),
+        &AnalogFrontEnd::default(),
         noise,
         timing,
         &image(),

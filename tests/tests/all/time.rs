@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::clock::compare;
 use bead_recording::file::{About, Writer};
@@ -175,8 +175,15 @@ fn recorded(
         clock_ppm: ppm,
         ..Placed::alone(bead, Some(bead as u64))
     };
-    let mut run = Emulation::place(scenario, solution, placed, &FrontEnd::default(), timing, &image())
-        .unwrap_or_else(|failure| panic!("{failure}"));
+    let mut run = Emulation::place(
+        scenario,
+        solution,
+        placed,
+        &AnalogFrontEnd::default(),
+        timing,
+        &image(),
+    )
+    .unwrap_or_else(|failure| panic!("{failure}"));
     // In step with neither clock.
     run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)));
     let ran = run.run().unwrap_or_else(|failure| panic!("{failure}"));

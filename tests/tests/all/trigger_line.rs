@@ -3,7 +3,7 @@
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::error::BenchError;
 use bead_bench::several::{self, Crystals};
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::design::Description;
@@ -55,7 +55,7 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
         interval: 0.05,
     };
     let prepare = |placed: Placed| -> Result<Emulation, BenchError> {
-        let (front_end, image) = (FrontEnd::default(), image());
+        let (front_end, image) = (AnalogFrontEnd::default(), image());
         let mut run = Emulation::place(&scenario, &solution, placed, &front_end, timing, &image)?;
         if placed.bead == 16 {
             deafen(&mut run);

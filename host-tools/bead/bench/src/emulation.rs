@@ -17,7 +17,7 @@ use crate::faults::{self, Planned};
 use crate::image;
 use crate::playback::{Playback, WithOtherNoise};
 use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
-use bead_compare::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::front_end::{AnalogFrontEnd, Digitised, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
 use bead_instrument::Waveform;
 use bead_recording::file::{RecordingError, Writer};
@@ -158,7 +158,7 @@ impl Emulation {
         scenario: &Scenario,
         solution: &Solution,
         bead: usize,
-        front_end: &FrontEnd,
+        front_end: &AnalogFrontEnd,
         seed: Option<u64>,
         timing: Timing,
         image: &Path,
@@ -176,7 +176,7 @@ impl Emulation {
         scenario: &Scenario,
         solution: &Solution,
         placed: Placed,
-        front_end: &FrontEnd,
+        front_end: &AnalogFrontEnd,
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
@@ -195,7 +195,7 @@ impl Emulation {
     pub fn play(
         solution: &Solution,
         placed: Placed,
-        front_end: &FrontEnd,
+        front_end: &AnalogFrontEnd,
         timing: Timing,
         image: &Path,
         waveform: Waveform,
@@ -217,7 +217,7 @@ impl Emulation {
         settings: Settings,
         truth: Truth,
         placed: Placed,
-        front_end: &FrontEnd,
+        front_end: &AnalogFrontEnd,
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
@@ -456,7 +456,7 @@ fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
 pub fn settings_of(
     solution: &Solution,
     placed: Placed,
-    front_end: &FrontEnd,
+    front_end: &AnalogFrontEnd,
 ) -> Result<Settings, BenchError> {
     let bead = placed.bead;
     let physics = bead_of(solution, bead)?;

@@ -54,7 +54,8 @@ pub enum PlannedKind {
     PowerCut,
 }
 
-const KINDS: [(&str, PlannedKind); 13] = [
+/// All kinds with their names in the file.
+pub const KINDS: [(&str, PlannedKind); 13] = [
     ("adc_overrun", PlannedKind::AdcOverrun),
     ("adc_dma_error", PlannedKind::AdcDmaError),
     ("force_stuck", PlannedKind::ForceStuck),

@@ -16,7 +16,7 @@ use hertz_chain::{InputError, Scenario, TomlFile};
 use serde::Deserialize;
 
 use crate::several::Crystals;
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_recording::clock::CRYSTAL_PPM;
 
 /// Least time between two edges at the sync input, s. The bead reports edges that are more than 10 ms apart
@@ -82,10 +82,10 @@ pub enum Sensors {
 
 impl Sensors {
     /// The front end behind these sensors.
-    pub fn front_end(self) -> FrontEnd {
+    pub fn front_end(self) -> AnalogFrontEnd {
         match self {
-            Self::Weak => FrontEnd::default(),
-            Self::Strong => FrontEnd::default().behind_weaker_sensors(6.0),
+            Self::Weak => AnalogFrontEnd::default(),
+            Self::Strong => AnalogFrontEnd::default().behind_weaker_sensors(6.0),
         }
     }
 }
@@ -117,9 +117,9 @@ impl FrontEndTable {
     ///
     /// # Errors
     /// [`InputError`] without file and line: no front end has such a value.
-    pub fn front_end(&self) -> Result<FrontEnd, InputError> {
+    pub fn front_end(&self) -> Result<AnalogFrontEnd, InputError> {
         let mut front_end = self.sensors.front_end();
-        let FrontEnd { force, acceleration } = &mut front_end;
+        let AnalogFrontEnd { force, acceleration } = &mut front_end;
         let spans = [
             (&mut force.sensitive, "force_span", self.force_span),
             (&mut force.wide, "wide_force_span", self.wide_force_span),

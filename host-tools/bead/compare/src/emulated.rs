@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use crate::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use crate::sensed::Truth;
 
 /// The truth of a run, as attached to its recording.
@@ -15,7 +15,7 @@ pub struct RunTruth {
     /// Start of each strike as a fractional sample index, in ascending order.
     pub starts: Vec<f64>,
     /// The front end of the sensors.
-    pub front_end: FrontEnd,
+    pub front_end: AnalogFrontEnd,
     /// Seed of the noise; none without noise.
     pub seed: Option<u64>,
     /// Deviation of the bead's clock, ppm; negative if slow.

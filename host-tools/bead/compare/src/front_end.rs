@@ -123,14 +123,14 @@ impl DualSensor {
 
 /// The front end of one bead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct FrontEnd {
+pub struct AnalogFrontEnd {
     /// The force at the bead's incoming contact.
     pub force: DualSensor,
     /// The absolute acceleration of its intruder.
     pub acceleration: DualSensor,
 }
 
-impl Default for FrontEnd {
+impl Default for AnalogFrontEnd {
     /// The reference design. Force: -0.5 to 15.5 N at the high gain, a span of 256 N at the low one.
     /// Acceleration: ±250 and ±4000 m/s². The paper's strike of 0.45 m/s peaks at 6.4 N and 194 m/s².
     ///
@@ -178,7 +178,7 @@ pub struct Digitised {
     pub saturated: [usize; 2],
 }
 
-impl FrontEnd {
+impl AnalogFrontEnd {
     /// Scales of both sensors, as the settings of a bead state them.
     pub fn calibration(&self) -> design::FrontEnd {
         design::FrontEnd {
@@ -356,7 +356,7 @@ mod tests {
     }
 
     /// Values of force and acceleration by the codes at the high gain.
-    fn values(front_end: &FrontEnd, sine: Sine, scans: usize, seed: Option<u64>) -> [Vec<f64>; 2] {
+    fn values(front_end: &AnalogFrontEnd, sine: Sine, scans: usize, seed: Option<u64>) -> [Vec<f64>; 2] {
         let codes = front_end.digitise(&sine, scans, seed).scans;
         let force = codes.iter().map(|c| front_end.force.sensitive.value(c[0]));
         let acceleration = codes.iter().map(|c| front_end.acceleration.sensitive.value(c[2]));
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn the_low_pass_is_3_db_down_at_its_pole_and_passes_what_is_slow() {
-        let mut front_end = FrontEnd::default();
+        let mut front_end = AnalogFrontEnd::default();
         front_end.acceleration.sensitive.pole_hz = Some(10e3);
         for (hz, passes, within) in [(10e3, FRAC_1_SQRT_2, 1e-3), (100.0, 1.0, 1e-4)] {
             let [_, out] = values(&front_end, Sine(200.0, hz), 4000, None);
@@ -376,7 +376,7 @@ mod tests {
 
     #[test]
     fn the_noise_has_the_rms_asked_for_and_is_independent_on_both_channels() {
-        let mut front_end = FrontEnd::default();
+        let mut front_end = AnalogFrontEnd::default();
         front_end.force.sensitive.noise_rms = 0.5;
         front_end.acceleration.sensitive.noise_rms = 15.0;
         let [force, acceleration] = values(&front_end, Sine(0.0, 1.0), 40_000, Some(7));
@@ -391,7 +391,7 @@ mod tests {
 
     #[test]
     fn what_lies_beyond_a_rail_saturates_and_is_counted() {
-        let mut front_end = FrontEnd::default();
+        let mut front_end = AnalogFrontEnd::default();
         front_end.acceleration.wide = front_end.acceleration.sensitive;
         front_end.acceleration.wide.pole_hz = None;
         // A period of 100 samples, off the grid by the scan skew: the sine exceeds 250 of 400 m/s² for
@@ -406,7 +406,7 @@ mod tests {
 
     #[test]
     fn the_channels_are_converted_one_after_the_other() {
-        let mut front_end = FrontEnd::default();
+        let mut front_end = AnalogFrontEnd::default();
         for sensor in [&mut front_end.force, &mut front_end.acceleration] {
             sensor.sensitive.pole_hz = None;
             sensor.wide = sensor.sensitive;
@@ -431,7 +431,7 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_codes_and_another_seed_does_not() {
-        let codes = |seed| FrontEnd::default().digitise(&Sine(5.0, 1e3), 1000, seed);
+        let codes = |seed| AnalogFrontEnd::default().digitise(&Sine(5.0, 1e3), 1000, seed);
         assert_eq!(codes(Some(1)), codes(Some(1)));
         assert_ne!(codes(Some(1)), codes(Some(2)));
         assert_ne!(codes(Some(1)), codes(None));
@@ -439,7 +439,10 @@ mod tests {
 
     #[test]
     fn the_default_is_the_reference_design_that_settings_are_derived_from() {
-        let (ours, reference) = (FrontEnd::default().calibration(), design::FrontEnd::reference());
+        let (ours, reference) = (
+            AnalogFrontEnd::default().calibration(),
+            design::FrontEnd::reference(),
+        );
         let pairs = [
             (ours.force, reference.force),
             (ours.acceleration, reference.acceleration),
@@ -454,7 +457,7 @@ mod tests {
 
     #[test]
     fn a_code_and_its_value_round_trip() {
-        let channel = FrontEnd::default().force.sensitive;
+        let channel = AnalogFrontEnd::default().force.sensitive;
         for code in 0..CODES {
             assert_eq!(channel.convert(channel.value(code)), (code, false));
         }

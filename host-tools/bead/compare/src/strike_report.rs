@@ -9,7 +9,7 @@ use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
 use crate::quantities::{QUANTITIES, StrikeQuantity, energy_unit};
 use crate::report::{
-    Chapter, Content, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Report, count, energy, percent,
+    Chapter, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Passage, Report, count, energy, percent,
     percent_within,
 };
 use crate::statistics;
@@ -109,7 +109,7 @@ impl ComparedStrikes<'_> {
             let medium = if many { Medium::Page } else { Medium::Both };
             section = section.table(in_full(strike, unit).group(heading).on(medium));
             let difference = strike.first_difference.clone();
-            section = section.with(difference.map(Content::Failure));
+            section = section.with(difference.map(Passage::Failure));
         }
         if !many {
             return section;
@@ -117,10 +117,10 @@ impl ComparedStrikes<'_> {
         let more = self.compared.strikes.len().saturating_sub(LINES);
         let more =
             (more > 0).then(|| format!("{more} more strikes: bead compare --format json has them all"));
-        let folded = Content::Folded {
+        let folded = Passage::Folded {
             summary: "Every strike, a line each",
             open: false,
-            content: vec![Content::Grid(self.lines().on(Medium::Page))],
+            content: vec![Passage::Grid(self.lines().on(Medium::Page))],
         };
         let lines = self.lines().on(Medium::Terminal);
         section.table(lines).with([folded]).line(more)
@@ -254,7 +254,7 @@ impl ComparedStrikes<'_> {
     fn log(&self) -> Option<Chapter> {
         let log = &self.compared.emulator.as_ref()?.log;
         (!log.is_empty())
-            .then(|| Chapter::new("The image’s own log").with([Content::Verbatim(log.join("\n"))]))
+            .then(|| Chapter::new("The image’s own log").with([Passage::Verbatim(log.join("\n"))]))
     }
 }
 

@@ -7,7 +7,7 @@ use bead_model::design::{Capture, derive};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution};
 
-use crate::front_end::FrontEnd;
+use crate::front_end::AnalogFrontEnd;
 use crate::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
 use bead_instrument::{Trace, Waveform};
 use bead_recording::strikes::RecordedStrike;
@@ -35,7 +35,7 @@ pub(crate) fn recorded(scenario: &Scenario, believed: &Scenario, seed: u64) -> R
 
 /// `None` if the detector did not fire.
 fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -> Option<RecordedStrike> {
-    let (front_end, bead) = (FrontEnd::default(), bead_of(believed, 8).unwrap());
+    let (front_end, bead) = (AnalogFrontEnd::default(), bead_of(believed, 8).unwrap());
     let settings = derive(&bead, &front_end.calibration(), &Capture::default()).unwrap();
     let timing = Timing {
         lead_in,

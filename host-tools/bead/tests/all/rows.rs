@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
 use bead_model::design::{Capture, derive_among};
 use bead_model::{Scan, Settings};
@@ -50,7 +50,7 @@ impl ModelBead {
     }
 
     fn settings(&self, solution: &Solution) -> Settings {
-        let front = FrontEnd::default().calibration();
+        let front = AnalogFrontEnd::default().calibration();
         let (physics, neighbours) = (
             bead_of(solution, self.bead).unwrap(),
             neighbours_of(solution, self.bead),
@@ -90,7 +90,7 @@ impl ModelBead {
         let settings = self.settings(solution);
         let sensed = Sensed::new(solution, self.bead, timing);
         let scans = timing.scans(solution.end());
-        let codes = FrontEnd::default().digitise(&sensed, scans, Some(self.bead as u64));
+        let codes = AnalogFrontEnd::default().digitise(&sensed, scans, Some(self.bead as u64));
         let mut speaker = Speaker::at(self.bead as u8);
         speaker.boot = 1;
         let mut messages = vec![(1, speaker.identity().into()), (1, block_of(&settings).into())];

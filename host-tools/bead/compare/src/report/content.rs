@@ -27,12 +27,12 @@ pub struct Report {
 #[derive(Debug)]
 pub(crate) struct Chapter {
     pub(super) heading: String,
-    pub(super) content: Vec<Content>,
+    pub(super) content: Vec<Passage>,
 }
 
 /// A piece of a section. All but lines and tables are for the page alone.
 #[derive(Debug)]
-pub(crate) enum Content {
+pub(crate) enum Passage {
     /// A paragraph.
     Text(String),
     /// A paragraph about something that failed.
@@ -50,7 +50,7 @@ pub(crate) enum Content {
         summary: &'static str,
         /// True if it is open at first.
         open: bool,
-        content: Vec<Content>,
+        content: Vec<Passage>,
     },
 }
 
@@ -118,26 +118,26 @@ impl Chapter {
     }
 
     /// This section with more content.
-    pub(crate) fn with(mut self, content: impl IntoIterator<Item = Content>) -> Self {
+    pub(crate) fn with(mut self, content: impl IntoIterator<Item = Passage>) -> Self {
         self.content.extend(content);
         self
     }
 
     pub(crate) fn text(self, text: impl Into<String>) -> Self {
-        self.with([Content::Text(text.into())])
+        self.with([Passage::Text(text.into())])
     }
 
     pub(crate) fn table(self, table: Grid) -> Self {
-        self.with([Content::Grid(table)])
+        self.with([Passage::Grid(table)])
     }
 
     pub(crate) fn chart(self, chart: Chart) -> Self {
-        self.with([Content::Chart(Box::new(chart))])
+        self.with([Passage::Chart(Box::new(chart))])
     }
 
     /// This section with a line, if there is one.
     pub(crate) fn line(self, line: Option<String>) -> Self {
-        self.with(line.map(Content::Line))
+        self.with(line.map(Passage::Line))
     }
 
     /// A section of facts: a table of names and values, for the page alone.
@@ -149,10 +149,10 @@ impl Chapter {
 
     /// The scenario, as its author wrote it.
     pub(crate) fn scenario(text: &str) -> Self {
-        Self::new("The scenario").with([Content::Folded {
+        Self::new("The scenario").with([Passage::Folded {
             summary: "as it was given",
             open: true,
-            content: vec![Content::Verbatim(text.to_owned())],
+            content: vec![Passage::Verbatim(text.to_owned())],
         }])
     }
 }

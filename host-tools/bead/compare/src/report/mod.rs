@@ -7,7 +7,7 @@ mod page;
 mod quantity;
 mod terminal;
 
-pub(crate) use content::{Chapter, Content, Grid, GridCell, Medium};
+pub(crate) use content::{Chapter, Grid, GridCell, Medium, Passage};
 pub use content::{DASH, Fact, Report};
 pub use quantity::{EnergyUnit, count, energy, number, percent, percent_within, signed};
 pub use terminal::aligned;

@@ -3,7 +3,7 @@
 use hertz_charts::{COLUMN, Chart, Error, style};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::report::content::{Chapter, Content, Grid, GridCell, GridColumn, Medium, Report};
+use crate::report::content::{Chapter, Grid, GridCell, GridColumn, Medium, Passage, Report};
 
 const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\
@@ -86,7 +86,7 @@ impl Report {
 impl Chapter {
     fn is_on_page(&self) -> bool {
         self.content.iter().any(|block| match block {
-            Content::Grid(table) => table.medium.is_page() && !table.rows.is_empty(),
+            Passage::Grid(table) => table.medium.is_page() && !table.rows.is_empty(),
             _ => true,
         })
     }
@@ -97,19 +97,19 @@ fn section(section: &Chapter) -> Result<Markup, Error> {
     Ok(html! { h2 { (section.heading) } (blocks) })
 }
 
-fn blocks(blocks: &[Content]) -> Result<Markup, Error> {
+fn blocks(blocks: &[Passage]) -> Result<Markup, Error> {
     let blocks: Vec<Markup> = blocks.iter().map(block).collect::<Result<_, _>>()?;
     Ok(html! { @for block in blocks { (block) } })
 }
 
-fn block(block: &Content) -> Result<Markup, Error> {
+fn block(block: &Passage) -> Result<Markup, Error> {
     Ok(match block {
-        Content::Text(text) | Content::Line(text) => html! { p { (text) } },
-        Content::Failure(text) => html! { p.fail { (text) } },
-        Content::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
-        Content::Grid(shown) if shown.medium.is_page() && !shown.rows.is_empty() => table(shown),
-        Content::Grid(_) => html! {},
-        Content::Chart(wide) => {
+        Passage::Text(text) | Passage::Line(text) => html! { p { (text) } },
+        Passage::Failure(text) => html! { p.fail { (text) } },
+        Passage::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
+        Passage::Grid(shown) if shown.medium.is_page() && !shown.rows.is_empty() => table(shown),
+        Passage::Grid(_) => html! {},
+        Passage::Chart(wide) => {
             let narrow = Chart {
                 width: COLUMN,
                 ..Chart::clone(wide)
@@ -117,8 +117,8 @@ fn block(block: &Content) -> Result<Markup, Error> {
             let [wide, narrow] = [wide.inline_svg()?, narrow.inline_svg()?];
             html! { div.wide { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } }
         }
-        Content::Verbatim(text) => html! { pre { (text) } },
-        Content::Folded {
+        Passage::Verbatim(text) => html! { pre { (text) } },
+        Passage::Folded {
             summary,
             open,
             content: hidden,
@@ -222,8 +222,8 @@ mod tests {
             sections: vec![
                 Chapter::new("<heading>")
                     .text("<text>")
-                    .with([Content::Failure("<failure>".to_owned())])
-                    .with([Content::List(vec!["<line>".to_owned()])])
+                    .with([Passage::Failure("<failure>".to_owned())])
+                    .with([Passage::List(vec!["<line>".to_owned()])])
                     .table(table.group("<group>"))
                     .chart(chart),
                 Chapter::facts("facts", [("name", "<fact>".to_owned())]),

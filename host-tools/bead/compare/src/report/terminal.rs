@@ -2,7 +2,7 @@
 
 use comfy_table::{CellAlignment, presets};
 
-use crate::report::content::{Content, Grid, GridCell, GridColumn, Report};
+use crate::report::content::{Grid, GridCell, GridColumn, Passage, Report};
 
 /// A table that may still grow by others with its columns.
 struct OpenGrid<'a> {
@@ -19,7 +19,7 @@ impl Report {
         let mut open: Option<OpenGrid<'_>> = None;
         for content in self.sections.iter().flat_map(|section| &section.content) {
             match content {
-                Content::Grid(table) if table.medium.is_terminal() && !table.rows.is_empty() => {
+                Passage::Grid(table) if table.medium.is_terminal() && !table.rows.is_empty() => {
                     let next = OpenGrid::of(table);
                     match &mut open {
                         Some(last) if last.grouped && last.columns == next.columns => {
@@ -28,7 +28,7 @@ impl Report {
                         _ => parts.extend(open.replace(next).map(OpenGrid::text)),
                     }
                 }
-                Content::Line(line) => {
+                Passage::Line(line) => {
                     parts.extend(open.take().map(OpenGrid::text));
                     match parts.last_mut() {
                         Some(part) => *part += &format!("\n{line}"),

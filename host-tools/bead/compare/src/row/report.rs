@@ -3,7 +3,7 @@
 use hertz_charts::Chart;
 
 use crate::report::{
-    Chapter, Content, DASH, EnergyUnit, Fact, Grid, GridCell, Report, count, number, percent, percent_within,
+    Chapter, DASH, EnergyUnit, Fact, Grid, GridCell, Passage, Report, count, number, percent, percent_within,
     signed,
 };
 use crate::row::arrivals::Speed;
@@ -40,7 +40,7 @@ impl ComparedRow<'_> {
         let compared = self.compared;
         let title = &self.chain.scenario.title[..];
         let strikes = count(compared.strikes as u64, "strike");
-        let missing = Chapter::new("What is missing").with([Content::List(compared.notes.clone())]);
+        let missing = Chapter::new("What is missing").with([Passage::List(compared.notes.clone())]);
         let [overview, details] = charts(self.row, self.chain, compared);
         let intruders = "Their accelerations, and the part of the wave’s energy that each lets pass.";
         let sections = [
@@ -116,7 +116,7 @@ impl ComparedRow<'_> {
             .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")));
         for bead in &compared.beads {
             let difference = bead.first_difference.clone();
-            section = section.with(difference.map(Content::Failure));
+            section = section.with(difference.map(Passage::Failure));
             if !bead.flags.is_empty() {
                 section = section.text(format!("Bead {} has flags: {}", bead.bead, bead.flags.join(", ")));
             }

@@ -23,7 +23,7 @@ use bead_bench::run::RunReport;
 use bead_bench::several;
 use bead_bench::tables::BenchTables;
 use bead_compare::emulated::StimulusFile;
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::given::GivenEstimates;
 use bead_compare::sensed::{
     Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
@@ -324,7 +324,7 @@ struct BenchOfRun<'a> {
     scenario: &'a Scenario,
     tables: &'a BenchTables,
     solution: Arc<Solution>,
-    front_end: FrontEnd,
+    front_end: AnalogFrontEnd,
     image: PathBuf,
     placed: Vec<Placed>,
     faults: Vec<Planned>,
@@ -437,7 +437,7 @@ struct Played {
 }
 
 impl Played {
-    fn of(arguments: &Arguments, front_end: &FrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
+    fn of(arguments: &Arguments, front_end: &AnalogFrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
         let Some(path) = &arguments.stimulus else {
             return Ok(None);
         };

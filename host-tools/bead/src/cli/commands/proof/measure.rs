@@ -10,7 +10,7 @@ use crate::cli::provenance::command;
 use bead_bench::emulation::Emulation;
 use bead_bench::error::BenchError;
 use bead_bench::image::find_image;
-use bead_compare::front_end::FrontEnd;
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, Truth, load_scenario};
 use bead_recording::frames::Frame;
 use bead_recording::strikes::assemble;
@@ -88,7 +88,7 @@ impl Prepared<'_> {
         &self,
         scenario: &Scenario,
         solution: &Solution,
-        front_end: &FrontEnd,
+        front_end: &AnalogFrontEnd,
         strikes: u32,
     ) -> Result<Errors, BenchError> {
         let timing = Timing {

@@ -15,7 +15,7 @@ use super::measure::{Errors, Prepared, ProofOptions, StrikePeaks, grid, metres};
 use crate::cli::commands::prelude::*;
 use bead_bench::error::BenchError;
 use bead_compare::error::CompareError;
-use bead_compare::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{RING_DOWN, bead_of, simulate_with_ring_down};
 
 const AFTER_HELP: &str = "\
@@ -244,8 +244,8 @@ fn cell(
 /// The reference front end behind sensors of which the strike fills two thirds of the range at the high gain.
 /// The low gain is little less, since the amplifiers of a fast bead have no room for more: ±65 km/s² is the
 /// limit.
-fn filled(peaks: &StrikePeaks) -> FrontEnd {
-    let mut front_end = FrontEnd::default();
+fn filled(peaks: &StrikePeaks) -> AnalogFrontEnd {
+    let mut front_end = AnalogFrontEnd::default();
     // The reference reaches from -0.5 to 15.5 N, and to 250 m/s² to either side.
     let (force, acceleration) = (&mut front_end.force, &mut front_end.acceleration);
     for (sensor, span, times) in [
