@@ -437,7 +437,11 @@ struct Played {
 }
 
 impl Played {
-    fn of(arguments: &Arguments, front_end: &AnalogFrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
+    fn of(
+        arguments: &Arguments,
+        front_end: &AnalogFrontEnd,
+        beads: &[usize],
+    ) -> Result<Option<Self>, Failure> {
         let Some(path) = &arguments.stimulus else {
             return Ok(None);
         };
