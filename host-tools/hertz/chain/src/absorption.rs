@@ -17,8 +17,7 @@ pub struct Absorption {
     pub stored: f64,
     /// `dissipated` as a part of the striker's energy at t = 0.
     pub of_striker: f64,
-    /// `dissipated` as a part of the energy that the striker has given to the chain by then, and that beads
-    /// had at t = 0.
+    /// `dissipated` as a part of the energy that the striker has given by then, and that beads had at t = 0.
     pub of_injected: f64,
 }
 
@@ -44,8 +43,7 @@ impl Absorption {
 }
 
 impl Solution {
-    /// The energy that each intruder has taken by time `t`, s, in the order of the beads. Panics as
-    /// [`Solution::at`].
+    /// The energy that each intruder has taken by time `t`, s, bead by bead. Panics as [`Solution::at`].
     pub fn absorption(&self, t: f64) -> Vec<Absorption> {
         Absorption::all(&self.at(t))
     }

@@ -16,8 +16,7 @@ pub struct Collision {
     pub speed: f64,
 }
 
-/// 4 √π Γ(2/5) / (5 Γ(9/10)): contact time times speed over greatest overlap. Landau and Lifshitz,
-/// Elasticity, §9; the paper's 2.94.
+/// 4 √π Γ(2/5) / (5 Γ(9/10)): contact time times speed over depth. Landau and Lifshitz, Elasticity, §9.
 const CONTACT_TIME: f64 = 2.943_275_184;
 
 /// e = 1 - C₁ x + C₂ x² - C₃ x³ + C₄ x⁴ with x = (3/2) α, for a force that acts until the overlap is gone.
@@ -72,8 +71,8 @@ impl Collision {
     }
 
     /// Coefficient of restitution for a relaxation time τ in s: 1 - 1.73017 α + 1.79610 α² - 1.76473 α³ +
-    /// 1.76551 α⁴. Kuwabara and Kono's force acts until the overlap is gone. The error is 1.8 α⁵, so α should
-    /// be below some 0.2.
+    /// 1.76551 α⁴. Kuwabara and Kono's force acts until the overlap is gone. The error is 1.8 α⁵; let α be
+    /// below 0.2.
     pub fn restitution(&self, relaxation: f64) -> f64 {
         let x = -1.5 * self.viscosity(relaxation);
         1.0 + x * RESTITUTION.iter().rev().fold(0.0, |sum, c| sum * x + c)

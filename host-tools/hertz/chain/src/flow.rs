@@ -53,8 +53,7 @@ pub struct Flow<'a> {
 }
 
 impl Solution {
-    /// Integrates the impulse and energy through `contact` (from 1), for any interval of time. This costs
-    /// about as much as the run did.
+    /// Integrates the impulse and energy through `contact` (from 1). This costs about as much as the run did.
     ///
     /// # Panics
     /// If there is no such contact.
@@ -63,9 +62,8 @@ impl Solution {
         let unloaded = self.model().contact(contact).load == 0.0;
         let mut sum = Transfer::default();
         let mut passed = vec![sum];
-        for (step, ends) in self.step_times().windows(2).enumerate() {
-            // Steps are far shorter than a collision, so a contact that is open at both ends did not close
-            // between.
+        for (step, ends) in self.times.windows(2).enumerate() {
+            // Steps are far shorter than a collision: a contact open at both ends did not close between.
             let open = |knot: usize| unloaded && self.model().overlap(self.state(knot), contact).0 <= 0.0;
             if !(open(step) && open(step + 1)) {
                 let inside = &mut StepSampler::new(self, step);

@@ -1,4 +1,4 @@
-//! How much of its energy a striker leaves in the chain, by its mass.
+//! The energy that a striker leaves in the chain, by its mass.
 
 use serde::Serialize;
 
@@ -17,8 +17,7 @@ pub struct Injection {
     pub share: f64,
     /// That part in an elastic collision with bead 1 alone, 4 r / (1 + r)².
     pub binary_share: f64,
-    /// True if striker and bead 1 have parted for good by the end of the run: no overlap, and bead 1 is the
-    /// faster.
+    /// True if striker and bead 1 have parted for good by the end: no overlap, and bead 1 is the faster.
     pub parted: bool,
 }
 

@@ -111,8 +111,8 @@ impl Contact {
         self.stiffness * change * (overlap + a * b + self.static_overlap) / (a + b)
     }
 
-    /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m. Zero without a
-    /// static load.
+    /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m. Zero without
+    /// load.
     pub fn linear_stiffness(&self) -> f64 {
         1.5 * self.stiffness * self.static_overlap.sqrt()
     }
@@ -154,7 +154,7 @@ pub struct HostedIntruder {
     pub oscillator: Oscillator,
 }
 
-/// The bodies, contacts and intruders of a scenario.
+/// The bodies, contacts and intruders of a scenario. A body or contact that is not of the chain panics.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Radii of bodies 0..=N, m.
@@ -249,17 +249,11 @@ impl Model {
     }
 
     /// Mass of a body, kg, an intruder included.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn mass(&self, body: usize) -> f64 {
         self.masses[body]
     }
 
     /// Radius of a body, m.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn radius(&self, body: usize) -> f64 {
         self.radii[body]
     }
@@ -270,9 +264,6 @@ impl Model {
     }
 
     /// Contact `contact`, which joins bodies `contact - 1` and `contact`, or the last bead and the wall.
-    ///
-    /// # Panics
-    /// If there is no such contact.
     pub fn contact(&self, contact: usize) -> Contact {
         assert!(
             (1..=self.contacts.len()).contains(&contact),
@@ -446,8 +437,7 @@ impl Model {
         undamped.max(oscillator.damping / reduced)
     }
 
-    /// The host and the rate, 1/s, of an intruder that is more than 100,000 times faster than any collision.
-    /// No resonator is.
+    /// The host and the rate, 1/s, of an intruder 100,000 times faster than any collision. No resonator is.
     pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
         let of = |intruder: &HostedIntruder| (intruder.bead, self.rate_of(intruder));
         let fastest = self.intruders.iter().map(of).max_by(|a, b| a.1.total_cmp(&b.1));
@@ -460,8 +450,8 @@ impl Model {
         (longest_step * self.shortest_contact()).min(6.0 / self.fastest_rate())
     }
 
-    /// The scale of displacements, m: the depth to which the body of greatest energy, usually the striker,
-    /// would press into a bead at rest.
+    /// The scale of displacements, m: the depth to which the body of greatest energy presses into a bead at
+    /// rest.
     pub(crate) fn displacement_scale(&self) -> f64 {
         let energies = (0..self.bodies()).map(|body| self.kinetic(body));
         let most = energies.fold(0.0, f64::max);
@@ -570,8 +560,7 @@ impl Model {
             .ok()
     }
 
-    /// Absolute acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate,
-    /// m/s.
+    /// Acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate, m/s.
     pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
         let oscillator = &self.intruders[intruder].oscillator;
         -oscillator.pull(place, rate) / oscillator.mass
@@ -599,8 +588,8 @@ impl Model {
         self.force_rate_at(j, change, approach, acceleration)
     }
 
-    /// Rate of the total force of contact `j`, N/s, at a change of the overlap since rest, m, its rate, m/s,
-    /// and its acceleration, m/s².
+    /// Rate of the force of contact `j`, N/s, at a change of the overlap since rest, its rate and
+    /// acceleration (SI).
     pub(crate) fn force_rate_at(&self, j: usize, change: f64, approach: f64, acceleration: f64) -> f64 {
         let contact = &self.contacts[j - 1];
         let overlap = contact.static_overlap + change;

@@ -92,9 +92,7 @@ impl<'a> Options<'a> {
         self.progress = Some(progress);
         self
     }
-}
 
-impl Options<'_> {
     /// The time to simulate, s.
     pub(crate) fn end(&self, scenario: &Scenario) -> Result<f64, InputError> {
         let end = self.duration.unwrap_or(scenario.duration);
@@ -157,8 +155,7 @@ pub enum SimulateError {
         /// Wall-clock time of these steps on a fast computer, s.
         seconds: f64,
     },
-    /// The steps became too short to advance the clock: values of the scenario lie too many powers of ten
-    /// apart.
+    /// The steps became too short to advance the clock: values lie too many powers of ten apart.
     #[error(
         "the integration is stuck at {time:?} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
     )]
@@ -174,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_time_of_computing_has_no_digits_that_say_nothing() {
-        let told = |seconds: f64| {
+        let message = |seconds: f64| {
             let error = SimulateError::TooStiff {
                 bead: 8,
                 time: 1e-12,
@@ -183,7 +180,7 @@ mod tests {
             };
             error.to_string()
         };
-        assert!(told(943.7).contains(" 1.0e9 steps, more than 944 s of computing; "));
-        assert!(told(2.561_235e20).contains(" 1.0e9 steps, more than 2.6e20 s of computing; "));
+        assert!(message(943.7).contains(" 1.0e9 steps, more than 944 s of computing; "));
+        assert!(message(2.561_235e20).contains(" 1.0e9 steps, more than 2.6e20 s of computing; "));
     }
 }

@@ -16,8 +16,7 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
-    /// h = (k + iωc) / (k + iωc - mω²), eq. (A1): the motion of the mass over that of its host, at a
-    /// frequency in Hz.
+    /// h = (k + iωc) / (k + iωc - mω²), eq. (A1): motion of the mass over that of its host, frequency in Hz.
     pub fn transmissibility(&self, frequency: f64) -> Complex64 {
         let omega = TAU * frequency;
         let coupling = Complex64::new(self.stiffness, omega * self.damping);

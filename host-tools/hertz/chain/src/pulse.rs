@@ -156,7 +156,7 @@ impl<'a> ForceTrace<'a> {
         };
         let mut rate = vec![0.0; solution.state(0).len()];
         let mut points = vec![edge(from)];
-        for (knot, &time) in solution.step_times().iter().enumerate() {
+        for (knot, &time) in solution.times.iter().enumerate() {
             if from < time && time < to {
                 let state = solution.state(knot);
                 model.rate(state, &mut rate);
@@ -207,8 +207,7 @@ impl<'a> ForceTrace<'a> {
             })
             .filter(|peak| peak.value > 0.0 && peak.value >= least)
             .collect();
-        // Remove the lower peak of the pair between which the force falls least, until it falls enough
-        // between all.
+        // Remove the lower peak of the pair with the least fall between, until all falls are deep enough.
         loop {
             let fall = |pair: &[Peak]| {
                 let lower = pair[0].value.min(pair[1].value);

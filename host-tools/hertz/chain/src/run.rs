@@ -13,9 +13,10 @@ use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::scenario::Scenario;
 use crate::solution::Snapshot;
-use crate::solver::{Lanes, Stepper};
+use crate::solver::{Lanes, StepMoment, Stepper};
 
-/// A chain in motion. A clone is independent of it.
+/// A chain in motion. A clone is independent of it. A step that cannot advance the clock fails with
+/// [`SimulateError::Stuck`].
 ///
 /// ```
 /// use hertz_chain::{Accuracy, Run, Scenario};
@@ -119,9 +120,6 @@ impl Run {
     }
 
     /// Makes one step, which does not pass `stop`, s. A step that reaches `stop` ends on it exactly.
-    ///
-    /// # Errors
-    /// [`SimulateError::Stuck`].
     pub fn step(&mut self, stop: f64) -> Result<RunStep<'_>, SimulateError> {
         let from = self.time();
         self.advance(stop)?;
@@ -136,9 +134,6 @@ impl Run {
     }
 
     /// Advances to `time`, s; does nothing if that has passed.
-    ///
-    /// # Errors
-    /// [`SimulateError::Stuck`].
     pub fn to(&mut self, time: f64) -> Result<(), SimulateError> {
         while self.time() < time {
             self.advance(time)?;
@@ -146,30 +141,28 @@ impl Run {
         Ok(())
     }
 
-    /// Advances to `time`, s, and calls `look` with each step.
-    ///
-    /// # Errors
-    /// [`SimulateError::Stuck`].
-    pub fn watch(&mut self, time: f64, mut look: impl FnMut(&mut RunStep<'_>)) -> Result<(), SimulateError> {
+    /// Advances to `time`, s, and calls `observe` with each step.
+    pub fn watch(
+        &mut self,
+        time: f64,
+        mut observe: impl FnMut(&mut RunStep<'_>),
+    ) -> Result<(), SimulateError> {
         let all = self.watch_while(time, |step| {
-            look(step);
+            observe(step);
             ControlFlow::<()>::Continue(())
         });
         all.map(|_| ())
     }
 
-    /// Advances as [`Run::watch`] does, until `look` returns `Break`.
-    ///
-    /// # Errors
-    /// [`SimulateError::Stuck`].
+    /// Advances as [`Run::watch`] does, until `observe` returns `Break`.
     pub fn watch_while<B>(
         &mut self,
         time: f64,
-        mut look: impl FnMut(&mut RunStep<'_>) -> ControlFlow<B>,
+        mut observe: impl FnMut(&mut RunStep<'_>) -> ControlFlow<B>,
     ) -> Result<ControlFlow<B>, SimulateError> {
         self.stepper.keep_inside();
         while self.time() < time {
-            if let ControlFlow::Break(enough) = look(&mut self.step(time)?) {
+            if let ControlFlow::Break(enough) = observe(&mut self.step(time)?) {
                 return Ok(ControlFlow::Break(enough));
             }
         }
@@ -232,7 +225,7 @@ impl RunStep<'_> {
             "{t} s is not in the step, {from} to {to} s"
         );
         self.run.stepper.keep_inside();
-        self.run.stepper.look(t);
+        self.run.stepper.interpolate(t);
         StepView {
             model: &self.run.model,
             stepper: &self.run.stepper,
@@ -241,7 +234,8 @@ impl RunStep<'_> {
     }
 }
 
-/// A chain at one time inside a [`RunStep`]. Values are computed on request.
+/// A chain at one time inside a [`RunStep`]. Values are computed on request. A body or contact that is not of
+/// the chain panics.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
     model: &'a Model,
@@ -256,19 +250,14 @@ impl StepView<'_> {
     }
 
     /// Displacement of `body` since t = 0, m; body 0 is the striker.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
         self.body(body).0 - self.model.starts[body].0
     }
 
     /// Velocity of `body`, m/s.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn velocity(&self, body: usize) -> f64 {
-        self.body(body).1
+        assert!(body < self.model.bodies(), "body {body} is not of this chain");
+        self.stepper.speed(body)
     }
 
     fn body(&self, body: usize) -> (f64, f64) {
@@ -276,29 +265,16 @@ impl StepView<'_> {
         self.stepper.body(body, self.time)
     }
 
-    /// Change of the overlap of a contact since rest, m, and its rate, m/s.
     fn change(&self, contact: usize) -> (f64, f64) {
-        let near = self.body(contact - 1);
-        let far = if contact < self.model.bodies() {
-            self.body(contact)
-        } else {
-            (0.0, 0.0)
-        };
-        (near.0 - far.0, near.1 - far.1)
+        StepMoment::Inside(self.stepper, self.time).change(self.model, contact)
     }
 
     /// Overlap of `contact`, m; negative if it is open.
-    ///
-    /// # Panics
-    /// If there is no such contact.
     pub fn overlap(&self, contact: usize) -> f64 {
         self.model.contact(contact).static_overlap + self.change(contact).0
     }
 
     /// Total force of `contact`, N, positive in compression.
-    ///
-    /// # Panics
-    /// If there is no such contact.
     pub fn force(&self, contact: usize) -> f64 {
         let load = self.model.contact(contact).load;
         let (change, rate) = self.change(contact);
@@ -324,8 +300,7 @@ impl StepView<'_> {
 }
 
 impl Snapshot<'_> {
-    /// Starts a run at this state. It reaches the same values as an uninterrupted run, to the accuracy asked
-    /// for.
+    /// Starts a run at this state. It agrees with an uninterrupted run to the accuracy asked for.
     ///
     /// # Errors
     /// [`SimulateError::Input`]: the accuracy is out of range.

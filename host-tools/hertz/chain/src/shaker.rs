@@ -63,8 +63,7 @@ impl FrequencySweep {
     }
 }
 
-/// Longest step times the fastest rate of the sweep and the oscillator: the error of a step of order 9 is
-/// then below rounding.
+/// Longest step times the fastest rate: the error of a step of order 9 is then below rounding.
 const STEP: f64 = 0.15;
 
 impl Oscillator {
@@ -138,10 +137,9 @@ impl Oscillator {
 }
 
 impl ShakerResponse {
-    /// Transmissibility h = û/Û at some frequencies, as pairs of frequency in Hz and h. The sweep should
-    /// cover them.
+    /// Transmissibility h = û/Û as pairs of frequency in Hz and h. The sweep should cover the frequencies.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
-        let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal));
+        let [host, mass] = [&self.host, &self.mass].map(Spectrum::of);
         let h = |&f: &f64| (f, mass.at(f) / host.at(f));
         frequencies.iter().map(h).collect()
     }

@@ -63,7 +63,7 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     };
     Ok(Solution {
         model: run.model,
-        lanes: run.stepper.lanes(),
+        lanes: run.stepper.lanes,
         tolerance: options.accuracy.tolerance,
         times,
         states,
@@ -86,12 +86,9 @@ fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), Simul
 }
 
 impl Options<'_> {
-    /// Checks a scenario as [`simulate_with`] does before its first step, for a program with many runs to
-    /// make.
+    /// Checks a scenario as [`simulate_with`] does before its first step, for programs with many runs.
     ///
-    /// # Errors
-    /// [`SimulateError`]: the scenario or an option is out of range, or it is clear that the run takes too
-    /// long.
+    /// # Errors [`SimulateError`]: the scenario or an option is out of range, or the run would take too long.
     pub fn check(&self, scenario: &Scenario) -> Result<(), SimulateError> {
         ready(scenario, self).map(|_| ())
     }

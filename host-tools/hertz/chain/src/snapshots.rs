@@ -58,7 +58,7 @@ impl Snapshots {
     pub fn observe(&mut self, step: &mut RunStep<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
         let (from, to) = (step.from(), step.to());
         let (model, stepper) = (&step.run.model, &step.run.stepper);
-        let (lanes, tolerance) = (stepper.lanes(), stepper.tolerance());
+        let (lanes, tolerance) = (stepper.lanes.clone(), stepper.tolerance);
         let mut dense = None;
         while self.next < self.rows {
             let time = (self.next as f64 / self.rate).min(self.end).max(from);
@@ -72,7 +72,6 @@ impl Snapshots {
             take(&Snapshot { model, time, state });
             self.next += 1;
         }
-        drop(dense);
         step.run.stepper.state(&mut self.state);
     }
 }

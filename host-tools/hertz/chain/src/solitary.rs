@@ -1,7 +1,6 @@
 //! The solitary wave of equal elastic spheres, and measures of how near a wave comes to it.
 //!
-//! In units where κ = M = 1, the wave's speed c in beads per time depends only on its amplitude, through the
-//! constants below.
+//! In units where κ = M = 1, the wave's speed c in beads per time depends only on its amplitude.
 
 use crate::pulse::{ForceTrace, Pulse, PulseSearch};
 use crate::quantity::PeakQuantity;
@@ -11,8 +10,7 @@ use crate::solution::Solution;
 pub const SPEED_FROM_VELOCITY: f64 = 0.907_47;
 /// c / F^(1/6) of the discrete wave, where F is a contact's greatest force.
 pub const SPEED_FROM_FORCE: f64 = 0.905_52;
-/// Kinetic part of the wave's energy, averaged over time: 5/9, by the virial theorem for forces that go as
-/// δ^(3/2).
+/// Mean kinetic part of the wave's energy: 5/9, by the virial theorem for forces that go as δ^(3/2).
 pub const KINETIC_SHARE: f64 = 5.0 / 9.0;
 
 /// Numbers common to all solitary waves, as measured in a run.
@@ -53,8 +51,7 @@ impl Solution {
         let peaks = ForceTrace::new(self, velocity, search.from, search.to).peaks(&search);
         let velocity = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
 
-        // The share repeats from bead to bead, so equal intervals over whole beads converge faster than any
-        // power.
+        // The share repeats from bead to bead, so equal intervals converge faster than any power.
         let count = 64 * (later.contact - earlier.contact);
         let beads = earlier.contact.saturating_sub(10)..=(later.contact + 10).min(model.bodies() - 1);
         let mut sampler = self.sampler();

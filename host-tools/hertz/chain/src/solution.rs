@@ -47,11 +47,6 @@ impl Solution {
         self.times[self.times.len() - 1]
     }
 
-    /// Ends of the steps, from 0 to [`Solution::end`], s.
-    pub fn step_times(&self) -> &[f64] {
-        &self.times
-    }
-
     /// A reader that repeats each step once if the times are in order.
     pub fn sampler(&self) -> Sampler<'_> {
         Sampler {
@@ -119,7 +114,8 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1.
+/// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1. A body or contact
+/// that is not of the chain panics.
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
     pub(crate) model: &'a Arc<Model>,
@@ -139,36 +135,24 @@ impl<'a> Snapshot<'a> {
     }
 
     /// Displacement of `body` since t = 0, m. A chain under a static load is at rest there.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
         self.body(body);
         self.state[body] - self.model.starts[body].0
     }
 
     /// Velocity of `body`, m/s.
-    ///
-    /// # Panics
-    /// If there is no such body.
     pub fn velocity(&self, body: usize) -> f64 {
         self.body(body);
         self.state[self.model.layout().velocity(body)]
     }
 
     /// Overlap of `contact`, m; negative if it is open.
-    ///
-    /// # Panics
-    /// If there is no such contact.
     pub fn overlap(&self, contact: usize) -> f64 {
         self.model.contact(contact);
         self.model.overlap(&self.state, contact).0
     }
 
     /// Total force of `contact`, N, positive in compression.
-    ///
-    /// # Panics
-    /// If there is no such contact.
     pub fn force(&self, contact: usize) -> f64 {
         self.model.contact(contact);
         self.model.force(&self.state, contact)
@@ -199,9 +183,6 @@ impl<'a> Snapshot<'a> {
     }
 
     /// Energies of beads `beads.start()` to `beads.end()`, by kind, J; body 0 is the striker.
-    ///
-    /// # Panics
-    /// If a bead is not of this chain.
     pub fn region(&self, beads: RangeInclusive<usize>) -> RegionEnergies {
         self.body(*beads.end());
         self.model.region_energies(&self.state, beads)

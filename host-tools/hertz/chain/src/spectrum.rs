@@ -62,8 +62,8 @@ impl Spectrum {
         self.step
     }
 
-    /// The transform at 0, `step`, 2 `step` ... to half the sampling rate, in units of the signal times s;
-    /// `step` is [`Spectrum::step`].
+    /// The transform at multiples of [`Spectrum::step`] to half the sampling rate, in units of the signal
+    /// times s.
     pub fn values(&self) -> &[Complex64] {
         &self.values
     }

@@ -3,8 +3,7 @@
 use crate::pulse::{Pulse, PulseSearch};
 use crate::solution::Solution;
 
-/// Energies of an incident pulse, J, measured at two contacts with the intruders between; see
-/// [`Solution::split`].
+/// Energies of an incident pulse, J, at two contacts with the intruders between; see [`Solution::split`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Split {

@@ -22,7 +22,7 @@ use crate::model::{HostedIntruder, Model};
 use crate::options::{Options, SimulateError};
 use crate::run::{Run, RunStep};
 use crate::scenario::Scenario;
-use crate::solver::{BLOCK, Glimpse, Stepper};
+use crate::solver::{BLOCK, Glimpse, StepMoment, Stepper};
 use crate::summary::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 
 /// Runs a scenario and returns its summary. The motion is not kept, so the chain may have any length.
@@ -99,8 +99,7 @@ struct ForceMaximum {
 /// Steps of rising forces kept for all contacts together, in addition to [`KEPT_EACH`] for each: 60 MB. Only
 /// a chain with one part very much faster than another comes near this number.
 const KEPT: usize = 1 << 17;
-/// Steps of a rising force that each contact may always keep. A rise takes about ten steps in a chain whose
-/// parts are equally fast.
+/// Steps of a rising force that each contact may always keep. A rise usually takes about ten.
 const KEPT_EACH: usize = 64;
 
 /// Greatest values of an intruder's motion and of its negative.
@@ -149,48 +148,7 @@ struct Ledger {
     at_rest: [f64; 2],
 }
 
-/// A time in the last step of a run.
-#[derive(Clone, Copy)]
-enum StepMoment<'a> {
-    /// The end of the step that began at this time, s.
-    End(&'a Stepper, f64),
-    /// The time inside the step, s, that [`Stepper::look`] was called for.
-    Inside(&'a Stepper, f64),
-}
-
-impl StepMoment<'_> {
-    /// Displacement and velocity of a body.
-    #[inline(always)]
-    fn body(self, body: usize) -> (f64, f64) {
-        match self {
-            Self::End(stepper, from) => stepper.body_at_ends(body, from)[1],
-            Self::Inside(stepper, t) => stepper.body(body, t),
-        }
-    }
-
-    /// Displacement and velocity of an intruder relative to its host.
-    #[inline(always)]
-    fn guest(self, guest: usize) -> (f64, f64) {
-        match self {
-            Self::End(stepper, _) => stepper.guest_at_ends(guest)[1],
-            Self::Inside(stepper, _) => stepper.guest(guest),
-        }
-    }
-}
-
-/// Change of the overlap of a contact since rest, m, and its rate, m/s.
-fn change(model: &Model, motion: StepMoment<'_>, contact: usize) -> (f64, f64) {
-    let near = motion.body(contact - 1);
-    let far = if contact < model.bodies() {
-        motion.body(contact)
-    } else {
-        (0.0, 0.0)
-    };
-    (near.0 - far.0, near.1 - far.1)
-}
-
-/// The contacts of some bodies as the ledger assigns them: each to the body behind it, and the wall's to the
-/// last bead.
+/// The contacts of some bodies in the ledger: each is of the body behind it, the wall's of the last bead.
 fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     let is_last = bodies.end == model.bodies();
     bodies.start.max(1)..if is_last { model.contacts() + 1 } else { bodies.end }
@@ -205,7 +163,7 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     let elastic = |contact| {
         model
             .contact(contact)
-            .energy_beyond(change(model, motion, contact).0)
+            .energy_beyond(motion.change(model, contact).0)
     };
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
     let of_guest = |guest: usize| {
@@ -223,14 +181,13 @@ fn guests(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     until(bodies.start)..until(bodies.end)
 }
 
-/// Rate of the chain's energy, W: the power of the striker, less the losses in contacts, and the power of the
-/// intruders.
+/// Rate of the chain's energy, W: the power of striker and intruders, less the losses in contacts.
 fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) -> f64 {
-    let (first, rate) = change(model, motion, 1);
+    let (first, rate) = motion.change(model, 1);
     let mut sum = model.force_beyond_at(1, first, rate) * motion.body(0).1;
     for bodies in moving {
         for contact in contacts(model, bodies) {
-            let (change, rate) = change(model, motion, contact);
+            let (change, rate) = motion.change(model, contact);
             let elastic = model.contact(contact).elastic_force_beyond(change);
             sum -= (model.force_beyond_at(contact, change, rate) - elastic) * rate;
         }
@@ -296,7 +253,7 @@ impl Summariser {
     pub fn observe(&mut self, step: &mut RunStep<'_>) {
         let (from, to) = (step.from(), step.to());
         let Run { model, stepper } = &mut *step.run;
-        stepper.look_at_ends(from);
+        stepper.interpolate_ends(from);
         let moving: Vec<Range<usize>> = stepper.moving().collect();
         self.balance(model, stepper, &moving, (from, to));
         for bodies in &moving {
@@ -342,7 +299,7 @@ impl Summariser {
         }
         if most > self.chain.value && self.chain_rate > 0.0 && rate <= 0.0 && !moving.is_empty() {
             let mut at = |t: f64| {
-                stepper.look(t);
+                stepper.interpolate(t);
                 let inside = StepMoment::Inside(stepper, t);
                 let parts = moving.iter().map(|bodies| energies(model, inside, bodies)[0]);
                 let value = self.ledger.at_rest[0] + parts.sum::<f64>();
@@ -440,7 +397,11 @@ impl Ledger {
         let blocks = |bodies: &Range<usize>| bodies.start / BLOCK..bodies.end.div_ceil(BLOCK);
         let sum = |of: &[f64]| {
             let (mut sum, mut from) = (0.0, 0);
-            for run in moving.iter().map(blocks).chain([of.len()..of.len()]) {
+            for run in moving
+                .iter()
+                .map(blocks)
+                .chain(std::iter::once(of.len()..of.len()))
+            {
                 sum += of[from..run.start].iter().sum::<f64>();
                 from = run.end;
             }
@@ -538,8 +499,8 @@ mod tests {
     use super::*;
     use crate::scenario::Section;
 
-    /// Runs six soft beads, the last two of which touch in a very much faster contact. Returns the widths and
-    /// the greatest number of steps kept.
+    /// Runs six soft beads, the last two much harder. Returns the widths and the greatest number of steps
+    /// kept.
     fn widths(room: Option<usize>) -> (Vec<Option<f64>>, usize) {
         let mut scenario = Scenario::paper();
         scenario.intruders.clear();

@@ -41,8 +41,8 @@ pub(crate) const fn nodes<const N: usize>(rows: &Square<N>) -> [f64; N] {
     nodes
 }
 
-/// Weights of the stages in displacements where `weights` are those in velocities. A value below `noise` is a
-/// zero with rounding.
+/// Weights of the stages in displacements where `weights` are those in velocities. Below `noise` they are
+/// zero.
 pub(crate) const fn twice<const N: usize>(rows: &Square<N>, weights: &[f64; N], noise: f64) -> [f64; N] {
     let mut sums = [0.0; N];
     let mut stage = 0;

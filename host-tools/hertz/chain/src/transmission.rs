@@ -1,5 +1,4 @@
-//! Energy E(n) that the first n intruders of a row leave, and the part T of it that each transmits (Fig. 5 of
-//! the paper).
+//! Energy E(n) that the first n intruders of a row leave, and the part T that each transmits (Fig. 5).
 
 use crate::scenario::Scenario;
 use crate::simulate::{SimulateError, simulate};
@@ -57,14 +56,12 @@ pub struct TransmissionFit {
     pub uncertainty: f64,
     /// E(0) of the line, in the unit of the energies.
     pub initial: f64,
-    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom: the deviation from an
-    /// exponential.
+    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom.
     pub residual: f64,
 }
 
 impl TransmissionFit {
-    /// Fits points (n, E). `None` with fewer than three points, with a single n, or with an energy that is
-    /// not positive.
+    /// Fits points (n, E). `None` with fewer than three, a single n, or an energy that is not positive.
     pub fn of(points: &[(usize, f64)]) -> Option<Self> {
         let fits = |(_, energy): &(usize, f64)| energy.is_finite() && *energy > 0.0;
         if points.len() < 3 || !points.iter().all(fits) {

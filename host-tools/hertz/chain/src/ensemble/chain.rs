@@ -27,13 +27,11 @@ impl ChainShape {
         self.bodies + usize::from(self.walled)
     }
 
-    /// The intruder of a body.
     pub(super) fn guest(&self, body: usize) -> Option<usize> {
         self.hosts.binary_search(&body).ok()
     }
 }
 
-/// The constants of eight chains.
 #[derive(Debug)]
 pub(super) struct Constants {
     /// κ, N/m^(3/2), and (3/2) τ, s, of contact j at index j; index 0 is not used.
@@ -110,14 +108,12 @@ impl Constants {
     }
 }
 
-/// Least number of steps of a chain. The method is stable for steps of up to about 3 of the shortest time
-/// constants.
+/// Least number of steps of a chain. Steps of up to about 3 of the shortest time constants are stable.
 pub(super) fn fewest_steps(model: &Model, duration: f64) -> f64 {
     duration * (1.0 / (LONGEST * model.shortest_contact())).max(model.fastest_rate() / 3.0)
 }
 
-/// Approximate velocity of a bead in the wave, m/s: that of bead 1 after an elastic collision with the
-/// striker alone.
+/// Approximate velocity of a bead in the wave, m/s: that of bead 1 if only the striker hits it.
 fn wave_speed(model: &Model) -> f64 {
     let ratio = model.mass(0) / model.mass(1);
     model.speed_scale() * (2.0 * ratio / (1.0 + ratio)).min(1.0)

@@ -17,8 +17,7 @@ const RULE: [(f64, f64); 5] = [
     (0.26946079135749507, 0.24209996110973328),
     (0.07265351292075016, 0.14167433265182075),
 ];
-/// Iterations of the search for the root. An error of 1e-6 of the step is one of 1e-9 of the force's
-/// integral.
+/// Iterations of the search for the root. An error of 1e-6 of the step is 1e-9 of the integral.
 const SEARCH: usize = 9;
 
 /// Up to eight contacts. Lanes without one are filled with [`ContactBatch::NONE`].
@@ -57,8 +56,8 @@ impl ContactBatch {
     pub(super) fn changes<S: Wide>(&self, simd: S) -> Changes {
         let h = self.length.load(simd);
         let square = h * h;
-        let [start, end] = [self.start, self.end].map(|ends| ends.map(|of| of.load(simd)));
-        let overlap = WideOverlap::through(h, start, end);
+        let start = self.start.map(|of| of.load(simd));
+        let overlap = WideOverlap::through(h, start, self.end.map(|of| of.load(simd)));
         // The part of the step with a closed contact, from the root to one of its ends.
         let closes = self.end[0].load(simd).is_positive();
         let root = overlap.root(self.end[0].load(simd), closes);
@@ -119,15 +118,19 @@ impl<S: Wide> WideOverlap<S> {
     fn at(&self, x: Vector<S>) -> (Vector<S>, Vector<S>) {
         let p = &self.0;
         let (mut value, mut slope) = (p[5], p[5]);
-        for at in [4, 3, 2, 1] {
-            value = value.times_plus(x, p[at]);
-            slope = slope.times_plus(x, value);
-        }
+        value = value.times_plus(x, p[4]);
+        slope = slope.times_plus(x, value);
+        value = value.times_plus(x, p[3]);
+        slope = slope.times_plus(x, value);
+        value = value.times_plus(x, p[2]);
+        slope = slope.times_plus(x, value);
+        value = value.times_plus(x, p[1]);
+        slope = slope.times_plus(x, value);
         (value.times_plus(x, p[0]), slope)
     }
 
-    /// Root by Newton's method, kept between bounds. `last` is the value at the end, and `closes` is 1 where
-    /// it is positive.
+    /// Root by Newton's method between bounds. `last` is the value at the end, `closes` 1 where it is
+    /// positive.
     #[inline(always)]
     fn root(&self, last: Vector<S>, closes: Vector<S>) -> Vector<S> {
         let first = self.0[0];

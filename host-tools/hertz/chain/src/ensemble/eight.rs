@@ -4,7 +4,6 @@ use std::ops::{Add, Div, Mul, Sub};
 
 use pulp::{Simd, f64x8};
 
-/// Lanes of a group.
 pub(super) const LANES: usize = 8;
 
 /// One number of each lane, aligned to a cache line.
@@ -21,7 +20,6 @@ impl Eight {
     }
 }
 
-/// Vectors of eight.
 pub(super) trait Wide: Simd<f64s = f64x8> {}
 
 impl<S: Simd<f64s = f64x8>> Wide for S {}
@@ -37,7 +35,6 @@ pub(super) fn all<S: Wide>(simd: S, value: f64) -> Vector<S> {
     Vector(simd, simd.splat_f64s(value))
 }
 
-/// A truth value in each lane.
 #[derive(Clone, Copy)]
 pub(super) struct Mask<S: Wide>(S, S::m64s);
 

@@ -47,10 +47,8 @@ pub(super) struct Group<'a> {
     constants: &'a Constants,
     pub(super) now: GroupMotion,
     next: GroupMotion,
-    /// Accelerations at the stages.
     rates: Vec<StageRates>,
     guest_rates: Vec<StageRates>,
-    /// The pull of each intruder on its host.
     pulls: Vec<Eight>,
     /// Energy dissipated in each intruder, J: in this step, and in all steps before.
     lost: Vec<Eight>,
@@ -63,20 +61,17 @@ pub(super) struct Group<'a> {
     /// Length of the next step to try, and of the present step, s.
     step: Eight,
     length: Eight,
-    /// Steps tried so far.
     pub(super) tries: [u64; LANES],
     /// 1 in lanes whose last attempt failed.
     rejected: Eight,
     /// Computed contacts: as flags, and in runs of neighbours.
     active: Vec<bool>,
     runs: Vec<Range<usize>>,
-    /// Computed intruders.
     guests: Vec<usize>,
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
-    /// First of the bodies before whose motion each lane stops, if that is wanted, and the lanes that have
-    /// stopped.
+    /// First of the bodies before whose motion each lane stops, if wanted, and the stopped lanes.
     unpushed: Option<usize>,
     stopped: [Option<SavedChain>; LANES],
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
@@ -165,7 +160,6 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Sets the state of a lane.
     pub(super) fn start_lane(&mut self, lane: usize, from: &SavedChain) {
         for (motion, from) in [(&mut self.now.u, &from.u), (&mut self.now.v, &from.v)] {
             let pairs = motion.iter_mut().zip(from);
@@ -315,7 +309,6 @@ impl Group<'_> {
         missed
     }
 
-    /// Computes all stages of the step.
     #[inline(always)]
     fn stages<S: Wide>(&mut self, simd: S) {
         // Bodies without a force move at constant velocity.
@@ -589,7 +582,7 @@ impl Group<'_> {
                 };
                 let ends = (overlap(&self.now, 0), overlap(&self.next, END));
                 let contact = model.contact(far);
-                peaks.look(lane, &contact, (before.0[lane], length), ends);
+                peaks.search(lane, &contact, (before.0[lane], length), ends);
             }
         }
     }

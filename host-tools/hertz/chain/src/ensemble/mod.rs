@@ -1,5 +1,4 @@
-//! Many chains at once, for sweeps and searches: the energy that remains at the end of each, to a stated
-//! error.
+//! Many chains at once, for sweeps and searches: the energy that remains of each, to a stated error.
 //!
 //! # Design
 //!
@@ -106,8 +105,7 @@ pub(crate) fn ensemble_on(
         }
     }
     prefixes.share(&mut grouped, options.peaks);
-    // Chains with equal strikes take as many steps and reach the same beads, so they wait least for each
-    // other.
+    // Chains with equal strikes take as many steps, so they wait least for each other.
     grouped.sort_by(|(one, a), (other, b)| {
         let speeds = a.model.striker_speed().total_cmp(&b.model.striker_speed());
         one.cmp(other).then(speeds)

@@ -18,8 +18,7 @@ pub struct EnsembleOutcome {
 }
 
 impl EnsembleOutcome {
-    /// Computes the loss in contacts from the balance of energy, and the momentum of the wall from that of
-    /// momentum.
+    /// Computes the loss in contacts and the wall's momentum from the balances of energy and momentum.
     pub(super) fn balanced(mut self) -> Self {
         let (model, state) = (&self.model, &mut self.state);
         let layout = model.layout();
@@ -45,8 +44,7 @@ impl EnsembleOutcome {
         self.time
     }
 
-    /// Number of steps tried, each of nine evaluations of the equations of motion. A chain that ran by itself
-    /// has steps of sixteen.
+    /// Number of steps tried, each of nine evaluations, or of sixteen in a chain that ran by itself.
     pub fn steps(&self) -> u64 {
         self.steps
     }

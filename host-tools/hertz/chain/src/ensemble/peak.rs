@@ -16,7 +16,7 @@ pub(super) type OverlapState = [f64; 3];
 impl ForcePeaks {
     /// Searches a step of one lane that begins at `time`. The overlap is the polynomial of fifth order
     /// between its ends.
-    pub(super) fn look(
+    pub(super) fn search(
         &mut self,
         lane: usize,
         contact: &Contact,
@@ -76,8 +76,7 @@ fn polynomial(length: f64, start: OverlapState, end: OverlapState) -> [f64; 6] {
     ]
 }
 
-/// Returns the place of the greatest value between 0 and 1, and the value, of a function with one top, by
-/// golden sections.
+/// Returns the greatest value of a function with one top between 0 and 1 and its place, by golden sections.
 fn top(value: impl Fn(f64) -> f64) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut low, mut high) = (0.0, 1.0);

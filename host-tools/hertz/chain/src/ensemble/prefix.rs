@@ -19,7 +19,6 @@ use super::together::{self, GroupMember};
 /// All numbers that the motion depends on, as bits.
 type PrefixKey = Vec<u64>;
 
-/// The known states.
 #[derive(Debug, Default)]
 pub(crate) struct Prefixes(Mutex<HashMap<PrefixKey, Arc<SavedChain>>>);
 

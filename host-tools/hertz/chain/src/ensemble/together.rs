@@ -8,8 +8,7 @@ use super::outcome::EnsembleOutcome;
 use crate::model::Model;
 use crate::summary::ContactPeak;
 
-/// Most steps of a chain in a group, where it would make seven others wait. The single run refuses those that
-/// need far more.
+/// Most steps of a chain in a group, where it makes others wait. The single run refuses far more.
 const MOST_STEPS: f64 = 1e6;
 
 /// Returns true if a chain can run in a group.
@@ -22,7 +21,6 @@ pub(super) fn suits(model: &Model, duration: f64) -> bool {
 /// like the paper's, none then errs by more than 8e-7 in the energy absorbed.
 const TOLERANCE: f64 = 2.5e-7;
 
-/// A chain of a group.
 #[derive(Debug)]
 pub(super) struct GroupMember<'a> {
     /// Index among the scenarios.
@@ -39,7 +37,6 @@ struct Eightfold<'a> {
     constants: Constants,
     models: Vec<&'a Model>,
     start: GroupMotion,
-    /// The contacts whose greatest force is wanted.
     peaks: Vec<usize>,
 }
 
@@ -70,8 +67,8 @@ impl<'a> Eightfold<'a> {
     }
 }
 
-/// Runs up to eight chains without their intruders until a body from `last` on would be pushed. Returns the
-/// state of each before that step.
+/// Runs up to eight chains without their intruders until a body from `last` on is pushed, and returns the
+/// states before that step.
 pub(super) fn before(
     shape: &ChainShape,
     members: &[&GroupMember<'_>],
@@ -86,8 +83,7 @@ pub(super) fn before(
     (0..members.len()).map(|lane| group.lane(lane)).collect()
 }
 
-/// Runs up to eight chains, each to its end, and finds the greatest forces of these contacts. `None` for a
-/// chain that does not reach its end.
+/// Runs up to eight chains to their ends and finds these contacts' greatest forces. `None`: it got stuck.
 pub(super) fn run(
     shape: &ChainShape,
     members: &[&GroupMember<'_>],

@@ -1,5 +1,4 @@
-//! Symmetries of the equations of motion, on states that no scenario starts from, and the static load left
-//! out on both sides.
+//! Symmetries of the equations of motion, on states of any kind, and the static load left out on both sides.
 
 use super::{Contact, Model};
 use crate::oscillator::Oscillator;

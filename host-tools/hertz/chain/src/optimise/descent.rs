@@ -12,8 +12,7 @@ use crate::simulate::SimulateError;
 const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
-/// Least gain in the share for which a descent is restarted from its end. A restart discards the estimate of
-/// the curvature, which may be wrong.
+/// Least gain for which a descent is restarted from its end, without its estimate of the curvature.
 const GAINED: f64 = 1e-6;
 
 impl Problem<'_> {
@@ -102,8 +101,7 @@ impl Variables {
             .collect()
     }
 
-    /// Returns a pair of designs beside `x` for each variable, and their distance in it. None lies beyond a
-    /// bound.
+    /// Returns a pair of designs beside `x` for each variable, within the bounds, and their distance in it.
     fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
         let pair = |(index, (low, high)): (usize, &(f64, f64))| {
             let ends = [(x[index] - STEP).max(*low), (x[index] + STEP).min(*high)];
@@ -158,8 +156,7 @@ impl Descent<'_> {
         problem.follow(&shares[0])
     }
 
-    /// Returns the shares at `x`, then beside it; `None` once the evaluations are spent, the search was asked
-    /// to stop, or a run has failed.
+    /// Returns the shares at `x`, then beside it; `None` once the search is spent, stopped, or has failed.
     fn shares(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<Vec<f64>>> {
         let made = self.problem.sofar.get().evaluations;
         self.full |= made + 1 + 2 * beside.len() > self.most;

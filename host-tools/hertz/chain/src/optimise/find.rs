@@ -25,7 +25,7 @@ pub struct Optimum {
     pub share_searched: f64,
     /// The least share of intruders that are all alike, at the search's accuracy.
     pub share_alike: f64,
-    /// How much the share changes if the chain is made twice as long: the influence of the far end. If it is
+    /// Change of the share if the chain is made twice as long: the influence of the far end. If it is
     /// not near zero, a wave came back from there, and its energy was counted as absorbed the second time.
     pub far_end: f64,
     /// Number of designs tried.
@@ -36,7 +36,7 @@ pub struct Optimum {
     pub settled: bool,
     /// Descents made, each until nothing near its end was better.
     pub descents: usize,
-    /// How many of them, the last ones, from fresh starts about the best design, led to nothing better.
+    /// Number of the last descents, from fresh starts about the best design, that led to nothing better.
     pub in_vain: usize,
     /// True if the search was asked to stop.
     pub stopped: bool,

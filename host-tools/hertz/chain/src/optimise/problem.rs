@@ -41,11 +41,9 @@ pub(super) struct TriedDesign {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
-/// Factors by which fresh starts differ from the best design, in turn: small, for a valley that was left too
-/// early, and large.
+/// Factors by which fresh starts differ from the best design, in turn: small, for a valley left too early.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
-/// Exponent of the power mean that replaces the greatest share. For three speeds it is at most 1.7 % below
-/// it.
+/// Exponent of the power mean in place of the greatest share: of three, at most 1.7 % below it.
 const POWER: f64 = 64.0;
 /// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
@@ -90,8 +88,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Returns the remaining share at each speed, for each design. Once the search was asked to stop, only
-    /// for the designs tried before.
+    /// Returns the share at each speed for each design, or for those tried before the search was asked to
+    /// stop.
     pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
         let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
         let mut found = Vec::with_capacity(designs.len());
@@ -157,8 +155,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Returns the best design of a grid with all intruders alike, or of the part of the grid tried before
-    /// the search was asked to stop.
+    /// Returns the best of a grid of designs with alike intruders, or of the part tried before a stop.
     pub(super) fn coarse(&self) -> Result<TriedDesign, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
@@ -204,8 +201,7 @@ impl Problem<'_> {
         [0.0, 1.0, -1.0].map(start).into()
     }
 
-    /// Returns a design near the best: each number is multiplied or divided by up to one of [`APART`]. It
-    /// depends on `number` alone.
+    /// Returns a design near the best by factors of up to one of [`APART`] that depend on `number` alone.
     pub(super) fn restart(&self, best: &TriedDesign, number: usize) -> TriedDesign {
         let apart = APART[number % APART.len()];
         let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(number as u64 + 1);

@@ -24,7 +24,7 @@ pub struct Search {
     pub damping: [f64; 2],
     /// Speeds of the striker, m/s; without any, the scenario's own.
     pub speeds: Vec<f64>,
-    /// How the shares of several speeds become one.
+    /// Combination of the shares of several speeds.
     pub aim: Aim,
     /// True if all intruders are to be alike.
     pub alike: bool,
@@ -32,7 +32,7 @@ pub struct Search {
     pub evaluations: usize,
 }
 
-/// How the shares that remain of several strikes become one number.
+/// Combination of the shares that remain of several strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Aim {
@@ -81,66 +81,7 @@ impl Search {
             evaluations: 200_000,
         })
     }
-}
 
-/// Why there is no optimum.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OptimiseError {
-    /// A scenario could not be run.
-    #[error(transparent)]
-    Simulate(#[from] SimulateError),
-    /// A value of the [`Search`] cannot be used; the key is its field.
-    #[error(transparent)]
-    Search(InputError),
-}
-
-impl From<InputError> for OptimiseError {
-    fn from(error: InputError) -> Self {
-        Self::Simulate(error.into())
-    }
-}
-
-/// Points of the coarse grid in mass, stiffness, damping.
-pub(super) const COARSE: [usize; 3] = [2, 9, 7];
-
-/// The host of least mass and its mass, kg.
-fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
-    let beads = scenario.spheres();
-    let masses = hosts.iter().map(|&bead| (bead, beads[bead - 1].mass()));
-    let least = masses.min_by(|a, b| a.1.total_cmp(&b.1));
-    least.expect("hosts have been checked to be there")
-}
-
-/// Refuses hosts that cannot be searched, and a total mass, kg, that they cannot hold.
-fn check_hosts(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
-    let beads = scenario.chain.beads;
-    if hosts.is_empty() {
-        let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
-        return Err(InputError::at("hosts", "names no bead", advice));
-    }
-    let (count, most) = (hosts.len(), Search::HOSTS_MOST);
-    if count > most {
-        let what = format!("{count} beads are more than a search can vary");
-        return Err(InputError::at("hosts", what, format!("name at most {most}")));
-    }
-    let mut taken = vec![None; beads];
-    for &host in hosts {
-        TableCheck::root().claim("hosts", host, 0, &mut taken)?;
-    }
-    TableCheck::root().check("total_mass", total, ValueRange::Positive("kg, such as 0.037"))?;
-    let (bead, host) = lightest(scenario, hosts);
-    let most = host * count as f64;
-    if total >= most {
-        let what =
-            format!("{total} kg in {count} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder");
-        let advice = format!("give less than {most:.3} kg");
-        return Err(InputError::at("total_mass", what, advice));
-    }
-    Ok(())
-}
-
-impl Search {
     /// Speeds of the strikes, m/s.
     pub fn strikes(&self, scenario: &Scenario) -> Vec<f64> {
         if self.speeds.is_empty() {
@@ -161,8 +102,7 @@ impl Search {
             .map_err(OptimiseError::Search)
     }
 
-    /// Refuses bounds that have intruders in them of which no run would end. The run could only blame an
-    /// intruder that nobody has written.
+    /// Refuses bounds with intruders of which no run would end, since the run would blame such an intruder.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
         for (key, bound, [mass, stiffness, damping]) in [
@@ -209,7 +149,7 @@ impl Search {
                 return Err(InputError::at(key, what, advice));
             }
             for bound in [low, high] {
-                TableCheck::root().check(key, bound, ValueRange::Positive(unit))?;
+                TableCheck::of("").check(key, bound, ValueRange::Positive(unit))?;
             }
         }
         let (bead, host) = lightest(scenario, &self.hosts);
@@ -225,7 +165,7 @@ impl Search {
             return Err(InputError::at("mass", what, "let the least mass be less"));
         }
         for &speed in &self.speeds {
-            TableCheck::root().check("speeds", speed, ValueRange::Positive("m/s, such as 0.45"))?;
+            TableCheck::of("").check("speeds", speed, ValueRange::Positive("m/s, such as 0.45"))?;
         }
         let fewest = COARSE.iter().product::<usize>();
         if self.evaluations < fewest {
@@ -235,4 +175,61 @@ impl Search {
         }
         Ok(())
     }
+}
+
+/// Why there is no optimum.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OptimiseError {
+    /// A scenario could not be run.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// A value of the [`Search`] cannot be used; the key is its field.
+    #[error(transparent)]
+    Search(InputError),
+}
+
+impl From<InputError> for OptimiseError {
+    fn from(error: InputError) -> Self {
+        Self::Simulate(error.into())
+    }
+}
+
+/// Points of the coarse grid in mass, stiffness, damping.
+pub(super) const COARSE: [usize; 3] = [2, 9, 7];
+
+/// The host of least mass and its mass, kg.
+fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
+    let beads = scenario.spheres();
+    let masses = hosts.iter().map(|&bead| (bead, beads[bead - 1].mass()));
+    let least = masses.min_by(|a, b| a.1.total_cmp(&b.1));
+    least.expect("hosts have been checked to be there")
+}
+
+/// Refuses hosts that cannot be searched, and a total mass, kg, that they cannot hold.
+fn check_hosts(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
+    let beads = scenario.chain.beads;
+    if hosts.is_empty() {
+        let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
+        return Err(InputError::at("hosts", "names no bead", advice));
+    }
+    let (count, most) = (hosts.len(), Search::HOSTS_MOST);
+    if count > most {
+        let what = format!("{count} beads are more than a search can vary");
+        return Err(InputError::at("hosts", what, format!("name at most {most}")));
+    }
+    let mut taken = vec![None; beads];
+    for &host in hosts {
+        TableCheck::of("").claim("hosts", host, 0, &mut taken)?;
+    }
+    TableCheck::of("").check("total_mass", total, ValueRange::Positive("kg, such as 0.037"))?;
+    let (bead, host) = lightest(scenario, hosts);
+    let most = host * count as f64;
+    if total >= most {
+        let what =
+            format!("{total} kg in {count} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder");
+        let advice = format!("give less than {most:.3} kg");
+        return Err(InputError::at("total_mass", what, advice));
+    }
+    Ok(())
 }

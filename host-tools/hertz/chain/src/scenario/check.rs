@@ -1,5 +1,4 @@
-//! Ranges of a scenario's values, and their check. The first value that cannot be used is reported with
-//! advice.
+//! Ranges of a scenario's values, and their check, which reports the first wrong value with advice.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -147,23 +146,23 @@ impl Scenario {
     /// # Errors
     /// [`InputError`] without file and line.
     pub fn check(&self) -> Result<(), InputError> {
-        TableCheck::root().check("duration", self.duration, Positive("s, such as 0.004"))?;
-        let at = TableCheck::named("chain");
+        TableCheck::of("").check("duration", self.duration, Positive("s, such as 0.004"))?;
+        let at = TableCheck::of("chain.");
         let beads = self.chain.beads;
         if !(1..=MOST_BEADS).contains(&beads) {
             let what = format!("a chain of {beads} beads cannot be simulated");
             return Err(at.error("beads", what, format!("give a number from 1 to {MOST_BEADS}")));
         }
         self.chain.check(&at)?;
-        self.striker.check(&TableCheck::named("striker"))?;
+        self.striker.check(&TableCheck::of("striker."))?;
         if let Some(wall) = &self.wall {
-            let at = TableCheck::named("wall");
+            let at = TableCheck::of("wall.");
             wall.check(&at)?;
             self.check_gap(&at, wall.gap)?;
         }
         let mut owners = vec![None; beads];
         for (index, section) in self.sections.iter().enumerate() {
-            let at = TableCheck::entry("section", index);
+            let at = TableCheck::of(format!("section[{}].", index + 1));
             let other = ("is already in section", "put each bead in one section only");
             at.check_beads(&section.beads, (index, &mut owners), other)?;
             section.check(&at)?;
@@ -171,7 +170,7 @@ impl Scenario {
         self.check_intruders()?;
         owners.fill(None);
         for (index, start) in self.starts.iter().enumerate() {
-            let at = TableCheck::entry("start", index);
+            let at = TableCheck::of(format!("start[{}].", index + 1));
             let other = ("is already in start", "put each bead in one start only");
             at.check_beads(&start.beads, (index, &mut owners), other)?;
             at.check("velocity", start.velocity, Velocity)?;
@@ -185,7 +184,7 @@ impl Scenario {
         let mut owners = vec![None; self.chain.beads];
         let spheres = self.spheres();
         for (index, intruder) in self.intruders.iter().enumerate() {
-            let at = TableCheck::entry("intruder", index);
+            let at = TableCheck::of(format!("intruder[{}].", index + 1));
             let other = ("already holds intruder", "give each bead one intruder at most");
             at.check_beads(&intruder.beads, (index, &mut owners), other)?;
             intruder.check(&at)?;
@@ -216,16 +215,9 @@ impl Scenario {
 pub(crate) struct TableCheck(String);
 
 impl TableCheck {
-    pub(crate) fn root() -> Self {
-        Self(String::new())
-    }
-
-    fn named(name: &str) -> Self {
-        Self(format!("{name}."))
-    }
-
-    fn entry(name: &str, index: usize) -> Self {
-        Self(format!("{name}[{}].", index + 1))
+    /// A table whose keys begin with this.
+    pub(crate) fn of(prefix: impl Into<String>) -> Self {
+        Self(prefix.into())
     }
 
     fn error(&self, key: &str, what: String, advice: impl Into<String>) -> InputError {

@@ -46,24 +46,3 @@ impl Scenario {
         }
     }
 }
-
-/// [`Scenario::paper`].
-impl Default for Scenario {
-    fn default() -> Self {
-        Self::paper()
-    }
-}
-
-/// [`Chain::PAPER`].
-impl Default for Chain {
-    fn default() -> Self {
-        Self::PAPER
-    }
-}
-
-/// [`Striker::PAPER`].
-impl Default for Striker {
-    fn default() -> Self {
-        Self::PAPER
-    }
-}

@@ -50,11 +50,8 @@ impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut line = OneLine(f);
         if let Some(file) = &self.file {
-            write!(line, "{file}:")?;
-            if let Some(number) = self.line {
-                write!(line, "{number}:")?;
-            }
-            write!(line, " ")?;
+            let number = self.line.map_or(String::new(), |number| format!("{number}:"));
+            write!(line, "{file}:{number} ")?;
         }
         if !self.key.is_empty() {
             write!(line, "{}: ", self.key)?;
@@ -94,8 +91,10 @@ pub fn read_text(path: &Path, wanted: &str) -> Result<String, InputError> {
         ..InputError::at("", what, format!("name {wanted}"))
     };
     let mut bytes = Vec::new();
-    let input: io::Result<Box<dyn Read>> = if path == Path::new("-") {
-        Ok(Box::new(io::stdin().lock()))
+    let is_stdin = path == Path::new("-");
+    let stdin = || -> Box<dyn Read> { Box::new(io::stdin().lock()) };
+    let input = if is_stdin {
+        Ok(stdin())
     } else {
         File::open(path).map(|file| Box::new(file) as _)
     };
@@ -173,7 +172,7 @@ fn path(parts: &[KeyPart<'_>]) -> String {
     path
 }
 
-/// How many bytes of a key's text these parts are; none if the text does not begin with them.
+/// Length of the part of a key's text that these parts are; `None` if the text begins otherwise.
 fn begins(key: &str, parts: &[KeyPart<'_>]) -> Option<usize> {
     let mut rest = key;
     for part in parts {
@@ -195,7 +194,7 @@ impl<'a> TomlFile<'a> {
     pub fn parse(text: &'a str, name: &'a str) -> Result<Self, InputError> {
         let file = Self { text, name };
         let parsed = DeTable::parse(text).map_err(|error| {
-            let what = format!("not TOML ({})", told(error.message()));
+            let what = format!("not TOML ({})", for_people(error.message()));
             let start = error.span().map_or(0, |span| span.start);
             file.place_at(start, InputError::at("", what, "mend the line"))
         });
@@ -203,7 +202,7 @@ impl<'a> TomlFile<'a> {
     }
 
     fn each_key(&self, mut see: impl FnMut(&[KeyPart<'_>], KeySpans)) {
-        // What is not TOML was refused before, and has no keys.
+        // A text that is not TOML was refused before, and has no keys.
         if let Ok(table) = DeTable::parse(self.text) {
             each_key(table.get_ref(), &mut Vec::new(), &mut see);
         }
@@ -275,15 +274,15 @@ impl<'a> TomlFile<'a> {
 
 /// Characters of a name, and of what serde says, that are told at most.
 const NAME_MOST: usize = 60;
-const TOLD_MOST: usize = 400;
+const MESSAGE_MOST: usize = 400;
 
 fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Prepares a message for people: it can have a value of the file in it.
-fn told(message: &str) -> String {
-    shortened(&one_line(message), TOLD_MOST)
+fn for_people(message: &str) -> String {
+    shortened(&one_line(message), MESSAGE_MOST)
 }
 
 fn shortened(text: &str, most: usize) -> String {
@@ -317,7 +316,7 @@ fn explain(message: &str) -> (String, String) {
         None if message.starts_with("missing field") => "add it, in SI units",
         None => "give a value of that kind",
     };
-    (told(&plain_words(message)), advice.to_owned())
+    (for_people(&plain_words(message)), advice.to_owned())
 }
 
 /// The field and the known ones, from what serde says of an unknown field: it has no other way to tell them.

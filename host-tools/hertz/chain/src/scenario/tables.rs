@@ -55,7 +55,7 @@ pub struct Chain {
     pub poisson: f64,
     /// Viscoelastic relaxation time τ of the contacts, s; 0 is elastic.
     pub relaxation: f64,
-    /// How a total contact force below zero is treated.
+    /// Treatment of a total contact force below zero.
     #[serde(default)]
     pub contact_force: ContactForce,
     /// Static load F₀ that presses the chain together from before the strike, N. It pushes bead 1 forwards at
@@ -68,7 +68,7 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// How a total contact force below zero is treated. The viscous term can make one while beads part.
+/// Treatment of a total contact force below zero. The viscous term can make one while beads part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ContactForce {
@@ -219,11 +219,10 @@ fn read_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, 
 impl Start {
     /// Beads that move at `velocity`, m/s, from where they touch.
     pub fn moving(beads: impl IntoIterator<Item = usize>, velocity: f64) -> Self {
-        let beads = beads.into_iter().collect();
         Self {
+            beads: beads.into_iter().collect(),
             velocity,
-            beads,
-            gap: 0.0,
+            ..Self::default()
         }
     }
 
@@ -231,8 +230,8 @@ impl Start {
     pub fn apart(beads: impl IntoIterator<Item = usize>, gap: f64) -> Self {
         Self {
             beads: beads.into_iter().collect(),
-            velocity: 0.0,
             gap,
+            ..Self::default()
         }
     }
 }

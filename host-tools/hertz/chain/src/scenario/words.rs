@@ -3,16 +3,16 @@
 /// Rewrites a message of serde with texts, numbers, lists and tables in place of Rust's types. A message of
 /// an unknown form is returned unchanged.
 pub fn plain_words(message: &str) -> String {
-    let of_field = |text: &str| {
-        text.strip_prefix('`')
-            .and_then(|text| text.strip_suffix('`'))
-            .map(str::to_owned)
-    };
-    if let Some(key) = message.strip_prefix("missing field ").and_then(of_field) {
-        return format!("the key `{key}` is missing");
-    }
-    if let Some(key) = message.strip_prefix("duplicate field ").and_then(of_field) {
-        return format!("the key `{key}` is there twice");
+    for (start, said) in [
+        ("missing field `", "is missing"),
+        ("duplicate field `", "is there twice"),
+    ] {
+        let key = message
+            .strip_prefix(start)
+            .and_then(|text| text.strip_suffix('`'));
+        if let Some(key) = key {
+            return format!("the key `{key}` {said}");
+        }
     }
     if let Some((found, known)) = variant(message) {
         return format!("{found} is not known; known are {known}");
@@ -38,25 +38,18 @@ fn variant(message: &str) -> Option<(&str, &str)> {
 
 /// Words for the value in the file.
 fn what_is(found: &str) -> String {
-    let quoted = |kind: &str| {
-        found
-            .strip_prefix(kind)
-            .map(|value| value.trim_matches('`').to_owned())
-    };
+    let quoted = |kind: &str| Some(found.strip_prefix(kind)?.trim_matches('`'));
     if let Some(text) = found.strip_prefix("string ") {
         return format!("the text {text}");
     }
     if let Some(number) = quoted("integer ").or_else(|| quoted("floating point ")) {
         return format!("the number {number}");
     }
-    if let Some(value) = quoted("boolean ") {
-        return value;
-    }
     match found {
         "map" => "a table".to_owned(),
         "sequence" => "a list".to_owned(),
         count if count.parse::<usize>().is_ok() => format!("a list of {count}"),
-        other => other.to_owned(),
+        other => quoted("boolean ").unwrap_or(other).to_owned(),
     }
 }
 
@@ -70,13 +63,11 @@ fn what_belongs(expected: &str) -> String {
         "a sequence" => "a list",
         "a boolean" => "true or false",
         "a map" => "a table",
+        other if other.starts_with("struct ") => "a table",
         _ => "",
     };
     if !word.is_empty() {
         return word.to_owned();
-    }
-    if expected.starts_with("struct ") {
-        return "a table".to_owned();
     }
     let length = expected.strip_prefix("an array of length ");
     length.map_or_else(|| expected.to_owned(), |length| format!("a list of {length}"))
@@ -86,36 +77,24 @@ fn what_belongs(expected: &str) -> String {
 mod tests {
     use super::plain_words;
 
+    /// Messages of serde, and the words for them.
+    const MESSAGES: &str = r#"
+missing field `axis` => the key `axis` is missing
+duplicate field `axis` => the key `axis` is there twice
+invalid type: string "fast", expected f64 => the text "fast", where a number belongs
+invalid value: integer `-3`, expected usize => the number -3, where a whole number, 0 or more, belongs
+invalid type: integer `8`, expected a sequence => the number 8, where a list belongs
+invalid type: boolean `true`, expected a string => true, where a text belongs
+invalid type: floating point `0.5`, expected struct Chain => the number 0.5, where a table belongs
+invalid length 2, expected an array of length 3 => a list of 2, where a list of 3 belongs
+unknown variant `loud`, expected one of `printed`, `clipped` => `loud` is not known; known are `printed`, `clipped`
+the mass is below zero => the mass is below zero
+"#;
+
     #[test]
     fn no_type_of_rust_is_named() {
-        for (rust, said) in [
-            ("missing field `axis`", "the key `axis` is missing"),
-            (
-                "invalid type: string \"fast\", expected f64",
-                "the text \"fast\", where a number belongs",
-            ),
-            (
-                "invalid value: integer `-3`, expected usize",
-                "the number -3, where a whole number, 0 or more, belongs",
-            ),
-            (
-                "invalid type: integer `8`, expected a sequence",
-                "the number 8, where a list belongs",
-            ),
-            (
-                "invalid type: floating point `0.5`, expected struct Chain",
-                "the number 0.5, where a table belongs",
-            ),
-            (
-                "invalid length 2, expected an array of length 3",
-                "a list of 2, where a list of 3 belongs",
-            ),
-            (
-                "unknown variant `loud`, expected one of `printed`, `clipped`",
-                "`loud` is not known; known are `printed`, `clipped`",
-            ),
-            ("the mass is below zero", "the mass is below zero"),
-        ] {
+        for row in MESSAGES.trim().lines() {
+            let (rust, said) = row.split_once(" => ").unwrap();
             assert_eq!(plain_words(rust), said);
         }
     }

@@ -19,7 +19,7 @@ impl Work {
         length * dispatch(self, lanes, Task::Error { tolerance }, length)
     }
 
-    /// Prepares [`Work::look`] for the step that [`Work::attempt`] made last.
+    /// Prepares [`Work::interpolate`] for the step that [`Work::attempt`] made last.
     pub(super) fn prepare(&mut self, lanes: &Lanes, length: f64) {
         let crossings = std::mem::take(&mut self.crossings);
         for (stage, node) in NODES.into_iter().enumerate().skip(MAIN) {
@@ -44,8 +44,8 @@ impl Work {
     }
 
     /// Computes displacements and velocities at the part `x` of the step, into [`Work::stage`].
-    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
-        dispatch(self, lanes, Task::Look { x }, length);
+    pub(super) fn interpolate(&mut self, lanes: &Lanes, length: f64, x: f64) {
+        dispatch(self, lanes, Task::Interpolate { x }, length);
         for crossing in &self.crossings {
             let integrals = crossing.integrals(x);
             give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
@@ -90,7 +90,7 @@ impl Work {
             let (mut low, mut high) = (0.0, 1.0);
             while high - low > 1e-12 {
                 let middle = 0.5 * (low + high);
-                self.look(lanes, length, middle);
+                self.interpolate(lanes, length, middle);
                 if turned(&self.stage) == before {
                     low = middle;
                 } else {
@@ -99,8 +99,7 @@ impl Work {
             }
             earliest = earliest.min(high);
         }
-        // A kink at the very start is the end of the last step, found again. At a kink at the very end, this
-        // step ends.
+        // A kink at the very start is the end of the last step; at one at the very end, this step ends.
         (earliest > 1e-6 && earliest < 1.0 - 1e-6).then_some(earliest)
     }
 }

@@ -198,8 +198,7 @@ impl Crossing {
 mod tests {
     use super::*;
 
-    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`StepOverlap`]'s test, or its mirror
-    /// image in time.
+    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, or its mirror image in time.
     #[test]
     fn what_rests_on_the_end_of_a_step_alone_is_what_the_contact_does_to_itself_after_the_last_stage() {
         let (length, stiffness) = (2.0, 3.0);

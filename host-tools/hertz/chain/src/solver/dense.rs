@@ -66,7 +66,7 @@ impl<'a> Dense<'a> {
     pub(crate) fn at(&mut self, t: f64, out: &mut [f64]) {
         let (lanes, layout) = (self.lanes, self.layout);
         let x = (t - self.start) / self.length;
-        self.work.look(lanes, self.length, x);
+        self.work.interpolate(lanes, self.length, x);
         pack(lanes, layout, &self.work.stage, out);
         let inside = self.work.lost_inside(lanes, self.length, x);
         let loss = layout.contact_loss();

@@ -28,9 +28,8 @@ pub(super) enum Task {
     /// One stage of the dense output; after `Cross`.
     Inner { stage: usize },
     /// The motion at the part `x` of the step; after all stages of the dense output.
-    Look { x: f64 },
-    /// Returns the greatest error of a velocity, over the length of the step and the allowed error. It is NaN
-    /// if a velocity is NaN.
+    Interpolate { x: f64 },
+    /// Returns the greatest error of a velocity over step length and allowed error, NaN if a velocity is NaN.
     Error { tolerance: f64 },
     /// Computes this error for each block, into [`Work::errors`].
     Errors { tolerance: f64 },
@@ -44,8 +43,7 @@ struct KernelJob<'a> {
     length: f64,
 }
 
-/// One kind of task on one kind of vectors. Each is a function of its own, which gets its own allocation of
-/// registers.
+/// One kind of task on one kind of vectors: a function of its own, with its own allocation of registers.
 struct KernelCall<'a, S, const KIND: u8>(S, KernelJob<'a>);
 
 /// Runs a task on the widest vectors of this processor.
@@ -63,7 +61,7 @@ pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) 
         Task::Cross { .. } => of_kind::<CROSS>(job),
         Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(job),
         Task::Inner { .. } => of_kind::<INNER>(job),
-        Task::Look { .. } => of_kind::<LOOK>(job),
+        Task::Interpolate { .. } => of_kind::<INTERPOLATE>(job),
         Task::Error { .. } => of_kind::<ERRS>(job),
         Task::Errors { .. } => of_kind::<EACH>(job),
     }
@@ -71,7 +69,7 @@ pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) 
 
 const STEP: u8 = 0;
 const INNER: u8 = 1;
-const LOOK: u8 = 2;
+const INTERPOLATE: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
 /// For chains with a static load or clipped forces too.
@@ -116,8 +114,8 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, 
                 work.find_crossings(lanes, length, tolerance);
                 0.0
             }
-            (LOOK, Task::Look { x }) => {
-                look(simd, work, lanes, length, x);
+            (INTERPOLATE, Task::Interpolate { x }) => {
+                interpolate(simd, work, lanes, length, x);
                 0.0
             }
             (ERRS, Task::Error { tolerance }) => error(simd, work, lanes, tolerance),
@@ -498,20 +496,20 @@ fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + us
 }
 
 /// [`POWERS`] power by power: the weights of all stages in velocities, then in displacements.
-static LOOKED: [[LaneBlock; 2 * WIDE]; TERMS] = {
-    let mut looked = [[[0.0; BLOCK]; 2 * WIDE]; TERMS];
+static INSIDE_WEIGHTS: [[LaneBlock; 2 * WIDE]; TERMS] = {
+    let mut weights = [[[0.0; BLOCK]; 2 * WIDE]; TERMS];
     let mut stage = 0;
     while stage < STAGES {
         let (block, lane) = (stage / BLOCK, stage % BLOCK);
         let mut power = 0;
         while power < TERMS {
-            looked[power][block][lane] = POWERS[stage][power].velocity;
-            looked[power][WIDE + block][lane] = POWERS[stage][power].displacement;
+            weights[power][block][lane] = POWERS[stage][power].velocity;
+            weights[power][WIDE + block][lane] = POWERS[stage][power].displacement;
             power += 1;
         }
         stage += 1;
     }
-    looked
+    weights
 };
 /// Blocks needed to hold a number for each stage.
 const WIDE: usize = STAGES.div_ceil(BLOCK);
@@ -519,10 +517,10 @@ const WIDE: usize = STAGES.div_ceil(BLOCK);
 /// Computes the weights at one part of the step, then one sum over the stages for each block. For the few
 /// times looked at in a step, this is less work than converting each lane's motion into powers first.
 #[inline(always)]
-fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64, x: f64) {
+fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64, x: f64) {
     let mut weights = [simd.splat_f64s(0.0); 2 * WIDE];
     let s = simd.splat_f64s(x - 0.5);
-    for powers in LOOKED.iter().rev() {
+    for powers in INSIDE_WEIGHTS.iter().rev() {
         for (sum, power) in weights.iter_mut().zip(powers) {
             *sum = simd.add_f64s(simd.mul_f64s(*sum, s), pulp::cast(*power));
         }
@@ -545,7 +543,7 @@ fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: 
         let rate: f64x8 = pulp::cast(rates[0]);
         let mut change = simd.mul_f64s(simd.splat_f64s(of_speed[0]), rate);
         let mut bent = simd.mul_f64s(simd.splat_f64s(of_place[0]), rate);
-        for stage in LOOKS {
+        for stage in INSIDE_STAGES {
             let rate: f64x8 = pulp::cast(rates[stage]);
             change = simd.add_f64s(change, simd.mul_f64s(simd.splat_f64s(of_speed[stage]), rate));
             bent = simd.add_f64s(bent, simd.mul_f64s(simd.splat_f64s(of_place[stage]), rate));
@@ -559,7 +557,7 @@ fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: 
 }
 
 /// Stages after the first with a weight inside a step.
-const LOOKS: Range<usize> = {
+const INSIDE_STAGES: Range<usize> = {
     let mut from = 1;
     while POWERS[from][TERMS - 1].displacement == 0.0 {
         from += 1;

@@ -75,7 +75,6 @@ pub(crate) struct Lanes {
     pub(super) root: CacheAligned,
     pub(super) load: CacheAligned,
     pub(super) guests: Guests,
-    /// Lane of the wall.
     pub(super) wall: Option<usize>,
     pub(super) viscous: bool,
     pub(super) clipped: bool,
@@ -112,13 +111,11 @@ impl Guests {
         range.clone().find(|&guest| self.hosts[guest] == lane)
     }
 
-    /// Lane of an intruder.
     #[inline(always)]
     pub(super) fn lane(&self, guest: usize) -> usize {
         self.first + guest
     }
 
-    /// Lanes of all intruders.
     pub(super) fn lanes(&self) -> Range<usize> {
         self.first..self.first + self.count
     }
@@ -176,7 +173,18 @@ impl Lanes {
         lanes
     }
 
-    /// Length of an array of lanes.
+    #[inline(always)]
+    pub(super) fn contacts(&self, length: usize) -> Contacts<'_> {
+        Contacts {
+            stiffness: &blocks(&self.stiffness)[..length],
+            viscosity: &blocks(&self.viscosity)[..length],
+            rest: &blocks(&self.rest)[..length],
+            root: &blocks(&self.root)[..length],
+            load: &blocks(&self.load)[..length],
+            clipped: self.clipped,
+        }
+    }
+
     pub(super) fn len(&self) -> usize {
         self.inverse.len()
     }
@@ -227,20 +235,6 @@ pub(super) struct Contacts<'a> {
     root: &'a [LaneBlock],
     load: &'a [LaneBlock],
     clipped: bool,
-}
-
-impl Lanes {
-    #[inline(always)]
-    pub(super) fn contacts(&self, length: usize) -> Contacts<'_> {
-        Contacts {
-            stiffness: &blocks(&self.stiffness)[..length],
-            viscosity: &blocks(&self.viscosity)[..length],
-            rest: &blocks(&self.rest)[..length],
-            root: &blocks(&self.root)[..length],
-            load: &blocks(&self.load)[..length],
-            clipped: self.clipped,
-        }
-    }
 }
 
 /// Force of eight contacts beyond their static loads, and the power that they dissipate. `near` and `far` are

@@ -38,4 +38,4 @@ pub(crate) use dense::Dense;
 pub(crate) use glimpse::Glimpse;
 pub(crate) use lanes::{BLOCK, Lanes};
 pub(crate) use method::step;
-pub(crate) use stepper::Stepper;
+pub(crate) use stepper::{StepMoment, Stepper};

@@ -28,7 +28,7 @@ const PAYS: f64 = 0.75;
 const PAUSE: [u64; 2] = [16, 1024];
 
 /// A step of the slow part.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct SlowStep {
     work: Work,
     /// Blocks whose motion this step gives.
@@ -110,8 +110,7 @@ impl Multirate {
     }
 
     /// Divides the blocks at `time`, if that pays, and makes the slow part's step, which does not pass
-    /// `stop`. `step` is the length of a quick step and `number` its number. Returns the number of steps
-    /// tried.
+    /// `stop`. `step` is the length of a quick step, `number` its number. Returns the steps tried.
     pub(super) fn part(
         &mut self,
         lanes: &Lanes,
@@ -190,14 +189,8 @@ impl Multirate {
         let slow = self.slow.get_or_insert_with(|| {
             Box::new(SlowStep {
                 work: Work::new(lanes, false),
-                own: Vec::new(),
-                from: 0.0,
-                length: 0.0,
-                to: 0.0,
-                prepared: false,
                 ends: [Motion::zeros(lanes), Motion::zeros(lanes)],
-                times: [f64::NAN; 2],
-                lost: 0.0,
+                ..SlowStep::default()
             })
         });
         (slow.from, slow.length) = (time, length);
@@ -228,15 +221,11 @@ impl Multirate {
             return 0.0;
         };
         if time < slow.to {
-            for run in 0..work.active.len() {
-                let run = work.active[run].clone();
-                for block in [run.start.wrapping_sub(1), run.end] {
-                    if !holds(&slow.own, block) {
-                        continue;
-                    }
-                    for lane in first(block)..first(block) + BLOCK {
-                        work.start.u[lane] += length * work.start.v[lane];
-                    }
+            let Motion { u, v } = &mut work.start;
+            let beside = beside(&work.active, lanes.blocks).map(|(block, _)| block);
+            for block in beside.filter(|block| holds(&slow.own, *block)) {
+                for lane in first(block)..first(block) + BLOCK {
+                    u[lane] += length * v[lane];
                 }
             }
             return 0.0;
@@ -267,15 +256,15 @@ impl Multirate {
         self.slow.as_deref_mut().filter(|_| self.parted)
     }
 
-    /// Computes the motion of the slow part at time `t`, for [`Multirate::looked`].
-    pub(super) fn look(&mut self, lanes: &Lanes, t: f64) {
+    /// Computes the motion of the slow part at time `t`, for [`Multirate::interpolated`].
+    pub(super) fn interpolate(&mut self, lanes: &Lanes, t: f64) {
         if let Some(slow) = self.inside() {
-            slow.look(lanes, t);
+            slow.interpolate(lanes, t);
         }
     }
 
     /// Computes the motion at two times, for [`Multirate::at_ends`], and the loss by the second.
-    pub(super) fn look_at_ends(&mut self, lanes: &Lanes, times: [f64; 2]) {
+    pub(super) fn interpolate_ends(&mut self, lanes: &Lanes, times: [f64; 2]) {
         let Some(slow) = self.inside() else { return };
         if slow.times == times {
             return;
@@ -284,26 +273,26 @@ impl Multirate {
         if slow.times[1] == times[0] {
             slow.ends.swap(0, 1);
         } else {
-            slow.look(lanes, times[0]);
+            slow.interpolate(lanes, times[0]);
             std::mem::swap(&mut slow.ends[0], &mut slow.work.stage);
         }
-        let x = slow.look(lanes, times[1]);
+        let x = slow.interpolate(lanes, times[1]);
         std::mem::swap(&mut slow.ends[1], &mut slow.work.stage);
         slow.lost = slow.work.lost_inside(lanes, slow.length, x).contacts;
         slow.times = times;
     }
 
-    /// Motion at the time of [`Multirate::look`], for bodies that the slow step moves.
-    pub(super) fn looked(&self) -> &Motion {
+    /// Motion at the time of [`Multirate::interpolate`], for bodies that the slow step moves.
+    pub(super) fn interpolated(&self) -> &Motion {
         &self.under_way().expect("a slow step is under way").work.stage
     }
 
-    /// Motion at both times of [`Multirate::look_at_ends`].
+    /// Motion at both times of [`Multirate::interpolate_ends`].
     pub(super) fn at_ends(&self) -> &[Motion; 2] {
         &self.under_way().expect("a slow step is under way").ends
     }
 
-    /// Energy dissipated in the slow part's contacts by the second time of [`Multirate::look_at_ends`], J.
+    /// Energy dissipated in the slow part's contacts by the second time of [`Multirate::interpolate_ends`], J.
     pub(super) fn lost(&self) -> f64 {
         self.under_way().map_or(0.0, |slow| slow.lost)
     }
@@ -335,10 +324,10 @@ impl SlowStep {
         length
     }
 
-    fn look(&mut self, lanes: &Lanes, t: f64) -> f64 {
+    fn interpolate(&mut self, lanes: &Lanes, t: f64) -> f64 {
         let length = self.prepare(lanes);
         let x = ((t - self.from) / length).clamp(0.0, 1.0);
-        self.work.look(lanes, length, x);
+        self.work.interpolate(lanes, length, x);
         x
     }
 }

@@ -11,8 +11,7 @@
 /// Overlap, m, its rate, m/s, and its acceleration, m/s².
 pub(super) type Ends = [f64; 3];
 
-/// δ as a function of the part x of the step: a polynomial of fifth order, and the effect of the contact's
-/// own force.
+/// δ as a function of the part x of the step: a polynomial of fifth order, and the effect of its own force.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepOverlap {
     smooth: [f64; 6],

@@ -97,8 +97,7 @@ fn contacts(run: &Range<usize>) -> impl Iterator<Item = usize> + use<> {
     first(run.start)..first(run.end) + 1
 }
 
-/// Returns true if a block has no intruder and all its contacts stay closed, or open, and change little for
-/// `length`.
+/// Returns true if a block has no intruder and all its contacts stay open, or closed with little change.
 fn is_calm(lanes: &Lanes, motion: &Motion, block: usize, length: f64) -> bool {
     let calm = |lane: usize| {
         let (overlap, rate) = overlap(lanes, motion, lane);

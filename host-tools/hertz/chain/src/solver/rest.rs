@@ -13,8 +13,7 @@
 //! therefore wakes when the third bead before it is no longer quiet: the neglected motion is then far below
 //! rounding.
 //!
-//! A step looks only at blocks that are awake and at their neighbours, so a pulse costs the same in a chain
-//! of any length.
+//! A step looks only at awake blocks and their neighbours: a pulse costs the same in a chain of any length.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -32,8 +31,7 @@ const WATCHED: usize = 3;
 /// Steps before a collision at which a block wakes.
 pub(super) const AHEAD: f64 = 3.0;
 
-/// Returns the least overlap, m, at which a contact of the chain has the elastic energy of its lighter body
-/// at the speed `quiet`, m/s.
+/// Returns the least overlap, m, at which a contact has the energy of its lighter body at the speed `quiet`.
 fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
     let inverse = |lane: usize| lanes.inverse[lane - 1].max(lanes.inverse[lane]);
     let rates = (1..lanes.len()).map(|lane| lanes.stiffness[lane] * inverse(lane));
@@ -260,8 +258,8 @@ impl RestingBlocks {
         gap < -4.0 * self.shallow || edge.into_iter().any(quick)
     }
 
-    /// Returns true if a step of length `h` has closed the contact between a sleeping block and the run
-    /// beside it.
+    /// Returns true if a step of length `h` has closed the contact of a sleeping block with the run beside
+    /// it.
     pub(super) fn closes(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
         let lane = first(block) + if behind { 0 } else { BLOCK };
         let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
@@ -275,7 +273,7 @@ impl RestingBlocks {
         closes && lanes.stiffness[lane] > 0.0 && self.asleep[block].is_some()
     }
 
-    /// Wakes sleeping blocks with which a step of length `h` has closed a contact. Returns true if there are
+    /// Wakes the blocks with which a step of length `h` has closed a contact, and returns true if there are
     /// any.
     pub(super) fn touched(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) -> bool {
         if self.all_move(lanes) {
@@ -342,8 +340,7 @@ impl RestingBlocks {
         })
     }
 
-    /// Returns true if every contact of a block is quiet or stays open for some time, and its intruders are
-    /// quiet.
+    /// Returns true if every contact of a block is quiet or stays open, and its intruders are quiet.
     fn may_sleep(&self, lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
         let may = |lane: usize| {
             let gap = work.start.u[lane] - work.start.u[lane - 1];

@@ -1,5 +1,4 @@
-//! Small runs of every kind, which together take less than a second, so that faults of the solver are noticed
-//! early.
+//! Small runs of every kind, together less than a second, so that faults of the solver are noticed early.
 
 use std::ops::Range;
 
@@ -27,9 +26,8 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     let mut rough = with_intruders(plain(6, 2e-5, 0.0015), &[2, 3, 6]);
     rough.chain.contact_force = ContactForce::Clipped;
     rough.striker = heavy.clone();
-    let mut section = Section::of([4]);
-    (section.radius, section.relaxation) = (Some(0.012), Some(8e-5));
-    rough.sections = vec![section];
+    rough.sections = vec![Section::of([4])];
+    (rough.sections[0].radius, rough.sections[0].relaxation) = (Some(0.012), Some(8e-5));
 
     let mut loaded = with_intruders(plain(7, 4.2e-6, 0.0015), &[5]);
     (loaded.chain.precompression, loaded.wall) = (2.0, Some(steel.clone()));
@@ -40,9 +38,8 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
 
     let mut gaps = with_intruders(plain(20, 0.0, 0.003), &[17]);
     gaps.wall = Some(steel.clone());
-    let mut apart = Start::apart([6, 13], 3e-6);
-    apart.velocity = 0.05;
-    gaps.starts = vec![apart];
+    gaps.starts = vec![Start::apart([6, 13], 3e-6)];
+    gaps.starts[0].velocity = 0.05;
 
     let mut ends = plain(23, 3e-6, 0.003);
     ends.chain.contact_force = ContactForce::Clipped;
@@ -94,9 +91,8 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
 /// A chain so long that most of it, left in contact by a wave, takes longer steps.
 fn parted() -> Scenario {
     let mut scenario = with_intruders(plain(360, 4.2e-6, 0.08), &[2]);
-    let mut section = Section::of(200..=206);
-    section.relaxation = Some(2e-6);
-    scenario.sections = vec![section];
+    scenario.sections = vec![Section::of(200..=206)];
+    scenario.sections[0].relaxation = Some(2e-6);
     scenario
 }
 
@@ -239,8 +235,8 @@ fn inside_of_step(
     };
 
     // Places and velocities inside the step, at both of its ends, and the losses.
-    run.look(t);
-    run.look_at_ends(from);
+    run.interpolate(t);
+    run.interpolate_ends(from);
     let places = (0..bodies).map(|body| [body, layout.velocity(body)]);
     let guests = 0..model.intruders().len();
     let of_guests = guests.map(|guest| [layout.relative(guest), layout.relative_velocity(guest)]);
@@ -249,6 +245,7 @@ fn inside_of_step(
             Some(guest) => (run.guest(guest), run.guest_at_ends(guest)),
             None => (run.body(index, t), run.body_at_ends(index, from)),
         };
+        assert!(index >= bodies || run.speed(index) == here.1);
         for ((u, v), state, most) in [
             (here, &there[..], most[0]),
             (ends[0], before, 1.1e-14),
@@ -267,7 +264,7 @@ fn inside_of_step(
     }
 
     let lanes = Lanes::new(model);
-    let mut dense = Dense::new(&lanes, layout, (from, to), before, run.tolerance());
+    let mut dense = Dense::new(&lanes, layout, (from, to), before, run.tolerance);
     let mut inside = before.to_vec();
     let beside = 1e-3 * (to - from);
     assert!([from, t].into_iter().all(|t| dense.holds(t)));
@@ -344,13 +341,14 @@ fn a_chain_that_is_parted_is_everywhere_and_always_as_one_that_is_not() {
         let before = there(from);
         let t = from + 0.4 * (to - from);
         let inside = there(t);
-        run.look(t);
+        run.interpolate(t);
         for body in 0..model.bodies() {
             let (there, here) = (ends(&inside, body), run.body(body, t));
             same(here.0, there.0, far);
             same(here.1, there.1, model.speed_scale());
+            assert_eq!(run.speed(body), here.1);
         }
-        run.look_at_ends(from);
+        run.interpolate_ends(from);
         let after = there(to);
         for body in 0..model.bodies() {
             for (here, state) in run.body_at_ends(body, from).into_iter().zip([&before, &after]) {

@@ -9,7 +9,7 @@ use super::lanes::{BLOCK, Lanes};
 use super::multirate::Multirate;
 use super::rest::RestingBlocks;
 use super::work::Work;
-use crate::model::StateLayout;
+use crate::model::{Model, StateLayout};
 
 /// The present state of a run: its last step, the length of the next, and counts.
 #[derive(Debug, Clone)]
@@ -18,7 +18,7 @@ pub(crate) struct Stepper {
     pub(crate) time: f64,
     pub(crate) evaluations: u64,
     pub(crate) steps: u64,
-    lanes: Arc<Lanes>,
+    pub(crate) lanes: Arc<Lanes>,
     layout: StateLayout,
     work: Work,
     rest: RestingBlocks,
@@ -26,7 +26,8 @@ pub(crate) struct Stepper {
     contacts_lost: f64,
     guests_lost: Vec<f64>,
     wall_impulse: f64,
-    tolerance: f64,
+    /// Allowed error of each step.
+    pub(crate) tolerance: f64,
     step: f64,
     longest: f64,
     /// Length of the last step, s, while its stages are kept.
@@ -77,11 +78,7 @@ impl Stepper {
         }
     }
 
-    pub(crate) fn lanes(&self) -> Arc<Lanes> {
-        self.lanes.clone()
-    }
-
-    /// Allocates memory for [`Stepper::look`].
+    /// Allocates memory for [`Stepper::interpolate`].
     pub(crate) fn keep_inside(&mut self) {
         self.work.keep_inside(&self.lanes);
     }
@@ -98,11 +95,11 @@ impl Stepper {
     }
 
     /// Computes the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
-    pub(crate) fn look(&mut self, t: f64) {
-        self.multirate.look(&self.lanes, t);
+    pub(crate) fn interpolate(&mut self, t: f64) {
+        self.multirate.interpolate(&self.lanes, t);
         if let Some(length) = self.prepare() {
             let x = 1.0 - (self.time - t) / length;
-            self.work.look(&self.lanes, length, x.clamp(0.0, 1.0));
+            self.work.interpolate(&self.lanes, length, x.clamp(0.0, 1.0));
         }
     }
 
@@ -123,8 +120,8 @@ impl Stepper {
     }
 
     /// Computes the motion at the ends of the last step, for [`Stepper::body_at_ends`] and [`Stepper::lost`].
-    pub(crate) fn look_at_ends(&mut self, from: f64) {
-        self.multirate.look_at_ends(&self.lanes, [from, self.time]);
+    pub(crate) fn interpolate_ends(&mut self, from: f64) {
+        self.multirate.interpolate_ends(&self.lanes, [from, self.time]);
     }
 
     /// Displacement and velocity of a body at the start and at the end of the last step.
@@ -142,8 +139,7 @@ impl Stepper {
         }
     }
 
-    /// Displacement and velocity of an intruder relative to its host, at the start and at the end of the last
-    /// step.
+    /// Displacement and velocity of an intruder relative to its host, at both ends of the last step.
     pub(crate) fn guest_at_ends(&self, guest: usize) -> [(f64, f64); 2] {
         let (start, end) = (&self.work.start, &self.work.end);
         let lane = self.lanes.guests.lane(guest);
@@ -173,13 +169,13 @@ impl Stepper {
         runs.map(|run| run[0] * BLOCK..((run[0] + run.len()) * BLOCK).min(self.lanes.bodies))
     }
 
-    /// Displacement and velocity of a body at `t`, which must be the time of the last [`Stepper::look`].
+    /// Displacement and velocity of a body at `t`, which must be the time of the last [`Stepper::interpolate`].
     #[inline]
     pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
         let lane = BLOCK + body;
         if self.multirate.moves(lane) {
-            let looked = self.multirate.looked();
-            (looked.u[lane], looked.v[lane])
+            let slow = self.multirate.interpolated();
+            (slow.u[lane], slow.v[lane])
         } else if self.made.is_some() && self.rest.moves(lane) {
             (self.work.stage.u[lane], self.work.stage.v[lane])
         } else {
@@ -187,8 +183,20 @@ impl Stepper {
         }
     }
 
+    /// Velocity of a body at the time of the last [`Stepper::interpolate`].
+    pub(crate) fn speed(&self, body: usize) -> f64 {
+        let lane = BLOCK + body;
+        if self.multirate.moves(lane) {
+            self.multirate.interpolated().v[lane]
+        } else if self.made.is_some() && self.rest.moves(lane) {
+            self.work.stage.v[lane]
+        } else {
+            self.work.start.v[lane]
+        }
+    }
+
     /// Displacement and velocity of an intruder relative to its host, at the time of the last
-    /// [`Stepper::look`].
+    /// [`Stepper::interpolate`].
     pub(crate) fn guest(&self, guest: usize) -> (f64, f64) {
         let moves = self.made.is_some() && self.rest.moves(self.lanes.guests.hosts[guest]);
         let motion = if moves { &self.work.stage } else { &self.work.start };
@@ -209,13 +217,7 @@ impl Stepper {
         self.work.active.iter().map(|run| run.len() * BLOCK).sum()
     }
 
-    /// Allowed error of each step.
-    pub(crate) fn tolerance(&self) -> f64 {
-        self.tolerance
-    }
-
-    /// Makes one step that meets the tolerance and does not pass `stop`. A step that reaches `stop` ends on
-    /// it exactly.
+    /// Makes one step that meets the tolerance and does not pass `stop`, on which it may end exactly.
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), Stuck> {
         const SAFETY: f64 = 0.9;
         self.settle();
@@ -235,8 +237,7 @@ impl Stepper {
                 self.steps += 1;
                 return Ok(());
             }
-            // A remainder shorter than the rounding of the clock would be an empty step: this step includes
-            // it.
+            // A remainder shorter than the rounding of the clock would be an empty step.
             let last = self.step >= left * (1.0 - 1e-9);
             let mut h = if last { left } else { self.step };
             if self.time + h <= self.time || h.is_nan() {
@@ -315,7 +316,7 @@ impl Stepper {
         for (body, place) in out[..self.lanes.bodies].iter_mut().enumerate() {
             *place = self.rest.place(&self.work, BLOCK + body, self.time);
         }
-        self.look_at_ends(self.time);
+        self.interpolate_ends(self.time);
         for lane in self.multirate.lanes() {
             let [_, now] = self.multirate.at_ends();
             let body = lane - BLOCK;
@@ -326,5 +327,43 @@ impl Stepper {
         if let Some(index) = layout.wall_impulse() {
             out[index] = self.wall_impulse;
         }
+    }
+}
+
+/// A time in the last step of a run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum StepMoment<'a> {
+    /// The end of the step that began at this time, s.
+    End(&'a Stepper, f64),
+    /// The time inside the step, s, that [`Stepper::interpolate`] was called for.
+    Inside(&'a Stepper, f64),
+}
+
+impl StepMoment<'_> {
+    /// Displacement and velocity of a body.
+    #[inline(always)]
+    pub(crate) fn body(self, body: usize) -> (f64, f64) {
+        match self {
+            Self::End(stepper, from) => stepper.body_at_ends(body, from)[1],
+            Self::Inside(stepper, t) => stepper.body(body, t),
+        }
+    }
+
+    /// Displacement and velocity of an intruder relative to its host.
+    #[inline(always)]
+    pub(crate) fn guest(self, guest: usize) -> (f64, f64) {
+        match self {
+            Self::End(stepper, _) => stepper.guest_at_ends(guest)[1],
+            Self::Inside(stepper, _) => stepper.guest(guest),
+        }
+    }
+
+    /// Change of the overlap of a contact since rest, m, and its rate, m/s.
+    #[inline]
+    pub(crate) fn change(self, model: &Model, contact: usize) -> (f64, f64) {
+        let near = self.body(contact - 1);
+        let is_wall = contact == model.bodies();
+        let far = if is_wall { (0.0, 0.0) } else { self.body(contact) };
+        (near.0 - far.0, near.1 - far.1)
     }
 }

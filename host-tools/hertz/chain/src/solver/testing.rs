@@ -69,8 +69,7 @@ pub(crate) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// The state after a step of `h` from `start`, and the factor for the next step; `None` if the extrapolation
-/// does not converge.
+/// The state after a step of `h` from `start`, and the factor for the next step; `None` without convergence.
 fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<(Vec<f64>, f64)> {
     let (mut first, mut rate) = (start.to_vec(), start.to_vec());
     model.rate(start, &mut first);

@@ -23,8 +23,7 @@ fn run(scenario: &Scenario, tolerance: f64, whole: bool) -> (Vec<f64>, f64, f64)
     (velocities, computed / steps, moved / steps)
 }
 
-/// The greatest error of a velocity, as a part of the greatest velocity, and the mean numbers of bodies that a
-/// step computed, and that moved.
+/// The greatest error of a velocity over the greatest velocity, and numbers of bodies as above.
 fn compared(scenario: &Scenario, tolerance: f64) -> (f64, f64, f64) {
     let (ours, few, all) = run(scenario, tolerance, false);
     let (whole, computed, _) = run(scenario, tolerance, true);

@@ -10,15 +10,7 @@ use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 
 /// Times of the stages, as parts of the step.
-const MAIN_NODES: [f64; MAIN] = {
-    let mut nodes = [0.0; MAIN];
-    let mut stage = 0;
-    while stage < MAIN {
-        nodes[stage] = NODES[stage];
-        stage += 1;
-    }
-    nodes
-};
+const MAIN_NODES: [f64; MAIN] = *NODES.first_chunk().expect("the stages of a step come first");
 
 /// The last of these times before the end of the step.
 const LAST: f64 = {
@@ -55,7 +47,7 @@ impl Motion {
 }
 
 /// Memory of a step: the motion at its start, at its stages and at its end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Work {
     /// Runs of moving blocks.
     pub(super) active: Vec<Range<usize>>,
@@ -65,7 +57,7 @@ pub(super) struct Work {
     pub(super) active_guests: Vec<usize>,
     pub(super) start: Motion,
     pub(super) end: Motion,
-    /// The motion at the time of [`Work::look`].
+    /// The motion at the time of [`Work::interpolate`].
     pub(super) stage: Motion,
     /// Accelerations, block by block and stage by stage.
     pub(super) rates: CacheAligned,
@@ -75,14 +67,12 @@ pub(super) struct Work {
     pub(super) added: Option<Box<Motion>>,
     /// Force of each intruder's spring and damper on its host at a stage.
     pub(super) pulls: CacheAligned,
-    /// Energy that the step dissipates in each contact and each intruder, J, and momentum that it gives the
-    /// wall, kg·m/s.
+    /// Energy dissipated in each contact and intruder, J, and momentum given to the wall, kg·m/s.
     pub(super) lost: CacheAligned,
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
-    /// Part of the step at which it should end, so that the next step sees a contact close that this one
-    /// misses.
+    /// Part of the step at which it should end for the next to see a contact close that it misses.
     pub(super) sooner: Option<f64>,
     /// Powers at the stages, if the losses inside a step are wanted.
     pub(super) powers: Option<Box<StagePowers>>,
@@ -106,21 +96,14 @@ impl Work {
     pub(super) fn new(lanes: &Lanes, inside: bool) -> Self {
         let guests = lanes.guests.blocks.len() * BLOCK;
         Self {
-            active: Vec::new(),
-            shared: Vec::new(),
-            active_guests: Vec::new(),
             start: Motion::zeros(lanes),
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
             rates: CacheAligned::zeros(lanes.len() * STAGES),
-            errors: Vec::new(),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: CacheAligned::zeros(guests),
             lost: CacheAligned::zeros(lanes.len()),
-            wall_impulse: 0.0,
-            crossings: Vec::new(),
-            sooner: None,
-            powers: None,
+            ..Self::default()
         }
     }
 
@@ -140,7 +123,6 @@ impl Work {
         }));
     }
 
-    /// Marks all blocks as moving.
     pub(super) fn activate_all(&mut self, lanes: &Lanes) {
         self.active = std::iter::once(0..lanes.blocks).collect();
         self.active_guests = lanes.guests.blocks.clone().collect();
@@ -185,8 +167,7 @@ impl Work {
         self.rates[from..from + BLOCK * STAGES].fill(0.0);
     }
 
-    /// Integrates exactly the contacts that open or close, and leaves their polynomial force out of the
-    /// stages.
+    /// Integrates contacts that open or close exactly, and takes their polynomial force out of the stages.
     #[inline(always)]
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
         for run in 0..self.active.len() {
@@ -264,8 +245,7 @@ impl Work {
         self.crossings.push(crossing);
     }
 
-    /// Subtracts a part of a contact's force, and of its dissipated power, from the stages that begin with
-    /// `from`.
+    /// Subtracts parts of a contact's force and dissipated power from the stages that begin with `from`.
     #[inline(always)]
     pub(super) fn take(&mut self, lanes: &Lanes, lane: usize, from: usize, forces: &[f64], powers: &[f64]) {
         for (body, sign) in [(lane - 1, 1.0), (lane, -1.0)] {
@@ -319,16 +299,14 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: energy in contacts and in each intruder, J, and momentum to the wall,
-/// kg·m/s.
+/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
     pub(super) guests: Vec<f64>,
 }
 
-/// Moves the bodies of a contact apart. A body of mass M gets `shift` / M of displacement and `kick` / M of
-/// velocity.
+/// Moves the bodies of a contact apart, each of mass M by `shift` / M, and their velocities by `kick` / M.
 #[inline(always)]
 pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick): (f64, f64)) {
     for (body, sign) in [(lane - 1, -1.0), (lane, 1.0)] {

@@ -1,5 +1,4 @@
-//! Counts the instructions of fixed runs with valgrind, so that a slower solver is noticed on any computer,
-//! however busy.
+//! Counts the instructions of fixed runs with valgrind, so that any computer notices a slower solver.
 //!
 //! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the
 //! compiler that `rust-toolchain.toml` names; a new one may change them. `COUNTS=overwrite cargo test
@@ -11,7 +10,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::process::Command;
 
-use hertz_chain::{Accuracy, EnsembleOptions, Intruder, Oscillator, Run, Scenario, ensemble, summarise};
+use hertz_chain::{Accuracy, EnsembleOptions, Run, Scenario, ensemble, summarise};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/all/data/instructions.txt");
 /// Part by which a count may differ: what a change elsewhere in the crate moves by other inlining.
@@ -25,11 +24,7 @@ fn chain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario
     scenario.duration = 0.010;
     scenario.chain.beads = beads;
     scenario.chain.relaxation = relaxation;
-    let oscillator = Oscillator {
-        stiffness,
-        ..Oscillator::PAPER
-    };
-    scenario.intruders = vec![Intruder::new([host], oscillator)];
+    (scenario.intruders[0].beads, scenario.intruders[0].stiffness) = (vec![host], stiffness);
     scenario
 }
 
@@ -120,12 +115,12 @@ fn counts() -> Option<Vec<u64>> {
         // All in the thread that is watched.
         .env("RAYON_NUM_THREADS", "1")
         .output();
-    let told = found.ok()?.stderr;
+    let printed = found.ok()?.stderr;
     let count = |number: usize| {
         let part = std::fs::read_to_string(folder.join(format!("part.{number}"))).unwrap_or_default();
         let total = part.lines().find_map(|line| line.strip_prefix("totals: "));
         let total = total.and_then(|total| total.trim().parse().ok());
-        total.unwrap_or_else(|| panic!("valgrind counts nothing: {}", String::from_utf8_lossy(&told)))
+        total.unwrap_or_else(|| panic!("valgrind counts nothing: {}", String::from_utf8_lossy(&printed)))
     };
     let counts = (1..=CASES.len()).map(count).collect();
     std::fs::remove_dir_all(&folder).expect("a folder can be removed");

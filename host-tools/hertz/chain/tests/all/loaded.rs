@@ -27,8 +27,7 @@ fn harder() -> Vec<(&'static str, Scenario)> {
     cases
 }
 
-/// Greatest distance between the energy that passes some contacts and what is gained after them, in parts of
-/// the striker's.
+/// Greatest difference of the energy that passes some contacts and the gain after them, over the striker's.
 fn unaccounted(solution: &Solution, contacts: &[usize], times: &[f64]) -> f64 {
     let (model, mut worst) = (solution.model(), 0.0_f64);
     let flows: Vec<_> = (1..=model.contacts())

@@ -39,7 +39,7 @@ fn intruders_that_may_differ_leave_less_than_alike_ones() {
         && pair[0].damping == pair[1].damping));
     assert!(free.share < alike.share - 0.01, "{} {}", free.share, alike.share);
     assert!(free.share_searched < free.share_alike);
-    // What the search saw is what the reference accuracy finds.
+    // The reference accuracy finds the share that the search saw.
     close(free.share, free.share_searched, 1e-6);
 }
 
@@ -82,8 +82,7 @@ fn a_range_of_strikes_gives_a_compromise() {
     let mean = |shares: [f64; 2]| 0.5 * (shares[0] + shares[1]);
     let (slow, fast) = (at(&of(Aim::Mean, &speeds[..1])), at(&of(Aim::Mean, &speeds[1..])));
     let (fair, middle) = (at(&of(Aim::Worst, &speeds)), at(&of(Aim::Mean, &speeds)));
-    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains at any speed. Seen:
-    // 5e-8.
+    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains.
     close(slow[0], fast[1], 1e-6);
     // Each is best for its own aim.
     assert!(slow[0] < fair[0].min(middle[0]) && fast[1] < fair[1].min(middle[1]));
@@ -144,11 +143,11 @@ fn progress_goes_up_and_the_budget_is_kept() {
     let mut search = search(&[7, 8], 0.01);
     search.evaluations = 250;
     let seen = Mutex::new(Vec::new());
-    let told = |sofar: SearchProgress| {
+    let watch = |sofar: SearchProgress| {
         seen.lock().expect("no thread has failed").push(sofar);
         ControlFlow::Continue(())
     };
-    let found = optimise(&strike(), &search, Some(&told)).expect("it can be run");
+    let found = optimise(&strike(), &search, Some(&watch)).expect("it can be run");
     let seen = seen.into_inner().expect("no thread has failed");
     let sorted = seen.is_sorted_by_key(|sofar| (sofar.evaluations, sofar.descents));
     assert!(sorted, "{seen:?}");
@@ -185,7 +184,7 @@ fn a_search_on_a_long_chain_hears_of_a_stop_within_its_first_designs() {
     let search = Search::new(&long, vec![8], 0.006).expect("it can be searched");
     let found = optimise(&long, &search, Some(&|_| ControlFlow::Break(()))).expect("there is a best");
     assert!(found.stopped && found.evaluations == 16, "{}", found.evaluations);
-    // What a bead farther away does changes nothing.
+    // Beads farther away change nothing.
     let short = remaining(&found.scenario(&strike()), 0.45, Accuracy::REFERENCE).expect("it can be run");
     close(found.share, short.share, 1e-9);
 }

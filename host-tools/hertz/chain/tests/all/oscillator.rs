@@ -109,22 +109,15 @@ fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
 
 #[test]
 fn what_cannot_be_fitted_is_said() {
-    for (points, mass, said) in [
-        (
-            &[(100.0, 1.0), (200.0, 1.1)][..],
-            3.7e-3,
-            "the fit has 2 points and needs 3; measure more of them",
-        ),
-        (
-            &[(100.0, f64::NAN); 5],
-            3.7e-3,
-            "the magnitude NaN is not what a fit can use; give a positive number",
-        ),
-        (&[(100.0, 1.0); 5], 0.0, "the mass 0 is not"),
-    ] {
-        let error = fit_response(points, mass).expect_err(said);
-        assert!(error.to_string().starts_with(said), "{error}");
-    }
+    let say = |points: &[(f64, f64)], mass: f64, said: &str| {
+        let error = fit_response(points, mass).expect_err(said).to_string();
+        assert!(error.starts_with(said), "{error}");
+    };
+    let few = "the fit has 2 points and needs 3; measure more of them";
+    say(&[(100.0, 1.0), (200.0, 1.1)], 3.7e-3, few);
+    let none = "the magnitude NaN is not what a fit can use; give a positive number";
+    say(&[(100.0, f64::NAN); 5], 3.7e-3, none);
+    say(&[(100.0, 1.0); 5], 0.0, "the mass 0 is not");
     let silent = Signal {
         start: 0.0,
         interval: 1e-5,

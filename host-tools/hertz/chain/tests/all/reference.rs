@@ -40,8 +40,7 @@ fn numbers(value: &Value, key: &str) -> Vec<f64> {
         .collect()
 }
 
-/// Young's moduli and the striker's density are not in the file; they are the paper's, and the file's
-/// stiffnesses and masses prove them.
+/// Young's moduli and the striker's density are the paper's, as the file's stiffnesses and masses prove.
 fn scenario(name: &str, case: &Value) -> Scenario {
     let p = &case["params"];
     let [hosts, k, c, m] = ["hosts_idx", "k", "c", "m"].map(|key| numbers(p, key));

@@ -1,7 +1,7 @@
 //! Chains that do not begin at rest and in touch: several strikers, gaps, beads that fly.
 
 use crate::common::{close, elastic, from_height, run, struck_by_a_bead};
-use hertz_chain::{Material, Model, Scenario, Start, Wall};
+use hertz_chain::{Material, Scenario, Start, Wall};
 
 /// Sokolow, Bittle and Sen, and Job et al. (PRE 67, 066607): as many waves leave as grains come in, one
 /// behind another, each weaker than the one before it.
@@ -97,18 +97,6 @@ fn a_gap_at_the_wall_is_crossed_before_the_wall_feels_anything() {
     }
     assert_eq!(walled.at(before).force(11), 0.0);
     assert!(walled.at(after).force(11) > 1.0);
-}
-
-#[test]
-fn a_model_can_be_had_without_a_run() {
-    let mut scenario = Scenario::paper();
-    let model = Model::of(&scenario).expect("it is in order");
-    let ran = run(&scenario);
-    let parts = |model: &Model| (model.contact(8), model.mass(8), model.intruders().to_vec());
-    assert_eq!(parts(&model), parts(ran.model()));
-    scenario.chain.radius = -1.0;
-    let error = Model::of(&scenario).expect_err("it is not").to_string();
-    assert!(error.starts_with("chain.radius: "), "{error}");
 }
 
 #[test]

@@ -110,15 +110,34 @@ fn a_summary_is_what_a_fine_scan_of_the_motion_finds() {
             close(intruder.acceleration_max, most, 1e-4 * range);
         }
         let mut sampler = solution.sampler();
+        let (model, (mut force, mut acceleration)) = (solution.model(), (0.0_f64, 0.0_f64));
+        let mut forces: Vec<_> = (1..=model.contacts())
+            .map(|contact| solution.force_curve(contact))
+            .collect();
+        let hosts = summary.intruders.iter();
+        let mut hosts: Vec<_> = hosts
+            .map(|one| solution.acceleration_curve(one.bead).expect("a host"))
+            .collect();
         let (mut chain, mut far) = (0.0_f64, vec![0.0_f64; summary.intruders.len()]);
         for i in 0..=4000 {
             let snapshot = sampler.at(solution.end() * f64::from(i) / 4000.0);
             chain = chain.max(snapshot.energies().chain);
+            for (curve, contact) in forces.iter_mut().zip(1..) {
+                force = force.max((curve.at(snapshot.time()) - snapshot.force(contact)).abs());
+            }
+            for (curve, one) in hosts.iter_mut().zip(&summary.intruders) {
+                let there = snapshot.intruder_acceleration(one.bead).expect("a host");
+                acceleration = acceleration.max((curve.at(snapshot.time()) - there).abs());
+            }
             for (far, intruder) in far.iter_mut().zip(&summary.intruders) {
                 let place = snapshot.intruder_displacement(intruder.bead);
                 *far = far.max(place.expect("a host").abs());
             }
         }
+        assert!(
+            force < 1e-9 && acceleration < 1e-7,
+            "{force:e} N, {acceleration:e} m/s²"
+        );
         let energy = summary.energy;
         assert!(chain <= energy.chain_max * (1.0 + 1e-12));
         close(energy.chain_max, chain, 1e-3 * energy.striker_initial);

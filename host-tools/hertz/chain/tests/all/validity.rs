@@ -24,15 +24,6 @@ fn the_papers_striker_presses_bakelite_beyond_its_strength_and_the_wave_does_not
     }
 }
 
-/// p₀ goes as F^(1/3), and F as V^(6/5).
-#[test]
-fn the_pressure_goes_with_the_speed_to_the_power_of_two_fifths() {
-    let mut scenario = elastic(16, 0.006);
-    let slow = of(&scenario)[4].pressure;
-    scenario.striker.velocity *= 32.0;
-    near(of(&scenario)[4].pressure, 4.0 * slow, 1e-9);
-}
-
 #[test]
 fn wide_contacts_and_short_pulses_are_remarked_on() {
     let mut wide = Scenario::paper();

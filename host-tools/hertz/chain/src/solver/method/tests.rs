@@ -33,7 +33,7 @@ fn every_row_integrates_as_many_powers_as_its_stage_needs() {
             let expected = NODES[row].powi(k + 1) / f64::from(k + 1);
             near(moment(|stage| weights[stage].velocity, k), expected, PRINTED);
         }
-        // What is integrated twice loses one power.
+        // The second integral loses one power.
         for k in 0..powers - 1 {
             let expected = NODES[row].powi(k + 2) / f64::from((k + 1) * (k + 2));
             let found = moment(|stage| weights[stage].displacement, k);
@@ -69,7 +69,7 @@ fn inside_a_step_powers_up_to_the_seventh_are_integrated_and_straight_lines_exac
             let n = f64::from(k);
             let velocity = moment(|stage| weights[stage], k);
             near(velocity, x.powi(k + 1) / (n + 1.0), 20.0 * most);
-            // What is integrated twice loses one power.
+            // The second integral loses one power.
             if k < 7 {
                 let displacement = moment(twice, k);
                 let expected = x.powi(k + 2) / ((n + 1.0) * (n + 2.0));

@@ -4,8 +4,7 @@ use super::*;
 use crate::model::Model;
 use crate::scenario::Scenario;
 
-/// Result of [`better`] for a step over 20 blocks that was worth `worth` quick ones and had these errors,
-/// where 1 is allowed.
+/// Result of [`better`] for a step over 20 blocks worth `worth` quick ones, with these errors; 1 is allowed.
 fn part(error: impl Fn(usize) -> f64, worth: f64) -> f64 {
     let mut scenario = Scenario::paper();
     scenario.chain.beads = 239;

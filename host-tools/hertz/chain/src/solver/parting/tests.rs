@@ -59,7 +59,7 @@ fn a_signal_is_at_most_as_fast_as_in_a_contact_that_has_all_energy() {
         all.fastest(&lanes, &pressed),
         (stiffness * lanes.inverse[LANE]).sqrt(),
     );
-    // What is calm has no wave to send.
+    // A calm block has no wave to send.
     let block = LANE / BLOCK - 1;
     let quiet = calm(
         &lanes,

@@ -104,7 +104,7 @@ fn sleeping_bodies_meet_when_their_gap_is_flown_through() {
     same(meets(1e-6, [0.03, -0.01]), 2.0 + 1e-6 / 0.04);
     same(meets(1e-6, [-0.01, -0.03]), 2.0 + 1e-6 / 0.02);
     assert_eq!(meets(-1e-9, [0.03, 0.01]), 2.0);
-    // What approaches slower than is noticed may also overlap by what is not noticed.
+    // A very slow approach may go on into an overlap that is too shallow to matter.
     let slow = [0.4 * quiet, -0.4 * quiet];
     same(meets(1e-6, slow) - 2.0, (1e-6 + 4.0 * shallow) / (0.8 * quiet));
     assert_eq!(meets(-5.0 * shallow, slow), 2.0);
@@ -182,7 +182,7 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
             work.start.u[sleeper] = sign * gap;
             work.start.v[sleeper] = sign * flight / h;
             work.end.u[mover] = sign * way;
-            // What is kept of an earlier step at the end says nothing of the sleeper.
+            // The end of an earlier step says nothing of the sleeper.
             work.end.u[sleeper] = -sign;
             rest.closes(&lanes, &work, 1, behind, h)
         };
@@ -218,15 +218,13 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
             }
             rest.reaches(&lanes, &work, 1, behind, h)
         };
-        // Apart: the gap is flown through within three steps, by both of them, and not too slowly to be
-        // noticed.
+        // Apart: the gap is flown through within three steps, and not too slowly to be noticed.
         let apart = |gap: f64| reaches(gap, &[(mover, 0.3), (sleeper, 0.2)]);
         assert!(apart(2.9 * h * 0.1) && !apart(3.1 * h * 0.1));
         assert!(!reaches(0.1 * h * 0.1, &[(mover, 0.2), (sleeper, 0.3)]));
         let slow = |speed: f64| reaches(0.5 * h * quiet, &[(mover, speed)]);
         assert!(!slow(0.9 * quiet) && slow(1.1 * quiet));
-        // In touch: as deep as that, or as quick as that against the block, one of the three beads next to
-        // it.
+        // In touch: as deep as that, or one of the three beads next to the block as quick as that.
         assert!(!reaches(-3.9 * shallow, &[]) && reaches(-4.1 * shallow, &[]));
         for away in 0..=WATCHED {
             let lane = if behind { mover - away } else { mover + away };
