@@ -78,9 +78,6 @@ impl ScenarioDraw {
         let long = plain(beads, self.decades(1e-6, 2e-5), 0.05);
         let mut scenario = hosting(long, [self.bead(beads)]);
         scenario.striker.velocity = self.decades(0.2, 2.0);
-        if self.next() < 0.5 {
-            scenario.chain.contact_force = ContactForce::Clipped;
-        }
         scenario
     }
 }
