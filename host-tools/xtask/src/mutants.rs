@@ -53,7 +53,7 @@ const MUTANTS: &[Mutant] = &[
             (
                 LANES,
                 "simd.mul_f64s(stiffness, simd.sqrt_f64s(overlap))",
-                "simd.mul_f64s(stiffness, pulp::cast(pulp::cast::<f64x8, Block>(overlap).map(|x| x.powf(0.49))))",
+                "simd.mul_f64s(stiffness, pulp::cast(pulp::cast::<f64x8, LaneBlock>(overlap).map(|x| x.powf(0.49))))",
             ),
             (
                 CROSSING,
