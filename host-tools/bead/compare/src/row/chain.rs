@@ -1,4 +1,4 @@
-//! The chain that a row of beads is held against.
+//! The chain that a row of beads is held against, and the beads of a recording that belong to it.
 
 use std::sync::Arc;
 
@@ -6,6 +6,8 @@ use hertz_chain::{Scenario, Solution};
 
 use crate::error::CompareError;
 use crate::sensed::simulate_with_ring_down;
+use bead_recording::file::Part;
+use bead_recording::received::Received;
 
 /// A chain and its motion.
 #[derive(Clone)]
@@ -30,4 +32,57 @@ impl RowChain {
             scenario,
         })
     }
+}
+
+/// A bead of a recording at its place in the chain.
+#[derive(Debug, Clone)]
+pub struct PlacedBead {
+    /// Its place.
+    pub bead: usize,
+    /// Its frames.
+    pub received: Received,
+}
+
+/// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
+/// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
+/// it.
+pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBead>, Vec<String>) {
+    let mut places: Vec<PlacedBead> = Vec::new();
+    let mut notes = Vec::new();
+    for (bead, received) in received.recording.beads.iter().zip(received.each()) {
+        let (address, at) = (bead.origin.address, bead.place());
+        let own = bead.parts.get(&Part::Scenario);
+        let why = if !chain.hosts.contains(&at) {
+            Some("has no intruder in this scenario")
+        } else if places.iter().any(|other| other.bead == at) {
+            Some("is there twice")
+        } else {
+            let is_other = own.is_some_and(|own| **own != *text.as_bytes());
+            is_other.then_some("carries another scenario")
+        };
+        match why {
+            Some(why) => notes.push(format!("bead {at} (address {address}) is left out: it {why}")),
+            None => places.push(PlacedBead { bead: at, received }),
+        }
+    }
+    places.sort_by_key(|place| place.bead);
+    if places.is_empty() {
+        return (places, notes);
+    }
+    let is_missing = |host: &&usize| places.iter().all(|place| place.bead != **host);
+    let missing = chain.hosts.iter().filter(is_missing).map(usize::to_string);
+    let missing: Vec<String> = missing.collect();
+    if !missing.is_empty() {
+        let is_one = missing.len() == 1;
+        let (beads, took) = if is_one {
+            ("bead", "its intruder")
+        } else {
+            ("beads", "their intruders")
+        };
+        let missing = missing.join(", ");
+        notes.push(format!(
+            "{beads} {missing} of the scenario did not record: what {took} took is the simulation's"
+        ));
+    }
+    (places, notes)
 }

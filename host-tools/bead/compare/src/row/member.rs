@@ -7,9 +7,8 @@ use serde::Serialize;
 
 use crate::bead::{ComparedBead, STRIKES_MOST};
 use crate::error::CompareError;
-use crate::row::chain::RowChain;
+use crate::row::chain::{PlacedBead, RowChain};
 use crate::row::later::{LaterWave, later_wave};
-use crate::row::members::PlacedBead;
 use crate::spread::Spread;
 use crate::strike::{FullChain, StrikeComparison, StrikeValues, Traces, force_railed};
 use crate::velocity::FittedVelocity;

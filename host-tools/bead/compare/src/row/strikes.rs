@@ -5,9 +5,8 @@ use std::cmp::Ordering;
 use rayon::prelude::*;
 
 use crate::error::CompareError;
-use crate::row::chain::RowChain;
+use crate::row::chain::{PlacedBead, RowChain};
 use crate::row::member::{FeltStrike, RowBead};
-use crate::row::members::PlacedBead;
 use crate::velocity::FittedVelocity;
 use bead_recording::clock::CommonTime;
 use bead_recording::received::Received;
