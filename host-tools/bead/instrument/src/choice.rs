@@ -21,12 +21,10 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// True if a column is given.
     pub(super) fn names_a_column(&self) -> bool {
         self.time.is_some() || self.force.is_some() || self.acceleration.is_some()
     }
 
-    /// The column of a quantity, if it is given.
     pub(super) fn of(&self, quantity: Quantity) -> Option<&Wanted> {
         match quantity {
             Quantity::Time => self.time.as_ref(),

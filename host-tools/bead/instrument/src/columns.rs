@@ -32,7 +32,6 @@ impl ColumnHeader {
         unit::split(&self.name).0
     }
 
-    /// The text of its unit.
     fn written_unit(&self) -> Option<&str> {
         self.unit.as_deref().or_else(|| unit::split(&self.name).1)
     }
@@ -47,7 +46,6 @@ impl ColumnHeader {
         self.unit().is_some_and(|unit| unit.quantity == quantity)
     }
 
-    /// The quantity that its name suggests.
     fn suggests(&self) -> Option<Quantity> {
         let stem = self.stem().to_lowercase();
         match stem.as_str() {
@@ -107,7 +105,6 @@ pub(super) struct Picked {
     pub(super) size: f64,
 }
 
-/// The columns that are read of a table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Picks {
     /// `None` if a rate takes its place.
@@ -185,7 +182,6 @@ impl NamedColumns<'_> {
         self.headers.iter().find(|header| header.place == place)
     }
 
-    /// The column that an option names.
     fn named(&self, wanted: &Wanted, quantity: Quantity) -> Result<&ColumnHeader, WaveformError> {
         let (ColumnAddress::Either(text) | ColumnAddress::Name(text) | ColumnAddress::Number(text)) =
             &wanted.column;
@@ -354,7 +350,6 @@ impl NamedColumns<'_> {
         Ok(())
     }
 
-    /// The remark on the columns that were taken.
     fn taken(&self, picks: &Picks) -> String {
         let taken = picks.each().filter_map(|(quantity, picked)| {
             let column = self.at(picked.place)?.numbered();
@@ -466,32 +461,18 @@ mod tests {
 
     #[test]
     fn refusals_show_some_names_and_the_beginning_of_each() {
-        let none = Choice::default();
         let long = "n".repeat(1 << 20);
         let mut names = vec!["CH1"; 300_000];
         names[0] = long.as_str();
-        let beginning = format!("among {}…, CH1, ", "n".repeat(40));
         // A column with a long name is typed by its number.
         let named = format!("force {long}");
-        let of_unit = format!("force ({long})");
-        for (names, parts) in [
-            (&names[..], [&beginning[..], ", CH1 and 299980 more; say which"]),
-            (
-                &["t (s)", &named],
-                ["column 2 has no unit", "what 1 of it is: --read force=2:8.9N"],
-            ),
-            (&["t (s)", &of_unit], ["column 2 is in `nnn", "what 1 of it is"]),
-            (
-                &["F (N)"; 1000],
-                ["has 1000 columns of force", "and 980 more; say"],
-            ),
+        for (names, part) in [
+            (&names[..], ", CH1 and 299980 more; say which"),
+            (&["t (s)", &named], "what 1 of it is: --force-column 2:8.9N"),
         ] {
-            let why = picked(names, &none).unwrap_err();
-            assert!(parts.iter().all(|part| why.contains(part)), "{why:.400}");
-            assert!(why.len() < 500, "{}", why.len());
+            let why = picked(names, &Choice::default()).unwrap_err();
+            assert!(why.contains(part) && why.len() < 500, "{why:.400}");
         }
-        let found = picked(&[&format!("time {long}"), "F (N)"], &none).unwrap();
-        assert!(found.remarks[0].len() < 100, "{:.200}", found.remarks[0]);
     }
 
     #[test]

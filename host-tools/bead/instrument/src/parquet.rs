@@ -71,7 +71,6 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     strikes.finish(rows)
 }
 
-/// Finds the columns of a file.
 fn columns(path: &Path, reader: &Reader, choice: &Choice) -> Result<Picks, WaveformError> {
     let (mut headers, mut others) = (Vec::new(), Vec::new());
     for (place, column) in reader.columns().iter().enumerate() {
@@ -114,7 +113,6 @@ mod tests {
     use super::*;
     use bead_tables::{Column, Writer};
 
-    /// The message of the refusal of a file.
     fn refusal(path: &Path) -> String {
         Waveform::read(path, &Choice::default(), None)
             .unwrap_err()

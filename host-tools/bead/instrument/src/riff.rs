@@ -31,7 +31,7 @@ pub(super) struct WavSamples {
 pub(super) struct SampleForm {
     tag: u16,
     pub(super) channels: u16,
-    /// WavSamples a second of each channel, Hz.
+    /// Samples a second of each channel, Hz.
     pub(super) rate_hz: u32,
     /// Size of one sample of each channel, bytes.
     frame: u16,
@@ -97,7 +97,7 @@ impl WavSamples {
             // Valid bits are the highest of their bytes, so full scale is that of all four.
             self.file.read_exact(&mut sample[4 - bytes..])?;
             if bytes == 1 {
-                // WavSamples of 8 bits alone have no sign.
+                // Samples of 8 bits alone have no sign.
                 sample[3] ^= 0x80;
             }
             *value = if self.form.tag == FLOAT {
@@ -111,7 +111,6 @@ impl WavSamples {
 }
 
 impl SampleForm {
-    /// Reads the chunk `fmt `.
     fn read(file: &mut BufReader<File>, length: u32) -> io::Result<Self> {
         let mut fields = [0; 40];
         let known = fields.len().min(length as usize);

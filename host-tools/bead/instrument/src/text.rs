@@ -20,7 +20,7 @@ use crate::signals::Waveform;
 use bead_tables::printable::beginning;
 use bead_tables::unit;
 
-/// TextLines that are examined before the table is read.
+/// Number of lines that are examined before the table is read.
 const AHEAD: usize = 400;
 /// Bytes of a line at most.
 const LONGEST: u64 = 1 << 16;
@@ -29,7 +29,6 @@ const STEPS: RangeInclusive<f64> = 1e-30..=1e30;
 /// Separators of fields; the first of equals wins.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
-/// Reads a text table.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let mut lines = TextLines {
         path,
@@ -110,7 +109,6 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     strikes.finish(rows)
 }
 
-/// Reads lines of a file as text.
 struct TextLines<'a> {
     path: &'a Path,
     input: BufReader<File>,
@@ -148,7 +146,6 @@ impl TextLines<'_> {
     }
 }
 
-/// The layout of a table.
 #[derive(Debug, PartialEq)]
 struct TableLayout {
     separator: char,

@@ -33,10 +33,6 @@ const ATTEMPTS: u32 = 3;
 /// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a
 /// reply back for 20 ms, and a network may do so too.
 const OTHERS: Duration = Duration::from_millis(200);
-/// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the
-/// memory. The frames of an answer are the last ones before its reply, and far fewer.
-const FRAMES: usize = 4096;
-
 /// An error of a conversation. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
@@ -64,7 +60,6 @@ pub struct Conversation {
     reader: Reader,
     /// The bead that is asked, or [`ANY`].
     asked: u8,
-    /// The bead that replied last.
     replied: Option<u8>,
     /// Frames that came after the last wanted one.
     behind: VecDeque<Frame>,
@@ -78,7 +73,7 @@ pub struct Conversation {
 /// The answer of a bead.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// Frames of the bead after the first copy of the request, without the reply. Of thousands, the newest.
+    /// Frames of the bead after the first copy of the request, without the reply.
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
@@ -185,7 +180,6 @@ impl Conversation {
         }
     }
 
-    /// Sends a signed request.
     fn signed(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
         /// A clock that runs slow, and a host that is busy.
         const MARGIN: Duration = Duration::from_secs(5);
@@ -242,7 +236,7 @@ impl Conversation {
         self.next = self.next.wrapping_add(1);
         self.evidence.begin();
         let rejected = self.reader.counters().rejected.total();
-        let mut frames = VecDeque::new();
+        let mut frames = Vec::new();
         for attempt in 0..ATTEMPTS {
             let mut buffer = [0; MAX_REQUEST];
             let sealed = sealed(number, attempt);
@@ -259,10 +253,7 @@ impl Conversation {
                         Some((frame.header.address, frame.arrival, reply.clone()))
                     }
                     _ => {
-                        if frames.len() == FRAMES {
-                            frames.pop_front();
-                        }
-                        frames.push_back(frame);
+                        frames.push(frame);
                         None
                     }
                 }
@@ -282,7 +273,7 @@ impl Conversation {
                     lost: arrivals.any(|arrival| {
                         matches!(arrival, Arrival::Next { lost: 1.. } | Arrival::Restart { .. })
                     }),
-                    frames: frames.into(),
+                    frames,
                     reply,
                     address,
                     collided: asked == ANY && self.reader.counters().rejected.total() > rejected,
@@ -414,7 +405,7 @@ mod tests {
 
     use super::*;
     use bead_testing::Speaker;
-    use bead_wire::{Link, ReceivedRequest, RequestDecoder};
+    use bead_wire::{ReceivedRequest, RequestDecoder};
 
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
@@ -495,27 +486,6 @@ mod tests {
         );
         assert!(error.to_string().contains("at the addresses 3, 5 are"), "{error}");
         assert_eq!(*asked.lock().unwrap(), [Request::ReadSettings]);
-    }
-
-    #[test]
-    fn of_what_comes_before_a_reply_the_newest_frames_are_kept() {
-        let answer = talk(
-            ANY,
-            LONG,
-            |heard| {
-                let mut bead = bead(3, 0);
-                (0..5000).for_each(|_| bead.say(0, Link::default()));
-                bead.say(0, bead.identity());
-                bead.say(0, reply(heard, Outcome::Done));
-                bead.bytes
-            },
-            |bead| bead.request(&Request::Identity).unwrap(),
-        );
-        assert_eq!((answer.frames.len(), answer.lost), (FRAMES, false));
-        assert!(matches!(
-            answer.frames.last().unwrap().message,
-            Message::Identity(_)
-        ));
     }
 
     #[test]

@@ -27,8 +27,6 @@ const OVERDUE: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Number of times that a request is sent.
 const ATTEMPTS: u32 = 5;
-/// Number of counts of strikes that wait until they are due.
-const COUNTS: usize = 64;
 /// Number of strikes that are asked for at a time. A bead keeps no more.
 const WANTED: usize = 64;
 /// Number of lost strikes that are remembered.
@@ -176,12 +174,7 @@ impl Gaps {
         }
         self.count = count;
         self.fall_due(now);
-        if self.counts.len() < COUNTS {
-            self.counts.push_back((count, now));
-        } else if let Some(last) = self.counts.back_mut() {
-            // Very many come at once: some are due a little early.
-            last.0 = count;
-        }
+        self.counts.push_back((count, now));
     }
 
     /// Notes the strikes whose frames should have come by now.
@@ -220,17 +213,8 @@ impl Gaps {
     }
 
     fn want(&mut self, boot: u32, strike: u32) {
-        if !self.is_wanted((boot as u8, strike)) || self.wanted.contains_key(&(boot, strike)) {
-            return;
-        }
-        if self.wanted.len() < WANTED {
-            self.wanted.insert((boot, strike), 0);
-            return;
-        }
-        // It is asked for the list once more when there is room.
-        self.list |= self.lists < ATTEMPTS;
-        if let Some(asked) = &mut self.asked {
-            asked.lost = true;
+        if self.is_wanted((boot as u8, strike)) {
+            self.wanted.entry((boot, strike)).or_default();
         }
     }
 
@@ -341,7 +325,7 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
 mod tests {
     use super::*;
     use bead_testing::{Speaker, one_sample_strike};
-    use bead_wire::{Kept, Kind, Reply, RequestDecoder, Status};
+    use bead_wire::{Kind, Reply, RequestDecoder, Status};
 
     const NEXT: Arrival = Arrival::Next { lost: 0 };
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
@@ -385,29 +369,10 @@ mod tests {
             self.says(boot, NEXT, Message::Status(Status { strikes, ..status }));
         }
 
-        /// The result of a strike, and nothing else of it.
-        fn result(&mut self, boot: u8, number: u32) {
-            let [_, result, _] = one_sample_strike(number, 0);
-            self.says(boot, NEXT, result);
-        }
-
         /// All frames of a strike.
         fn strike(&mut self, boot: u8, number: u32) {
             for message in one_sample_strike(number, 0) {
                 self.says(boot, NEXT, message);
-            }
-        }
-
-        /// It lists these strikes of an earlier boot.
-        fn keeps(&mut self, boot: u8, strikes: std::ops::Range<u32>) {
-            for strike in strikes {
-                let kept = Kept {
-                    boot: 4,
-                    strike,
-                    parts: 4,
-                    bytes: 300,
-                };
-                self.says(boot, NEXT, kept);
             }
         }
 
@@ -477,32 +442,5 @@ mod tests {
         bead.counts(0, 6);
         assert_eq!(bead.refuses(0).len(), 7);
         assert_eq!(bead.gaps.gone(), 8);
-    }
-
-    #[test]
-    fn what_is_known_of_strikes_that_nobody_asks_for_stays_small() {
-        let mut bead = FakeBead::new(0);
-        for number in 0..1000 {
-            bead.now += Duration::from_millis(1);
-            bead.result(0, number);
-        }
-        assert!(bead.gaps.counts.len() <= COUNTS, "{}", bead.gaps.counts.len());
-        // All of them are asked for.
-        assert_eq!(bead.refuses(0).len(), 1000);
-        assert_eq!(bead.gaps.gone(), 1000);
-    }
-
-    #[test]
-    fn a_list_that_is_too_long_is_asked_for_again_when_there_is_room() {
-        let mut bead = FakeBead::new(5);
-        bead.gaps.reconnect();
-        let (request, what) = bead.asked().unwrap();
-        assert_eq!(what, Request::ListKept);
-        bead.keeps(5, 0..100);
-        assert_eq!(bead.gaps.wanted.len(), WANTED);
-        bead.replies(5, request, Outcome::Done);
-        let asked = bead.refuses(5);
-        assert_eq!(asked.len(), WANTED + 1);
-        assert_eq!(asked.last(), Some(&Request::ListKept));
     }
 }

@@ -231,7 +231,7 @@ fn connect(server: &str) -> io::Result<TcpStream> {
     Err(failure)
 }
 
-/// DuplexStream both ways.
+/// Bytes both ways.
 trait DuplexStream: Read + Write + Send {}
 
 impl<T: Read + Write + Send> DuplexStream for T {}

@@ -33,15 +33,18 @@ impl Received {
     /// # Errors
     /// The file cannot be read or is no recording.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let shown = path.display();
         let recording = Recording::open(path).map_err(|error| match error {
-            RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => {
-                RecordingError::NoBeginning(path.to_owned())
-            }
-            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Raw(path.to_owned()),
+            RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => RecordingError::Unfit(format!(
+                "{shown} does not begin as a recording does, and its beginning may be damaged; try: bead recover {shown}"
+            )),
+            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Unfit(format!(
+                "{shown} has raw bytes as a bead sent them; make a recording of it: bead recover {shown}"
+            )),
             error => error,
         })?;
         if let Some(warning) = recording.warning() {
-            note(format_args!("{}: {warning}", path.display()));
+            note(format_args!("{shown}: {warning}"));
         }
         Ok(Self {
             path: path.to_owned(),
@@ -90,7 +93,7 @@ impl Received {
                 path: self.path.clone(),
                 who,
             },
-            None => RecordingError::Lacking(format!(
+            None => RecordingError::Unfit(format!(
                 "{}: no strike among its {} frames, so there is nothing to check; record one",
                 self.path.display(),
                 heard.counters().frames
@@ -107,7 +110,7 @@ impl Received {
             return Ok(None);
         };
         let value = serde_json::from_slice(bytes).map_err(|why| {
-            RecordingError::Lacking(format!(
+            RecordingError::Unfit(format!(
                 "{}: cannot read its {}; record it again: {}",
                 self.path.display(),
                 part.name(),
@@ -163,36 +166,5 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
             _ => {}
         }
         Some(frame)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeMap;
-
-    use super::*;
-    use crate::file::{About, Writer};
-    use bead_tables::whole::Target;
-
-    #[test]
-    fn the_beginning_of_a_part_that_is_wrong_is_shown() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.mcap");
-        let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
-        let truth = format!("{{\"bead\": \"{}\"}}", "x".repeat(100_000));
-        writer.attach(Part::Truth, truth.as_bytes()).unwrap();
-        writer.finish().unwrap();
-        let part = Received::open(&path)
-            .unwrap()
-            .json::<BTreeMap<String, usize>>(Part::Truth);
-        let why = part.unwrap_err().to_string();
-        let wanted = "cannot read its truth.json; record it again: invalid type: string \"xxx";
-        assert!(why.contains(wanted), "{why}");
-        assert!(why.ends_with("xxx…"), "{why}");
-        assert!(
-            why.len() < path.display().to_string().len() + 300,
-            "{}",
-            why.len()
-        );
     }
 }

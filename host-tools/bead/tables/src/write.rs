@@ -87,7 +87,6 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// The cells of a column that wait for their row group.
 enum WaitingCells {
     Whole(Vec<i64>),
     Number(Vec<f64>),

@@ -111,7 +111,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     for path in paths {
         let beads = fitted(path)?;
         if beads.is_empty() {
-            return Err(RecordingError::Lacking(format!(
+            return Err(RecordingError::Unfit(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
@@ -142,7 +142,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     report.align(neighbours, edges.as_ref());
     for recording in others {
         if report.align(recording, edges.as_ref()) == 0 {
-            return Err(RecordingError::Lacking(nothing_in_common(
+            return Err(RecordingError::Unfit(nothing_in_common(
                 base, reference, recording,
             )));
         }

@@ -3,7 +3,6 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use bead_wire::{VERSION, reader};
 use mcap::McapError;
 
 /// An error of writing or reading a recording.
@@ -19,61 +18,25 @@ pub enum RecordingError {
         /// The error of the system.
         source: io::Error,
     },
-    /// The file could not be written as MCAP.
-    #[error("cannot write {path}: {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The error of the library.
-        source: McapError,
-    },
     /// Another program has begun a recording of this name.
     #[error("another program is recording to {0}; give the output another name")]
     Busy(PathBuf),
     /// The file is empty.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
-    /// The path is not that of a file.
-    #[error("{0} is a directory, a device or a pipe; give the file of a recording")]
-    NoFile(PathBuf),
     /// The file is no MCAP file.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
-    /// The file has the raw bytes of a bead.
-    #[error("{0} has raw bytes as a bead sent them; make a recording of it: bead recover {0}")]
-    Raw(PathBuf),
-    /// The file has records of a recording, and does not begin as one.
-    #[error(
-        "{0} does not begin as a recording does, and its beginning may be damaged; try: bead recover {0}"
-    )]
-    NoBeginning(PathBuf),
     /// The MCAP file has no frames of a bead. The text names its channels and its writer.
     #[error(
         "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
          `bead emulate`"
     )]
     NotOurs(PathBuf, String),
-    /// Another program has compressed the chunks of the recording.
-    #[error(
-        "the chunks of {0} are compressed with {1}; write it without compression: mcap decompress {0} -o whole.mcap"
-    )]
-    Compressed(PathBuf, String),
-    /// All frames in the recording are of another version of the protocol.
-    #[error(
-        "{path} has frames of version {version} of the protocol, written by {writer}, and this program reads version \
-         {VERSION}; use {}", reader(*version)
-    )]
-    OtherProtocol {
-        /// The file.
-        path: PathBuf,
-        /// Version of the frames.
-        version: u8,
-        /// Name and version of the program that wrote the file.
-        writer: String,
-    },
-    /// The recording lacks something. The text is the whole message.
+    /// The file cannot be written as MCAP, or is no recording with what is asked for. The text is the whole
+    /// message.
     #[error("{0}")]
-    Lacking(String),
+    Unfit(String),
     /// The recording has no strike that this program can read.
     #[error("{path}: {who}")]
     FromTheFuture {
@@ -101,10 +64,7 @@ impl RecordingError {
     pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
         move |error| match error {
             McapError::Io(source) => Self::refused("write", path)(source),
-            source => Self::Write {
-                path: path.to_owned(),
-                source,
-            },
+            source => Self::Unfit(format!("cannot write {}: {source}", path.display())),
         }
     }
 }

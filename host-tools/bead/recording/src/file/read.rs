@@ -5,7 +5,7 @@ use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bead_wire::VERSION;
+use bead_wire::{VERSION, reader};
 
 use crate::file::about::{About, Origin, Part};
 use crate::file::contents::{BeadChannels, Contents};
@@ -91,21 +91,24 @@ impl Recording {
             }
             channels = contents.channels;
         }
-        let path = path.to_owned();
+        let (path, shown) = (path.to_owned(), path.display());
         if let Some(by) = records.compression {
-            return Err(RecordingError::Compressed(path, by));
+            return Err(RecordingError::Unfit(format!(
+                "the chunks of {shown} are compressed with {by}; write it without compression: mcap decompress {shown} -o \
+                 whole.mcap"
+            )));
         }
         let state = records.state;
         if !contents.has_frames() && (state == State::Whole || damaged) {
             return Err(RecordingError::NotOurs(path, contents.describe()));
         }
         if let Some(version) = contents.version.filter(|version| *version > VERSION && !is_known) {
-            let writer = contents.writer();
-            return Err(RecordingError::OtherProtocol {
-                path,
-                version,
-                writer,
-            });
+            return Err(RecordingError::Unfit(format!(
+                "{shown} has frames of version {version} of the protocol, written by {}, and this program reads version \
+                 {VERSION}; use {}",
+                contents.writer(),
+                reader(version)
+            )));
         }
         let (runs, runs_missing) = contents.counts(None);
         let mut beads: Vec<_> = mem::take(&mut contents.beads).into_values().collect();

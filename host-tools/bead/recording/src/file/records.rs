@@ -135,7 +135,10 @@ impl Records {
         let failed = RecordingError::refused("read", path);
         let metadata = path.metadata().map_err(&failed)?;
         if !metadata.is_file() {
-            return Err(RecordingError::NoFile(path.to_owned()));
+            let shown = path.display();
+            return Err(RecordingError::Unfit(format!(
+                "{shown} is a directory, a device or a pipe; give the file of a recording"
+            )));
         }
         let length = metadata.len();
         if length == 0 {

@@ -23,15 +23,12 @@ pub(super) struct SoundFrame<'a> {
     pub(super) start: usize,
     /// Offset of the byte behind its delimiter.
     pub(super) end: usize,
-    /// Address of its bead.
     pub(super) address: u8,
-    /// Head of its message.
     pub(super) head: Option<MessageHead>,
     /// The frame with its delimiter.
     pub(super) bytes: &'a [u8],
 }
 
-/// Head of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MessageHead {
     pub(super) channel: u16,

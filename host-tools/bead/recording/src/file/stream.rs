@@ -84,7 +84,6 @@ impl Stream {
         self.clock.log
     }
 
-    /// Takes bytes as received.
     pub(super) fn write(
         &mut self,
         mcap: &mut Mcap,
