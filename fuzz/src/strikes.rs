@@ -96,7 +96,7 @@ pub fn check(bytes: &[u8]) {
         _ => *USUAL,
     };
     let moved = moved(all, ENDS[bytes.len() / 2 % ENDS.len()]);
-    for mut strike in Strikes::new(moved, Some(settings)).take(REPLAYED) {
+    for mut strike in Strikes::new(moved, GivenSettings::from([(None, settings)])).take(REPLAYED) {
         // With a sample missing, nothing is replayed.
         strike.said.samples = u16::try_from(strike.scans.len()).unwrap_or(u16::MAX);
         replayed(&strike);

@@ -58,7 +58,7 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
             Item::Rejected(reject) => panic!("{reject:?}"),
         });
         // Strikes are whole once a second is over; what is read is forgotten, as `bead record` does.
-        for strike in Strikes::new(std::mem::take(&mut pending), Some(settings)) {
+        for strike in Strikes::new(std::mem::take(&mut pending), [(None, settings)].into()) {
             assert_eq!(
                 strike.said.flags,
                 StrikeFlags::NONE,

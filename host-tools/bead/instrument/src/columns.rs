@@ -468,7 +468,7 @@ mod tests {
         let named = format!("force {long}");
         for (names, part) in [
             (&names[..], ", CH1 and 299980 more; say which"),
-            (&["t (s)", &named], "what 1 of it is: --force-column 2:8.9N"),
+            (&["t (s)", &named], "what 1 of it is: --read force=2:8.9N"),
         ] {
             let why = picked(names, &Choice::default()).unwrap_err();
             assert!(why.contains(part) && why.len() < 500, "{why:.400}");

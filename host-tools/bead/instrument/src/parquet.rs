@@ -141,126 +141,113 @@ mod tests {
         writer.close().unwrap();
     }
 
-    /// Time of the highest force after the first row, and time of the first row, s.
-    fn times(path: &Path) -> (f64, f64) {
-        let waveform = Waveform::read(path, &Choice::default(), None).unwrap();
+    /// Writes such a table. Gives the time of the highest force after the first row, and that of the first
+    /// row, s.
+    fn times<T: DataType>(columns: &str, value: impl Fn(usize) -> T::T) -> (f64, f64) {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        table::<T>(file.path(), columns, value);
+        let waveform = Waveform::read(file.path(), &Choice::default(), None).unwrap();
         (waveform.force.unwrap().highest().0, waveform.start)
+    }
+
+    /// The refusal of such a table.
+    fn refused<T: DataType>(columns: &str, value: impl Fn(usize) -> T::T) -> String {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        table::<T>(file.path(), columns, value);
+        refusal(file.path())
+    }
+
+    fn is_near(found: f64, expected: f64, within: f64) {
+        assert!((found - expected).abs() < within, "{found} for {expected}");
     }
 
     #[test]
     fn decimals_and_numbers_without_a_sign_are_what_their_types_say() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("table.parquet");
-        let at = |place: usize| 50.0 * place as f64;
         // 0.50 ms from row to row, from 1.25 ms on.
-        table::<Int32Type>(&path, "REQUIRED INT32 time_ms (DECIMAL(9,2));", |row| {
-            125 + 50 * row as i32
-        });
-        let (top, start) = times(&path);
-        assert!((top - at(25) * 1e-5).abs() < 1e-12, "{top}");
-        assert!((start - 1.25e-3).abs() < 1e-12, "{start}");
-        table::<Int64Type>(&path, "REQUIRED INT64 time_ms (DECIMAL(18,5));", |row| {
-            50 * row as i64
-        });
-        assert!((times(&path).0 - at(25) * 1e-8).abs() < 1e-15);
+        let column = "REQUIRED INT32 time_ms (DECIMAL(9,2));";
+        let (top, start) = times::<Int32Type>(column, |row| 125 + 50 * row as i32);
+        is_near(top, 1250e-5, 1e-12);
+        is_near(start, 1.25e-3, 1e-12);
+        let column = "REQUIRED INT64 time_ms (DECIMAL(18,5));";
+        let (top, _) = times::<Int64Type>(column, |row| 50 * row as i64);
+        is_near(top, 1250e-8, 1e-15);
         // A counter that passes 2^31.
         let before = i32::MAX - 500;
-        table::<Int32Type>(&path, "REQUIRED INT32 time_us (INTEGER(32,false));", |row| {
-            before.wrapping_add(50 * row as i32)
-        });
-        let (top, start) = times(&path);
-        assert!((top - at(25) * 1e-6).abs() < 1e-12, "{top}");
-        assert!((start - f64::from(before) * 1e-6).abs() < 1e-6, "{start}");
+        let column = "REQUIRED INT32 time_us (INTEGER(32,false));";
+        let (top, start) = times::<Int32Type>(column, |row| before.wrapping_add(50 * row as i32));
+        is_near(top, 1250e-6, 1e-12);
+        is_near(start, f64::from(before) * 1e-6, 1e-6);
         // Of a force, nothing is taken off.
-        table::<Int32Type>(&path, "REQUIRED INT32 kraft (DECIMAL(9,2));", |row| {
-            7 + i32::from(row == 25) * 150
-        });
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let column = "REQUIRED INT32 kraft (DECIMAL(9,2));";
+        table::<Int32Type>(file.path(), column, |row| 7 + i32::from(row == 25) * 150);
         let choice = Choice {
             rate_hz: Some(1e3),
             force: "kraft:N".parse().ok(),
             ..Choice::default()
         };
-        let waveform = Waveform::read(&path, &choice, None).unwrap();
-        let (_, peak) = waveform.force.unwrap().highest();
-        assert!((peak - 1.5).abs() < 1e-12, "{peak}");
-        assert!(
-            waveform.remarks[1].contains("begins at 0.0700 N"),
-            "{:?}",
-            waveform.remarks
-        );
+        let waveform = Waveform::read(file.path(), &choice, None).unwrap();
+        is_near(waveform.force.unwrap().highest().1, 1.5, 1e-12);
+        let remark = &waveform.remarks[1];
+        assert!(remark.contains("begins at 0.0700 N"), "{remark}");
     }
 
     #[test]
     fn times_of_day_have_their_unit_from_older_types_too_and_keep_their_steps() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("table.parquet");
         for (kind, one) in [
             ("TIMESTAMP_MILLIS", 1e-3),
             ("TIMESTAMP_MICROS", 1e-6),
             ("TIME_MICROS", 1e-6),
             ("TIME(NANOS,true)", 1e-9),
         ] {
-            table::<Int64Type>(&path, &format!("REQUIRED INT64 when ({kind});"), |row| {
-                50 * row as i64
-            });
-            let (top, _) = times(&path);
-            assert!((top - 1250.0 * one).abs() < 1e-9 * one, "{kind}: {top}");
+            let column = format!("REQUIRED INT64 when ({kind});");
+            let (top, _) = times::<Int64Type>(&column, |row| 50 * row as i64);
+            is_near(top, 1250.0 * one, 1e-9 * one);
         }
-        table::<Int32Type>(&path, "REQUIRED INT32 when (TIME_MILLIS);", |row| 50 * row as i32);
-        assert!((times(&path).0 - 1.25).abs() < 1e-12);
+        let (top, _) = times::<Int32Type>("REQUIRED INT32 when (TIME_MILLIS);", |row| 50 * row as i32);
+        is_near(top, 1.25, 1e-12);
         // 300 ns from row to row, in the year 2026: an f64 has steps of 238 ns there.
         let epoch = 1_772_000_000_000_123_457;
-        let schema = "REQUIRED INT64 when (TIMESTAMP(NANOS,true));";
-        table::<Int64Type>(&path, schema, |row| epoch + 300 * row as i64);
-        let (top, start) = times(&path);
-        assert!((top - 25.0 * 300e-9).abs() < 1e-15, "{top}");
-        assert!((start - 1_772_000_000.000_123).abs() < 1e-6, "{start}");
+        let column = "REQUIRED INT64 when (TIMESTAMP(NANOS,true));";
+        let (top, start) = times::<Int64Type>(column, |row| epoch + 300 * row as i64);
+        is_near(top, 25.0 * 300e-9, 1e-15);
+        is_near(start, 1_772_000_000.000_123, 1e-6);
         // The message of a refusal states times as the file does.
-        let schema = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
-        table::<Int64Type>(&path, schema, |row| 1000 * if row > 30 { 4 } else { row as i64 });
-        let error = refusal(&path);
+        let column = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
+        let error = refused::<Int64Type>(column, |row| 1000 * if row > 30 { 4 } else { row as i64 });
         assert!(error.contains("goes back at row 32, from 30 to 4 s"), "{error}");
-        table::<Int64Type>(&path, schema, |row| {
-            1000 * (7 + row as i64 + 9 * i64::from(row > 30))
-        });
-        let error = refusal(&path);
+        let error = refused::<Int64Type>(column, |row| 1000 * (7 + row as i64 + 9 * i64::from(row > 30)));
         assert!(error.contains("gap from 37 to 47 s"), "{error}");
     }
 
     #[test]
     fn numbers_in_forms_that_are_not_read_are_named() {
         use parquet::data_type::FixedLenByteArrayType;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("table.parquet");
         let column = "REQUIRED FIXED_LEN_BYTE_ARRAY(16) time_s (DECIMAL(30,2));";
-        table::<FixedLenByteArrayType>(&path, column, |_| vec![0; 16].into());
-        let error = refusal(&path);
-        assert!(
-            error.contains("no column of time among force_n; say which"),
-            "{error}"
-        );
-        assert!(
-            error.ends_with("are not read, as in time_s; write them as doubles"),
-            "{error}"
-        );
+        let error = refused::<FixedLenByteArrayType>(column, |_| vec![0; 16].into());
+        for part in [
+            "no column of time among force_n; say which",
+            "are not read, as in time_s; write them as doubles",
+        ] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     /// A frame as polars writes it: times as whole microseconds, forces as 32-bit floats, one of them null.
     #[test]
     fn floats_are_read_and_a_null_and_a_cut_file_are_refused() {
+        let (top, _) = times::<FloatType>("REQUIRED FLOAT time_ms;", |row| 0.05 * row as f32);
+        is_near(top, 25.0 * 50e-6, 1e-9);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frame.parquet");
-        table::<FloatType>(&path, "REQUIRED FLOAT time_ms;", |row| 0.05 * row as f32);
-        assert!((times(&path).0 - 25.0 * 50e-6).abs() < 1e-9);
         let columns = [("time_s", Kind::Number), ("force_n", Kind::Number)];
         let columns = columns.map(|(name, kind)| Column::new(name, kind));
         let mut file = File::create(&path).unwrap();
         let mut writer = Writer::parquet(&mut file, "frame", &columns, &[]).unwrap();
         for row in 0..40 {
             let force = (row != 30).then_some(0.0);
-            writer
-                .push(vec![Cell::Number(f64::from(row)), Cell::number(force)])
-                .unwrap();
+            let cells = vec![Cell::Number(f64::from(row)), Cell::number(force)];
+            writer.push(cells).unwrap();
         }
         writer.finish().unwrap();
         let error = refusal(&path);

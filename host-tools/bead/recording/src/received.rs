@@ -12,7 +12,7 @@ use crate::frames::{Frame, Frames, Item, Piece};
 use crate::note::note;
 use crate::raw;
 use crate::statuses::LastStatuses;
-use crate::strikes::{GivenSettings, Strikes};
+use crate::strikes::Strikes;
 use bead_tables::printable::beginning;
 
 /// Number of characters that are shown of an error in an attachment.
@@ -76,13 +76,10 @@ impl Received {
     pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
         let given = |parts: &BTreeMap<Part, Arc<[u8]>>| Settings::decode(parts.get(&Part::Settings)?).ok();
         let beads = self.recording.beads.iter();
-        let given = GivenSettings {
-            of: beads
-                .filter_map(|bead| Some((bead.origin.address, given(&bead.parts)?)))
-                .collect(),
-            any: given(&self.recording.parts),
-        };
-        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), given);
+        let parts = beads.map(|bead| (Some(bead.origin.address), &bead.parts));
+        let parts = parts.chain([(None, &self.recording.parts)]);
+        let given = parts.filter_map(|(address, parts)| Some((address, given(parts)?)));
+        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), given.collect());
         Ok(strikes.with_fetched(self.recording.fetched.clone()))
     }
 

@@ -11,29 +11,9 @@ use crate::fetched::FetchedFrames;
 use crate::frames::Frame;
 pub use crate::strike::{Chunk, RecordedStrike, ScanCodes};
 
-/// Settings that beads were given, for boots whose settings frames are all lost.
-#[derive(Debug, Clone, Default)]
-pub struct GivenSettings {
-    /// By address.
-    pub of: BTreeMap<u8, Settings>,
-    /// For all others.
-    pub any: Option<Settings>,
-}
-
-impl GivenSettings {
-    fn at(&self, address: u8) -> Option<Settings> {
-        self.of.get(&address).copied().or(self.any)
-    }
-}
-
-impl From<Option<Settings>> for GivenSettings {
-    fn from(any: Option<Settings>) -> Self {
-        Self {
-            any,
-            ..Self::default()
-        }
-    }
-}
+/// Settings that beads were given, by address, for boots whose settings frames are all lost; `None` stands for
+/// all other beads.
+pub type GivenSettings = BTreeMap<Option<u8>, Settings>;
 
 /// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
 pub type StrikeName = (u8, u8, u32, u64);
@@ -91,10 +71,10 @@ pub struct Strikes<I> {
 impl<I: Iterator<Item = Frame>> Strikes<I> {
     /// The strikes in `frames`. A strike of a boot whose settings frames are all lost gets the `given`
     /// settings.
-    pub fn new(frames: impl IntoIterator<IntoIter = I>, given: impl Into<GivenSettings>) -> Self {
+    pub fn new(frames: impl IntoIterator<IntoIter = I>, given: GivenSettings) -> Self {
         Self {
             frames: frames.into_iter(),
-            given: given.into(),
+            given,
             fetched: Arc::default(),
             assembly: Assembly::default(),
             ready: VecDeque::new(),
@@ -123,7 +103,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
                 Some(assembled.strike).filter(|strike| !self.fetched.contains(&name(strike)))?
             }
         };
-        strike.settings = strike.settings.or(self.given.at(strike.address));
+        let given = self.given.get(&Some(strike.address)).or(self.given.get(&None));
+        strike.settings = strike.settings.or(given.copied());
         Some(strike)
     }
 }
@@ -153,7 +134,8 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
 pub fn assemble(frames: Vec<Frame>, given: Option<Settings>) -> Vec<RecordedStrike> {
     let mut fetched = FetchedNames::default();
     frames.iter().for_each(|frame| fetched.push(frame));
-    Strikes::new(frames, given)
+    let given = given.map(|settings| (None, settings));
+    Strikes::new(frames, given.into_iter().collect())
         .with_fetched(fetched.finish())
         .collect()
 }

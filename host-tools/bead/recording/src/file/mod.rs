@@ -46,7 +46,6 @@ mod search;
 mod stream;
 #[cfg(test)]
 mod tests;
-mod times;
 mod writer;
 
 pub use about::{About, Origin, Part};

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use bead_wire::{Counters, Message};
+use bead_wire::{Arrival, Counters, Message};
 use mcap::McapResult;
 use mcap::records::MessageHeader;
 
 use crate::file::about::Origin;
 use crate::file::channels::{ChannelMessage, ReadableChannels};
 use crate::file::layout::{ENCODING, LONGEST_RUN, Mcap, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
-use crate::file::times::Clock;
 use crate::frames::{Item, Reader};
 
 /// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line,
@@ -24,7 +23,7 @@ pub(super) struct Stream {
     /// Runs that are no frames, each with a delimiter.
     noise: Vec<u8>,
     reader: Reader,
-    clock: Clock,
+    clock: MessageClock,
     /// Number of messages in this file, and of bytes in them.
     pub(super) written: u32,
     bytes: u64,
@@ -42,9 +41,9 @@ impl Stream {
             run: Vec::new(),
             noise: Vec::new(),
             reader: Reader::default(),
-            clock: Clock {
+            clock: MessageClock {
                 sample_rate_hz,
-                ..Clock::default()
+                ..MessageClock::default()
             },
             written: 0,
             bytes: 0,
@@ -198,6 +197,40 @@ impl Stream {
         };
         self.bytes += data.len() as u64;
         mcap.write_to_known_channel(&header, data)
+    }
+}
+
+/// Times of the messages, in nanoseconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct MessageClock {
+    sample_rate_hz: u32,
+    /// Time of the bead since its reset.
+    bead: u64,
+    /// Log time of the recording.
+    log: u64,
+    /// Log time at the bead's reset.
+    reset: u64,
+    /// True if log times are those of the host.
+    received: bool,
+}
+
+impl MessageClock {
+    fn tick(&mut self, sample_index: u64, arrival: Arrival) {
+        if let Arrival::Restart { .. } = arrival {
+            self.reset = self.log;
+        }
+        let ns = u128::from(sample_index) * 1_000_000_000;
+        let time = ns.checked_div(u128::from(self.sample_rate_hz)).unwrap_or(0);
+        self.bead = u64::try_from(time).unwrap_or(u64::MAX);
+        if !self.received {
+            self.log = self.log.max(self.reset.saturating_add(self.bead));
+        }
+    }
+
+    /// Sets the receive time of what follows.
+    fn receive(&mut self, received_ns: u64) {
+        self.received = true;
+        self.log = self.log.max(received_ns);
     }
 }
 

@@ -7,6 +7,8 @@ use hertz_chain::InputError;
 use crate::physical::values::{shown, value};
 
 const CHECK: &str = "check the masses, springs and scales, which are in SI units";
+const RELAXATION: &str = "give 0 for an elastic contact, or more, in s";
+const TEXT: &str = "give up to 16 bytes of text without control characters";
 const UNIT: &str = "give what a code is worth, in the SI unit";
 
 /// The message for a setting of `description` that is outside its bound.
@@ -14,80 +16,64 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
     let Violation { key, bound } = violation;
     let text = shown(&value(description, key));
     let value = text.trim_end_matches(".0");
-    let is = || format!("{value} {}", bound.text());
-    let out_of_range = |advice: String| (format!("{value} is out of range"), advice);
-    let (what, advice) = match bound {
-        Bound::Positive => out_of_range("give a value that is positive".to_owned()),
-        Bound::NotNegative => out_of_range(if is_pole(key) {
-            "give 0 for no filter, or a value that is positive".to_owned()
-        } else {
-            "give a value that is 0 or positive".to_owned()
-        }),
-        Bound::BelowBead => out_of_range("give a value that is below the bead's".to_owned()),
-        Bound::BelowHost => out_of_range("give a value that is 0 or more, and below the host's".to_owned()),
-        Bound::Range { least, most } => out_of_range(format!("give a value that is from {least} to {most}")),
-        Bound::OneBead => (
-            "255 is the address of every bead".to_owned(),
-            "give 0 to 254".to_owned(),
-        ),
-        Bound::Text => (
-            "this is no name".to_owned(),
-            "give up to 16 bytes of text without control characters".to_owned(),
-        ),
-        Bound::Places => (
-            is(),
-            "give the places of those with an intruder, each once: 1234, 13, or 0 for none".to_owned(),
-        ),
-        Bound::Flag => (
-            format!("{value} is neither 0 nor 1"),
-            "give 1 if there are other intruders near by".to_owned(),
-        ),
+    let at = |what: String, advice: &str| InputError::at(key.path(), what, advice);
+    let is = |advice: &str| at(format!("{value} {}", bound.text()), advice);
+    let out_of_range = |advice: &str| at(format!("{value} is out of range"), advice);
+    match bound {
+        Bound::Positive => out_of_range("give a value that is positive"),
+        Bound::NotNegative if is_pole(key) => {
+            out_of_range("give 0 for no filter, or a value that is positive")
+        }
+        Bound::NotNegative => out_of_range("give a value that is 0 or positive"),
+        Bound::BelowBead => out_of_range("give a value that is below the bead's"),
+        Bound::BelowHost => out_of_range("give a value that is 0 or more, and below the host's"),
+        Bound::Range { least, most } => out_of_range(&format!("give a value that is from {least} to {most}")),
+        Bound::OneBead => at("255 is the address of every bead".to_owned(), "give 0 to 254"),
+        Bound::Text => at("this is no name".to_owned(), TEXT),
+        Bound::Places => is("give the places of those with an intruder, each once: 1234, 13, or 0 for none"),
+        Bound::Flag => {
+            let what = format!("{value} is neither 0 nor 1");
+            at(what, "give 1 if there are other intruders near by")
+        }
         Bound::Width { samples } => {
             let what = format!(
                 "a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured"
             );
             // It follows from the whole bead.
-            return InputError::at("bead", what, "take a larger or a softer sphere");
+            InputError::at("bead", what, "take a larger or a softer sphere")
         }
         Bound::Format {
             coefficient,
             value,
             range: [least, most],
-        } => (
-            format!(
+        } => {
+            let what = format!(
                 "{}: {value:.3e} in the units of the sample rate, and {least:.1e} to {most:.1e} can be computed with",
                 name(coefficient)
-            ),
-            if key == Key::ContactRelaxation {
-                "give 0 for an elastic contact, or more, in s".to_owned()
-            } else {
-                CHECK.to_owned()
-            },
-        ),
-        Bound::Unit { range: [least, most] } => (
-            format!("{value}, and {least:.1e} to {most:.1e} can be computed with"),
-            UNIT.to_owned(),
-        ),
-        Bound::Pole => (
-            format!("{value} Hz {}", bound.text()),
-            "give a pole of 8000 Hz or more, or 0 for no filter".to_owned(),
-        ),
-        Bound::Reach => (is(), UNIT.to_owned()),
-        Bound::LongHistory | Bound::ShortHistory => (is(), "give 1.28e-3 to 2.56e-3 s".to_owned()),
-        Bound::LongWindow | Bound::ShortWindow => (
-            is(),
-            "give more than capture.history, and up to 10.24e-3 s".to_owned(),
-        ),
-        Bound::Lookback => (
-            is(),
-            "give more than 0, and less than capture.history, in s".to_owned(),
-        ),
-        Bound::Codes | Bound::AboveNoise => (
-            is(),
-            "give N, and check force.per_code and force.noise".to_owned(),
-        ),
-    };
-    InputError::at(key.path(), what, advice)
+            );
+            at(
+                what,
+                if key == Key::ContactRelaxation {
+                    RELAXATION
+                } else {
+                    CHECK
+                },
+            )
+        }
+        Bound::Unit { range: [least, most] } => {
+            let what = format!("{value}, and {least:.1e} to {most:.1e} can be computed with");
+            at(what, UNIT)
+        }
+        Bound::Pole => {
+            let what = format!("{value} Hz {}", bound.text());
+            at(what, "give a pole of 8000 Hz or more, or 0 for no filter")
+        }
+        Bound::Reach => is(UNIT),
+        Bound::LongHistory | Bound::ShortHistory => is("give 1.28e-3 to 2.56e-3 s"),
+        Bound::LongWindow | Bound::ShortWindow => is("give more than capture.history, and up to 10.24e-3 s"),
+        Bound::Lookback => is("give more than 0, and less than capture.history, in s"),
+        Bound::Codes | Bound::AboveNoise => is("give N, and check force.per_code and force.noise"),
+    }
 }
 
 fn is_pole(key: Key) -> bool {
