@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bead_bench::bridge::Bridge;
 use bead_compare::sensed::Timing;
-use bead_recording::frames::{Item, Reader};
+use bead_recording::frames::{FrameReader, Item};
 use bead_recording::strikes::Strikes;
 use bead_tests::paper_at;
 use bead_wire::{Message, Status, StrikeFlags};
@@ -32,7 +32,7 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
     let ring = emulation.seconds();
     let settings = emulation.settings;
     let mut bridge = Bridge::new(&emulation, None).unwrap_or_else(|error| panic!("{error}"));
-    let (mut reader, mut strikes) = (Reader::default(), 0_u64);
+    let (mut reader, mut strikes) = (FrameReader::default(), 0_u64);
     let (mut first, mut last): (Option<Status>, Option<(u64, Status)>) = (None, None);
     let mut results: Vec<(u64, u64)> = Vec::new();
     let mut known: Option<Vec<(u64, u64)>> = None;

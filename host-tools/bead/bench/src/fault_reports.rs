@@ -14,7 +14,7 @@ use crate::emulation::Ran;
 use crate::faults::{Planned, PlannedKind, supply};
 use crate::several::joined;
 use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
-use bead_recording::frames::Reader;
+use bead_recording::frames::FrameReader;
 
 /// A fault that the bead reported.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +51,7 @@ impl FaultLog {
         log.resets = resets
             .map(|reset| (seconds(reset.at_ns as f64), reset.cause))
             .collect();
-        let (mut reader, mut frames) = (Reader::default(), Vec::new());
+        let (mut reader, mut frames) = (FrameReader::default(), Vec::new());
         for (at_ns, piece) in ran.pieces(0) {
             reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
         }

@@ -4,7 +4,7 @@ use bead_model::layout::BASELINE;
 use bead_model::{Meter, Origin, Settings, Sink, Window, WindowRecord};
 use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
 
-use bead_recording::strikes::{Chunk, RecordedStrike, ScanCodes};
+use bead_recording::strikes::{RecordedStrike, ScanCodes, WindowChunk};
 
 /// The replay of one strike.
 #[derive(Debug, Clone, PartialEq)]
@@ -205,14 +205,14 @@ fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> 
 /// Chunks and results that a meter gave.
 #[derive(Default)]
 struct MeterOutput {
-    chunks: Vec<Chunk>,
+    chunks: Vec<WindowChunk>,
     report: Option<(Strike, Shape)>,
 }
 
 impl Sink for MeterOutput {
     fn chunk(&mut self, chunk: &bead_model::Chunk) {
         let end = self.chunks.last().map_or(0, |chunk| chunk.end) + chunk.scans.len();
-        self.chunks.push(Chunk {
+        self.chunks.push(WindowChunk {
             end,
             absorbed_measured: chunk.absorbed_measured,
             absorbed_predicted: chunk.absorbed_predicted,

@@ -26,7 +26,7 @@ use bead_wire::{
 
 use crate::port::{Address, Port, PortError};
 use crate::silence::Evidence;
-use bead_recording::frames::{Frame, Reader};
+use bead_recording::frames::{Frame, FrameReader};
 
 /// Number of times that a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
@@ -57,7 +57,7 @@ impl From<PortError> for LineError {
 pub struct Conversation {
     line: Address,
     port: Port,
-    reader: Reader,
+    reader: FrameReader,
     /// The bead that is asked, or [`ANY`].
     asked: u8,
     replied: Option<u8>,
@@ -134,7 +134,7 @@ impl Conversation {
         Ok(Self {
             line: line.clone(),
             port,
-            reader: Reader::default(),
+            reader: FrameReader::default(),
             asked,
             replied: None,
             behind: VecDeque::new(),

@@ -64,9 +64,10 @@ pub struct Gaps {
     settled: u32,
     /// Counts of strikes, each with the time when it was first known, until they are due.
     counts: VecDeque<(u32, Instant)>,
-    /// Strikes that the bead does not keep, and the number of all of them.
+    /// Strikes that the bead does not keep.
     gone: BTreeMap<u8, BTreeSet<u32>>,
-    gone_count: u64,
+    /// Number of strikes that are lost: the bead no longer keeps them, or never measured them.
+    pub lost: u64,
     /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was
     /// sent.
     wanted: BTreeMap<(u32, u32), u32>,
@@ -78,7 +79,8 @@ pub struct Gaps {
     next_number: u16,
     /// No request before this time.
     pause_until: Option<Instant>,
-    fetched: u64,
+    /// Number of strikes that were fetched.
+    pub fetched: u64,
 }
 
 impl Gaps {
@@ -97,16 +99,6 @@ impl Gaps {
         self.list = self.from.is_some();
         self.lists = 0;
         self.asked = None;
-    }
-
-    /// Number of strikes that were fetched.
-    pub fn fetched(&self) -> u64 {
-        self.fetched
-    }
-
-    /// Number of strikes that are lost: the bead no longer keeps them, or never measured them.
-    pub fn gone(&self) -> u64 {
-        self.gone_count
     }
 
     /// Takes the next frame of the bead, at this time. Gives the fetched strike whose last frame it is.
@@ -156,7 +148,7 @@ impl Gaps {
         self.gone.retain(|boot, _| !restart.begins(*boot));
         let before = self.wanted.len();
         self.wanted.retain(|&(boot, _), _| !restart.begins(boot as u8));
-        self.gone_count += (before - self.wanted.len()) as u64;
+        self.lost += (before - self.wanted.len()) as u64;
         self.reconnect();
     }
 
@@ -190,7 +182,7 @@ impl Gaps {
     /// Notes that a strike is here, also if it was given up.
     fn find(&mut self, (boot, number): StrikeKey) {
         if let Some(gone) = self.gone.get_mut(&boot) {
-            self.gone_count -= u64::from(gone.remove(&number));
+            self.lost -= u64::from(gone.remove(&number));
         }
     }
 
@@ -198,7 +190,7 @@ impl Gaps {
     fn give_up(&mut self, (boot, number): (u32, u32)) {
         self.wanted.remove(&(boot, number));
         let gone = self.gone.entry(boot as u8).or_default();
-        self.gone_count += u64::from(gone.insert(number));
+        self.lost += u64::from(gone.insert(number));
         while gone.len() > REMEMBERED {
             gone.pop_first();
         }
@@ -436,11 +428,11 @@ mod tests {
         bead.counts(0, 7);
         let fetch = |strike| Request::Fetch { boot: 0, strike };
         assert_eq!(bead.refuses(0), [fetch(5), fetch(6), Request::ListKept]);
-        assert_eq!(bead.gaps.gone(), 2);
+        assert_eq!(bead.gaps.lost, 2);
         // These are not to be had a second time.
         bead.begins(0, RESTART);
         bead.counts(0, 6);
         assert_eq!(bead.refuses(0).len(), 7);
-        assert_eq!(bead.gaps.gone(), 8);
+        assert_eq!(bead.gaps.lost, 8);
     }
 }

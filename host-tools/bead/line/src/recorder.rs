@@ -24,7 +24,7 @@ use crate::port::{Address, Port};
 use bead_recording::assembly::Assembled;
 use bead_recording::clock::Live;
 use bead_recording::file::{About, BeadIndex, Origin, RecordingError, Writer};
-use bead_recording::frames::{Frame, Item, Reader};
+use bead_recording::frames::{Frame, FrameReader, Item};
 use bead_tables::whole::Target;
 
 /// Time between two looks for something to ask a bead.
@@ -111,7 +111,7 @@ struct RecordedSource {
     before: VecDeque<(u64, Vec<u8>)>,
     before_bytes: usize,
     /// Looks for a frame in them.
-    reader: Reader,
+    reader: FrameReader,
     /// True if its bead has the address of another.
     is_refused: bool,
     bead: Option<u8>,
@@ -125,7 +125,7 @@ impl RecordedSource {
             writer: None,
             before: VecDeque::new(),
             before_bytes: 0,
-            reader: Reader::default(),
+            reader: FrameReader::default(),
             is_refused: false,
             bead: None,
             strikes: 0,
@@ -282,8 +282,8 @@ impl<'a> Recorder<'a> {
             files: self.files,
             counters: finished.counters,
             strikes: self.strikes,
-            fetched: self.gaps.values().map(Gaps::fetched).sum(),
-            gone: self.gaps.values().map(Gaps::gone).sum(),
+            fetched: self.gaps.values().map(|gaps| gaps.fetched).sum(),
+            gone: self.gaps.values().map(|gaps| gaps.lost).sum(),
             duration,
             ports,
             clocks: self.clocks,

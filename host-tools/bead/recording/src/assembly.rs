@@ -71,12 +71,12 @@ pub struct FetchedCopy {
     /// Number of the boot in which the strike was measured.
     pub boot: u32,
     /// Parts of the strike that were handed on before.
-    pub before: Parts,
+    pub before: StrikeParts,
 }
 
 /// Parts of a strike that came.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Parts {
+pub struct StrikeParts {
     /// The result: its strike frame.
     pub result: bool,
     /// The shape.
@@ -85,7 +85,7 @@ pub struct Parts {
     pub window: bool,
 }
 
-impl Parts {
+impl StrikeParts {
     const ALL: Self = Self {
         result: true,
         shape: true,
@@ -155,7 +155,7 @@ impl Assembly {
     /// and its number.
     pub fn is_whole(&self, address: u8, boot: u8, number: u32) -> bool {
         let bead = self.beads.get(&address);
-        bead.is_some_and(|bead| bead.register.parts(boot, number) == Parts::ALL)
+        bead.is_some_and(|bead| bead.register.parts(boot, number) == StrikeParts::ALL)
     }
 
     /// True if no frames of a strike are on their way: of each that has begun, the last one came.
@@ -322,7 +322,7 @@ impl BeadFrames {
         if std::mem::replace(&mut entry.is_handed_on, true) {
             return None;
         }
-        let mut before = std::mem::replace(&mut entry.parts, Parts::ALL);
+        let mut before = std::mem::replace(&mut entry.parts, StrikeParts::ALL);
         if strike.boot == self.boot {
             // It takes the place of the parts that wait.
             let waiting = self.pending.len();
@@ -357,7 +357,7 @@ impl BeadFrames {
     }
 
     /// The parts that came of a strike of this boot.
-    fn parts(&mut self, number: u32, first_index: u64) -> &mut Parts {
+    fn parts(&mut self, number: u32, first_index: u64) -> &mut StrikeParts {
         &mut self.register.entry(self.boot, number, first_index).parts
     }
 
@@ -381,8 +381,8 @@ impl BeadFrames {
         let (strike, result) = results.next()?;
         let said = &result.strike.said;
         let may_be_late = |frame: i64| self.newest - frame <= SETTLED;
-        let is_complete =
-            !self.gap.is_some_and(may_be_late) && self.register.parts(self.boot, said.strike) == Parts::ALL;
+        let is_complete = !self.gap.is_some_and(may_be_late)
+            && self.register.parts(self.boot, said.strike) == StrikeParts::ALL;
         let is_settled = !self.settings.is_empty() && (is_complete || !may_be_late(result.number));
         (is_settled || self.pending.len() > WAITING).then_some(strike)
     }
@@ -467,16 +467,16 @@ struct StrikeNames {
 #[derive(Clone, Copy, Debug, Default)]
 struct KnownStrike {
     first_index: u64,
-    parts: Parts,
+    parts: StrikeParts,
     /// The strike was handed on whole.
     is_handed_on: bool,
 }
 
 impl StrikeNames {
     /// The parts that came of a strike; none of an unknown one.
-    fn parts(&self, boot: u8, number: u32) -> Parts {
+    fn parts(&self, boot: u8, number: u32) -> StrikeParts {
         let known = self.strikes.get(&(boot, number));
-        known.map_or(Parts::default(), |strike| strike.parts)
+        known.map_or(StrikeParts::default(), |strike| strike.parts)
     }
 
     /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike
@@ -761,9 +761,9 @@ mod tests {
         let [assembled] = &assembled(events)[..] else {
             panic!("one strike");
         };
-        let before = Parts {
+        let before = StrikeParts {
             result: true,
-            ..Parts::default()
+            ..StrikeParts::default()
         };
         assert_eq!(assembled.fetched, Some(FetchedCopy { boot: 3, before }));
         assert_eq!((assembled.strike.boot, assembled.strike.nth_boot), (3, None));

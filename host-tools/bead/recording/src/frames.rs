@@ -98,13 +98,13 @@ pub struct Piece {
 
 /// Pieces of bytes to frames.
 #[derive(Clone, Debug, Default)]
-pub struct Reader {
+pub struct FrameReader {
     decoder: Decoder,
     /// Scans a second of each bead, by its address.
     rates: HashMap<u8, u32>,
 }
 
-impl Reader {
+impl FrameReader {
     /// Takes bytes as received, and gives each frame and each reject to `sink`.
     pub fn feed(&mut self, bytes: &[u8], received_ns: Option<u64>, mut sink: impl FnMut(Item)) {
         let Self { decoder, rates } = self;
@@ -143,7 +143,7 @@ impl Reader {
 #[derive(Clone, Debug)]
 pub struct Frames<I> {
     pieces: I,
-    reader: Reader,
+    reader: FrameReader,
     ready: VecDeque<Item>,
 }
 
@@ -152,7 +152,7 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
     pub fn new(pieces: impl IntoIterator<IntoIter = I>) -> Self {
         Self {
             pieces: pieces.into_iter(),
-            reader: Reader::default(),
+            reader: FrameReader::default(),
             ready: VecDeque::new(),
         }
     }
@@ -192,7 +192,7 @@ impl<I: Iterator<Item = Piece>> Iterator for Frames<I> {
 
 /// The frames of a whole stream, and the counts of what came, was refused and was lost.
 pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
-    let (mut reader, mut frames) = (Reader::default(), Vec::new());
+    let (mut reader, mut frames) = (FrameReader::default(), Vec::new());
     reader.feed(bytes, None, |item| frames.extend(item.frame()));
     (frames, *reader.counters())
 }

@@ -6,7 +6,7 @@ use bead_wire::{Energy, Shape, Strike, Waveform};
 
 /// Energies as they stood after a run of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Chunk {
+pub struct WindowChunk {
     /// Number of samples of the window up to the end of this chunk.
     pub end: usize,
     /// Estimate A.
@@ -56,7 +56,7 @@ pub struct RecordedStrike {
     /// Codes of the window from its start up to the first gap.
     pub scans: Vec<ScanCodes>,
     /// The chunks that the codes came in.
-    pub chunks: Vec<Chunk>,
+    pub chunks: Vec<WindowChunk>,
     /// The settings in force, if any were received.
     pub settings: Option<Settings>,
     /// Version of a settings block of the bead that a program from before the first release wrote.
@@ -99,7 +99,7 @@ impl RecordedStrike {
             return;
         }
         push_scans(&mut self.scans, waveform);
-        self.chunks.push(Chunk {
+        self.chunks.push(WindowChunk {
             end: self.scans.len(),
             absorbed_measured: waveform.absorbed_measured,
             absorbed_predicted: waveform.absorbed_predicted,

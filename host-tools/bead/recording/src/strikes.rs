@@ -9,7 +9,7 @@ use bead_wire::{Arrival, Message};
 use crate::assembly::{Assembly, Event};
 use crate::fetched::FetchedFrames;
 use crate::frames::Frame;
-pub use crate::strike::{Chunk, RecordedStrike, ScanCodes};
+pub use crate::strike::{RecordedStrike, ScanCodes, WindowChunk};
 
 /// Settings that beads were given, by address, for boots whose settings frames are all lost; `None` stands for
 /// all other beads.

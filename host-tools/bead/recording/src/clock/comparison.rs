@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::arrival::rise;
 use crate::clock::alignment::{Alignment, PlacedEdges};
 use crate::clock::fit::Fit;
-use crate::clock::segments::{Boots, Segment, Struck, Tracker};
+use crate::clock::segments::{Boots, Segment, StrikePeak, Tracker};
 use crate::file::RecordingError;
 use crate::json::hex;
 use crate::received::Received;
@@ -271,7 +271,7 @@ fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
 
 /// The strikes of a segment, at `place`, on the time that `reference` makes of the bead's own.
 fn arrivals(segment: &Segment, place: &RecordedBoot, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
-    let arrival = |struck: &Struck| {
+    let arrival = |struck: &StrikePeak| {
         Some(StrikeArrival {
             place: place.clone(),
             strike: struck.strike,
@@ -310,7 +310,7 @@ mod tests {
             ..RecordedStrike::new(0, said)
         };
         let boot = || Segment {
-            struck: vec![Struck {
+            struck: vec![StrikePeak {
                 strike: 7,
                 position: 0.0,
                 rise: None,

@@ -36,4 +36,4 @@ pub use alignment::Alignment;
 pub use common::CommonTime;
 pub use comparison::{AlignmentReport, ClockComparison, ClockReport, RecordedBoot, StrikeArrival, compare};
 pub use fit::{CRYSTAL_PPM, Fit};
-pub use segments::{Boots, Edge, Live, Segment, Segments, Struck, Tracker};
+pub use segments::{Boots, Edge, Live, Segment, Segments, StrikePeak, Tracker};

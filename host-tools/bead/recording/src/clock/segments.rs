@@ -35,7 +35,7 @@ pub struct Edge {
 
 /// The time of a strike, by its bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Struck {
+pub struct StrikePeak {
     /// The strike's number since the reset.
     pub strike: u32,
     /// Place of the highest force, in samples since the reset.
@@ -62,7 +62,7 @@ pub struct Segment {
     /// Number of edges that the bead missed because they came too close.
     pub missed: u32,
     /// The strikes whose arrival the bead reported.
-    pub struck: Vec<Struck>,
+    pub struck: Vec<StrikePeak>,
     pub(super) origin_ns: Option<u64>,
     /// The frame with the least delay of each bucket.
     pub(super) buckets: BTreeMap<u64, ClockPoint>,
@@ -210,7 +210,7 @@ impl Segment {
                 let number = sync.edge;
                 self.edges.push(Edge { number, position });
             }
-            Message::Shape(shape) => self.struck.push(Struck {
+            Message::Shape(shape) => self.struck.push(StrikePeak {
                 strike: shape.strike,
                 position: shape.first_index as f64 + shape.arrival.samples(),
                 rise: None,

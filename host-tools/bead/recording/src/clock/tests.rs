@@ -110,19 +110,6 @@ fn a_recording_of_days_costs_no_more_memory_and_gives_the_drift_as_well() {
 }
 
 #[test]
-fn a_load_that_grows_misleads_a_least_squares_line_and_not_this_one() {
-    let segment = delayed(20.0, 600.0, 4.0, Delays::Growing, 1);
-    let fit = segment.fit().unwrap();
-    let points = segment.buckets.values();
-    let pairs = points
-        .map(|point| (point.bead / 1e5, point.host_ns * 1e-9))
-        .collect();
-    let naive = Alignment::through(pairs).unwrap();
-    assert!((fit.drift_ppm - 20.0).abs() < 2.0, "{}", fit.drift_ppm);
-    assert!((naive.drift_ppm - 20.0).abs() > 10.0, "{}", naive.drift_ppm);
-}
-
-#[test]
 fn host_times_are_late_by_the_least_delay_and_no_more_than_the_residual() {
     let fit = delayed(35.0, 600.0, 50.0, Delays::Queue, 3).fit().unwrap();
     for true_seconds in [0.0, 300.0, 600.0] {

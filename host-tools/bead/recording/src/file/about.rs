@@ -57,10 +57,8 @@ impl Origin {
             ("port", self.port.clone()),
             ("clock", self.clock.clone()),
         ];
-        let known = known
-            .into_iter()
-            .filter_map(|(name, value)| Some((name.to_owned(), value?)));
-        map.extend(known);
+        let known = known.into_iter();
+        map.extend(known.filter_map(|(name, value)| Some((name.to_owned(), value?))));
         map
     }
 

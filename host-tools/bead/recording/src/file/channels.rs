@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, HashMap};
 use bead_wire::{Arrival, Fault, Fields, Health, Message, Shape, Status, Strike, VERSION};
 use mcap::McapResult;
 
-use crate::assembly::{Assembled, Assembly, Event, Parts};
+use crate::assembly::{Assembled, Assembly, Event, StrikeParts};
 use crate::file::layout::{Mcap, name_of};
 use crate::frames::Frame;
 use crate::protobuf::{self, Schema, schema_of};
@@ -111,7 +111,7 @@ fn messages(event: &Event) -> Vec<NamedMessage> {
         received_ns: strike.received_ns,
         message: strike.said.into(),
     };
-    let missing = |is_there: fn(Parts) -> bool| fetched.is_some_and(|copy| !is_there(copy.before));
+    let missing = |is_there: fn(StrikeParts) -> bool| fetched.is_some_and(|copy| !is_there(copy.before));
     let mut messages = Vec::new();
     if missing(|before| before.result) {
         messages.push(("strikes", protobuf::message(&frame, &strike.said)));

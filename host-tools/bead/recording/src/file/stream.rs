@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use bead_wire::{Arrival, Counters, Message};
+use bead_wire::{Arrival, Message};
 use mcap::McapResult;
 use mcap::records::MessageHeader;
 
 use crate::file::about::Origin;
 use crate::file::channels::{ChannelMessage, ReadableChannels};
 use crate::file::layout::{ENCODING, LONGEST_RUN, Mcap, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
-use crate::frames::{Item, Reader};
+use crate::frames::{FrameReader, Item};
 
 /// The channels of one bead, and the bytes that are not yet written to them. In a recording of one line,
 /// those of all its beads.
@@ -22,11 +22,11 @@ pub(super) struct Stream {
     run: Vec<u8>,
     /// Runs that are no frames, each with a delimiter.
     noise: Vec<u8>,
-    reader: Reader,
-    clock: MessageClock,
+    pub(super) reader: FrameReader,
+    pub(super) clock: MessageClock,
     /// Number of messages in this file, and of bytes in them.
     pub(super) written: u32,
-    bytes: u64,
+    pub(super) bytes: u64,
 }
 
 impl Stream {
@@ -40,7 +40,7 @@ impl Stream {
             channels: ReadableChannels::begin(mcap, origin.map(|origin| origin.address))?,
             run: Vec::new(),
             noise: Vec::new(),
-            reader: Reader::default(),
+            reader: FrameReader::default(),
             clock: MessageClock {
                 sample_rate_hz,
                 ..MessageClock::default()
@@ -64,23 +64,9 @@ impl Stream {
         self.origin.as_ref().map(|origin| origin.address)
     }
 
-    /// Number of its bytes in this file.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// True if no strike is on its way.
     pub(super) fn is_idle(&self) -> bool {
         self.channels.are_idle()
-    }
-
-    pub(super) fn counters(&self) -> &Counters {
-        self.reader.counters()
-    }
-
-    /// The time of its next message.
-    pub(super) fn log_time(&self) -> u64 {
-        self.clock.log
     }
 
     pub(super) fn write(
@@ -202,12 +188,12 @@ impl Stream {
 
 /// Times of the messages, in nanoseconds.
 #[derive(Clone, Copy, Debug, Default)]
-struct MessageClock {
+pub(super) struct MessageClock {
     sample_rate_hz: u32,
     /// Time of the bead since its reset.
     bead: u64,
-    /// Log time of the recording.
-    log: u64,
+    /// Log time of the next message.
+    pub(super) log: u64,
     /// Log time at the bead's reset.
     reset: u64,
     /// True if log times are those of the host.

@@ -91,7 +91,7 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn attach(&mut self, part: Part, data: &[u8]) -> Result<(), RecordingError> {
-        let log_time = self.streams.first().map_or(0, Stream::log_time);
+        let log_time = self.streams.first().map_or(0, |stream| stream.clock.log);
         self.put_attachment(None, log_time, part, data)
     }
 
@@ -101,7 +101,7 @@ impl Writer {
     /// The file cannot be written.
     pub fn attach_to(&mut self, bead: BeadIndex, part: Part, data: &[u8]) -> Result<(), RecordingError> {
         let stream = &self.streams[bead.0];
-        self.put_attachment(stream.bead(), stream.log_time(), part, data)
+        self.put_attachment(stream.bead(), stream.clock.log, part, data)
     }
 
     fn put_attachment(
@@ -189,7 +189,7 @@ impl Writer {
 
     /// Counts of what was received so far, and of what was lost, of all beads.
     pub fn counters(&self) -> Counters {
-        let all = self.streams.iter().map(Stream::counters);
+        let all = self.streams.iter().map(|stream| stream.reader.counters());
         all.fold(Counters::default(), |sum, one| sum.and(one))
     }
 
@@ -198,7 +198,7 @@ impl Writer {
     /// # Panics
     /// The index is that of another recording.
     pub fn counters_of(&self, bead: BeadIndex) -> &Counters {
-        self.streams[bead.0].counters()
+        self.streams[bead.0].reader.counters()
     }
 
     /// The name until the recording is finished.
@@ -209,7 +209,7 @@ impl Writer {
     /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each
     /// channel in it.
     fn index(&self) -> u64 {
-        let bytes: u64 = self.streams.iter().map(Stream::bytes).sum();
+        let bytes: u64 = self.streams.iter().map(|stream| stream.bytes).sum();
         let chunks = self.flushes + bytes / CHUNK;
         chunks * (256 + 192 * self.streams.len() as u64)
     }
