@@ -387,7 +387,6 @@ impl Conversation {
         ))
     }
 
-    /// Names the bead that is asked, in a message.
     fn addressed(&self) -> String {
         match self.asked {
             ANY => String::new(),

@@ -25,7 +25,6 @@ use bead_recording::frames::Frame;
 const OVERDUE: Duration = Duration::from_millis(200);
 /// Time-out of a reply.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Number of times that a request is sent.
 const ATTEMPTS: u32 = 5;
 /// Number of strikes that are asked for at a time. A bead keeps no more.
 const WANTED: usize = 64;
@@ -152,7 +151,6 @@ impl Gaps {
         self.reconnect();
     }
 
-    /// Notes a frame of a strike of this boot.
     fn note_strike(&mut self, number: u32, now: Instant) {
         self.note_count(number, number.saturating_add(1), now);
     }
@@ -186,7 +184,6 @@ impl Gaps {
         }
     }
 
-    /// Gives up a strike.
     fn give_up(&mut self, (boot, number): (u32, u32)) {
         self.wanted.remove(&(boot, number));
         let gone = self.gone.entry(boot as u8).or_default();
@@ -322,7 +319,6 @@ mod tests {
     const NEXT: Arrival = Arrival::Next { lost: 0 };
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
 
-    /// A bead at its gaps.
     struct FakeBead {
         gaps: Gaps,
         now: Instant,
@@ -353,7 +349,6 @@ mod tests {
             self.counts(boot, 0);
         }
 
-        /// It says how many strikes it found.
         fn counts(&mut self, boot: u8, strikes: u32) {
             let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
                 panic!("a status");
@@ -361,7 +356,6 @@ mod tests {
             self.says(boot, NEXT, Message::Status(Status { strikes, ..status }));
         }
 
-        /// All frames of a strike.
         fn strike(&mut self, boot: u8, number: u32) {
             for message in one_sample_strike(number, 0) {
                 self.says(boot, NEXT, message);

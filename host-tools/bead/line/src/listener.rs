@@ -19,7 +19,6 @@ pub(crate) const QUEUE: usize = 1 << 15;
 
 /// Bytes of a port on their way to the recorder.
 pub(crate) struct PortBytes {
-    /// Index of the port.
     pub(crate) source: usize,
     /// Receive time of the last of the bytes.
     pub(crate) received: Instant,
@@ -45,7 +44,6 @@ impl Shared<'_> {
         self.stop.load(Ordering::Relaxed) || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
-    /// True if every port has been away for too long.
     fn is_given_up(&self) -> bool {
         let alive = *self.alive.lock().unwrap_or_else(PoisonError::into_inner);
         alive.elapsed() >= self.wait
@@ -67,7 +65,6 @@ pub enum End {
     Gone(io::Error),
 }
 
-/// Reads one port.
 pub(crate) struct Listener<'a> {
     /// Index of the port, which goes with its bytes.
     pub(crate) source: usize,
@@ -77,7 +74,6 @@ pub(crate) struct Listener<'a> {
     /// Takes the bytes. While it is full, the listener waits: the sender at the other end of a socket then
     /// waits too, and a serial line loses bytes, which shows in its frames.
     pub(crate) bytes: SyncSender<PortBytes>,
-    /// Requests to send.
     pub(crate) requests: Receiver<Vec<u8>>,
     pub(crate) shared: &'a Shared<'a>,
 }

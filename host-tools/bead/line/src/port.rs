@@ -12,7 +12,6 @@ use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 
 /// Longest wait of a read for bytes. A request to stop is noticed within this time.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Time-out of a connection.
 const CONNECT: Duration = Duration::from_secs(5);
 
 /// Reason of a port that has gone away.
@@ -67,7 +66,6 @@ impl fmt::Display for Address {
 #[error("{0}")]
 pub struct PortError(String);
 
-/// The serial ports of this computer.
 fn ports() -> Vec<SerialPortInfo> {
     // In a container whose kernel shows no terminals serialport would panic.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {

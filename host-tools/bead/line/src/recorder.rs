@@ -27,7 +27,7 @@ use bead_recording::file::{About, BeadIndex, Origin, RecordingError, Writer};
 use bead_recording::frames::{Frame, FrameReader, Item};
 use bead_tables::whole::Target;
 
-/// Time between two looks for something to ask a bead.
+/// Interval of the search for strikes to ask a bead for.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 /// Greatest number of bytes that are kept of a port from which no frame has come yet.
 const UNKNOWN_MOST: usize = 64 << 10;
@@ -102,7 +102,6 @@ pub struct RecorderError {
     partial: PathBuf,
 }
 
-/// A port that is recorded.
 struct RecordedSource {
     address: Address,
     /// Writes its bytes; `None` in a recording of one port, and before its bead is known.
@@ -132,7 +131,7 @@ impl RecordedSource {
         }
     }
 
-    /// Keeps bytes of a bead that is not known yet, and looks for its address in them.
+    /// Keeps bytes of a bead that is not known yet, and searches them for its address.
     fn keep(&mut self, bytes: Vec<u8>, received_ns: u64) {
         let bead = &mut self.bead;
         self.reader.feed(&bytes, None, |item| {
@@ -152,7 +151,6 @@ impl RecordedSource {
 pub struct Recorder<'a> {
     options: Options,
     writer: Writer,
-    /// Files that are complete.
     files: Vec<PathBuf>,
     sources: Vec<RecordedSource>,
     clocks: Live,
@@ -261,7 +259,6 @@ impl<'a> Recorder<'a> {
         recorded.map_err(|source| RecorderError { source, partial })
     }
 
-    /// Completes the recording.
     fn finish(mut self, ends: Vec<End>) -> Result<Recorded, RecordingError> {
         let duration = self.opened.elapsed();
         let is_of_several = self.sources.len() > 1;

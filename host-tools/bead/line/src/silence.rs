@@ -35,7 +35,6 @@ impl Evidence {
         self.beads = BTreeSet::from([address]);
     }
 
-    /// The addresses of the beads, if frames of several came.
     pub(super) fn several(&self) -> Option<String> {
         (self.beads.len() > 1).then(|| self.addresses())
     }
@@ -56,7 +55,7 @@ impl Evidence {
             .replace(frame.header.boot)
             .is_some_and(|boot| boot != frame.header.boot)
         {
-            // Its counts begin anew.
+            // Its counts begin at 0 again.
             *self = Self {
                 beads: std::mem::take(&mut self.beads),
                 boot: self.boot,

@@ -10,7 +10,6 @@
 
 use crate::signal::Signal;
 
-/// Degree of the polynomial.
 const DEGREE: usize = 3;
 /// Its reach to either side, in widths of the pulse at half its height, and the least, in samples.
 const REACH: f64 = 0.25;

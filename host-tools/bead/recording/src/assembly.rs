@@ -170,7 +170,6 @@ impl Assembly {
 /// One bead: the frames since its last restart that were not handed on, and the names of its strikes.
 #[derive(Clone, Debug, Default)]
 struct BeadFrames {
-    /// Low byte of the boot number.
     boot: u8,
     /// Number of restarts.
     restarts: usize,
@@ -201,7 +200,6 @@ struct Pending {
 
 #[derive(Clone, Debug)]
 struct StrikeFrame {
-    /// Number of the frame.
     number: i64,
     header: Header,
     /// Without samples, shape and settings yet.
@@ -356,12 +354,10 @@ impl BeadFrames {
         }
     }
 
-    /// The parts that came of a strike of this boot.
     fn parts(&mut self, number: u32, first_index: u64) -> &mut StrikeParts {
         &mut self.register.entry(self.boot, number, first_index).parts
     }
 
-    /// Hands on the strikes that are due.
     fn settle(&mut self, events: &mut Vec<Event>) {
         while let Some(strike) = self.due() {
             events.extend(self.assemble(strike));
@@ -501,7 +497,6 @@ impl StrikeNames {
         strike
     }
 
-    /// Forgets the strikes of boots that begin with a restart.
     fn forget(&mut self, restart: Restart) {
         self.strikes.retain(|(boot, _), _| !restart.begins(*boot));
         self.names.retain(|(boot, _)| !restart.begins(*boot));
@@ -526,7 +521,6 @@ mod tests {
         block_of(&paper.with(change).unwrap()).into()
     }
 
-    /// The fetched frames of a strike.
     fn fetched(boot: u32, number: u32, first_index: u64) -> [Message; 4] {
         let [waveform, strike, shape] = strike(number, first_index);
         let mut part = 0..;
@@ -584,7 +578,6 @@ mod tests {
         }
     }
 
-    /// The strikes among these events.
     fn assembled(events: Vec<Event>) -> Vec<Assembled> {
         let strikes = events.into_iter().filter_map(|event| match event {
             Event::Restart(_) => None,

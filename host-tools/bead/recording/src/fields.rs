@@ -78,7 +78,6 @@ pub fn described(fields: &'static [FieldDoc]) -> Vec<Entry<'static>> {
     entries
 }
 
-/// Adds the entries of one field.
 fn add<'a>(
     entries: &mut Vec<Entry<'a>>,
     position: u32,

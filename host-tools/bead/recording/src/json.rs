@@ -120,7 +120,6 @@ mod tests {
         Samples, SelfTest, Shape, Strike, StrikeFlags, Sync,
     };
 
-    /// The JSON of these messages.
     fn shown(messages: &[Message]) -> Vec<Value> {
         let mut bead = Speaker::at(0);
         messages

@@ -67,7 +67,6 @@ fn repeated(number: u32, name: &str, kind: Type) -> FieldDescriptorProto {
     }
 }
 
-/// The fields of the header.
 fn header() -> Vec<FieldDescriptorProto> {
     vec![
         field(1, "address", Type::Uint32),

@@ -41,7 +41,6 @@ impl Signal {
     }
 }
 
-/// The values of one sensor.
 fn values<F: LeEqU32, V: LeEqU32>(sensor: &Sensor<F>, codes: &[Pair], zero: FixedI32<V>) -> Option<Vec<f64>> {
     let baseline = usize::from(BASELINE);
     let (quiet, rest) = codes.split_at_checked(baseline)?;

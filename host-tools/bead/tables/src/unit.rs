@@ -181,7 +181,7 @@ pub fn parse(text: &str) -> Option<&'static Unit> {
 }
 
 /// The quantity of a size with its unit, such as `8.9N` or `N`, and its value in the SI unit. A voltage is
-/// none: it tells nothing of a force.
+/// none, as its force is unknown.
 pub fn parse_size(text: &str) -> Option<(Quantity, f64)> {
     let text = text.trim();
     // The divisor may be named: newtons per volt, or per full scale.

@@ -59,7 +59,6 @@ impl CommonTime {
         Ok(Self::among(&Tracker::of(recording)?.segments))
     }
 
-    /// Finds the common time from the segments.
     pub(super) fn among(segments: &[Segment]) -> Self {
         let mut boots: Vec<_> = segments.iter().map(BootClock::of).collect();
         let fitted = boots.iter().enumerate();

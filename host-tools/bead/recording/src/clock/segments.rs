@@ -75,7 +75,6 @@ pub struct Segment {
 /// Finds the segments of frames that come in the order received.
 #[derive(Debug, Clone, Default)]
 pub struct Segments {
-    /// The current segment of each address.
     current: BTreeMap<u8, usize>,
     count: usize,
 }

@@ -11,7 +11,6 @@ use bead_wire::{Arrival, Health, Kind, Message};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Delays of frames on their way.
 #[derive(Debug, Clone, Copy)]
 enum Delays {
     /// A queue: exponential, 1 ms in the mean.

@@ -24,7 +24,6 @@ pub fn row(id: u64, recording: &str, strike: &RecordedStrike) -> Vec<Cell> {
     cells.into_iter().map(|(_, cell)| cell).collect()
 }
 
-/// The columns, with the cells of a strike.
 fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
     let strike = row.map(|(.., strike)| strike);
     let whole = |name, number: Option<u64>| {

@@ -12,7 +12,6 @@ use std::io::{self, Write};
 use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
 
-/// The year 2000, ns since 1970.
 const YEAR_2000_NS: i64 = 946_684_800_000_000_000;
 
 /// Begins a file.

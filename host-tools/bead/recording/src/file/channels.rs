@@ -18,10 +18,8 @@ use crate::protobuf::{self, Schema, schema_of};
 use crate::signal::Signal;
 use crate::strike::RecordedStrike;
 
-/// Name and schema of a channel.
 type Topic = (&'static str, fn() -> Schema);
 
-/// The channels.
 const TOPICS: [Topic; 6] = [
     ("strikes", || schema_of::<Strike>("Strike")),
     ("shapes", || schema_of::<Shape>("Shape")),

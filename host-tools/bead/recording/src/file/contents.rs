@@ -26,13 +26,11 @@ pub(super) struct BeadChannels {
     received: BTreeMap<u16, Option<u8>>,
 }
 
-/// A bead's runs.
 #[derive(Default)]
 struct Runs {
     count: u64,
     /// Number of the last.
     last: Option<u32>,
-    /// Number of runs that are missing.
     missing: u64,
     /// True if the log times are receive times: if the first message on the channel `received` follows.
     /// `None` until that is known.
@@ -53,7 +51,6 @@ pub(super) struct Contents {
     pub(super) channels: BeadChannels,
     /// Version of the protocol that the writer of the file knew.
     pub(super) version: Option<u8>,
-    /// The program that wrote the file.
     written_by: String,
     /// The first channels: to name a file that is not a bead's.
     topics: BTreeSet<String>,
@@ -258,7 +255,6 @@ impl Runs {
         self.held.push_back((head.map(|(_, log_time)| log_time), run));
     }
 
-    /// Hands on the runs that wait.
     fn release(&mut self, bead: Option<u8>, ready: &mut VecDeque<Piece>) {
         let are_received = self.are_received == Some(true);
         self.held_bytes = 0;

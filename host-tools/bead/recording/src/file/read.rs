@@ -30,7 +30,6 @@ pub struct Recording {
     pub runs_missing: u64,
     /// Completeness of the file.
     pub state: State,
-    /// The strikes that were fetched.
     pub(crate) fetched: Arc<BTreeSet<StrikeName>>,
     channels: Arc<BeadChannels>,
     /// Address of the bead whose bytes are read, if it is one of several.

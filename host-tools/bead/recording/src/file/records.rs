@@ -72,7 +72,6 @@ impl fmt::Display for Damage {
     }
 }
 
-/// The records of a chunk.
 #[derive(Default)]
 struct ChunkRecords {
     records: Vec<u8>,
@@ -92,7 +91,6 @@ impl ChunkRecords {
     }
 }
 
-/// A reader of the records of a file.
 pub(super) struct Records {
     file: BufReader<File>,
     length: u64,
@@ -118,7 +116,6 @@ pub(super) struct Records {
     pub(super) compression: Option<String>,
 }
 
-/// A step of [`Records::read`].
 enum RecordStep {
     /// A record of the file was read.
     Record(u8, Vec<u8>),

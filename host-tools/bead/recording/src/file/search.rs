@@ -37,7 +37,6 @@ pub(super) struct MessageHead {
     pub(super) log_time: u64,
 }
 
-/// The frames in these bytes, in order.
 pub(super) fn frames(bytes: &[u8]) -> impl Iterator<Item = SoundFrame<'_>> {
     let mut decoder = Box::new(Decoder::new());
     let mut start = 0;

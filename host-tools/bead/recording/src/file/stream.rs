@@ -30,7 +30,6 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Adds its channels to a file.
     pub(super) fn begin(mcap: &mut Mcap, origin: Option<&Origin>, sample_rate_hz: u32) -> McapResult<Self> {
         let (channel, received) = add_channels(mcap, origin)?;
         Ok(Self {
@@ -59,7 +58,6 @@ impl Stream {
         Ok(())
     }
 
-    /// The bead's address, if it is one of several.
     pub(super) fn bead(&self) -> Option<u8> {
         self.origin.as_ref().map(|origin| origin.address)
     }
@@ -130,13 +128,11 @@ impl Stream {
         self.message(mcap, self.received, last, &data)
     }
 
-    /// Writes the runs that are no frames.
     pub(super) fn end_noise(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         let noise = std::mem::take(&mut self.noise);
         self.put(mcap, noise)
     }
 
-    /// Writes the run that has come so far.
     fn end_run(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         self.end_noise(mcap)?;
         let mut run = std::mem::take(&mut self.run);
@@ -213,7 +209,6 @@ impl MessageClock {
         }
     }
 
-    /// Sets the receive time of what follows.
     fn receive(&mut self, received_ns: u64) {
         self.received = true;
         self.log = self.log.max(received_ns);

@@ -48,7 +48,6 @@ fn runs(stream: &[u8]) -> Vec<Vec<u8>> {
     runs.map(<[u8]>::to_vec).collect()
 }
 
-/// The frames among the runs.
 fn frames(stream: &[u8]) -> Vec<Vec<u8>> {
     let is_frame = |run: &Vec<u8>| crate::frames::decode(&[&run[..], &[0]].concat()).1.frames == 1;
     runs(stream).into_iter().filter(is_frame).collect()

@@ -280,7 +280,6 @@ impl Writer {
     }
 }
 
-/// Completes a file, and gives it its name.
 fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, RecordingError> {
     mcap.finish().map_err(RecordingError::unwritten(partial))?;
     let file = mcap.into_inner().into_inner();
@@ -389,7 +388,7 @@ fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), Re
         let partial = PathBuf::from(partial);
         match File::create_new(&partial) {
             Ok(file) => {
-                // Somebody may look at this moment whether it is locked; that does not take long. A file
+                // Another program may try the lock at this moment; that does not take long. A file
                 // system without locks leaves the last word to `take_name`.
                 let _ = file.lock();
                 return Ok((file, partial));

@@ -141,7 +141,6 @@ pub fn to_toml(description: &Description) -> String {
     text
 }
 
-/// A row by the path or the letter of its key.
 fn find(name: &str) -> Result<&'static KeyRow, InputError> {
     let named = |row: &&KeyRow| row.path() == name || row.letter == name && !name.is_empty();
     KEYS.iter().find(named).ok_or_else(|| {
