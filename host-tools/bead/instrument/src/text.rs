@@ -163,24 +163,26 @@ struct TableLayout {
 impl TableLayout {
     fn of(lines: &[String]) -> Option<Self> {
         let numbers = |line: &str, separator: char| -> Vec<usize> {
-            let values = fields(line, separator)
-                .map(|field| value_of(field, separator))
-                .enumerate();
-            values.filter_map(|(place, value)| value.map(|_| place)).collect()
+            let is_number = |field: &str| value_of(field, separator).is_some();
+            let fields = fields(line, separator).enumerate();
+            fields
+                .filter(|(_, field)| is_number(field))
+                .map(|(place, _)| place)
+                .collect()
         };
         // The last of the lines with the most numbers, by the separator that leaves the fewest other fields.
-        let mut best: Option<(f64, usize, char, usize)> = None;
+        let mut best: Option<((f64, usize), char, usize)> = None;
         for separator in SEPARATORS {
             for (at, line) in lines.iter().enumerate().rev() {
-                let told = fields(line, separator).filter(|field| !field.is_empty()).count();
+                let filled = fields(line, separator).filter(|field| !field.is_empty()).count();
                 let count = numbers(line, separator).len();
-                let part = count as f64 / told.max(1) as f64;
-                if count > 0 && best.is_none_or(|(most, count_most, ..)| (part, count) > (most, count_most)) {
-                    best = Some((part, count, separator, at));
+                let rank = (count as f64 / filled.max(1) as f64, count);
+                if count > 0 && best.is_none_or(|(most, ..)| rank > most) {
+                    best = Some((rank, separator, at));
                 }
             }
         }
-        let (_, _, separator, at) = best?;
+        let (_, separator, at) = best?;
         let places = numbers(&lines[at], separator);
         let is_row = |line: &String| {
             // Both lists are sorted.

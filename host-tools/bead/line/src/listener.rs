@@ -13,9 +13,9 @@ use crate::port::{Address, Port};
 const RETRY: Duration = Duration::from_millis(200);
 /// Greatest number of bytes that are read at a time.
 const BLOCK: usize = 4096;
-/// Greatest number of pieces of bytes that wait for the disk: half a minute of a serial line, and at most
-/// 128 MB.
-pub(crate) const QUEUE: usize = 1 << 15;
+/// Greatest number of pieces of bytes that wait for the disk: a quarter of a minute of a serial line, and at
+/// most 64 MB.
+pub(crate) const QUEUE: usize = 1 << 14;
 
 /// Bytes of a port on their way to the recorder.
 pub(crate) struct PortBytes {
