@@ -32,4 +32,4 @@ pub(crate) mod systick;
 pub(crate) mod tim;
 pub(crate) mod usart;
 
-pub(crate) use peripheral::{NoRegister, Peripheral};
+pub(crate) use peripheral::{NoRegister, Notes, Peripheral};

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use stm32f405_qemu::{LogLine, Outcome, Run, RunError};
+use stm32f405_qemu::{Outcome, Run, RunError};
 
 const USAGE: &str = "\
 usage: stm32f405-run [--seconds S] [--until TEXT] [--vcd FILE] [--semihosting] [--gdb PORT] ELF
@@ -41,11 +41,7 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     let result = arguments.run.execute();
-    let given = match &result {
-        Ok(outcome) => Some(outcome),
-        Err(error) => error.outcome(),
-    };
-    if let Some(outcome) = given {
+    if let Some(outcome) = result.as_ref().map_or_else(RunError::outcome, Some) {
         tell(outcome);
         if let Some(file) = &arguments.vcd
             && let Err(e) = std::fs::write(file, outcome.vcd())
@@ -54,13 +50,11 @@ fn main() -> ExitCode {
             return ExitCode::from(3);
         }
     }
-    match verdict(&result, arguments.until.as_deref()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err((status, why)) => {
-            eprintln!("stm32f405-run: {why}");
-            ExitCode::from(status)
-        }
-    }
+    let Err((status, why)) = verdict(&result, arguments.until.as_deref()) else {
+        return ExitCode::SUCCESS;
+    };
+    eprintln!("stm32f405-run: {why}");
+    ExitCode::from(status)
 }
 
 fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
@@ -99,17 +93,13 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
 
 /// The exit status and why, if the image has failed.
 fn verdict(result: &Result<Outcome, RunError>, until: Option<&str>) -> Result<(), (u8, String)> {
-    let outcome = match result {
-        Ok(outcome) => outcome,
-        Err(error) => return Err((if error.outcome().is_some() { 1 } else { 3 }, error.to_string())),
-    };
+    let failed = |error: &RunError| (if error.outcome().is_some() { 1 } else { 3 }, error.to_string());
+    let outcome = result.as_ref().map_err(failed)?;
     outcome.verdict().map_err(|why| (1, why))?;
-    let said = |line: &LogLine, text: &str| line.text.contains(text);
-    match until {
-        Some(text) if !outcome.log.iter().any(|line| said(line, text)) => {
-            Err((1, format!("no line of the log contains {text:?}")))
-        }
-        _ => Ok(()),
+    let logged = |text: &str| outcome.log.iter().any(|line| line.text.contains(text));
+    match until.filter(|text| !logged(text)) {
+        Some(text) => Err((1, format!("no line of the log contains {text:?}"))),
+        None => Ok(()),
     }
 }
 
@@ -118,11 +108,8 @@ fn tell(outcome: &Outcome) {
         println!("{line}");
     }
     print!("{}", outcome.semihosting);
-    println!(
-        "{} bytes from USART1 in {:.3} ms",
-        outcome.uart.len(),
-        outcome.virtual_ns as f64 / 1e6
-    );
+    let (bytes, ms) = (outcome.uart.len(), outcome.virtual_ns as f64 / 1e6);
+    println!("{bytes} bytes from USART1 in {ms:.3} ms");
     match outcome.sampling {
         Some(s) => println!("{} scans from {:.3} ms on", s.scans, s.first_ns as f64 / 1e6),
         None => println!("the image did not sample"),
@@ -138,10 +125,8 @@ fn tell(outcome: &Outcome) {
         println!("{exception}");
     }
     for register in &outcome.unknown_registers {
-        println!(
-            "no model: {} ({} reads, {} writes)",
-            register.name, register.reads, register.writes
-        );
+        let (reads, writes) = (register.reads, register.writes);
+        println!("no model: {} ({reads} reads, {writes} writes)", register.name);
     }
     for what in &outcome.unmodelled {
         println!("not modelled: {what}");

@@ -74,7 +74,6 @@ impl Chip {
         }
     }
 
-    /// Resets every peripheral. What comes from outside goes on.
     pub(super) fn reset(&mut self, cause: ResetCause, now: u64) {
         self.deep_sleep = None;
         for row in TABLE {
@@ -88,7 +87,6 @@ impl Chip {
         self.pass_on(now);
     }
 
-    /// Reads the register at the address of a word.
     pub(super) fn read(&mut self, address: u32, now: u64) -> Result<u32, Unanswered> {
         let (row, offset) = self.clocked(address)?;
         Ok((row.model_mut)(&mut self.units).read(offset, now)?)
@@ -120,7 +118,6 @@ impl Chip {
         (rest & !mask) | ((value << shift) & mask)
     }
 
-    /// When the first externally triggered scan came.
     pub(super) fn first_scan_ns(&self) -> Option<u64> {
         self.stimulus.sampling().map(|sampling| sampling.first_ns)
     }
@@ -176,7 +173,6 @@ impl Chip {
         }
     }
 
-    /// Time that HCLK spent at each frequency, ns.
     pub(super) fn hclk_ns(&self, now: u64) -> Vec<(u32, u64)> {
         let mut times = self.hclk_ns.clone();
         *times.entry(self.clocks.hclk).or_default() += now.saturating_sub(self.hclk_since_ns);
@@ -190,7 +186,7 @@ impl Chip {
             let Some(channel) = self.units.dma[dma].listens_to(stream) else {
                 continue;
             };
-            let of = match wiring::request(dma, stream, channel) {
+            let of = match wiring::CONNECTIONS.requests.get(&(dma, stream, channel)) {
                 Some(request) if wiring::is_modelled(request) => continue,
                 Some(request) => format!("{request}, which no model requests"),
                 None => format!("channel {channel}, which has no request"),
@@ -214,7 +210,6 @@ impl Chip {
         self.held = held;
     }
 
-    /// Starts the timers that wait for the trigger of this one.
     fn start_slaves(&mut self, master: usize, now: u64) {
         for slave in 0..self.units.tim.len() {
             let trigger = self.units.tim[slave].waits_for();
@@ -227,8 +222,9 @@ impl Chip {
     /// Requests to modelled peripherals that their models do not carry out.
     pub(super) fn unmodelled(&self) -> Vec<String> {
         let notes = TABLE.iter().flat_map(|row| {
-            let notes = (row.model)(&self.units).notes();
-            notes.iter().map(|note| format!("{} {note}", row.name))
+            (row.notes)(&self.units)
+                .iter()
+                .map(|note| format!("{} {note}", row.name))
         });
         let channels = self.stimulus.unmapped();
         let channels = channels.map(|(adc, channel)| {

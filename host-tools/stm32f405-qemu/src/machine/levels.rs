@@ -45,7 +45,6 @@ impl Levels {
         }
     }
 
-    /// Number of changes still to come.
     pub(super) fn count(&self) -> usize {
         self.0.iter().map(|(_, levels)| levels.len()).sum()
     }
@@ -64,7 +63,6 @@ impl Levels {
         fronts.min()
     }
 
-    /// The next one changes.
     pub(super) fn change(&mut self, at: u64, chip: &mut Chip) {
         let next = self.soonest(chip);
         let Some(level) = next.and_then(|(_, queue)| self.0[queue].1.pop_front()) else {

@@ -4,7 +4,6 @@ use super::board::{Board, NMI, SYSTICK};
 use super::chip::Chip;
 use super::table::TABLE;
 
-/// The levels that the board knows.
 #[derive(Debug, Clone)]
 pub(super) struct InterruptLines([bool; NMI + 1]);
 
@@ -15,7 +14,6 @@ impl Default for InterruptLines {
 }
 
 impl InterruptLines {
-    /// Tells the board which levels have changed.
     pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Board) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.
         if chip.stands_still() {

@@ -3,7 +3,7 @@
 use std::mem::take;
 
 use super::chip::Chip;
-use super::wiring::{self, PinIndex};
+use super::wiring::{CONNECTIONS, PinIndex};
 
 impl Chip {
     /// Puts the levels that outputs drive on the pins at the other ends of wires.
@@ -29,7 +29,7 @@ impl Chip {
 
     /// Gives the pins of a timer's compare outputs the levels that they have now.
     pub(super) fn move_outputs(&mut self, tim: usize, now: u64) {
-        for &(pin, function, channel) in wiring::timer_pins(tim) {
+        for &(pin, function, channel) in CONNECTIONS.timer_pins.get(&tim).into_iter().flatten() {
             let port = &mut self.units.gpio[pin.0];
             if port.alternate(pin.1) == Some(function) {
                 port.move_by_timer(pin.1, self.units.tim[tim].output(channel), now);
@@ -81,6 +81,6 @@ impl Chip {
     /// The timer and its input that a pin leads to, as the pin is set.
     pub(super) fn timer_input(&self, pin: PinIndex) -> Option<(usize, usize)> {
         let function = self.units.gpio[pin.0].alternate(pin.1)?;
-        wiring::timer_input(pin, function)
+        CONNECTIONS.timer_inputs.get(&(pin, function)).copied()
     }
 }

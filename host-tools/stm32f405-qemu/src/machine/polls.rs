@@ -13,7 +13,6 @@ const CERTAIN: u32 = WINDOW / 10 * 8;
 /// With fewer accesses in the window so far, the window before says more.
 const FEW: u32 = 1000;
 
-/// The accesses of late.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Polls {
     candidate: u32,

@@ -37,7 +37,6 @@ impl Chip {
         }
     }
 
-    /// The conversion under way ends.
     pub(super) fn convert(&mut self, adc: usize, at: u64) {
         if let Some(channel) = self.units.adc.converters[adc].converting() {
             let code = self.code(adc, channel, at);

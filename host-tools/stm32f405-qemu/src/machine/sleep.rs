@@ -59,7 +59,6 @@ impl Chip {
         standby && pin == WAKE_UP && high && self.units.pwr.wakes_by_pin()
     }
 
-    /// The level on a pin has changed.
     pub(super) fn sense_wake_up_pin(&mut self, pin: PinIndex, high: bool) {
         if self.waits_for(pin, high) {
             self.units.pwr.woken();

@@ -21,7 +21,6 @@ pub struct StimulusPlayer {
     sampling: Option<Sampling>,
     /// The row that the scan of each converter reads.
     row: [[u16; 4]; 3],
-    /// Inputs by their pins.
     pins: BTreeMap<PinIndex, AnalogInput>,
     /// Channels that were converted and have no input, each with its converter.
     unmapped: BTreeSet<(usize, u32)>,

@@ -15,7 +15,7 @@ use std::ops::Range;
 use super::board::NMI;
 use crate::peripherals::rcc::Bus::{self, Ahb1, Apb1, Apb2};
 use crate::peripherals::{
-    Peripheral,
+    Notes, Peripheral,
     adc_common::Adcs,
     clock::HSI_HZ,
     core,
@@ -38,7 +38,6 @@ use crate::peripherals::{
 /// The interrupt lines of DMA2's streams.
 pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];
 
-/// One peripheral.
 pub(super) struct PeripheralRow {
     pub(super) name: &'static str,
     addresses: Range<u32>,
@@ -46,6 +45,8 @@ pub(super) struct PeripheralRow {
     /// Its lines at the interrupt controller, in the order of the model's outputs.
     pub(super) lines: &'static [usize],
     pub(super) model: fn(&Units) -> &dyn Peripheral,
+    /// Requests of the firmware that the model does not carry out.
+    pub(super) notes: fn(&Units) -> &Notes,
     pub(super) model_mut: fn(&mut Units) -> &mut dyn Peripheral,
 }
 
@@ -106,13 +107,13 @@ macro_rules! peripherals {
                 gate: $gate,
                 lines: $lines,
                 model: |units| &units.$field$(.$inner)?$([$index])?,
+                notes: |units| &units.$field$(.$inner)?$([$index])?.notes,
                 model_mut: |units| &mut units.$field$(.$inner)?$([$index])?,
             },
         )+)+];
     };
 }
 
-/// TIM1 to TIM14.
 const TIMERS: [TimerKind; 14] = [
     TimerKind::ADVANCED,
     TimerKind::GENERAL_32,
@@ -130,7 +131,6 @@ const TIMERS: [TimerKind; 14] = [
     TimerKind::ONE_CHANNEL,
 ];
 
-/// USART1 to USART6.
 const PORTS: [UsartFeatures; 6] = [
     UsartFeatures::USART,
     UsartFeatures::USART_ON_APB1,
@@ -199,7 +199,7 @@ peripherals! {
     scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, ALWAYS, &[]; }
     debug: core::Debug = core::Debug::default() => { "DCB", 0xe000_edf0..0xe000_ee00, ALWAYS, &[]; }
     dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, ALWAYS, &[]; }
-    signature: Signature = Signature { uid } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
+    signature: Signature = Signature { uid, ..Signature::default() } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
 }
 
 /// The peripheral at an address, and the offset in it.

@@ -10,14 +10,12 @@ use crate::peripherals::dma::{Beat, Direction, Progress, STREAMS};
 /// The only controller that copies between memories (section 10.3.6).
 const DMA2: usize = 1;
 
-/// A stream of a controller.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DmaStream {
     pub(super) dma: usize,
     pub(super) stream: usize,
 }
 
-/// The stream that serves a request.
 pub(super) fn serving(chip: &Chip, server: &Server) -> Option<DmaStream> {
     let dma = server.dma;
     let stream = chip.units.dma[dma].serving(&server.streams)?;
@@ -37,7 +35,6 @@ impl<'a, B: Board> Moment<'a, B> {
     }
 }
 
-/// Transfers under way.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Transfers {
     /// Bytes that the DMA wrote and that the board has not got yet. Neighbours are passed on in one piece.
@@ -66,7 +63,6 @@ impl Transfers {
         false
     }
 
-    /// Serves the requests that stand.
     pub(super) fn serve(&mut self, at: &mut Moment<'_, impl Board>) {
         for adc in 0..ADCS.len() {
             if at.chip.units.adc.converters[adc].request
@@ -125,7 +121,6 @@ impl Transfers {
         }
     }
 
-    /// Moves one beat.
     fn transfer(&mut self, place: DmaStream, at: &mut Moment<'_, impl Board>) -> Progress {
         let DmaStream { dma, stream } = place;
         let Some(beat) = at.chip.units.dma[dma].beat(stream) else {
@@ -173,7 +168,6 @@ impl Transfers {
         Some(())
     }
 
-    /// Passes on what was written.
     pub(super) fn flush(&mut self, board: &mut impl Board) {
         if !self.written.is_empty() {
             board.write_memory(self.written_at, &self.written);

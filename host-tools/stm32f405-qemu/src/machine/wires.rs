@@ -8,7 +8,6 @@
 
 use super::wiring::PinIndex;
 
-/// All wires. Each joins two pins.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Wires(Vec<[PinIndex; 2]>);
 

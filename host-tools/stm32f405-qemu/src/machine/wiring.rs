@@ -61,17 +61,17 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 
 /// Pins and DMA requests from ST's database.
 #[derive(Default)]
-struct Connections {
+pub(super) struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
-    timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
+    pub(super) timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
     /// Pins of a timer, each with its alternate function and its channel.
-    timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
+    pub(super) timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
     /// Pins of a USART's transmitter or receiver, each with its alternate function.
     lines: BTreeMap<(usize, &'static str), Vec<(PinIndex, u32)>>,
     /// The pin of a converter's channel.
     analog: BTreeMap<(usize, u32), PinIndex>,
     /// Name of the request by controller, stream and channel.
-    requests: BTreeMap<(usize, usize, u32), &'static str>,
+    pub(super) requests: BTreeMap<(usize, usize, u32), &'static str>,
     /// The names of the interrupt lines.
     lines_by_number: BTreeMap<usize, &'static str>,
     /// Server of a request, by the request's name.
@@ -107,7 +107,7 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
     }
 });
 
-static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
+pub(super) static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
     let mut found = Connections::default();
     for line in TABLE.lines() {
         let words: Vec<&str> = line.split(' ').collect();
@@ -158,16 +158,6 @@ impl Connections {
     }
 }
 
-/// The timer and its channel (0 is the first) that a pin is connected to by an alternate function.
-pub(super) fn timer_input(pin: PinIndex, function: u32) -> Option<(TimNumber, usize)> {
-    CONNECTIONS.timer_inputs.get(&(pin, function)).copied()
-}
-
-/// The pins of a timer's channels, each with its alternate function and its channel.
-pub(super) fn timer_pins(tim: TimNumber) -> &'static [(PinIndex, u32, usize)] {
-    CONNECTIONS.timer_pins.get(&tim).map_or(&[], Vec::as_slice)
-}
-
 /// The pins that can be the transmitter of a USART, each with its alternate function.
 pub(super) fn transmitters(usart: usize) -> &'static [(PinIndex, u32)] {
     CONNECTIONS.lines.get(&(usart, "TX")).map_or(&[], Vec::as_slice)
@@ -181,11 +171,6 @@ pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
 /// The pin of a converter's channel.
 pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<PinIndex> {
     CONNECTIONS.analog.get(&(adc, channel)).copied()
-}
-
-/// The request that a stream listens to by its channel. `None` where the tables have nothing.
-pub(super) fn request(dma: usize, stream: usize, channel: u32) -> Option<&'static str> {
-    CONNECTIONS.requests.get(&(dma, stream, channel)).copied()
 }
 
 /// The name of an interrupt line, for example `TIM1_UP_TIM10`.

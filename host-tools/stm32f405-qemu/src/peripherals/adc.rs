@@ -87,7 +87,7 @@ pub(crate) struct Adc {
     pub(crate) overruns: u64,
     /// Triggers that started nothing.
     pub(crate) triggers_ignored: u64,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Adc {
@@ -370,10 +370,6 @@ impl Peripheral for Adc {
 
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.pclk2 = clocks.pclk2;
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

@@ -11,7 +11,7 @@ const UNMODELLED: [(u32, u32, &str); 1] = [(0x04, 0x1f, "CCR.MULTI: dual and tri
 pub(crate) struct Adcs {
     pub(crate) converters: [Adc; 3],
     ccr: u32,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Adcs {
@@ -69,10 +69,6 @@ impl Peripheral for Adcs {
 
     fn reset(&mut self, _now: u64) {
         self.set_ccr(0);
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

@@ -14,7 +14,7 @@ const ON_PEND: &str = "SEVONPEND: WFE does not wait here, so nothing wakes it";
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scr {
     scr: u32,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Scr {
@@ -39,17 +39,13 @@ impl Peripheral for Scr {
     fn reset(&mut self, _now: u64) {
         self.scr = 0;
     }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
-    }
 }
 
 /// The debug registers DHCSR, DCRSR, DCRDR and DEMCR. No debugger is attached.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Debug {
     pub(crate) demcr: u32,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Debug {
@@ -85,10 +81,6 @@ impl Peripheral for Debug {
     /// TRCENA stays over a reset of the processor.
     fn reset(&mut self, _now: u64) {
         self.demcr &= TRCENA;
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

@@ -1,7 +1,7 @@
 //! Debug support (RM0090 section 38.16): the device's identity, and bits for a debugger that have no effect
 //! here.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 
 /// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
 const IDCODE: u32 = 0x1001_6413;
@@ -10,6 +10,7 @@ const IDCODE: u32 = 0x1001_6413;
 pub(crate) struct Dbgmcu {
     cr: u32,
     freeze: [u32; 2],
+    pub(crate) notes: Notes,
 }
 
 impl Peripheral for Dbgmcu {

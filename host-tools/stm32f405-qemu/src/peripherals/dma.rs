@@ -345,10 +345,6 @@ impl Peripheral for Dma {
         // DMEIE, TEIE, HTIE and TCIE have the order of their flags, one bit lower. FEIE is in FCR.
         s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
     }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
-    }
 }
 
 #[cfg(test)]

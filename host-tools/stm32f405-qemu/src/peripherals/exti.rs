@@ -4,7 +4,7 @@
 //! An edge sets the pending bit if the line's interrupt is enabled (section 12.2.4). An event (EMR) wakes
 //! from STOP, and makes no interrupt.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 
 /// Lines 0..=22.
 const LINES: u32 = 0x007f_ffff;
@@ -39,6 +39,7 @@ pub(crate) struct Exti {
     inputs: Option<u32>,
     /// An enabled edge has come. Whoever looks clears it.
     pub(crate) edge_came: bool,
+    pub(crate) notes: Notes,
 }
 
 impl Exti {
@@ -125,7 +126,6 @@ mod tests {
     const EMR: u32 = 0x04;
     const RTSR: u32 = 0x08;
     const FTSR: u32 = 0x0c;
-    const SWIER: u32 = 0x10;
     const PR: u32 = 0x14;
 
     #[test]
@@ -154,16 +154,5 @@ mod tests {
         exti.input(Some(1));
         exti.input(Some(1));
         assert!(!exti.pending());
-    }
-
-    #[test]
-    fn a_software_trigger_stands_until_one_is_written_to_pr() {
-        let mut exti = Exti::default();
-        exti.put(0, [(IMR, 1 << 3), (SWIER, 1 << 3 | 1 << 4)]);
-        assert_eq!(exti.get(PR, 0), 1 << 3, "line 4 is not enabled");
-        assert!(exti.interrupt(3));
-        exti.put(0, [(PR, 1 << 3)]);
-        assert!((0..SHARED.len()).all(|output| !exti.interrupt(output)));
-        assert_eq!(exti.get(SWIER, 0), 1 << 4);
     }
 }

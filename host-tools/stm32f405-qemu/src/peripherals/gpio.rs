@@ -47,7 +47,7 @@ pub(crate) struct Gpio {
     pub(crate) changes: [Vec<(u64, bool)>; 16],
     /// Number of recorded changes of the whole port.
     recorded: usize,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Gpio {
@@ -240,10 +240,6 @@ impl Peripheral for Gpio {
         (self.changes, self.notes) = (old.changes, old.notes);
         (self.wired, self.by_wire) = (old.wired, old.by_wire);
     }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
-    }
 }
 
 #[cfg(test)]
@@ -320,7 +316,7 @@ mod tests {
         assert_eq!(port.edges[0], 4);
         assert_eq!(port.changes[0], [(0, true), (1, false)]);
         port.reset(4);
-        assert_eq!(port.notes().iter().count(), 1);
+        assert_eq!(port.notes.iter().count(), 1);
     }
 
     #[test]

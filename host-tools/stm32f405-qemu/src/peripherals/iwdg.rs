@@ -1,7 +1,7 @@
 //! The independent watchdog (RM0090 section 21). Once it is started, it resets the machine unless it is fed.
 
 use super::clock::{self, LSI_HZ};
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 
 const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;
@@ -13,6 +13,7 @@ pub(crate) struct Iwdg {
     reload: u32,
     unlocked: bool,
     fed_ns: Option<u64>,
+    pub(crate) notes: Notes,
 }
 
 impl Default for Iwdg {
@@ -22,6 +23,7 @@ impl Default for Iwdg {
             reload: 0xfff,
             unlocked: false,
             fed_ns: None,
+            notes: Notes::default(),
         }
     }
 }
@@ -79,16 +81,8 @@ mod tests {
 
     fn started(prescaler: u32, reload: u32) -> Iwdg {
         let mut iwdg = Iwdg::default();
-        iwdg.put(
-            0,
-            [
-                (KR, START),
-                (KR, UNLOCK),
-                (PR, prescaler),
-                (RLR, reload),
-                (KR, FEED),
-            ],
-        );
+        iwdg.put(0, [(KR, START), (KR, UNLOCK), (PR, prescaler)]);
+        iwdg.put(0, [(RLR, reload), (KR, FEED)]);
         iwdg
     }
 

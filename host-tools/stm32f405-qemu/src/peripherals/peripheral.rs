@@ -38,12 +38,6 @@ pub(crate) trait Peripheral {
     fn next_interrupt(&self) -> Option<u64> {
         None
     }
-
-    /// Requests of the firmware that the model does not carry out.
-    fn notes(&self) -> &Notes {
-        static NONE: Notes = Notes(BTreeSet::new());
-        &NONE
-    }
 }
 
 /// There is no such register in the model.

@@ -42,7 +42,7 @@ pub(crate) struct Pwr {
     /// WUF and SBF, which outlive a reset.
     pub(crate) flags: u32,
     hclk: u32,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Default for Pwr {
@@ -138,10 +138,6 @@ impl Peripheral for Pwr {
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.hclk = clocks.hclk;
         self.check_scale();
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

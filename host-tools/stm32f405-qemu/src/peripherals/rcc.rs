@@ -93,7 +93,7 @@ pub(crate) struct Rcc {
     pub(crate) asleep: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub(crate) backup_domain_open: bool,
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Rcc {
@@ -357,10 +357,6 @@ impl Peripheral for Rcc {
             0 => self.cir & (self.cir >> 8) & READY_FLAGS != 0,
             _ => self.cir & CSSF != 0,
         }
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

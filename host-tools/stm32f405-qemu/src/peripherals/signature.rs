@@ -1,17 +1,18 @@
 //! The device electronic signature (RM0090 section 39): the chip's identifier, its flash size, a calibration
 //! value.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 
 const FLASH_KIB: u32 = 1024;
 /// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
 /// internal reference voltage calibration values).
 pub(crate) const REFERENCE_CODE: u32 = 1502;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Signature {
     /// 96-bit unique identifier, as bytes in address order.
     pub(crate) uid: [u8; 12],
+    pub(crate) notes: Notes,
 }
 
 impl Peripheral for Signature {
@@ -43,9 +44,8 @@ mod tests {
 
     #[test]
     fn the_identifier_lies_in_address_order_and_the_flash_is_1024_kib() {
-        let mut signature = Signature {
-            uid: *b"0123456789ab",
-        };
+        let mut signature = Signature::default();
+        signature.uid.copy_from_slice(b"0123456789ab");
         assert_eq!(signature.read(0x04, 0), Ok(u32::from_le_bytes(*b"4567")));
         assert_eq!(signature.read(0x10, 0).unwrap() >> 16, 1024);
         assert_eq!(signature.read(0x18, 0).unwrap() >> 16, 1502);

@@ -9,7 +9,7 @@ pub(crate) struct Syscfg {
     memrmp: u32,
     pmc: u32,
     exticr: [u32; 4],
-    notes: Notes,
+    pub(crate) notes: Notes,
 }
 
 impl Syscfg {
@@ -47,23 +47,5 @@ impl Peripheral for Syscfg {
 
     fn reset(&mut self, _now: u64) {
         self.notes = std::mem::take(self).notes;
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_keeps_the_port_chosen_for_it() {
-        let mut syscfg = Syscfg::default();
-        syscfg.write(0x14, 0x0020, 0).unwrap();
-        assert_eq!(syscfg.read(0x14, 0), Ok(0x0020), "EXTICR4: line 13 on port C");
-        assert_eq!(syscfg.read(0x08, 0), Ok(0));
-        assert_eq!([12, 13, 14].map(|line| syscfg.port(line)), [0, 2, 0]);
     }
 }

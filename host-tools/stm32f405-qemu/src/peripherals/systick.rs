@@ -7,7 +7,7 @@
 //! time at which a register was written that changes what follows.
 
 use super::clock::{self, ClockTree};
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 
 const ENABLE: u32 = 1 << 0;
 const TICKINT: u32 = 1 << 1;
@@ -30,6 +30,7 @@ pub(crate) struct SysTick {
     counted: bool,
     /// The counter reached 0 with its interrupt on. Whoever passes it on clears this.
     pub(crate) fired: bool,
+    pub(crate) notes: Notes,
 }
 
 impl SysTick {

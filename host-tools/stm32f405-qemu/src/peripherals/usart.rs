@@ -382,10 +382,6 @@ impl Peripheral for Usart {
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {
         self.pclk = clocks.of_bus(self.features.apb);
     }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 use super::count::InstructionCounters;
 use crate::outcome::{BlockCost, Instructions};
 
-/// Cost of the blocks of a run so far.
 pub(super) struct Blocks {
     pub(super) counters: &'static InstructionCounters,
     /// The labels whose functions make a block a working one.
@@ -54,7 +53,6 @@ impl Blocks {
         alike.scans += block.scans;
     }
 
-    /// Everything that was counted.
     pub(super) fn instructions(&self) -> Instructions {
         Instructions {
             total: self.counters.total(),

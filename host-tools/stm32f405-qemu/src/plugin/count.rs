@@ -26,7 +26,6 @@ struct Label {
     calls: AtomicU64,
 }
 
-/// All counters of a run.
 #[derive(Debug)]
 pub(super) struct InstructionCounters {
     total: AtomicU64,
@@ -64,7 +63,6 @@ impl InstructionCounters {
         }
     }
 
-    /// Interrupts are masked by the instruction at this address.
     pub(super) fn masked(&self, address: u32) {
         if self.masks.depth.fetch_add(1, Relaxed) == 0 {
             self.masks.since.store(self.total(), Relaxed);
@@ -100,7 +98,6 @@ impl InstructionCounters {
         }
     }
 
-    /// The longest stretch without interrupts.
     pub(super) fn longest_masked(&self) -> Option<Masked> {
         let instructions = Some(self.masks.longest.load(Relaxed)).filter(|longest| *longest > 0)?;
         let from = self.masks.longest_from.load(Relaxed).into();
@@ -122,7 +119,6 @@ impl InstructionCounters {
         (!site.labels.is_empty()).then_some(site)
     }
 
-    /// One instruction was executed.
     pub(super) fn executed(&self, site: Option<&Site>) {
         add_one(&self.total);
         if let Some(site) = site {
@@ -143,7 +139,6 @@ impl InstructionCounters {
         counts.sum()
     }
 
-    /// The counts of each label, in order.
     pub(super) fn functions(&self) -> Vec<FunctionCount> {
         let count = |(n, label): (usize, &Label)| FunctionCount {
             label: label.name.clone(),

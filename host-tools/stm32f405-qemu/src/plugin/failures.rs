@@ -35,7 +35,6 @@ pub(super) enum Sighting {
     DeepSleep,
 }
 
-/// Failures of the image so far.
 #[derive(Debug, Default)]
 pub(super) struct Failures {
     /// Failures that have no time yet.
@@ -65,7 +64,6 @@ impl Failures {
         end
     }
 
-    /// The image panicked at this time.
     pub(super) fn panic(&mut self, now: u64) {
         self.panics.push(now);
         if !matches!(self.pending_end, Some((_, RunEnd::Panicked))) {
@@ -73,7 +71,6 @@ impl Failures {
         }
     }
 
-    /// The processor was reset.
     pub(super) fn reset(&mut self) {
         self.pending_end = None;
     }

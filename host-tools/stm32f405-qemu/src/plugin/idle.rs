@@ -23,7 +23,6 @@ pub(super) struct IdleSchedule {
 }
 
 impl IdleSchedule {
-    /// Rests until it is needed, or for a while.
     pub(super) fn take(&self) {
         let needed = self.needed.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self

@@ -82,7 +82,6 @@ impl Overlay {
         })
     }
 
-    /// The counters of instructions, if any are counted.
     pub(super) fn counters(&self) -> Option<&'static InstructionCounters> {
         Some(self.recorder.blocks.as_ref()?.counters)
     }

@@ -169,7 +169,6 @@ pub(super) struct Qemu {
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,
     pub(super) systick: Pointer,
-    /// The registers of the interrupt controller, as QEMU's region.
     pub(super) nvic: Pointer,
     /// `None` with a QEMU that does not export it: its main thread passes the time, and the run takes longer.
     pub(super) waits: Option<Waits>,
@@ -186,7 +185,6 @@ unsafe impl Send for Qemu {}
 unsafe impl Sync for Qemu {}
 
 impl Qemu {
-    /// Virtual time in ns since power-up.
     pub(super) fn now(&self) -> u64 {
         // SAFETY: takes a clock's number.
         let ns = unsafe { (self.functions.qemu_clock_get_ns)(QEMU_CLOCK_VIRTUAL) };
@@ -317,7 +315,6 @@ impl Qemu {
         value
     }
 
-    /// Writes them.
     pub(super) fn write_nvic(&self, address: u32, value: u64, bytes: u32) {
         let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
         let write = self.functions.memory_region_dispatch_write;
@@ -435,7 +432,6 @@ pub(super) fn exit(status: c_int, line: &str) -> ! {
     leave(status)
 }
 
-/// Ends QEMU without a message.
 pub(super) fn leave(status: c_int) -> ! {
     // SAFETY: ends the process.
     unsafe { libc::_exit(status) }

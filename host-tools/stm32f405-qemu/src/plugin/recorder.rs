@@ -34,7 +34,6 @@ impl LogRoom {
 
 /// Recorder of the machine's output while it runs.
 pub(super) struct RunRecorder {
-    /// Frames that each USART sent.
     sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
     log_room: LogRoom,
@@ -73,7 +72,6 @@ impl RunRecorder {
         })
     }
 
-    /// QEMU calls the overlay.
     pub(super) fn called(&mut self) {
         if let Some(stops) = &mut self.stops {
             stops.calls += 1;

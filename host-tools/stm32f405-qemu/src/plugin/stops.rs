@@ -16,16 +16,12 @@ use crate::exchange::{self, REPORT, Reached, STEP, TimeStep};
 use crate::given::Inputs;
 use crate::machine::USARTS;
 
-/// The stops of a run.
 pub(super) struct Stops {
     steps: Receiver<TimeStep>,
-    /// The next one.
     pub(super) at_ns: u64,
     /// Frames that each USART sent since the last stop, as records.
     pub(super) sent: [Vec<u8>; USARTS.len()],
-    /// The log since the last one.
     pub(super) log: Vec<u8>,
-    /// Calls of the overlay since the last one.
     pub(super) calls: u64,
     /// Instructions up to the last one.
     pub(super) instructions: u64,

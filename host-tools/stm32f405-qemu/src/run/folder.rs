@@ -63,7 +63,6 @@ impl RunFolder {
         Ok(Self(folder))
     }
 
-    /// The path of a file.
     pub(super) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
@@ -74,7 +73,6 @@ impl RunFolder {
         Ok(path)
     }
 
-    /// A file that may be missing.
     pub(super) fn text(&self, name: &str) -> String {
         let bytes = std::fs::read(self.path(name)).unwrap_or_default();
         String::from_utf8_lossy(&bytes).into_owned()

@@ -34,7 +34,6 @@ macro_rules! carry_overlay {
     };
 }
 
-/// The overlay's bytes.
 pub(super) struct OverlayFile {
     /// Where it is from, for messages.
     place: PathBuf,

@@ -14,7 +14,6 @@ use super::error::RunError;
 /// Time-out of QEMU's version query: much longer than it takes on a busy computer.
 const TO_ANSWER: Duration = Duration::from_secs(10);
 
-/// A QEMU that answered.
 #[derive(Debug, Clone)]
 pub(super) struct FoundQemu {
     pub(super) program: OsString,
