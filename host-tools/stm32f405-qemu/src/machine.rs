@@ -358,14 +358,14 @@ impl Machine {
                 && at <= until
                 && trigger.is_none_or(|trigger| at <= trigger)
             {
-                self.happen(MachineEvent::Converted(adc), at, board);
+                self.happen(MachineEvent::ConversionEnds(adc), at, board);
                 let mut moment = Moment::new(&mut self.chip, at, board);
                 if !self.transfers.serve_converter(adc, &mut moment) {
                     return;
                 }
             }
             match trigger.filter(|at| *at <= until) {
-                Some(at) => self.happen(MachineEvent::Triggered(tim), at, board),
+                Some(at) => self.happen(MachineEvent::ConvertersTriggered(tim), at, board),
                 None => return,
             }
         }
@@ -374,25 +374,25 @@ impl Machine {
     fn happen(&mut self, event: MachineEvent, at: u64, board: &mut impl Board) {
         let units = &mut self.chip.units;
         match event {
-            MachineEvent::Converted(adc) => self.chip.convert(adc, at),
-            MachineEvent::Started(tim) => units.tim[tim].start(at),
-            MachineEvent::Level => self.levels.change(at, &mut self.chip),
-            MachineEvent::Moved(tim) => {
+            MachineEvent::ConversionEnds(adc) => self.chip.convert(adc, at),
+            MachineEvent::TimerStarts(tim) => units.tim[tim].start(at),
+            MachineEvent::LevelChanges => self.levels.change(at, &mut self.chip),
+            MachineEvent::OutputMoves(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.move_outputs(tim, at);
             }
-            MachineEvent::Triggered(tim) => {
+            MachineEvent::ConvertersTriggered(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.trigger_converters(tim, at);
             }
-            MachineEvent::Sent(usart) => {
+            MachineEvent::FrameSent(usart) => {
                 if let Some(data) = self.chip.sent(usart, at) {
                     board.sent(usart, data, at);
                 }
             }
-            MachineEvent::Received(usart) => self.chip.received(usart, at),
+            MachineEvent::FrameReceived(usart) => self.chip.received(usart, at),
             // The DMA is served after every event.
-            MachineEvent::Fetched(usart) => units.usart[usart].fetch_at = None,
+            MachineEvent::DmaFetches(usart) => units.usart[usart].fetch_at = None,
             MachineEvent::WatchdogOut => {
                 units.iwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);

@@ -7,28 +7,22 @@ use super::wiring;
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
 
-/// An event that needs no instruction.
+/// An event that needs no instruction, with the number of its converter, timer or USART.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum MachineEvent {
-    /// A conversion of a converter ends.
-    Converted(usize),
+    ConversionEnds(usize),
     /// The trigger that a timer waits for comes.
-    Started(usize),
-    /// The level on a pin changes.
-    Level,
+    TimerStarts(usize),
+    LevelChanges,
     /// A compare output of a timer moves.
-    Moved(usize),
-    /// A timer triggers converters.
-    Triggered(usize),
-    /// A frame has left a USART.
-    Sent(usize),
-    /// A byte has reached a USART from outside, or its line is idle.
-    Received(usize),
-    /// The DMA is about to fetch a byte that a USART has received.
-    Fetched(usize),
-    /// The watchdog runs out.
+    OutputMoves(usize),
+    ConvertersTriggered(usize),
+    FrameSent(usize),
+    /// A byte has come from outside, or the line is idle.
+    FrameReceived(usize),
+    /// The DMA is about to fetch a byte that was received.
+    DmaFetches(usize),
     WatchdogOut,
-    /// An operation of the flash ends, or is cut.
     Flash(FlashEvent),
 }
 
@@ -53,29 +47,29 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     };
     for (n, slave) in tim.iter().enumerate() {
         if let Some(master) = slave.waits_for().and_then(|itr| wiring::master(n, itr)) {
-            offer(tim[master].trigger(0), MachineEvent::Started(n));
+            offer(tim[master].trigger(0), MachineEvent::TimerStarts(n));
         }
     }
-    offer(levels.next(chip), MachineEvent::Level);
+    offer(levels.next(chip), MachineEvent::LevelChanges);
     for (n, timer) in tim.iter().enumerate() {
-        offer(timer.next_output(), MachineEvent::Moved(n));
+        offer(timer.next_output(), MachineEvent::OutputMoves(n));
     }
     let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
     for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {
-        offer(converter.next_conversion(), MachineEvent::Converted(n));
+        offer(converter.next_conversion(), MachineEvent::ConversionEnds(n));
     }
     for n in (0..units.adc.converters.len()).filter(|n| !but(*n)) {
         if let Some(master) = chip.converter_trigger(n) {
-            offer(tim[master].trigger(0), MachineEvent::Triggered(master));
+            offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
         }
     }
     for (n, usart) in units.usart.iter().enumerate() {
-        offer(usart.next_sent(), MachineEvent::Sent(n));
+        offer(usart.next_sent(), MachineEvent::FrameSent(n));
     }
     // After what is sent: over a wire, a frame that ends keeps the line from being idle.
     for (n, usart) in units.usart.iter().enumerate() {
-        offer(usart.next_received(), MachineEvent::Received(n));
-        offer(usart.next_fetch(), MachineEvent::Fetched(n));
+        offer(usart.next_received(), MachineEvent::FrameReceived(n));
+        offer(usart.next_fetch(), MachineEvent::DmaFetches(n));
     }
     offer(units.iwdg.next_interrupt(), MachineEvent::WatchdogOut);
     if let Some((at, event)) = units.flash.next_event() {

@@ -217,15 +217,6 @@ mod tests {
     }
 
     #[test]
-    fn a_software_scan_before_sampling_reads_row_0_and_uses_it_up_not() {
-        let mut stimulus = three_rows();
-        stimulus.begin_scan(0, 5_000, false);
-        assert_eq!((stimulus.code(0, 1, 0), stimulus.sampling()), (11, None));
-        stimulus.begin_scan(0, 90_000, true);
-        assert_eq!(stimulus.code(0, 1, 0), 11);
-    }
-
-    #[test]
     fn rows_from_power_up_on_are_played_for_software_scans_too() {
         let rows = (0..4).map(|n| [n, 0, 0, 0]).collect();
         let mut stimulus = player(rows, Since::PowerUp, |_| {});

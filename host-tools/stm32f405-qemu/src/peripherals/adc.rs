@@ -429,14 +429,6 @@ mod tests {
     }
 
     #[test]
-    fn a_trigger_during_a_scan_starts_nothing_and_is_counted() {
-        let mut adc = scanning(BY_TIM3);
-        adc.trigger(0);
-        adc.trigger(3_000);
-        assert_eq!((adc.triggers_ignored, adc.next_conversion()), (1, Some(3_239)));
-    }
-
-    #[test]
     fn the_trigger_source_is_what_extsel_names_while_the_adc_is_on() {
         assert_eq!(scanning(BY_TIM3).external_trigger(), Some(0b1000));
         assert_eq!(scanning(0b1000 << 24).external_trigger(), None, "EXTEN is 0");
@@ -445,23 +437,6 @@ mod tests {
         assert_eq!(adc.external_trigger(), None, "ADON is 0");
         adc.put(0, [(CR2, SWSTART)]);
         assert_eq!(adc.next_conversion(), None, "nor by software");
-    }
-
-    #[test]
-    fn data_that_no_dma_fetches_is_an_overrun_that_stops_requests_and_triggers_until_cleared() {
-        let mut adc = scanning(BY_TIM3 | DMA | DDS | EOCS);
-        adc.trigger(0);
-        adc.finish(1, 3_239);
-        assert!(adc.request);
-        adc.finish(2, 6_477);
-        assert_eq!(adc.get(SR, 0) & OVR, OVR);
-        assert!(adc.overruns == 1 && !adc.request && adc.scan.is_none());
-        adc.trigger(10_000);
-        assert_eq!((adc.converting(), adc.triggers_ignored), (None, 1));
-        adc.take_data();
-        adc.put(15_000, [(SR, !OVR)]);
-        adc.trigger(20_000);
-        assert_eq!(adc.converting(), Some(0));
     }
 
     #[test]

@@ -65,14 +65,6 @@ struct PendingOperation {
     power_goes_ns: Option<u64>,
 }
 
-/// A power cut that waits for its operation.
-#[derive(Debug, Clone, Copy)]
-struct PlannedCut {
-    /// Number of operations that still begin before that one.
-    after: u32,
-    percent: u8,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FlashEvent {
     /// The operation ends: see [`FlashController::finish`].
@@ -95,7 +87,8 @@ pub(crate) struct FlashController {
     /// The bytes of [`WRITABLE`].
     pub(crate) contents: Vec<u8>,
     running: Option<PendingOperation>,
-    cuts: Vec<PlannedCut>,
+    /// Power cuts: the operations that still begin before, and how much of theirs is over, %.
+    cuts: Vec<(u32, u8)>,
     /// Operations that have begun.
     pub(crate) operations: Vec<FlashOperation>,
     pub(crate) notes: Notes,
@@ -115,7 +108,7 @@ impl FlashController {
     /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
     /// it is over when the power goes, 0 to 100.
     pub(crate) fn cut_power_in(&mut self, after: u32, percent: u8) {
-        self.cuts.push(PlannedCut { after, percent });
+        self.cuts.push((after, percent));
     }
 
     /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
@@ -176,13 +169,13 @@ impl FlashController {
             erase: value.is_none(),
         };
         self.operations.push(operation);
-        let due = self.cuts.extract_if(.., |cut| cut.after == 0).last();
-        self.cuts.iter_mut().for_each(|cut| cut.after -= 1);
+        let due = self.cuts.extract_if(.., |(after, _)| *after == 0).last();
+        self.cuts.iter_mut().for_each(|(after, _)| *after -= 1);
         self.running = Some(PendingOperation {
             operation,
             value: value.unwrap_or(u32::MAX),
             ends_ns: now + ns,
-            power_goes_ns: due.map(|cut| now + ns * u64::from(cut.percent.min(100)) / 100),
+            power_goes_ns: due.map(|(_, percent)| now + ns * u64::from(percent.min(100)) / 100),
         });
     }
 

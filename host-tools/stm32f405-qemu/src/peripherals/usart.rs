@@ -78,20 +78,12 @@ impl UsartFeatures {
 }
 
 /// A frame that has left a transmitter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct SentFrame {
     /// Its 7, 8 or 9 data bits.
     pub(crate) data: u16,
     /// Time that it took without a stall, ns.
     pub(crate) frame_ns: u64,
-}
-
-/// A frame in the transmitter's shift register.
-#[derive(Debug, Clone, Copy)]
-struct ShiftedFrame {
-    data: u32,
-    ends_ns: u64,
-    frame_ns: u64,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -103,8 +95,9 @@ pub(crate) struct Usart {
     brr: u32,
     cr: [u32; 3],
     gtpr: u32,
-    waiting: Option<u32>,
-    shifting: Option<ShiftedFrame>,
+    waiting: Option<u16>,
+    /// The frame in the shift register, and when it ends.
+    shifting: Option<(SentFrame, u64)>,
     /// No frame ends before this time.
     stalled_until_ns: u64,
     /// Bytes on their way to the receiver, each with the time before which it does not come, ns.
@@ -178,11 +171,9 @@ impl Usart {
             return;
         }
         if let Some(data) = self.waiting.take() {
-            self.shifting = Some(ShiftedFrame {
-                data,
-                ends_ns: now.saturating_add(self.frame_ns()).max(self.stalled_until_ns),
-                frame_ns: self.frame_ns(),
-            });
+            let frame_ns = self.frame_ns();
+            let ends_ns = now.saturating_add(frame_ns).max(self.stalled_until_ns);
+            self.shifting = Some((SentFrame { data, frame_ns }, ends_ns));
             self.sr |= TXE;
         }
     }
@@ -190,27 +181,25 @@ impl Usart {
     /// Ends no frame before `until_ns`. What is being sent waits, and so does what comes after it.
     pub(crate) fn stall(&mut self, until_ns: u64) {
         self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
-        if let Some(frame) = &mut self.shifting {
-            frame.ends_ns = frame.ends_ns.max(until_ns);
+        if let Some((_, ends_ns)) = &mut self.shifting {
+            *ends_ns = until_ns.max(*ends_ns);
         }
     }
 
     pub(crate) fn next_sent(&self) -> Option<u64> {
-        self.shifting.map(|f| f.ends_ns)
+        self.shifting.map(|(_, ends_ns)| ends_ns)
     }
 
     pub(crate) fn sent(&mut self) -> Option<SentFrame> {
-        let frame = self.shifting.take()?;
-        self.load_shift_register(frame.ends_ns);
+        let (mut frame, ends_ns) = self.shifting.take()?;
+        self.load_shift_register(ends_ns);
         if self.shifting.is_none() {
             self.sr |= TC;
         }
         // The parity takes the place of the highest bit.
         let bits = 8 + u32::from(self.cr[0] & M != 0) - u32::from(self.cr[0] & PCE != 0);
-        Some(SentFrame {
-            data: (frame.data & ((1 << bits) - 1)) as u16,
-            frame_ns: frame.frame_ns,
-        })
+        frame.data &= (1 << bits) - 1;
+        Some(frame)
     }
 
     /// Returns `true` if the transmitter asks the DMA for data.
@@ -222,7 +211,7 @@ impl Usart {
     pub(crate) fn transmit_request(&self, n: u64) -> Option<u64> {
         (self.cr[2] & DMAT != 0).then_some(())?;
         let more = (n - 1).saturating_mul(self.frame_ns());
-        self.shifting.map(|f| f.ends_ns.saturating_add(more))
+        Some(self.next_sent()?.saturating_add(more))
     }
 
     // The receiver.
@@ -304,7 +293,7 @@ impl Usart {
         if self.cr[0] & TE != 0 {
             self.sr &= !TC;
         }
-        self.waiting = Some(value & 0x1ff);
+        self.waiting = Some((value & 0x1ff) as u16);
         self.load_shift_register(now);
     }
 }

@@ -30,7 +30,7 @@ use super::qemu::{
 };
 use super::recorder::Outside;
 use super::self_test::self_test;
-use super::stops::{self, HostRequest};
+use super::stops;
 use crate::ending::RunEnd;
 use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
 use crate::machine::Machine;
@@ -168,7 +168,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
 /// report.
 fn watch_host(folder: &Path, steps: Option<&Sender<TimeStep>>) {
     take_no_signals();
-    if let HostRequest::Report = stops::listen(steps) {
+    if stops::listen(steps) {
         // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {

@@ -34,7 +34,7 @@ impl LogRoom {
 
 /// Recorder of the machine's output while it runs.
 pub(super) struct RunRecorder {
-    sent: [BufWriter<File>; USARTS.len()],
+    sent: Vec<BufWriter<File>>,
     rtt: File,
     log_room: LogRoom,
     /// Of a live run: what comes out is kept there until the next stop, and not in files.
@@ -55,12 +55,9 @@ impl RunRecorder {
             let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
             File::create(folder.join(name)).map_err(odd)
         };
-        let mut files = (0..USARTS.len()).map(|usart| create(&exchange::sent(usart)));
-        let files: Vec<File> = files.by_ref().collect::<Result<_, _>>()?;
-        let files: Result<[File; USARTS.len()], _> = files.try_into();
-        let sent = files.expect("a file for each").map(BufWriter::new);
+        let sent = (0..USARTS.len()).map(|usart| Ok(BufWriter::new(create(&exchange::sent(usart))?)));
         Ok(Self {
-            sent,
+            sent: sent.collect::<Result<_, String>>()?,
             rtt: create(exchange::RTT)?,
             log_room: LogRoom {
                 left: MOST_LOG,

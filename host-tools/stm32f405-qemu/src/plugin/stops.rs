@@ -73,32 +73,24 @@ fn without_host() -> ! {
     }
 }
 
-/// A request of the host other than the next step.
-pub(super) enum HostRequest {
-    /// The report, at once.
-    Report,
-    /// The host has closed its end.
-    Disconnect,
-}
-
-/// Reads requests of the host and passes its steps on, until another request comes.
-pub(super) fn listen(steps: Option<&Sender<TimeStep>>) -> HostRequest {
+/// Passes the host's steps on, until it asks for the report (`true`) or closes its end.
+pub(super) fn listen(steps: Option<&Sender<TimeStep>>) -> bool {
     let mut from = io::stdin().lock();
     loop {
         let mut what = [0];
         match (from.read(&mut what), what, steps) {
             (Ok(1), [STEP], Some(steps)) => {
                 let Ok((mut step, rows)) = exchange::read_message::<TimeStep>(&mut from) else {
-                    return HostRequest::Disconnect;
+                    return false;
                 };
                 step.inputs.codes = exchange::rows(&rows);
                 if steps.send(step).is_err() {
-                    return HostRequest::Disconnect;
+                    return false;
                 }
             }
-            (Ok(1), [REPORT], _) => return HostRequest::Report,
+            (Ok(1), [REPORT], _) => return true,
             (Err(error), ..) if error.kind() == io::ErrorKind::Interrupted => {}
-            _ => return HostRequest::Disconnect,
+            _ => return false,
         }
     }
 }

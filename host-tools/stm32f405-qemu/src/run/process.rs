@@ -138,7 +138,7 @@ impl QemuProcess {
         }
     }
 
-    /// Says how far time goes next. A QEMU that is gone is seen by [`hear`](Self::hear).
+    /// Says how far time goes next. A QEMU that is gone is seen by [`next_stop`](Self::next_stop).
     pub(super) fn say(&mut self, step: &TimeStep, rows: &[[u16; 4]]) {
         if let Some(to) = self.child.as_mut().and_then(|child| child.stdin.as_mut()) {
             let said = to

@@ -255,15 +255,4 @@ mod tests {
         assert_eq!(counter.count(700_499), 2);
         assert_eq!(counter.count(700_500), 3, "the second half of the third tick");
     }
-
-    #[test]
-    fn an_update_comes_with_every_so_many_overflows() {
-        let mut counter = running();
-        counter.repetition = BufferedRegister::new(2);
-        counter.start_again(0);
-        assert_eq!([0, 29, 30, 59].map(|n| counter.update_after(n)), [30, 30, 60, 60]);
-        assert_eq!(counter.compare_after(3, 3), 13, "each period has its compare");
-        counter.go_on(45_000);
-        assert_eq!(counter.time_of(counter.update_after(0)), 60_000);
-    }
 }
