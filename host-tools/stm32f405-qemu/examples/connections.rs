@@ -81,10 +81,8 @@ fn table(metapac: &Path, stm32f4: &Path) -> Result<String, String> {
             .skip(1)
             .filter(|_| wanted)
         {
-            let (signal, line) = (
-                between(interrupt, "signal: \"", "\"")?,
-                between(interrupt, "interrupt: \"", "\"")?,
-            );
+            let signal = between(interrupt, "signal: \"", "\"")?;
+            let line = between(interrupt, "interrupt: \"", "\"")?;
             let number = shared.split("Interrupt {").find_map(|entry| {
                 let entry = entry.trim_start().strip_prefix(&format!("name: \"{line}\","))?;
                 entry
@@ -97,17 +95,12 @@ fn table(metapac: &Path, stm32f4: &Path) -> Result<String, String> {
             lines.insert(format!("interrupt {number} {name} {signal}"));
         }
         for which in ["enable", "reset"] {
-            let Ok(register) = between(
-                peripheral,
-                &format!("{which}: Some(PeripheralRccRegister {{"),
-                "})",
-            ) else {
+            let before = format!("{which}: Some(PeripheralRccRegister {{");
+            let Ok(register) = between(peripheral, &before, "})") else {
                 continue;
             };
-            let (register, field) = (
-                between(register, "register: \"", "\"")?,
-                between(register, "field: \"", "\"")?,
-            );
+            let field = between(register, "field: \"", "\"")?;
+            let register = between(register, "register: \"", "\"")?;
             let file = stm32f4.join(format!("src/stm32f405/rcc/{}.rs", register.to_lowercase()));
             let Ok(source) = read(&file) else { continue };
             let Some((before, _)) = source.split_once(&format!("pub fn {}(", field.to_lowercase())) else {

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// A register within its block.
-struct Register {
+struct RegisterEntry {
     offset: u32,
     name: String,
     reset: u32,
@@ -51,12 +51,10 @@ fn table(folder: &Path) -> Result<String, String> {
     let mut places = Vec::new();
     for line in read(&device.join("mod.rs"))?.lines() {
         // pub type TIM2 = crate::Periph<tim2::RegisterBlock, 0x4000_0000>;
-        let Some((name, rest)) = line
+        let peripheral = line
             .strip_prefix("pub type ")
-            .and_then(|l| l.split_once(" = crate::Periph<"))
-        else {
-            continue;
-        };
+            .and_then(|l| l.split_once(" = crate::Periph<"));
+        let Some((name, rest)) = peripheral else { continue };
         let block = rest.split("::").next().unwrap_or_default().to_owned();
         let address = number(between(rest, "RegisterBlock, ", ">")?)?;
         // The package with the most pins has no ports J and K (DocID022152 table 7).
@@ -74,19 +72,17 @@ fn table(folder: &Path) -> Result<String, String> {
         found.sort_by_key(|register| register.offset);
         // Two views of one register, as of CCMR1: both have its bits.
         found.dedup_by(|next, first| {
-            let same = next.offset == first.offset;
-            if same {
-                first.read |= next.read;
-                first.write |= next.write;
-                first.name = common(&first.name, &next.name);
+            if next.offset != first.offset {
+                return false;
             }
-            same
+            first.read |= next.read;
+            first.write |= next.write;
+            first.name = common(&first.name, &next.name);
+            true
         });
         for r in found {
-            text += &format!(
-                "  {:02x} {} {:x} {:x} {:x}\n",
-                r.offset, r.name, r.reset, r.read, r.write
-            );
+            let (offset, name, reset) = (r.offset, r.name, r.reset);
+            text += &format!("  {offset:02x} {name} {reset:x} {:x} {:x}\n", r.read, r.write);
         }
     }
     for (address, name, block) in places {
@@ -95,8 +91,18 @@ fn table(folder: &Path) -> Result<String, String> {
     Ok(text)
 }
 
+/// The name of a function, and what follows its bracket.
+fn function(line: &str) -> Option<(&str, &str)> {
+    line.strip_prefix("pub const fn ")?.split_once('(')
+}
+
 /// The registers of a struct in the file of a module.
-fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Result<Vec<Register>, String> {
+fn registers(
+    device: &Path,
+    folder: &Path,
+    module: &str,
+    structure: &str,
+) -> Result<Vec<RegisterEntry>, String> {
     let source = read(&folder.join(format!("{module}.rs")))?;
     let inner = folder.join(module);
     let body = between(&source, &format!("impl {structure} {{"), "\n}")?;
@@ -105,9 +111,7 @@ fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Res
     for line in body.lines().map(str::trim) {
         if let Some(doc) = line.strip_prefix("///0x") {
             place = doc.split(" - ").next().map(str::to_owned);
-        } else if let Some((name, rest)) = line
-            .strip_prefix("pub const fn ")
-            .and_then(|line| line.split_once('('))
+        } else if let Some((name, rest)) = function(line)
             && let Some(place) = place.take()
         {
             let kind = between(rest, "-> &", " {")?;
@@ -115,27 +119,23 @@ fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Res
             let mut module = kind.to_lowercase();
             // A register may be the copy of another: pub use dr as tsdr;
             let copied = source.lines().find_map(|line| {
-                let (of, name) = line
-                    .strip_prefix("pub use ")?
-                    .strip_suffix(';')?
-                    .split_once(" as ")?;
-                (name == module).then(|| of.to_owned())
+                let (of, name) = line.strip_prefix("pub use ")?.split_once(" as ")?;
+                (name == format!("{module};")).then(|| of.to_owned())
             });
             let is_copy = copied.is_some();
             module = copied.unwrap_or(module);
             // A block may share registers with another: pub use crate::stm32f405::gpioa::otyper;
-            let shared = source
-                .lines()
-                .filter_map(|line| line.strip_prefix("pub use crate::stm32f405::")?.strip_suffix(';'))
-                .find_map(|path| path.rsplit_once("::").filter(|(_, register)| *register == module));
+            let shared = source.lines().find_map(|line| {
+                let path = line
+                    .strip_prefix("pub use crate::stm32f405::")?
+                    .strip_suffix(';')?;
+                path.rsplit_once("::").filter(|(_, register)| *register == module)
+            });
             if is_copy || shared.is_some() || source.contains(&format!("pub type {kind} = crate::Reg<")) {
                 if !array {
                     let offset = number(&format!("0x{place}"))?;
-                    let home = shared.map_or_else(
-                        || inner.clone(),
-                        |(block, _)| device.join(block.replace("::", "/")),
-                    );
-                    found.push(register(&home, &module, offset, name)?);
+                    let home = shared.map(|(block, _)| device.join(block.replace("::", "/")));
+                    found.push(register(home.as_ref().unwrap_or(&inner), &module, offset, name)?);
                 }
             } else {
                 // A group of registers, alone or one of an array. Most arrays are listed one by one too.
@@ -143,32 +143,26 @@ fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Res
                 let (from, to) = (number(&format!("0x{from}"))?, number(&format!("0x{to}"))?);
                 let mut groups = vec![(from, name.to_uppercase() + "_")];
                 if array {
-                    let count = if source.contains(&format!("self.{name}(0)")) {
-                        0
-                    } else {
-                        number(between(&source, &format!(": [{kind}; "), "]")?)?
-                    };
+                    let listed = source.contains(&format!("self.{name}(0)"));
+                    let count = between(&source, &format!(": [{kind}; "), "]").and_then(number);
+                    let count = if listed { 0 } else { count? };
                     // ST is a stream of the DMA: the manual has DMA_S0CR.
+                    let is_stream = kind == "ST";
                     let prefix = |n| {
-                        if kind == "ST" {
+                        if is_stream {
                             format!("S{n}")
                         } else {
                             format!("{kind}{n}_")
                         }
                     };
-                    groups = (0..count)
-                        .map(|n| (from + n * (to - from) / count, prefix(n)))
-                        .collect();
+                    let group = |n| (from + n * (to - from) / count, prefix(n));
+                    groups = (0..count).map(group).collect();
                 }
                 for (start, prefix) in groups {
-                    for inside in registers(device, &inner, &module, kind)? {
-                        let offset = start + inside.offset;
-                        let name = format!("{prefix}{}", inside.name);
-                        found.push(Register {
-                            offset,
-                            name,
-                            ..inside
-                        });
+                    for mut inside in registers(device, &inner, &module, kind)? {
+                        inside.offset += start;
+                        inside.name.insert_str(0, &prefix);
+                        found.push(inside);
                     }
                 }
             }
@@ -177,12 +171,12 @@ fn registers(device: &Path, folder: &Path, module: &str, structure: &str) -> Res
     Ok(found)
 }
 
-fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<Register, String> {
+fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<RegisterEntry, String> {
     let source = read(&folder.join(format!("{module}.rs")))?;
-    let reset = match source.split_once("const RESET_VALUE: ") {
-        Some((_, rest)) => number(between(rest, " = ", ";")?)?,
-        None => 0,
-    };
+    let reset = source
+        .split_once("const RESET_VALUE: ")
+        .map(|(_, rest)| between(rest, " = ", ";"));
+    let reset = reset.map_or(Ok(0), |value| number(value?))?;
     let bits = |of: &str| -> Result<u32, String> {
         let Some((_, body)) = source.split_once(&format!("\nimpl {of} {{\n")) else {
             return Ok(0);
@@ -190,9 +184,9 @@ fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<Regi
         let body = body.split("\n}").next().unwrap_or_default();
         let mut mask = 0;
         for line in body.lines().map(str::trim) {
-            let range = match line.strip_prefix("///Bits ").or(line.strip_prefix("///Bit ")) {
-                Some(rest) => rest.split(" - ").next().unwrap_or(rest),
-                None => continue,
+            let bits = line.strip_prefix("///Bits ").or(line.strip_prefix("///Bit "));
+            let Some(range) = bits.and_then(|rest| rest.split(" - ").next()) else {
+                continue;
             };
             let (low, high) = range.split_once(':').unwrap_or((range, range));
             let (low, high) = (number(low)?, number(high)?);
@@ -200,7 +194,7 @@ fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<Regi
         }
         Ok(mask)
     };
-    Ok(Register {
+    Ok(RegisterEntry {
         offset,
         name: name.to_uppercase(),
         reset,

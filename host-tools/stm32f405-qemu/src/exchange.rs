@@ -9,8 +9,8 @@
 //!
 //! In a live run nothing that grows with time is written to files. At a stop the plugin writes a message on
 //! standard output, what came out since the stop before ([`Reached`]), and reads what comes next from
-//! standard input ([`TimeStep`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see
-//! [`write_message`].
+//! standard input ([`TimeStep`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes:
+//! see [`write_message`].
 //!
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
 //! of the same build: an older shared object is refused, not misread.
@@ -50,7 +50,7 @@ pub(crate) const FLASH: &str = "flash.bin";
 /// between keeps it in its place, so it is tried again for a second.
 pub(crate) fn remove(folder: &Path) {
     let started = Instant::now();
-    // What cannot be removed lies in a folder for temporary files.
+    // Files that cannot be removed lie in a folder for temporary files.
     while std::fs::remove_dir_all(folder).is_err_and(|error| error.kind() == io::ErrorKind::DirectoryNotEmpty)
         && started.elapsed() < Duration::from_secs(1)
     {

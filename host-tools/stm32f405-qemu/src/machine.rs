@@ -111,13 +111,13 @@ impl Machine {
         }
     }
 
-    // What drives the machine.
+    // The processor and time drive the machine.
 
     /// The processor was reset after power-up. Resets every peripheral. What comes from outside goes on.
     pub fn reset(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let cause = self.reset_wanted.take().unwrap_or(ResetCause::Software);
-        // What stood in RAM before STANDBY is gone whatever ends it.
+        // RAM from before STANDBY is lost, whatever ends it.
         if matches!(cause, ResetCause::PowerCut | ResetCause::Standby) || self.chip.is_in_standby() {
             board.lose_memory();
         }
@@ -256,7 +256,7 @@ impl Machine {
         forecast::next_interrupt(&self.chip, &self.levels)
     }
 
-    // What there is to see.
+    // Its state.
 
     /// The analog inputs, and how far they were read.
     pub fn stimulus(&self) -> &StimulusPlayer {

@@ -183,7 +183,7 @@ pub struct Instructions {
 }
 
 /// A stretch from CPSID to CPSIE, or to the MSR that gives PRIMASK back. Sections in another are part of it.
-/// That MSR writes what was read before the CPSID is taken for granted.
+/// The MSR is taken to write what was read before the CPSID.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Masked {
     /// Executed instructions.

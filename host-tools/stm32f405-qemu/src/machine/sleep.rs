@@ -46,7 +46,7 @@ impl Chip {
         }
         self.deep_sleep = Some(DeepSleep::StopEnds);
         self.units.rcc.wake();
-        // What was sent to the part meanwhile is lost.
+        // Bytes that were sent to the part meanwhile are lost.
         for usart in &mut self.units.usart {
             usart.missed(now);
         }

@@ -1,7 +1,7 @@
 //! Reset and clock control (RM0090 section 7).
 //!
 //! Oscillators and PLLs are ready as soon as they are on. The clock tree follows what the firmware programs.
-//! So a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
+//! A wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
 //!
 //! A crystal that stops takes the PLL with it. If the processor is clocked by them, the clock security system
 //! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is

@@ -3,9 +3,9 @@
 //!
 //! # Design
 //!
-//! A [`TimerKind`] states the features of a timer. Its `counter` knows the count at any time by arithmetic. Flags
-//! of the past are filled in at the next access. The counter's origin moves where its settings change: a
-//! write to the counter, UG, a clock change, or an update that loads a new prescaler or period.
+//! A [`TimerKind`] states the features of a timer. Its `counter` knows the count at any time by arithmetic.
+//! Flags of the past are filled in at the next access. The counter's origin moves where its settings change:
+//! a write to the counter, UG, a clock change, or an update that loads a new prescaler or period.
 //!
 //! An edge at an input latches the counter at the time of the edge. Silicon takes a clock or two to
 //! synchronise an edge, and also the trigger of another timer (sections 18.3.5, 18.3.15). This delay is the
@@ -449,7 +449,7 @@ impl Peripheral for Tim {
             0x30 => self.counter.repetition.written = value & self.kind.rcr,
             0x34..=0x40 => {
                 let channel = index(offset, 0x34);
-                // What was captured cannot be written (section 18.4.13).
+                // A captured value cannot be written (section 18.4.13).
                 if !self.is_input(channel) {
                     self.ccr[channel].written = value & self.kind.max;
                     self.load_unbuffered();

@@ -46,7 +46,7 @@ pub(super) fn interrupt_test(qemu: &Qemu) -> Result<(), String> {
     qemu.set_interrupt(SPARE_LINE, true);
     let raised = pending();
     qemu.set_interrupt(SPARE_LINE, false);
-    // What was pending stays so until it is taken or cleared.
+    // A pending interrupt stays pending until it is taken or cleared.
     qemu.write_nvic(NVIC_ICPR2, 1 << (SPARE_LINE - 64), 4);
     match (before, raised, pending()) {
         (false, true, false) => Ok(()),

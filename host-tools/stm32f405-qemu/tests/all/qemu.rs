@@ -523,7 +523,7 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
 #[test]
 fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
     const WORD: u32 = SRAM + 0x400;
-    // What stands in RAM is sent at once, and then replaced by a word that the next start will find.
+    // The word in RAM is sent at once, and then replaced by one that the next start will find.
     let sent_after = |faults: Vec<Fault>, watchdog: Writes<'_>| {
         let sending = [&TRANSMITTER[..], &send(WORD, 4), &[(WORD, 0x0403_0201)]].concat();
         let converting = [&CONVERTER[..1], &CONVERTER[2..], &TRIGGERS].concat();

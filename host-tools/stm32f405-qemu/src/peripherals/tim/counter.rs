@@ -162,7 +162,7 @@ impl Counter {
             .any(BufferedRegister::is_pending)
     }
 
-    // What moves the origin.
+    // Moves of the origin.
 
     /// The origin moves to `now`. Nothing else changes: the prescaler keeps its phase.
     pub(super) fn go_on(&mut self, now: u64) {
