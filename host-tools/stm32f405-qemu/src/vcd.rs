@@ -54,19 +54,19 @@ mod tests {
 
     #[test]
     fn changes_of_all_pins_stand_in_one_order_of_time() {
-        let pin = |name: &str, changes: &[(u64, bool)]| Pin {
-            name: name.into(),
-            edges: changes.len() as u64,
-            changes: changes.to_vec(),
-        };
-        let outcome = Outcome {
-            pins: vec![
-                pin("PA1", &[(0, true), (50, false)]),
-                pin("PC13", &[(20, true), (50, false)]),
-            ],
-            virtual_ns: 90,
-            ..Outcome::default()
-        };
+        let mut outcome = Outcome::default();
+        for (name, changes) in [
+            ("PA1", [(0, true), (50, false)]),
+            ("PC13", [(20, true), (50, false)]),
+        ] {
+            let (name, changes) = (name.into(), changes.to_vec());
+            outcome.pins.push(Pin {
+                name,
+                edges: 2,
+                changes,
+            });
+        }
+        outcome.virtual_ns = 90;
         assert_eq!(
             outcome.vcd(),
             "$timescale 1 ns $end\n$scope module stm32f405 $end\n$var wire 1 ! PA1 $end\n$var wire 1 \" PC13 $end\n\

@@ -221,11 +221,10 @@ impl Chip {
 
     /// Requests to modelled peripherals that their models do not carry out.
     pub(super) fn unmodelled(&self) -> Vec<String> {
-        let notes = TABLE.iter().flat_map(|row| {
-            (row.notes)(&self.units)
-                .iter()
-                .map(|note| format!("{} {note}", row.name))
-        });
+        let notes = TABLE
+            .iter()
+            .flat_map(|row| (row.notes)(&self.units).iter().map(move |note| (row.name, note)));
+        let notes = notes.map(|(name, note)| format!("{name} {note}"));
         let channels = self.stimulus.unmapped();
         let channels = channels.map(|(adc, channel)| {
             let pin = wiring::analog_pin(adc, channel).map(wiring::pin_name);

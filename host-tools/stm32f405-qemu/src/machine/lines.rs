@@ -4,14 +4,9 @@ use super::board::{Board, NMI, SYSTICK};
 use super::chip::Chip;
 use super::table::TABLE;
 
-#[derive(Debug, Clone)]
-pub(super) struct InterruptLines([bool; NMI + 1]);
-
-impl Default for InterruptLines {
-    fn default() -> Self {
-        Self([false; NMI + 1])
-    }
-}
+/// The lines that the board knows to be up, a bit for each.
+#[derive(Debug, Clone, Default)]
+pub(super) struct InterruptLines(u128);
 
 impl InterruptLines {
     pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Board) {
@@ -24,18 +19,16 @@ impl InterruptLines {
             board.set_interrupt(SYSTICK, false);
         }
         // Some peripherals share a line.
-        let mut levels = [false; NMI + 1];
+        let mut levels = 0;
         for row in TABLE {
             let model = (row.model)(&chip.units);
             for (output, line) in row.lines.iter().enumerate() {
-                levels[*line] |= model.interrupt(output);
+                levels |= u128::from(model.interrupt(output)) << line;
             }
         }
-        for (line, (known, level)) in self.0.iter_mut().zip(levels).enumerate() {
-            if *known != level {
-                *known = level;
-                board.set_interrupt(line, level);
-            }
+        let changed = std::mem::replace(&mut self.0, levels) ^ levels;
+        for line in (0..=NMI).filter(|line| changed >> line & 1 == 1) {
+            board.set_interrupt(line, levels >> line & 1 == 1);
         }
     }
 }

@@ -11,20 +11,8 @@ const LINES: u32 = 0x007f_ffff;
 
 /// The lines that share an interrupt: for each output of the model, in the order of [`Exti::INTERRUPTS`].
 const SHARED: [u32; 14] = [
-    1,
-    1 << 1,
-    1 << 2,
-    1 << 3,
-    1 << 4,
-    0x03e0,
-    0xfc00,
-    1 << 16,
-    1 << 17,
-    1 << 18,
-    1 << 19,
-    1 << 20,
-    1 << 21,
-    1 << 22,
+    0x1, 0x2, 0x4, 0x8, 0x10, 0x3e0, 0xfc00, 0x1_0000, 0x2_0000, 0x4_0000, 0x8_0000, 0x10_0000, 0x20_0000,
+    0x40_0000,
 ];
 
 #[derive(Debug, Clone, Default)]

@@ -53,11 +53,8 @@ pub(crate) struct Gpio {
 impl Gpio {
     /// A port after reset: 0 is A, 8 is I. The debug pins of A and B are in use (section 8.4.1).
     pub(crate) fn new(port: usize) -> Self {
-        let (moder, ospeedr, pupdr) = match port {
-            0 => (0xa800_0000, 0, 0x6400_0000),
-            1 => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
-            _ => (0, 0, 0),
-        };
+        const DEBUG_PINS: [[u32; 3]; 2] = [[0xa800_0000, 0, 0x6400_0000], [0x0280, 0x00c0, 0x0100]];
+        let [moder, ospeedr, pupdr] = DEBUG_PINS.get(port).copied().unwrap_or_default();
         Self {
             port,
             moder,
@@ -286,15 +283,6 @@ mod tests {
         assert_eq!(port.get(IDR, 0), 1 << 3);
         port.put(0, [(MODER, 0b11 << 6)]);
         assert_eq!(port.get(IDR, 0), 0, "an analog pin reads low (section 8.3.12)");
-    }
-
-    #[test]
-    fn the_alternate_function_is_known_only_while_it_is_in_use() {
-        let mut port = Gpio::new(2);
-        port.put(0, [(AFRH, 3 << 28)]);
-        assert_eq!(port.alternate(15), None);
-        port.put(0, [(MODER, 0b10 << 30)]);
-        assert_eq!((port.alternate(15), port.alternate(14)), (Some(3), None));
     }
 
     #[test]

@@ -417,14 +417,6 @@ mod tests {
     }
 
     #[test]
-    fn every_oscillator_is_ready_when_on_and_not_when_off() {
-        let mut rcc = Rcc::new(HZ);
-        assert_eq!(rcc.get(CR, 0) & (ON_BITS << 1), HSION << 1);
-        rcc.put(0, [(CR, 0x83 | HSEON | PLLON | PLLI2SON)]);
-        assert_eq!(rcc.get(CR, 0) & (ON_BITS << 1), ON_BITS << 1);
-    }
-
-    #[test]
     fn the_system_clock_does_not_switch_to_a_source_that_is_off() {
         let mut rcc = Rcc::new(HZ);
         rcc.put(0, [(CFGR, 1)]);

@@ -453,22 +453,6 @@ mod tests {
     }
 
     #[test]
-    fn dma_requests_come_with_the_first_two_bytes_at_once_and_then_a_frame_apart() {
-        let mut usart = running(TE);
-        assert!(!usart.dma_transmit_request());
-        usart.put(0, [(CR3, DMAT)]);
-        assert!(usart.dma_transmit_request());
-        usart.put_data(1, 0);
-        assert!(usart.dma_transmit_request());
-        usart.put_data(2, 0);
-        assert!(!usart.dma_transmit_request());
-        assert_eq!(usart.transmit_request(1), Some(FRAME_NS));
-        assert_eq!(usart.transmit_request(5), Some(5 * FRAME_NS));
-        usart.sent();
-        assert!(usart.dma_transmit_request());
-    }
-
-    #[test]
     fn received_bytes_come_a_frame_apart_and_then_the_line_is_idle() {
         let mut usart = running(RE);
         usart.feed(5_000, b"ab");

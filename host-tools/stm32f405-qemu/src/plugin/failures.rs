@@ -126,11 +126,8 @@ pub(super) fn exception(dump: &str, qemu: &Qemu) -> Option<Exception> {
     };
     let [pc, lr] = [24, 20].map(|offset| framed.then(|| word(sp + offset)));
     let instruction = pc.map(|pc| word(pc & !1)).filter(|word| word >> 8 & 0xff == 0xbe);
-    let address = match (cfsr >> 7 & 1, cfsr >> 15 & 1) {
-        (1, _) => Some(of_mpu),
-        (_, 1) => Some(of_bus),
-        _ => None,
-    };
+    let by_bus = (cfsr >> 15 & 1 == 1).then_some(of_bus);
+    let address = if cfsr >> 7 & 1 == 1 { Some(of_mpu) } else { by_bus };
     Some(Exception {
         at_ns: 0,
         number: number as u8,

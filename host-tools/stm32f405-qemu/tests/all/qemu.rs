@@ -12,8 +12,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    Fault, FaultKind, Inputs, Level, Outcome, PinInput, Poke, ResetCause, Run, RunEnd, RunError, Since, Uart,
-    UartInput, functions,
+    Fault, FaultKind, Inputs, Level, Outcome, Poke, ResetCause, Run, RunEnd, RunError, Uart, UartInput,
+    functions,
 };
 
 use super::machine::bench::{
@@ -404,13 +404,7 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
     let refused = |change: fn(&mut Run)| error(change).to_string();
     let code = refused(|run| run.stimulus = vec![[0, 4096, 0, 0]]);
     assert!(code.starts_with("stimulus row 0 is [0, 4096, 0, 0]"), "{code}");
-    let pin = refused(|run| {
-        run.pin_inputs = vec![PinInput {
-            pin: "PA16".into(),
-            since: Since::FirstScan,
-            changes_ns: vec![],
-        }];
-    });
+    let pin = refused(|run| run.wires = vec![("PA0".into(), "PA16".into())]);
     assert!(pin.starts_with("there is no pin \"PA16\""), "{pin}");
     let crystal = refused(|run| run.hse_ppm = 1000.0);
     assert!(crystal.contains("off by 1000 ppm"), "{crystal}");
@@ -427,12 +421,8 @@ fn sector_10(outcome: &Outcome) -> &[u8] {
 
 #[test]
 fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end() {
-    let word = |s: &[u8; 4]| u32::from_le_bytes(*s);
-    let words = [
-        (WRITABLE, word(b"flas")),
-        (WRITABLE + 4, word(b"h\xff\xff\xff")),
-        (WRITABLE + 4, word(b"\xffed!")),
-    ];
+    let words = [(0, b"flas"), (4, b"h\xff\xff\xff"), (4, b"\xffed!")];
+    let words = words.map(|(at, word)| (WRITABLE + at, u32::from_le_bytes(*word)));
     let sending = [&TRANSMITTER[..], &send(WRITABLE, 8)].concat();
     let main = [&UNLOCK[..], &[PROGRAM], &words, &sending].concat();
     let programmed = outcome(&image(&main, SLEEP, &[]), |_| {});
@@ -475,11 +465,7 @@ fn flash_outlives_a_reset_and_a_poke_does_not() {
         run.sampling_deadline_ns = 200_000;
         // QEMU loads a block anew at each reset, over what was programmed: it must not stay.
         run.flash = vec![(WRITABLE, vec![0xff; 4])];
-        run.pokes = vec![Poke {
-            at_ns: 100_000,
-            address: WRITABLE + 8,
-            bytes: vec![0; 4],
-        }];
+        run.pokes = vec![poke(100_000, WRITABLE + 8, 0)];
     });
     assert!(outcome.resets.len() > 5, "{:?}", outcome.resets);
     // A start is shorter than the four bytes take on the line.
@@ -569,13 +555,19 @@ fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
     assert_eq!(noted(&off), [""; 0]);
 }
 
+/// Writes over a word.
+fn poke(at_ns: u64, address: u32, word: u32) -> Poke {
+    let bytes = word.to_le_bytes().to_vec();
+    Poke {
+        at_ns,
+        address,
+        bytes,
+    }
+}
+
 /// A poke by which an exception has the image's handler.
 fn vector(number: u32) -> Poke {
-    Poke {
-        at_ns: 0,
-        address: FLASH + 4 * number,
-        bytes: (HANDLER_AT | 1).to_le_bytes().to_vec(),
-    }
+    poke(0, FLASH + 4 * number, HANDLER_AT | 1)
 }
 
 fn edges(outcome: &Outcome) -> u64 {
