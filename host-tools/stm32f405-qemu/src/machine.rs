@@ -8,7 +8,7 @@
 //! triggers, conversions, transfers, bytes. So the outside is woken for interrupts only. For a DMA buffer
 //! this is at its half and its end, and never for a sample.
 //!
-//! The trait [`Board`] is what the machine needs of the outside: memory, interrupt lines, and a place for
+//! The trait [`Exterior`] is what the machine needs of the outside: memory, interrupt lines, and a place for
 //! bytes.
 //!
 //! `table` lists the peripherals. `chip` is the device that they form, and `wiring` says how they are
@@ -34,7 +34,7 @@ mod unknown;
 mod wires;
 mod wiring;
 
-pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
+pub use board::{Exterior, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::StimulusPlayer;
 pub(crate) use wiring::{USARTS, interrupt_name, pin};
@@ -52,7 +52,7 @@ use lines::InterruptLines;
 use polls::Polls;
 use sampling::Scans;
 use table::DMA2_LINES;
-use transfers::{Moment, Transfers, part, serving};
+use transfers::{Context, Transfers, part, serving};
 use unknown::UnknownRegisters;
 use wires::Wires;
 use wiring::{SERVERS, known_pin};
@@ -114,7 +114,7 @@ impl Machine {
     // The processor and time drive the machine.
 
     /// The processor was reset after power-up. Resets every peripheral. What comes from outside goes on.
-    pub fn reset(&mut self, now: u64, board: &mut impl Board) {
+    pub fn reset(&mut self, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         let cause = self.reset_wanted.take().unwrap_or(ResetCause::Software);
         // RAM from before STANDBY is lost, whatever ends it.
@@ -127,7 +127,7 @@ impl Machine {
     }
 
     /// The processor reads 1, 2 or 4 bytes. A register that no model knows reads as zero and is recorded.
-    pub fn read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Board) -> u32 {
+    pub fn read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Exterior) -> u32 {
         self.play(now, board);
         let word = address & !3;
         let polled = self.polls.accessed(word);
@@ -141,7 +141,7 @@ impl Machine {
     }
 
     /// The processor writes 1, 2 or 4 bytes.
-    pub fn write(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Board) {
+    pub fn write(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         let word = address & !3;
         self.polls.accessed(word);
@@ -149,21 +149,21 @@ impl Machine {
         if let Err(unanswered) = self.chip.write(word, value, now) {
             self.unknown.written(word, unanswered.clock_off, value);
         }
-        let mut moment = Moment::new(&mut self.chip, now, board);
+        let mut moment = Context::new(&mut self.chip, now, board);
         self.transfers.copy_memory(&mut moment);
         self.transfers.serve(&mut moment);
         self.settle(board);
     }
 
     /// The processor stores 1, 2 or 4 bytes to flash.
-    pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Board) {
+    pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         self.chip.units.flash.store(address, bytes, value, now);
         self.settle(board);
     }
 
     /// Plays everything up to `now` and sets the interrupt lines.
-    pub fn advance(&mut self, now: u64, board: &mut impl Board) {
+    pub fn advance(&mut self, now: u64, board: &mut impl Exterior) {
         let slept = self.chip.sleeps();
         self.play(now, board);
         if slept {
@@ -193,7 +193,7 @@ impl Machine {
     }
 
     /// Makes something fail.
-    pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Board) {
+    pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         let adc = self.chip.sampler.unwrap_or(0);
         let serving_adc = serving(&self.chip, &SERVERS.adc[adc]);
@@ -239,7 +239,7 @@ impl Machine {
     }
 
     /// The processor goes to sleep. If the sleep is a deep one, the part does.
-    pub fn sleep(&mut self, now: u64, board: &mut impl Board) {
+    pub fn sleep(&mut self, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         self.chip.sleep(now);
         self.settle(board);
@@ -333,10 +333,10 @@ impl Machine {
     // Time.
 
     /// Plays triggers, conversions, transfers and bytes up to `now`, in order.
-    fn play(&mut self, now: u64, board: &mut impl Board) {
+    fn play(&mut self, now: u64, board: &mut impl Exterior) {
         while let Some((at, event)) = events::next(&self.chip, &self.levels).filter(|(at, _)| *at <= now) {
             self.happen(event, at, board);
-            self.transfers.serve(&mut Moment::new(&mut self.chip, at, board));
+            self.transfers.serve(&mut Context::new(&mut self.chip, at, board));
             self.scan(now, board);
         }
         for tim in &mut self.chip.units.tim {
@@ -347,7 +347,7 @@ impl Machine {
 
     /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`]
     /// would do the same, and look at every peripheral for every conversion.
-    fn scan(&mut self, now: u64, board: &mut impl Board) {
+    fn scan(&mut self, now: u64, board: &mut impl Exterior) {
         let Some(scans) = self.chip.scans() else { return };
         let Scans { adc, tim } = scans;
         let next = events::next_but(&self.chip, &self.levels, Some(scans));
@@ -359,7 +359,7 @@ impl Machine {
                 && trigger.is_none_or(|trigger| at <= trigger)
             {
                 self.happen(MachineEvent::ConversionEnds(adc), at, board);
-                let mut moment = Moment::new(&mut self.chip, at, board);
+                let mut moment = Context::new(&mut self.chip, at, board);
                 if !self.transfers.serve_converter(adc, &mut moment) {
                     return;
                 }
@@ -371,7 +371,7 @@ impl Machine {
         }
     }
 
-    fn happen(&mut self, event: MachineEvent, at: u64, board: &mut impl Board) {
+    fn happen(&mut self, event: MachineEvent, at: u64, board: &mut impl Exterior) {
         let units = &mut self.chip.units;
         match event {
             MachineEvent::ConversionEnds(adc) => self.chip.convert(adc, at),
@@ -412,13 +412,13 @@ impl Machine {
         }
     }
 
-    fn lose_power(&mut self, board: &mut impl Board) {
+    fn lose_power(&mut self, board: &mut impl Exterior) {
         self.reset_wanted = Some(ResetCause::PowerCut);
         board.reset_wanted();
     }
 
     /// Brings memory, the processor and its interrupt lines up to the state of the models.
-    fn settle(&mut self, board: &mut impl Board) {
+    fn settle(&mut self, board: &mut impl Exterior) {
         if self.chip.woken_from_stop() {
             board.stall(false);
         }
@@ -435,7 +435,7 @@ impl Machine {
     }
 
     /// Brings memory and the interrupt lines up to the state of the models.
-    fn deliver(&mut self, board: &mut impl Board) {
+    fn deliver(&mut self, board: &mut impl Exterior) {
         self.transfers.flush(board);
         self.lines.settle(&mut self.chip, board);
     }

@@ -142,11 +142,8 @@ impl Run {
     fn describe(&self, image: &Image, live: bool) -> Result<RunDescription<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
-            let unknown = || {
-                RunError::Input(format!(
-                    "{work:?} is said to be work and is no label of a function"
-                ))
-            };
+            let what = format!("{work:?} is said to be work and is no label of a function");
+            let unknown = || RunError::Input(what);
             labels.iter().position(|label| label == work).ok_or_else(unknown)
         };
         Ok(RunDescription {

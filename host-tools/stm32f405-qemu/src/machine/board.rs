@@ -11,7 +11,7 @@ pub const NMI: usize = INTERRUPTS;
 pub const SYSTICK: usize = INTERRUPTS + 1;
 
 /// Services that a machine needs from outside.
-pub trait Board {
+pub trait Exterior {
     /// Reads SRAM or flash.
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]);
     /// Writes SRAM.

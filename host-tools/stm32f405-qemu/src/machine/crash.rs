@@ -1,11 +1,11 @@
 //! Deliberate crashes of the processor.
 
-use super::board::Board;
+use super::board::Exterior;
 use crate::given::FaultKind;
 use crate::memory::FLASH;
 
 /// Overwrites the vector of `line`, so that its next interrupt makes the processor crash.
-pub(super) fn crash(kind: FaultKind, line: usize, board: &mut impl Board) {
+pub(super) fn crash(kind: FaultKind, line: usize, board: &mut impl Exterior) {
     /// Thumb: `b .`
     const FOR_EVER: [u8; 2] = [0xfe, 0xe7];
     /// Thumb: `push {r0-r3}`, `b .-2`.

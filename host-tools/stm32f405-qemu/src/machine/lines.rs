@@ -1,6 +1,6 @@
 //! The interrupt lines of the peripherals.
 
-use super::board::{Board, NMI, SYSTICK};
+use super::board::{Exterior, NMI, SYSTICK};
 use super::chip::Chip;
 use super::table::TABLE;
 
@@ -9,7 +9,7 @@ use super::table::TABLE;
 pub(super) struct InterruptLines(u128);
 
 impl InterruptLines {
-    pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Board) {
+    pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Exterior) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.
         if chip.stands_still() {
             return;

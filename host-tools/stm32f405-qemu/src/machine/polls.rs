@@ -45,11 +45,8 @@ impl Polls {
 
     /// The register that most accesses went to.
     pub(super) fn busy_with(&self) -> Option<u32> {
-        if self.accesses < FEW {
-            self.before
-        } else {
-            (self.lead > self.accesses / 4).then_some(self.candidate)
-        }
+        let now = (self.lead > self.accesses / 4).then_some(self.candidate);
+        if self.accesses < FEW { self.before } else { now }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::memory::PERIPHERALS;
 
 /// One register.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Register {
+pub struct NamedRegister {
     /// For example `TIM2`.
     pub peripheral: &'static str,
     /// For example `CR1`.
@@ -26,7 +26,7 @@ pub struct Register {
     pub writable: u32,
 }
 
-impl fmt::Display for Register {
+impl fmt::Display for NamedRegister {
     /// As the reference manual has it: `TIM2_CR1`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}_{}", self.peripheral, self.name)
@@ -66,7 +66,7 @@ fn places() -> impl Iterator<Item = MappedBlock> {
     })
 }
 
-fn registers((peripheral, start, kind): MappedBlock) -> impl Iterator<Item = Register> {
+fn registers((peripheral, start, kind): MappedBlock) -> impl Iterator<Item = NamedRegister> {
     let mut lines = TABLE.lines();
     lines.find(|line| line.strip_prefix("block ") == Some(kind));
     let lines = lines.map_while(|line| line.strip_prefix("  "));
@@ -75,7 +75,7 @@ fn registers((peripheral, start, kind): MappedBlock) -> impl Iterator<Item = Reg
         let address = start + hex(words.next()?)?;
         let name = words.next()?;
         let mut number = || hex(words.next()?);
-        Some(Register {
+        Some(NamedRegister {
             peripheral,
             name,
             address,
@@ -91,7 +91,7 @@ fn hex(digits: &str) -> Option<u32> {
 }
 
 /// All registers of all peripherals, modelled or not, in the order of their peripherals' addresses.
-pub fn all() -> impl Iterator<Item = Register> {
+pub fn all() -> impl Iterator<Item = NamedRegister> {
     places().flat_map(registers)
 }
 
@@ -135,10 +135,7 @@ mod tests {
             .iter()
             .filter_map(|kind| places().find(|place| place.2 == *kind));
         assert_eq!(first_of_each.flat_map(registers).count(), lines);
-        assert!(
-            all().all(|register| register.address.is_multiple_of(4)),
-            "a word each"
-        );
+        assert!(all().all(|register| register.address.is_multiple_of(4)));
     }
 
     #[test]

@@ -21,11 +21,8 @@ impl Chip {
             return;
         }
         let standby = self.units.pwr.chooses_standby();
-        self.deep_sleep = Some(if standby {
-            DeepSleep::Standby
-        } else {
-            DeepSleep::Stop
-        });
+        let modes = [DeepSleep::Stop, DeepSleep::Standby];
+        self.deep_sleep = Some(modes[usize::from(standby)]);
         self.units.rcc.asleep = true;
         self.pass_on(now);
     }

@@ -1,11 +1,11 @@
 //! DMA transfers: on request of a peripheral, and between memories.
 
-use super::board::Board;
+use super::board::Exterior;
 use super::chip::Chip;
 use super::wiring::{ADCS, SERVERS, Server, USARTS};
 use crate::memory::{FLASH, SRAM};
 use crate::peripherals::Peripheral;
-use crate::peripherals::dma::{Beat, Direction, Progress, STREAMS};
+use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
 
 /// The only controller that copies between memories (section 10.3.6).
 const DMA2: usize = 1;
@@ -23,13 +23,13 @@ pub(super) fn serving(chip: &Chip, server: &Server) -> Option<DmaStream> {
 }
 
 /// The machine's models at a time, and its outside.
-pub(super) struct Moment<'a, B> {
+pub(super) struct Context<'a, B> {
     chip: &'a mut Chip,
     now: u64,
     board: &'a mut B,
 }
 
-impl<'a, B: Board> Moment<'a, B> {
+impl<'a, B: Exterior> Context<'a, B> {
     pub(super) fn new(chip: &'a mut Chip, now: u64, board: &'a mut B) -> Self {
         Self { chip, now, board }
     }
@@ -46,7 +46,7 @@ pub(super) struct Transfers {
 impl Transfers {
     /// Serves the request of a converter, if one stands. Returns `true` if nothing but memory has changed by
     /// that. If not, the other requests are served too.
-    pub(super) fn serve_converter(&mut self, adc: usize, at: &mut Moment<'_, impl Board>) -> bool {
+    pub(super) fn serve_converter(&mut self, adc: usize, at: &mut Context<'_, impl Exterior>) -> bool {
         if !at.chip.units.adc.converters[adc].request {
             return true;
         }
@@ -63,7 +63,7 @@ impl Transfers {
         false
     }
 
-    pub(super) fn serve(&mut self, at: &mut Moment<'_, impl Board>) {
+    pub(super) fn serve(&mut self, at: &mut Context<'_, impl Exterior>) {
         for adc in 0..ADCS.len() {
             if at.chip.units.adc.converters[adc].request
                 && let Some(stream) = serving(at.chip, &SERVERS.adc[adc])
@@ -84,13 +84,13 @@ impl Transfers {
         }
     }
 
-    fn serve_by(&mut self, server: &Server, at: &mut Moment<'_, impl Board>) {
+    fn serve_by(&mut self, server: &Server, at: &mut Context<'_, impl Exterior>) {
         if let Some(stream) = serving(at.chip, server) {
             self.transfer(stream, at);
         }
     }
 
-    fn fetch_conversion(&mut self, adc: usize, stream: DmaStream, at: &mut Moment<'_, impl Board>) {
+    fn fetch_conversion(&mut self, adc: usize, stream: DmaStream, at: &mut Context<'_, impl Exterior>) {
         let unserved = at.chip.units.dma[stream.dma].interrupt(stream.stream);
         let progress = self.transfer(stream, at);
         let converter = &mut at.chip.units.adc.converters[adc];
@@ -109,7 +109,7 @@ impl Transfers {
     }
 
     /// Streams between memories need no request. They run when they are enabled, and here they end at once.
-    pub(super) fn copy_memory(&mut self, at: &mut Moment<'_, impl Board>) {
+    pub(super) fn copy_memory(&mut self, at: &mut Context<'_, impl Exterior>) {
         for stream in 0..STREAMS {
             let place = DmaStream { dma: DMA2, stream };
             let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
@@ -121,10 +121,10 @@ impl Transfers {
         }
     }
 
-    fn transfer(&mut self, place: DmaStream, at: &mut Moment<'_, impl Board>) -> Progress {
+    fn transfer(&mut self, place: DmaStream, at: &mut Context<'_, impl Exterior>) -> BeatProgress {
         let DmaStream { dma, stream } = place;
         let Some(beat) = at.chip.units.dma[dma].beat(stream) else {
-            return Progress::STOPPED;
+            return BeatProgress::STOPPED;
         };
         let (from, to) = match beat.direction {
             Direction::ToPeripheral => (beat.memory, beat.peripheral),
@@ -137,11 +137,11 @@ impl Transfers {
             return dma.moved(stream);
         }
         dma.failed(stream);
-        Progress::STOPPED
+        BeatProgress::STOPPED
     }
 
     /// `None` is a bus error.
-    fn read(&mut self, address: u32, bytes: u32, at: &mut Moment<'_, impl Board>) -> Option<u32> {
+    fn read(&mut self, address: u32, bytes: u32, at: &mut Context<'_, impl Exterior>) -> Option<u32> {
         if FLASH.contains(&address) {
             at.chip.units.flash.fetched_by_dma();
         } else if !SRAM.contains(&address) {
@@ -155,7 +155,13 @@ impl Transfers {
     }
 
     /// `None` is a bus error.
-    fn write(&mut self, address: u32, bytes: u32, value: u32, at: &mut Moment<'_, impl Board>) -> Option<()> {
+    fn write(
+        &mut self,
+        address: u32,
+        bytes: u32,
+        value: u32,
+        at: &mut Context<'_, impl Exterior>,
+    ) -> Option<()> {
         if !SRAM.contains(&address) {
             let value = at.chip.widen(address, bytes, value, at.now);
             return at.chip.write(address & !3, value, at.now).ok();
@@ -168,7 +174,7 @@ impl Transfers {
         Some(())
     }
 
-    pub(super) fn flush(&mut self, board: &mut impl Board) {
+    pub(super) fn flush(&mut self, board: &mut impl Exterior) {
         if !self.written.is_empty() {
             board.write_memory(self.written_at, &self.written);
             self.written_at = self.written_at.wrapping_add(self.written.len() as u32);

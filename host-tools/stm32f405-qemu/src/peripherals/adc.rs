@@ -154,11 +154,8 @@ impl Adc {
 
     /// Conversions in a scan: SQR1.L + 1, or one without CR1.SCAN.
     pub(crate) fn scan_length(&self) -> u32 {
-        if self.cr1 & SCAN == 0 {
-            1
-        } else {
-            field(self.sqr[0], 20, 4) + 1
-        }
+        let more = field(self.sqr[0], 20, 4);
+        if self.cr1 & SCAN == 0 { 1 } else { more + 1 }
     }
 
     /// The channel at a rank (0 is the first): SQR3 holds ranks 1-6, SQR2 7-12, SQR1 13-16.
@@ -239,12 +236,8 @@ impl Adc {
             let code = u32::from(code) >> (12 - self.bits());
             // Section 13.4: to the left is in a halfword, but for 6 bits in a byte.
             let width = if self.bits() == 6 { 8 } else { 16 };
-            let shift = if self.cr2 & ALIGN == 0 {
-                0
-            } else {
-                width - self.bits()
-            };
-            self.dr = code << shift;
+            let (left, shift) = (self.cr2 & ALIGN != 0, width - self.bits());
+            self.dr = if left { code << shift } else { code };
             self.unread = true;
             self.request = self.requests_dma();
             if last || self.cr2 & EOCS != 0 {

@@ -61,14 +61,14 @@ pub(crate) struct Beat {
 
 /// Part of a transfer that a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Progress {
+pub(crate) struct BeatProgress {
     /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
     /// TCIE.
     pub(crate) block: bool,
     pub(crate) ended: bool,
 }
 
-impl Progress {
+impl BeatProgress {
     pub(crate) const STOPPED: Self = Self {
         block: false,
         ended: true,
@@ -142,11 +142,11 @@ impl Dma {
         })
     }
 
-    pub(crate) fn moved(&mut self, stream: usize) -> Progress {
+    pub(crate) fn moved(&mut self, stream: usize) -> BeatProgress {
         let s = &mut self.streams[stream];
         let Some(left) = s.ndtr.checked_sub(1) else {
             // The beat itself has reset this controller, by a write to RCC.
-            return Progress::STOPPED;
+            return BeatProgress::STOPPED;
         };
         let half_before = 2 * (s.total - s.ndtr) >= s.total;
         s.ndtr = left;
@@ -166,7 +166,7 @@ impl Dma {
                 s.cr &= !EN;
             }
         }
-        Progress {
+        BeatProgress {
             block: half && s.cr & HTIE != 0 || full && s.cr & TCIE != 0,
             ended: s.cr & EN == 0,
         }
@@ -239,11 +239,8 @@ impl Dma {
         }
         if copies && (self.number == 0 || s.cr & (CIRC | DBM) != 0) {
             s.cr &= !EN;
-            self.notes.note(if self.number == 0 {
-                NO_COPIES
-            } else {
-                CIRCULAR_COPY
-            });
+            let by_dma1 = self.number == 0;
+            self.notes.note(if by_dma1 { NO_COPIES } else { CIRCULAR_COPY });
         } else if s.fcr & DMDIS == 0 {
             // Section 10.5.5: in direct mode both sides have the peripheral's size, and single transfers.
             s.cr = (s.cr & !(0b11 << 13 | 0b1111 << 21)) | field(s.cr, 11, 2) << 13;
@@ -368,14 +365,8 @@ mod tests {
         let mut dma = Dma::new(1);
         let cr = HALFWORDS | MINC | cr;
         dma.put(0, [(stream(n, 0x04), items), (stream(n, 0x08), 0x4001_204c)]);
-        dma.put(
-            0,
-            [
-                (stream(n, 0x0c), 0x2000_0000),
-                (stream(n, 0), cr),
-                (stream(n, 0), cr | EN),
-            ],
-        );
+        dma.put(0, [(stream(n, 0x0c), 0x2000_0000), (stream(n, 0), cr)]);
+        dma.put(0, [(stream(n, 0), cr | EN)]);
         dma
     }
 

@@ -47,12 +47,9 @@ impl Dwt {
     }
 
     fn cycles(&self, now: u64) -> u32 {
-        if bit(self.ctrl, 0) && self.traces {
-            self.count
-                .wrapping_add(clock::ticks(now.saturating_sub(self.since_ns), self.hclk) as u32)
-        } else {
-            self.count
-        }
+        let runs = bit(self.ctrl, 0) && self.traces;
+        let passed = clock::ticks(now.saturating_sub(self.since_ns), self.hclk) as u32;
+        self.count.wrapping_add(if runs { passed } else { 0 })
     }
 }
 

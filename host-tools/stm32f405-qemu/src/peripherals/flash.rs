@@ -120,11 +120,8 @@ impl FlashController {
     pub(crate) fn next_event(&self) -> Option<(u64, FlashEvent)> {
         let running = self.running?;
         let finished = (running.ends_ns, FlashEvent::Finished);
-        Some(
-            running
-                .power_goes_ns
-                .map_or(finished, |at| (at, FlashEvent::PowerGone)),
-        )
+        let cut = running.power_goes_ns.map(|at| (at, FlashEvent::PowerGone));
+        Some(cut.unwrap_or(finished))
     }
 
     /// The operation under way ends. Returns the addresses in [`WRITABLE`] that it has written.
@@ -146,11 +143,8 @@ impl FlashController {
         let (address, bytes) = (operation.address, operation.bytes);
         let first = (address - WRITABLE.start) as usize;
         for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
-            let wanted = if operation.erase {
-                0xff
-            } else {
-                *byte & running.value.to_le_bytes()[n]
-            };
+            let programmed = *byte & running.value.to_le_bytes()[n % 4];
+            let wanted = if operation.erase { 0xff } else { programmed };
             for bit in 0..8 {
                 if (wanted ^ *byte) >> bit & 1 == 1 && done((address + n as u32) * 8 + bit) {
                     *byte ^= 1 << bit;

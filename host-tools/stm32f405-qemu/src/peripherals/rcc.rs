@@ -158,11 +158,8 @@ impl Rcc {
     fn ready(&self) -> u32 {
         let dead = if self.crystal_stopped { HSEON } else { 0 };
         let on = self.cr & ON_BITS & !dead;
-        if on & self.pll_source() == 0 {
-            on & !(PLLON | PLLI2SON)
-        } else {
-            on
-        }
+        let fed = on & self.pll_source() != 0;
+        if fed { on } else { on & !(PLLON | PLLI2SON) }
     }
 
     /// Sets the flags of what runs now and did not before, if their interrupts are on (section 7.3.4).
@@ -210,11 +207,8 @@ impl Rcc {
     }
 
     fn pll_input_hz(&self) -> u32 {
-        if self.pll_source() == HSEON {
-            self.hse_hz
-        } else {
-            HSI_HZ
-        }
+        let by_crystal = self.pll_source() == HSEON;
+        if by_crystal { self.hse_hz } else { HSI_HZ }
     }
 
     /// PLLCFGR (section 7.3.2): VCO = input / M * N, output = VCO / P.

@@ -42,11 +42,8 @@ impl SysTick {
     }
 
     fn hz(&self) -> u32 {
-        if self.control & CLKSOURCE == 0 {
-            self.hclk / 8
-        } else {
-            self.hclk
-        }
+        let whole = self.control & CLKSOURCE != 0;
+        if whole { self.hclk } else { self.hclk / 8 }
     }
 
     fn ticks(&self, now: u64) -> u64 {
@@ -90,12 +87,8 @@ impl SysTick {
         let ticks = self.ticks(now);
         self.count = self.value(ticks);
         let passed = clock::edge(ticks, self.hz());
-        let running = self.control & ENABLE != 0;
-        self.origin_ns = if running {
-            self.origin_ns.saturating_add(passed).min(now)
-        } else {
-            now
-        };
+        let moved = self.origin_ns.saturating_add(passed).min(now);
+        self.origin_ns = if self.control & ENABLE == 0 { now } else { moved };
         self.seen = 0;
     }
 }

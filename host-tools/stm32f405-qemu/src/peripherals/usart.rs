@@ -346,11 +346,8 @@ impl Peripheral for Usart {
 
     fn interrupt(&self, _output: usize) -> bool {
         let [cr1, _, cr3] = self.cr;
-        let errors = if cr3 & EIE != 0 && cr3 & DMAR != 0 {
-            ORE | FE
-        } else {
-            0
-        };
+        let by_dma = cr3 & EIE != 0 && cr3 & DMAR != 0;
+        let errors = if by_dma { ORE | FE } else { 0 };
         let overrun = if cr1 & RXNEIE != 0 { ORE } else { 0 };
         // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.
         self.sr & (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE) | errors | overrun) != 0

@@ -42,12 +42,8 @@ impl Blocks {
         if block.instructions_per_scan() > worst.instructions_per_scan() {
             *worst = block;
         }
-        let ended = &mut self.ended;
-        let alike = if now[1] > began[1] {
-            &mut ended.working
-        } else {
-            &mut ended.idle
-        };
+        let (works, all) = (now[1] > began[1], &mut self.ended);
+        let alike = if works { &mut all.working } else { &mut all.idle };
         let alike = alike.get_or_insert_default();
         alike.instructions += block.instructions;
         alike.scans += block.scans;

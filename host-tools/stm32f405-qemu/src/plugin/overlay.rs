@@ -15,7 +15,7 @@ use super::{handlers, rtt, self_test};
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
 use crate::given::{Fault, Poke, Since};
-use crate::machine::{Board, Machine};
+use crate::machine::{Exterior, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
 

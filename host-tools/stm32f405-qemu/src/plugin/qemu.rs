@@ -328,11 +328,8 @@ impl Qemu {
         self.read_memory(address, &mut bytes);
         let word = u32::from_le_bytes(bytes);
         // 11101, 11110 and 11111 begin a wide one.
-        if word >> 11 & 0x1f >= 0b11101 {
-            word
-        } else {
-            word & 0xffff
-        }
+        let is_wide = word >> 11 & 0x1f >= 0b11101;
+        if is_wide { word } else { word & 0xffff }
     }
 
     /// The processor's registers, as QEMU prints them: `R13=20010000` and so on, and `XPSR=`.
@@ -441,11 +438,9 @@ pub(super) fn leave(status: c_int) -> ! {
 pub(super) fn symbol(name: &'static str) -> Result<Pointer, &'static str> {
     // SAFETY: the name is terminated.
     let found = unsafe { libc::dlsym(libc::RTLD_DEFAULT, name.as_ptr().cast()) };
-    if found.is_null() {
-        Err(name.trim_end_matches('\0'))
-    } else {
-        Ok(found)
-    }
+    (!found.is_null())
+        .then_some(found)
+        .ok_or(name.trim_end_matches('\0'))
 }
 
 /// Zeroed room for a structure of QEMU's, never freed.

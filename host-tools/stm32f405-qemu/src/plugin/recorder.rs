@@ -8,7 +8,7 @@ use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
 use super::stops::Stops;
 use crate::exchange::{self, Reached};
-use crate::machine::{Board, USARTS};
+use crate::machine::{Exterior, USARTS};
 use crate::memory::{CCM, SRAM};
 
 /// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only
@@ -113,7 +113,7 @@ impl RunRecorder {
 /// The machine's outside: QEMU and the recorder.
 pub(super) struct Outside<'a>(pub(super) &'a Qemu, pub(super) &'a mut RunRecorder);
 
-impl Board for Outside<'_> {
+impl Exterior for Outside<'_> {
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {
         self.0.read_memory(address, bytes);
     }

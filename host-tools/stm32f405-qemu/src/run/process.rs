@@ -68,16 +68,14 @@ impl QemuJob {
         let stderr =
             File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
         let program = &self.qemu.program;
+        let (plugin, run) = (plugin.display(), folder.path(""));
+        let run = run.display();
         let child = Command::new(program)
             .args(["-M", "netduinoplus2", "-icount"])
             .arg(format!("shift={},sleep=off", self.shift))
             .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
             // Without `file=` QEMU takes a path with an equals sign for another option.
-            .arg(format!(
-                "file={},run={}",
-                plugin.display(),
-                folder.path("").display()
-            ))
+            .arg(format!("file={plugin},run={run}"))
             .args(&self.arguments)
             // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say
             // what becomes of the run.
@@ -98,10 +96,8 @@ impl QemuJob {
     pub(super) fn end(&self, child: Child, limit: Option<Duration>) -> Result<Ended, RunError> {
         let status = wait(child, limit)?;
         let stderr = std::fs::read(self.folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
-        Ok(Ended {
-            status,
-            stderr: String::from_utf8_lossy(&stderr).into_owned(),
-        })
+        let stderr = String::from_utf8_lossy(&stderr).into_owned();
+        Ok(Ended { status, stderr })
     }
 }
 
@@ -308,10 +304,8 @@ mod tests {
             let ended = ended(0, "qemu: terminating on signal 15");
             let outcome = ended.outcome(&folder).unwrap();
             let how = "exit status: 0: qemu: terminating on signal 15";
-            assert_eq!(
-                (outcome.end, outcome.virtual_ns),
-                (RunEnd::QemuEnded(how.into()), 5)
-            );
+            assert_eq!(outcome.end, RunEnd::QemuEnded(how.into()));
+            assert_eq!(outcome.virtual_ns, 5);
         }
         let by_itself = ended(7 << 8, "").outcome(&folder).unwrap();
         assert_eq!(by_itself.end, RunEnd::Exited(7));

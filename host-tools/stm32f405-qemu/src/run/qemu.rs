@@ -184,9 +184,7 @@ mod tests {
         assert!(written.unwrap().success());
         let silent = FoundQemu::ask(path.into(), Duration::from_millis(100)).unwrap_err();
         let silent = silent.to_string();
-        assert!(
-            silent.contains("does not answer `--version` within 0.1 s"),
-            "{silent}"
-        );
+        let expected = "does not answer `--version` within 0.1 s";
+        assert!(silent.contains(expected), "{silent}");
     }
 }

@@ -355,12 +355,8 @@ fn stop_ends_with_an_edge_on_the_internal_oscillator_and_standby_with_a_reset() 
     let changes_ns = vec![5_000_000, 6_000_000, 9_000_000, 50_000_000];
     run.pin_inputs = vec![pin_input("PA0", Since::PowerUp, changes_ns)];
     let outcome = passed(&run);
-    let expected = [
-        "clock source 1",
-        "woken from STOP, clock source 0, 0 ticks",
-        "woken from STANDBY",
-    ];
-    assert_eq!(lines(&outcome), expected);
+    let woken = "woken from STOP, clock source 0, 0 ticks";
+    assert_eq!(lines(&outcome), ["clock source 1", woken, "woken from STANDBY"]);
     let resets: Vec<_> = outcome
         .resets
         .iter()
@@ -407,11 +403,11 @@ fn what_never_came_is_listed() {
     let mut run = run_of("logs");
     run.pin_inputs = vec![pin_input("PB7", Since::FirstScan, vec![1, 2])];
     run.faults = vec![Fault::after_power_up(1_000_000_000, FaultKind::AdcOverrun)];
-    let expected = [
-        "2 changes of the level on PB7: there was no triggered scan to count from",
-        "fault AdcOverrun at 1.000000 s",
-    ];
-    assert_eq!(passed(&run).never_came, expected);
+    let levels = "2 changes of the level on PB7: there was no triggered scan to count from";
+    assert_eq!(
+        passed(&run).never_came,
+        [levels, "fault AdcOverrun at 1.000000 s"]
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use stm32f405_qemu::Run;
 use stm32f405_qemu::machine::Machine;
-use stm32f405_qemu::machine::registers::{self, Register};
+use stm32f405_qemu::machine::registers::{self, NamedRegister};
 
 use super::machine::bench::{RCC, TestBoard};
 
@@ -147,7 +147,7 @@ fn all_needed(deviations: &[Deviation], needed: &[bool]) {
 }
 
 /// Every register that a model has.
-fn modelled(chip: &mut ClockedChip) -> Vec<Register> {
+fn modelled(chip: &mut ClockedChip) -> Vec<NamedRegister> {
     registers::all()
         .filter(|register| chip.answers(register.address))
         .collect()
@@ -202,7 +202,8 @@ fn a_modelled_peripheral_has_every_register_but_those_that_are_reported() {
         .iter()
         .map(|register| register.peripheral)
         .collect();
-    let lacks = |register: &Register| known.contains(register.peripheral) && !chip.answers(register.address);
+    let lacks =
+        |register: &NamedRegister| known.contains(register.peripheral) && !chip.answers(register.address);
     let lacking: Vec<_> = registers::all()
         .filter(lacks)
         .map(|register| register.to_string())

@@ -77,12 +77,11 @@ impl Counter {
     // Ticks from the origin.
 
     pub(super) fn ticks(&self, now: u64) -> u64 {
-        if self.counts() {
-            let edges = self.edges(now).saturating_sub(self.origin);
-            (edges + u64::from(self.phase)) / self.divider()
-        } else {
-            0
+        if !self.counts() {
+            return 0;
         }
+        let edges = self.edges(now).saturating_sub(self.origin);
+        (edges + u64::from(self.phase)) / self.divider()
     }
 
     /// The edge of the clock that makes a tick.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use stm32f405_qemu::machine::{Board, Machine};
+use stm32f405_qemu::machine::{Exterior, Machine};
 use stm32f405_qemu::{Outcome, Run};
 
 pub(crate) const GPIOA: u32 = 0x4002_0000;
@@ -60,7 +60,7 @@ impl TestBoard {
     }
 }
 
-impl Board for TestBoard {
+impl Exterior for TestBoard {
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {
         let at = (address - SRAM) as usize;
         bytes.copy_from_slice(&self.sram[at..at + bytes.len()]);
