@@ -16,110 +16,53 @@ use crate::files::{copy_tree, read, write};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::tools::{self, Tool};
 
-const MODEL: &str = "host-tools/hertz/chain/src/model.rs";
-/// Equations of motion on vectors.
-const LANES: &str = "host-tools/hertz/chain/src/solver/lanes.rs";
-const KERNEL: &str = "host-tools/hertz/chain/src/solver/kernel.rs";
-/// Contacts that open or close inside a step.
-const CROSSING: &str = "host-tools/hertz/chain/src/solver/crossing.rs";
 /// Test that runs all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
-/// Viscous force of a contact, in the model.
-const VISCOUS: &str = "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate";
-/// Viscous force of a contact, in the solver.
-const VISCOSITY: &str = "lanes.viscosity[at] = 1.5 * contact.relaxation;";
+/// Mistakes, each with its changes: a file, a text that it has once, and the text in its place.
+const MUTANTS: &str = "
+Hertz' exponent 1.49 in place of 1.5, force and energy alike
+    model.rs: self.stiffness * overlap * overlap.sqrt() => self.stiffness * overlap.powf(1.49)
+    model.rs: 0.4 * overlap * self.elastic_force(overlap) => overlap / 2.49 * self.elastic_force(overlap)
+    solver/lanes.rs: simd.mul_f64s(stiffness, simd.sqrt_f64s(overlap)) => simd.mul_f64s(stiffness, \
+        pulp::cast(pulp::cast::<f64x8, LaneBlock>(overlap).map(|x| x.powf(0.49))))
+    solver/crossing.rs: let stiff = self.stiffness * overlap.sqrt(); => let stiff = self.stiffness * overlap.powf(0.49);
+no viscosity: τ left out
+    model.rs: 1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate => 0.0 * rate
+    solver/lanes.rs: lanes.viscosity[at] = 1.5 * contact.relaxation; => lanes.viscosity[at] = 0.0 * contact.relaxation;
+viscosity without its 3/2
+    model.rs: 1.5 * self.relaxation * self.stiffness => self.relaxation * self.stiffness
+    solver/lanes.rs: lanes.viscosity[at] = 1.5 * contact.relaxation; => lanes.viscosity[at] = contact.relaxation;
+M in place of M - m for a host, motion and energy alike
+    model.rs: shells[bead] -= oscillator.mass; => shells[bead] -= 0.0 * oscillator.mass;
+M in place of M - m for a host, in the energy alone
+    model.rs: energies.chain += kinetic(self.shells[j], velocity) => energies.chain += kinetic(self.masses[j], velocity)
+the clip lost: parting beads pull where they may not
+    model.rs: if self.clipped { force.max(0.0) } else { force } => force
+    solver/lanes.rs: clipped: model.clipped, => clipped: false,
+an intruder that the host does not feel
+    solver/kernel.rs: total = simd.add_f64s(total, simd.mul_f64s(pull, one)); => \
+        total = simd.add_f64s(total, simd.mul_f64s(zero, simd.mul_f64s(pull, one)));
+";
+/// The folder of the files.
+const CHAIN: &str = "host-tools/hertz/chain/src";
 
-struct Mutant {
-    mistake: &'static str,
-    /// Changes: a file, a text in it, and the text in its place.
-    changes: &'static [(&'static str, &'static str, &'static str)],
+/// The mistakes, each with its changes.
+fn mutants() -> Vec<(&'static str, Vec<[&'static str; 3]>)> {
+    let mut mutants: Vec<(_, Vec<_>)> = Vec::new();
+    for line in MUTANTS.trim().lines() {
+        let change = line.strip_prefix("    ").and_then(|change| {
+            let (file, change) = change.split_once(": ")?;
+            let (from, to) = change.split_once(" => ")?;
+            Some([file, from, to])
+        });
+        match (change, mutants.last_mut()) {
+            (Some(change), Some((_, changes))) => changes.push(change),
+            _ => mutants.push((line, Vec::new())),
+        }
+    }
+    mutants
 }
-
-const MUTANTS: &[Mutant] = &[
-    Mutant {
-        mistake: "Hertz' exponent 1.49 in place of 1.5, force and energy alike",
-        changes: &[
-            (
-                MODEL,
-                "self.stiffness * overlap * overlap.sqrt()",
-                "self.stiffness * overlap.powf(1.49)",
-            ),
-            (
-                MODEL,
-                "0.4 * overlap * self.elastic_force(overlap)",
-                "overlap / 2.49 * self.elastic_force(overlap)",
-            ),
-            (
-                LANES,
-                "simd.mul_f64s(stiffness, simd.sqrt_f64s(overlap))",
-                "simd.mul_f64s(stiffness, pulp::cast(pulp::cast::<f64x8, LaneBlock>(overlap).map(|x| x.powf(0.49))))",
-            ),
-            (
-                CROSSING,
-                "let stiff = self.stiffness * overlap.sqrt();",
-                "let stiff = self.stiffness * overlap.powf(0.49);",
-            ),
-        ],
-    },
-    Mutant {
-        mistake: "no viscosity: τ left out",
-        changes: &[
-            (MODEL, VISCOUS, "0.0 * rate"),
-            (
-                LANES,
-                VISCOSITY,
-                "lanes.viscosity[at] = 0.0 * contact.relaxation;",
-            ),
-        ],
-    },
-    Mutant {
-        mistake: "viscosity without its 3/2",
-        changes: &[
-            (
-                MODEL,
-                VISCOUS,
-                "self.relaxation * self.stiffness * overlap.sqrt() * rate",
-            ),
-            (LANES, VISCOSITY, "lanes.viscosity[at] = contact.relaxation;"),
-        ],
-    },
-    Mutant {
-        mistake: "M in place of M - m for a host, motion and energy alike",
-        changes: &[(
-            MODEL,
-            "shells[bead] -= oscillator.mass;",
-            "shells[bead] -= 0.0 * oscillator.mass;",
-        )],
-    },
-    Mutant {
-        mistake: "M in place of M - m for a host, in the energy alone",
-        changes: &[(
-            MODEL,
-            "energies.chain += kinetic(self.shells[j], velocity)",
-            "energies.chain += kinetic(self.masses[j], velocity)",
-        )],
-    },
-    Mutant {
-        mistake: "the clip lost: parting beads pull where they may not",
-        changes: &[
-            (
-                MODEL,
-                "if self.clipped { force.max(0.0) } else { force }",
-                "force",
-            ),
-            (LANES, "clipped: model.clipped,", "clipped: false,"),
-        ],
-    },
-    Mutant {
-        mistake: "an intruder that the host does not feel",
-        changes: &[(
-            KERNEL,
-            "total = simd.add_f64s(total, simd.mul_f64s(pull, one));",
-            "total = simd.add_f64s(total, simd.mul_f64s(zero, simd.mul_f64s(pull, one)));",
-        )],
-    },
-];
 
 /// A part of the code for cargo-mutants: its name, its crate, files if not all are meant, and tests to skip
 /// because they take long or know the instructions of another profile.
@@ -210,7 +153,7 @@ fn is_shard(word: &str) -> bool {
     matches!(numbers, Some((Ok(shard), Ok(all))) if shard < all)
 }
 
-/// Makes every mistake of [`MUTANTS`].
+/// Makes every mistake of [`mutants`].
 ///
 /// # Errors
 /// A mutant that no check notices, or that does not fit the source or does not compile.
@@ -229,10 +172,11 @@ fn physics(steps: &Steps) -> Result<(), Stop> {
         return Err(Stop::failed(format!("checks fail without a mutant: {broken}")));
     }
     let mut survivors = Vec::new();
-    for mutant in MUTANTS {
-        steps.announce(mutant.mistake);
-        for (file, from, to) in mutant.changes {
-            let path = copy.join(file);
+    let mutants = mutants();
+    for (mistake, changes) in &mutants {
+        steps.announce(mistake);
+        for [file, from, to] in changes {
+            let path = copy.join(CHAIN).join(file);
             let text = read(&path)?;
             if text.matches(from).count() != 1 {
                 return Err(Stop::failed(format!(
@@ -242,9 +186,9 @@ fn physics(steps: &Steps) -> Result<(), Stop> {
             write(&path, text.replace(from, to).as_bytes()).map_err(&failed)?;
         }
         let broken = broken_checks(steps, &copy)?;
-        for (file, ..) in mutant.changes {
-            let sound = read(&steps.root.join(file))?;
-            write(&copy.join(file), sound.as_bytes()).map_err(&failed)?;
+        for [file, ..] in changes {
+            let sound = read(&steps.root.join(CHAIN).join(file))?;
+            write(&copy.join(CHAIN).join(file), sound.as_bytes()).map_err(&failed)?;
         }
         match broken {
             Some(broken) => {
@@ -254,11 +198,11 @@ fn physics(steps: &Steps) -> Result<(), Stop> {
                     eprintln!("            {check}");
                 }
             }
-            None => survivors.push(mutant.mistake),
+            None => survivors.push(*mistake),
         }
     }
     if survivors.is_empty() {
-        steps.announce(&format!("all {} mistakes are noticed", MUTANTS.len()));
+        steps.announce(&format!("all {} mistakes are noticed", mutants.len()));
         return Ok(());
     }
     let survivors = survivors.join("; ");
@@ -303,8 +247,10 @@ mod tests {
     #[test]
     fn every_mutant_fits_the_source() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
-        for (file, from, _) in MUTANTS.iter().flat_map(|mutant| mutant.changes) {
-            let text = read(&root.join(file)).unwrap();
+        let mutants = mutants();
+        assert_eq!(mutants.len(), 7);
+        for [file, from, _] in mutants.iter().flat_map(|(_, changes)| changes) {
+            let text = read(&root.join(CHAIN).join(file)).unwrap();
             assert_eq!(text.matches(from).count(), 1, "`{from}` in {file}");
         }
     }
