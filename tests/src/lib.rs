@@ -16,7 +16,7 @@ use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use hertz_chain::{Scenario, Solution};
-use stm32f405_qemu::{Inputs, Outcome, Run, UartInput};
+use stm32f405_qemu::{Outcome, Run, UartInput};
 
 /// The bead that senses.
 pub const HOST: usize = 8;
@@ -53,6 +53,21 @@ pub fn settings_at(rate: u32) -> Settings {
         ..capture
     };
     derive(&Bead::paper(), &FrontEnd::reference(), &capture).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The block of settings, as flash has it.
+pub fn block(settings: &Settings) -> Vec<u8> {
+    bead_testing::block_of(settings).block.bytes().to_vec()
+}
+
+/// The request to write this block.
+///
+/// # Panics
+/// It fits no frame.
+pub fn write(block: &[u8]) -> Request {
+    Request::WriteSettings {
+        block: block.try_into().expect("it fits a frame"),
+    }
 }
 
 /// The flash image, as built.
@@ -133,40 +148,45 @@ impl Heard {
         })
     }
 
-    /// The last health frame.
+    /// What `of` takes from the last frame of which it takes something.
     ///
     /// # Panics
-    /// There is none: the bead sends one at boot.
-    pub fn health(&self) -> bead_wire::Health {
-        let health = self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Health(health) => Some(*health),
+    /// There is none.
+    fn last<T>(&self, of: impl FnMut(&Frame) -> Option<T>) -> T {
+        let last = self.frames.iter().rev().find_map(of);
+        last.expect("the bead sends its status, health, link and guard at boot")
+    }
+
+    /// The last status frame.
+    pub fn status(&self) -> bead_wire::Status {
+        self.last(|frame| match frame.message {
+            Message::Status(status) => Some(status),
             _ => None,
-        });
-        health.expect("the bead sends its health at boot")
+        })
+    }
+
+    /// The last health frame.
+    pub fn health(&self) -> bead_wire::Health {
+        self.last(|frame| match frame.message {
+            Message::Health(health) => Some(health),
+            _ => None,
+        })
     }
 
     /// The last link frame.
-    ///
-    /// # Panics
-    /// There is none: the bead sends one at boot.
     pub fn link(&self) -> bead_wire::Link {
-        let link = self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Link(link) => Some(*link),
+        self.last(|frame| match frame.message {
+            Message::Link(link) => Some(link),
             _ => None,
-        });
-        link.expect("the bead sends what came in at boot")
+        })
     }
 
     /// The last guard frame.
-    ///
-    /// # Panics
-    /// There is none: the bead sends one at boot.
     pub fn guard(&self) -> bead_wire::Guard {
-        let guard = self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Guard(guard) => Some(*guard),
+        self.last(|frame| match frame.message {
+            Message::Guard(guard) => Some(guard),
             _ => None,
-        });
-        guard.expect("the bead sends what it refused at boot")
+        })
     }
 
     /// The replies to a request: their places among the frames.
@@ -227,18 +247,6 @@ impl Heard {
             frames,
             counters,
         }
-    }
-
-    /// The last status frame.
-    ///
-    /// # Panics
-    /// There is none: the bead sends one at boot.
-    pub fn status(&self) -> bead_wire::Status {
-        let status = self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Status(status) => Some(*status),
-            _ => None,
-        });
-        status.expect("the bead sends a status at boot")
     }
 }
 
@@ -301,41 +309,6 @@ impl Requests {
             rows: self.machine.stimulus,
             block: self.block,
             outcome,
-        }
-    }
-
-    /// Runs the image until it has told its settings after this number of resets, and 50 ms more, in which it
-    /// would tell a fault.
-    ///
-    /// # Panics
-    /// QEMU fails, or the image has not told them 20 s after power-up.
-    pub fn run_until_settings_after(self, resets: usize) -> Answered {
-        const STEP_NS: u64 = 50_000_000;
-        const END_NS: u64 = 20_000_000_000;
-        let mut live = self.machine.start().unwrap_or_else(|error| panic!("{error}"));
-        let (mut stream, mut told) = (Vec::new(), false);
-        while !told {
-            let now_ns = live.now_ns();
-            assert!(
-                now_ns < END_NS,
-                "no settings after {resets} resets in {now_ns} ns"
-            );
-            let frames = frames::decode(&stream).0;
-            // The first frame of a start has the number 0.
-            let starts = frames.split(|frame| frame.header.sequence == 0).skip(1);
-            told = starts.skip(resets).any(|start| {
-                start
-                    .iter()
-                    .any(|frame| matches!(frame.message, Message::Settings(_)))
-            });
-            let passed = live.advance(now_ns + STEP_NS, Inputs::default());
-            stream.extend_from_slice(passed.unwrap_or_else(|error| panic!("{error}")).usart1());
-        }
-        Answered {
-            outcome: live.finish().unwrap_or_else(|error| panic!("{error}")),
-            heard: Heard::new(stream),
-            rows: self.machine.stimulus,
-            block: self.block,
         }
     }
 

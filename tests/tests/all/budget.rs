@@ -4,8 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::settings::BLOCK_MAX;
-use bead_tests::{Heard, image, paper, workspace};
+use bead_tests::{Heard, block, image, paper, workspace};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSymbol};
 
@@ -133,9 +132,7 @@ fn the_longest_window_makes_no_block_busier_than_the_built_in_one() {
     let settings = derive(&Bead::paper(), &FrontEnd::reference(), &longest).unwrap();
     assert_eq!((settings.window.history, settings.window.length), (256, 1024));
     let mut run = paper(2, 0.05, Some(1));
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).unwrap();
-    run.block = block[..length].to_vec();
+    run.block = block(&settings);
     let busiest = run
         .run()
         .unwrap()

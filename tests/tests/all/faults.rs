@@ -203,46 +203,29 @@ fn a_strike_whose_window_an_overrun_cuts_has_no_result_and_is_counted() {
     assert_eq!(survived.causes(), [FaultCause::AdcOverrun, FaultCause::StrikeCut]);
     let measured: Vec<u32> = survived.strikes.iter().map(|strike| strike.said.strike).collect();
     assert_eq!(measured, [1], "strike 0 is the one that was cut");
+    let gaps = survived
+        .heard
+        .frames
+        .iter()
+        .filter_map(|frame| match frame.message {
+            Message::Gap(gap) => Some((gap.epoch, gap.first_index < gap.end_index)),
+            _ => None,
+        });
+    assert_eq!(gaps.collect::<Vec<_>>(), [(1, true)]);
     let (status, health) = (survived.heard.status(), survived.heard.health());
     assert_eq!((status.strikes, status.overruns, health.strikes_cut), (2, 1, 1));
 }
 
 #[test]
-fn a_dma_error_ends_in_a_reset_that_is_reported_and_a_later_strike_is_measured() {
-    crash(
-        "adc_dma_error",
-        0.02,
-        SOFTWARE,
-        FaultCause::DmaError,
-        "DMA: error",
-    );
-}
-
-#[test]
-fn a_hard_fault_leaves_a_trace_that_the_next_boot_reports_and_a_later_strike_is_measured() {
-    crash("hard_fault", 0.02, SOFTWARE, FaultCause::HardFault, "CFSR 0x");
-}
-
-#[test]
-fn a_panic_leaves_its_message_that_the_next_boot_reports_and_a_later_strike_is_measured() {
-    crash(
-        "panic",
-        0.02,
-        SOFTWARE,
-        FaultCause::Panic,
-        "interrupt 56 has no handler (trace.rs:",
-    );
-}
-
-#[test]
-fn a_runaway_stack_meets_its_fence_and_a_later_strike_is_measured() {
-    crash(
-        "stack_overflow",
-        0.02,
-        SOFTWARE,
-        FaultCause::StackOverflow,
-        "the stack reached 0x1000",
-    );
+fn a_boot_that_a_fault_ends_is_told_by_the_next_and_a_later_strike_is_measured() {
+    use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
+    crash("adc_dma_error", 0.02, SOFTWARE, DmaError, "DMA: error");
+    crash("hard_fault", 0.02, SOFTWARE, HardFault, "CFSR 0x");
+    let no_handler = "interrupt 56 has no handler (trace.rs:";
+    crash("panic", 0.02, SOFTWARE, Panic, no_handler);
+    let reached = "the stack reached 0x1000";
+    crash("stack_overflow", 0.02, SOFTWARE, StackOverflow, reached);
+    crash("hang", 2.1, WATCHDOG, Watchdog, "");
 }
 
 #[test]
@@ -278,11 +261,6 @@ fn a_fault_inside_a_log_statement_leaves_its_record_and_a_later_strike_is_measur
 }
 
 #[test]
-fn a_bead_that_hangs_is_reset_by_the_watchdog_and_a_later_strike_is_measured() {
-    crash("hang", 2.1, WATCHDOG, FaultCause::Watchdog, "");
-}
-
-#[test]
 fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured() {
     /// RCC_CSR bits 31..24 after power-up: brown-out, pin, power-on.
     const POWER_UP: u8 = 1 << 1 | PIN | 1 << 3;
@@ -304,65 +282,39 @@ fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured()
 }
 
 #[test]
-fn a_force_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_when_it_is_over() {
-    let survived = condition("force_stuck", 0.25, "");
-    assert_eq!(survived.causes(), [FaultCause::ForceStuck, FaultCause::Recovered]);
-    assert_eq!(survived.details()[1], "force_stuck");
-    assert_eq!(survived.strikes.len(), 1);
-    let expected = Health {
-        force_stuck: 1,
-        ..sound()
-    };
-    assert_eq!(survived.heard.health(), expected);
-}
-
-#[test]
-fn an_acceleration_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_when_it_is_over() {
-    let survived = condition("acceleration_stuck", 0.25, "");
-    assert_eq!(
-        survived.causes(),
-        [FaultCause::AccelerationStuck, FaultCause::Recovered]
-    );
-    assert_eq!(survived.details()[1], "acceleration_stuck");
-    assert_eq!(survived.strikes.len(), 1);
-    let expected = Health {
-        acceleration_stuck: 1,
-        ..sound()
-    };
-    assert_eq!(survived.heard.health(), expected);
-}
-
-#[test]
-fn a_force_at_its_rail_is_told_and_the_strike_that_its_step_looks_like_is_flagged() {
-    let survived = condition("force_railed", 0.25, "");
-    assert_eq!(
-        survived.causes(),
-        [FaultCause::ForceRailed, FaultCause::Recovered]
-    );
-    assert_eq!(survived.details()[1], "force_railed");
+fn a_sensor_that_is_stuck_or_railed_is_told_once_when_it_begins_and_once_when_it_is_over() {
+    let kinds = [
+        "force_stuck",
+        "acceleration_stuck",
+        "force_railed",
+        "acceleration_railed",
+    ];
+    let faults = (0..).zip(kinds).map(|(n, kind)| {
+        let at = 0.05 + 0.3 * f64::from(n);
+        format!("[[fault]]\nat = {at}\nkind = \"{kind}\"\nduration = 0.2\n")
+    });
+    let survived = Survived::new(strike_at(1.2), &faults.collect::<String>());
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    let causes = survived.causes();
+    let told: Vec<_> = causes
+        .iter()
+        .map(|cause| cause.name().unwrap_or_default())
+        .collect();
+    let expected: Vec<_> = kinds.iter().flat_map(|kind| [*kind, "recovered"]).collect();
+    assert_eq!(told, expected);
+    // The step to the rail looks like a strike.
     assert_eq!(survived.strikes.len(), 2);
     assert!(survived.strikes[0].said.flags.has(StrikeFlags::FORCE_RAILED));
     let expected = Health {
+        force_stuck: 1,
+        acceleration_stuck: 1,
         force_railed: 1,
-        ..sound()
-    };
-    assert_eq!(survived.heard.health(), expected);
-}
-
-#[test]
-fn an_acceleration_at_its_rail_is_told_once_when_it_begins_and_once_when_it_is_over() {
-    let survived = condition("acceleration_railed", 0.25, "");
-    assert_eq!(
-        survived.causes(),
-        [FaultCause::AccelerationRailed, FaultCause::Recovered]
-    );
-    assert_eq!(survived.details()[1], "acceleration_railed");
-    assert_eq!(survived.strikes.len(), 1);
-    let expected = Health {
         acceleration_railed: 1,
         ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
+    assert_eq!(survived.outcome.resets, []);
 }
 
 #[test]

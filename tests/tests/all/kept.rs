@@ -61,47 +61,6 @@ fn with_fault(run: &mut Emulation, kind: &str) {
 }
 
 #[test]
-fn a_strike_fetched_later_is_bit_for_bit_what_was_sent_first() {
-    // As close as the line lets them be: what is fetched goes between them.
-    let mut requests = Requests::new(&paper(16, 0.03, Some(1)));
-    let fetch = |strike| Request::Fetch { boot: 0, strike };
-    let early = requests.request(0.2, &fetch(1));
-    let list = requests.request(0.6, &Request::ListKept);
-    let late: Vec<_> = (0..17)
-        .map(|strike| requests.request(0.65 + 0.04 * f64::from(strike), &fetch(strike)))
-        .collect();
-    let answered = requests.run();
-    let heard = &answered.heard;
-    assert_eq!(heard.status().strikes, 16);
-    assert_eq!((heard.counters.lost, heard.guard().strikes_passed_over), (0, 0));
-    assert_eq!(heard.answer(early).0, Outcome::Done);
-
-    let kept = listed(&answered, list);
-    let bytes: Vec<u32> = kept.iter().map(|kept| kept.bytes).collect();
-    println!("{} strikes are kept, in {bytes:?} bytes", kept.len());
-    assert!(kept.len() >= 10, "{}", kept.len());
-    let oldest = 16 - kept.len() as u32;
-    assert!(
-        kept.iter()
-            .map(|kept| (kept.boot, kept.strike))
-            .eq((oldest..16).map(|strike| (0, strike)))
-    );
-    for (strike, number) in (0..).zip(late) {
-        let there = (oldest..16).contains(&strike);
-        let expected = if there { Outcome::Done } else { Outcome::NotKept };
-        assert_eq!(heard.answer(number).0, expected, "strike {strike}");
-        if there && strike != 1 {
-            assert_eq!(
-                fetched(heard, 0, strike),
-                sent(heard, 0, strike),
-                "strike {strike}"
-            );
-        }
-    }
-    assert_eq!(fetched(heard, 0, 15).len(), 24);
-}
-
-#[test]
 fn strikes_outlive_a_reset_by_the_watchdog() {
     // One before the reset, one after it: both have the number 0.
     let mut run = paper(2, 2.8, Some(1));

@@ -11,9 +11,7 @@ use std::time::Duration;
 use bead::cli::Cli;
 use bead_bench::bridge::{Bridge, Door, serve};
 use bead_bench::emulation::Emulation;
-use bead_model::Settings;
-use bead_model::settings::BLOCK_MAX;
-use bead_tests::{paper, settings_at};
+use bead_tests::{block, paper, settings_at};
 use clap::Parser;
 
 /// Runs a command line to its end: its exit status and the line on standard error.
@@ -54,14 +52,6 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
         answered.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     });
     assert!(!socket.exists());
-}
-
-fn block(settings: &Settings) -> Vec<u8> {
-    let mut block = [0; BLOCK_MAX];
-    let length = settings
-        .encode(&mut block)
-        .unwrap_or_else(|error| panic!("{error}"));
-    block[..length].to_vec()
 }
 
 #[test]

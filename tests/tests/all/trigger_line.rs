@@ -7,10 +7,9 @@ use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::design::Description;
-use bead_model::settings::BLOCK_MAX;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Heard, Requests, image, paper, workspace};
-use bead_wire::{FaultCause, Outcome, Request, StrikeFlags};
+use bead_tests::{Heard, block, image, paper, workspace};
+use bead_wire::{FaultCause, StrikeFlags};
 use hertz_chain::{Scenario, Solution};
 
 /// No force rises by so many codes in this row.
@@ -34,12 +33,7 @@ fn deafen(emulation: &mut Emulation) {
 fn change(emulation: &mut Emulation, change: impl FnOnce(&mut Description)) {
     let settings = emulation.settings.with(change);
     emulation.settings = settings.unwrap_or_else(|error| panic!("{error}"));
-    let mut block = [0; BLOCK_MAX];
-    let length = emulation
-        .settings
-        .encode(&mut block)
-        .unwrap_or_else(|error| panic!("{error}"));
-    emulation.block = block[..length].to_vec();
+    emulation.block = block(&emulation.settings);
 }
 
 fn strikes(ran: &Ran) -> Vec<RecordedStrike> {
@@ -192,25 +186,4 @@ fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_c
         assert_eq!(with.absorbed_measured, without.absorbed_measured);
         assert_eq!(with.absorbed_predicted, without.absorbed_predicted);
     }
-}
-
-#[test]
-fn a_host_asks_for_the_window_around_a_scan_to_come() {
-    let mut requests = Requests::new(&paper(1, 0.1, Some(1)));
-    let first = requests.first_scan();
-    let at = |index: u64| first + index as f64 * 1e-5;
-    let kept = requests.request(at(20_000), &Request::Keep { index: 30_123 });
-    let past = requests.request(at(50_000), &Request::Keep { index: 49_000 });
-    let far = requests.request(at(50_100), &Request::Keep { index: 7_000_000 });
-    let answered = requests.run();
-    assert_eq!(answered.heard.answer(kept).0, Outcome::Done);
-    assert_eq!(answered.heard.answer(past).0, Outcome::OutOfRange);
-    assert_eq!(answered.heard.answer(far).0, Outcome::OutOfRange);
-    let strikes = assemble(answered.heard.frames.clone(), None);
-    let [_, asked] = &strikes[..] else {
-        panic!("{} strikes", strikes.len());
-    };
-    assert_eq!(asked.said.trigger_index, 30_123);
-    assert!(asked.said.flags.has(StrikeFlags::TRIGGERED_ON_REQUEST));
-    assert_eq!(replay(asked).first_difference, None);
 }
