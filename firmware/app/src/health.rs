@@ -15,7 +15,7 @@
 //! A sensor that stands still for less than that is found if a strike is measured meanwhile: see
 //! [`Stillness`].
 
-use core::sync::atomic::Ordering;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use bead_model::{Scan, quantity::Pair};
 use bead_wire::{FaultCause, Health, Standing};
@@ -24,9 +24,7 @@ use crate::bead::Bead;
 use crate::block::{Block, CHANNELS};
 use crate::device::Device;
 
-/// Channels of a sensor.
-const GAINS: usize = 2;
-const SENSORS: usize = CHANNELS / GAINS;
+const SENSORS: usize = CHANNELS / 2;
 /// One of this many scans is checked.
 const STEP: usize = 8;
 /// Blocks from one verdict to the next: 10 ms.
@@ -40,7 +38,7 @@ const HIGH: u16 = 0xFF0;
 /// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// SensorVerdict of [`SPANS`] spans on a sensor.
+/// Verdict of [`SPANS`] spans on a sensor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum SensorVerdict {
     Good,
@@ -48,49 +46,57 @@ enum SensorVerdict {
     Railed,
 }
 
-/// The codes of a channel, combined by OR (`any`) and by AND (`all`).
+/// The codes of a sensor, both channels in a word, combined by OR (`any`) and by AND (`all`).
 #[derive(Clone, Copy)]
 struct CodeBits {
-    any: u16,
-    all: u16,
+    any: u32,
+    all: u32,
 }
 
 impl CodeBits {
     const NONE: Self = Self {
         any: 0,
-        all: u16::MAX,
+        all: u32::MAX,
     };
 
+    /// Of codes that have moved.
     const MOVED: Self = Self {
-        any: u16::MAX,
+        any: u32::MAX,
         all: 0,
     };
 
-    fn add(&mut self, other: Self) {
-        self.any |= other.any;
-        self.all &= other.all;
-    }
-
-    fn verdict(self) -> SensorVerdict {
-        if self.any & HIGH == 0 || self.all & HIGH == HIGH {
-            SensorVerdict::Railed
-        } else if self.any == self.all {
-            SensorVerdict::Stuck
-        } else {
-            SensorVerdict::Good
+    fn and(self, other: Self) -> Self {
+        Self {
+            any: self.any | other.any,
+            all: self.all & other.all,
         }
     }
-}
 
-/// The worse verdict of the two channels of a sensor.
-fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> SensorVerdict {
-    sensitive.verdict().max(wide.verdict())
+    fn and_word(self, word: &AtomicU32) -> Self {
+        let word = word.load(Ordering::Relaxed);
+        self.and(Self { any: word, all: word })
+    }
+
+    /// The worse verdict of the two channels.
+    fn verdict(self) -> SensorVerdict {
+        let channel = |shift: u32| {
+            let (any, all) = ((self.any >> shift) as u16, (self.all >> shift) as u16);
+            if any & HIGH == 0 || all & HIGH == HIGH {
+                SensorVerdict::Railed
+            } else if any == all {
+                SensorVerdict::Stuck
+            } else {
+                SensorVerdict::Good
+            }
+        };
+        channel(0).max(channel(16))
+    }
 }
 
 /// The health of one sensor.
 struct SensorHealth {
     /// The newest span last. The one before it is complete.
-    spans: [[CodeBits; GAINS]; SPANS],
+    spans: [CodeBits; SPANS],
     verdict: SensorVerdict,
     stuck: WatchedCondition,
     railed: WatchedCondition,
@@ -100,7 +106,7 @@ impl SensorHealth {
     const fn new(stuck: WatchedCondition, railed: WatchedCondition) -> Self {
         Self {
             // Unlike any sensor that is stuck: what was before the first block is not known.
-            spans: [[CodeBits::MOVED; GAINS]; SPANS],
+            spans: [CodeBits::MOVED; SPANS],
             verdict: SensorVerdict::Good,
             stuck,
             railed,
@@ -108,42 +114,43 @@ impl SensorHealth {
     }
 
     /// Takes the codes of a block.
-    fn block<D: Device>(&mut self, bead: &Bead<D>, codes: [CodeBits; GAINS]) {
-        for (span, codes) in self.spans[SPANS - 1].iter_mut().zip(codes) {
-            span.add(codes);
-        }
-        if self.verdict != SensorVerdict::Good && verdict(codes) == SensorVerdict::Good {
+    fn take<D: Device>(&mut self, bead: &Bead<D>, codes: CodeBits) {
+        self.spans[SPANS - 1] = self.spans[SPANS - 1].and(codes);
+        if self.verdict != SensorVerdict::Good && codes.verdict() == SensorVerdict::Good {
             self.becomes(bead, SensorVerdict::Good);
         }
     }
 
     /// Judges the spans, and begins the next.
     fn judge<D: Device>(&mut self, bead: &Bead<D>) {
-        let mut all = [CodeBits::NONE; GAINS];
-        for span in &self.spans {
-            all[0].add(span[0]);
-            all[1].add(span[1]);
-        }
+        let found = self
+            .spans
+            .into_iter()
+            .fold(CodeBits::NONE, CodeBits::and)
+            .verdict();
         self.spans.rotate_left(1);
-        self.spans[SPANS - 1] = [CodeBits::NONE; GAINS];
-        let found = verdict(all);
+        self.spans[SPANS - 1] = CodeBits::NONE;
         if found != SensorVerdict::Good && found != self.verdict {
             self.becomes(bead, found);
         }
     }
 
     fn becomes<D: Device>(&mut self, bead: &Bead<D>, found: SensorVerdict) {
-        match self.verdict {
-            SensorVerdict::Good => {}
-            SensorVerdict::Stuck => self.stuck.ends(bead),
-            SensorVerdict::Railed => self.railed.ends(bead),
+        if let Some(over) = self.condition(self.verdict) {
+            over.ends(bead);
         }
-        match found {
-            SensorVerdict::Good => {}
-            SensorVerdict::Stuck => self.stuck.begins(bead),
-            SensorVerdict::Railed => self.railed.begins(bead),
+        if let Some(new) = self.condition(found) {
+            new.begins(bead);
         }
         self.verdict = found;
+    }
+
+    const fn condition(&self, verdict: SensorVerdict) -> Option<&WatchedCondition> {
+        match verdict {
+            SensorVerdict::Good => None,
+            SensorVerdict::Stuck => Some(&self.stuck),
+            SensorVerdict::Railed => Some(&self.railed),
+        }
     }
 }
 
@@ -231,24 +238,13 @@ impl SensorWatch {
 
     /// Checks a block, and the supply.
     pub(crate) fn check<D: Device>(&mut self, bead: &Bead<D>, block: &Block) {
-        // A word holds both channels of a sensor.
-        let mut any = [0u32; SENSORS];
-        let mut all = [u32::MAX; SENSORS];
-        for [force, acceleration] in block.codes.0.iter().step_by(STEP) {
-            let (force, acceleration) = (
-                force.load(Ordering::Relaxed),
-                acceleration.load(Ordering::Relaxed),
-            );
-            any = [any[0] | force, any[1] | acceleration];
-            all = [all[0] & force, all[1] & acceleration];
+        let [mut force, mut acceleration] = [CodeBits::NONE; SENSORS];
+        for words in block.codes.0.iter().step_by(STEP) {
+            force = force.and_word(&words[0]);
+            acceleration = acceleration.and_word(&words[1]);
         }
-        for ((sensor, any), all) in self.sensors.iter_mut().zip(any).zip(all) {
-            let codes = |shift: u32| CodeBits {
-                any: (any >> shift) as u16,
-                all: (all >> shift) as u16,
-            };
-            sensor.block(bead, [codes(0), codes(16)]);
-        }
+        self.sensors[0].take(bead, force);
+        self.sensors[1].take(bead, acceleration);
         self.blocks += 1;
         if self.blocks == SPAN {
             self.blocks = 0;
