@@ -20,7 +20,7 @@
 use embassy_stm32::adc::Adc;
 use embassy_time::{Duration, with_timeout};
 
-use bead_app::{BLOCK_US, Block, Codes, SCANS_PER_BLOCK};
+use bead_app::{BLOCK_US, BlockCodes, SCANS_PER_BLOCK, ScanBlock};
 use bead_wire::FaultCause;
 
 use crate::board::BEAD;
@@ -102,9 +102,9 @@ async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut 
 /// The way of the blocks to the estimators. Acquisition never waits for them.
 struct Outlet {
     /// The block that the converter fills.
-    filling: &'static Codes,
+    filling: &'static BlockCodes,
     /// The block that it fills after that.
-    next: &'static Codes,
+    next: &'static BlockCodes,
     epoch: u32,
     /// True if the block before this one was lost.
     losing: bool,
@@ -114,12 +114,12 @@ impl Outlet {
     /// Hands on the block that is full, whose first scan has this index. The converter goes on with `next`.
     /// If the estimators have given back none, the converter fills the same block once more: it is lost, and
     /// is counted.
-    fn pass_on(&mut self, first_index: u64, next: Option<&'static Codes>) {
+    fn pass_on(&mut self, first_index: u64, next: Option<&'static BlockCodes>) {
         let full = core::mem::replace(&mut self.filling, self.next);
         self.next = next.unwrap_or(full);
         let taken = next.is_some();
         if taken {
-            handover::hand_on(Block {
+            handover::hand_on(ScanBlock {
                 epoch: self.epoch,
                 first_index,
                 codes: full,

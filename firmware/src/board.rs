@@ -2,24 +2,24 @@
 
 use core::slice;
 
-use bead_app::{Bead, Device};
+use bead_app::{BeadState, Device};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::clocks::TIMER_HZ;
 use crate::{line, stack, storage, supply, trace};
 
 /// The bead of this board.
-pub(crate) static BEAD: Bead<Board> = Bead::new(Board);
+pub(crate) static BEAD: BeadState<Stm32Board> = BeadState::new(Stm32Board);
 
 /// Bytes of the probe's sector. A block is much shorter; its header says how long it is.
 const SECTOR: usize = 128 * 1024;
 
 /// The STM32F405 and what is around it.
-pub(crate) struct Board;
+pub(crate) struct Stm32Board;
 
-impl Device for Board {
-    type Flash = storage::Flash;
-    type Line = line::Line;
+impl Device for Stm32Board {
+    type Flash = storage::SettingsFlash;
+    type Line = line::LinePins;
 
     const FIRMWARE: &'static str = env!("CARGO_PKG_VERSION");
     const GIT: &'static str = env!("BEAD_GIT");
@@ -66,7 +66,7 @@ impl Device for Board {
     }
 
     fn keep_settings_written(&self, written: u32) {
-        trace::change(|record| record.keep_settings_written(written));
+        trace::change(|record| record.settings_written = written);
     }
 
     fn reset(&self) -> ! {

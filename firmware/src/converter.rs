@@ -19,7 +19,7 @@ use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use core::task::Poll;
 
-use bead_app::{CHANNELS, Codes, SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
+use bead_app::{BlockCodes, CHANNELS, SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
 use bead_model::converter::{ADC_CLOCK_HZ, CONVERSION_CYCLES, SAMPLE_CYCLES};
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel, SampleTime};
 use embassy_stm32::pac::adc::vals::{Dds, Exten};
@@ -106,8 +106,8 @@ impl<'a> Scanning<'a> {
     pub(crate) fn begin(
         adc: Adc<'a, peripherals::ADC1>,
         channels: &Channels,
-        first: &'static Codes,
-        second: &'static Codes,
+        first: &'static BlockCodes,
+        second: &'static BlockCodes,
     ) -> Self {
         let stream = DMA2.st(STREAM);
         stop_stream();
@@ -167,7 +167,7 @@ impl<'a> Scanning<'a> {
 
     /// Takes the block that is full. The stream goes on to `next` when the one that it fills now is full.
     /// Without `next`, the block that is full is filled again.
-    pub(crate) fn take(&mut self, next: Option<&'static Codes>) -> Result<(), Lost> {
+    pub(crate) fn take(&mut self, next: Option<&'static BlockCodes>) -> Result<(), Lost> {
         let Some(next) = next else {
             self.taken += 1;
             return Ok(());
@@ -215,7 +215,7 @@ impl Drop for Scanning<'_> {
 }
 
 /// Where the DMA has to write the codes of a block.
-fn address(codes: &'static Codes) -> u32 {
+fn address(codes: &'static BlockCodes) -> u32 {
     codes.0.as_ptr().expose_provenance() as u32
 }
 

@@ -6,12 +6,12 @@
 use bead_app::{BLOCK_US, Estimation, SensorWatch};
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::board::{BEAD, Board};
+use crate::board::{BEAD, Stm32Board};
 use crate::handover;
 
 /// Measures strikes for ever.
 #[embassy_executor::task]
-pub(crate) async fn estimate(estimation: &'static mut Estimation<Board>) -> ! {
+pub(crate) async fn estimate(estimation: &'static mut Estimation<Stm32Board>) -> ! {
     loop {
         let block = handover::next().await;
         estimation.take(&block);
@@ -24,7 +24,7 @@ pub(crate) async fn estimate(estimation: &'static mut Estimation<Board>) -> ! {
 /// goes on with the time, which is what a signed request holds until.
 #[embassy_executor::task]
 pub(crate) async fn idle() -> ! {
-    let mut watch = SensorWatch::new();
+    let mut watch = SensorWatch::default();
     loop {
         Timer::after(Duration::from_micros(BLOCK_US.into())).await;
         let _ = BEAD.take_settings();

@@ -15,12 +15,12 @@ use embassy_stm32::timer::{Ch3, Ch4};
 use embassy_stm32::{Peri, peripherals};
 
 /// The line, ready.
-pub(crate) struct Line {
+pub(crate) struct LinePins {
     _output: PwmPin<'static, peripherals::TIM2, Ch3>,
     _input: CapturePin<'static, peripherals::TIM2, Ch4>,
 }
 
-impl Line {
+impl LinePins {
     /// Lets go of the line, and listens. TIM2 must be on.
     pub(crate) fn new(
         output: Peri<'static, peripherals::PB10>,
@@ -42,7 +42,7 @@ impl Line {
     }
 }
 
-impl LineTimer for Line {
+impl LineTimer for LinePins {
     fn count(&self) -> u32 {
         pac::TIM2.cnt().read()
     }

@@ -31,13 +31,13 @@ mod transmit;
 mod watchdog;
 
 use bead_app::Device as _;
-use bead_app::{Boot, Commands, Estimation, Loaded};
+use bead_app::{Commands, Estimation, Loaded, ThisBoot};
 use bead_model::{Meter, WindowRecord};
 use bead_wire::{FaultCause, MAX_FRAME, Standing};
-use board::{BEAD, Board};
+use board::{BEAD, Stm32Board};
 use converter::Converter;
 use defmt_rtt as _;
-use line::Line;
+use line::LinePins;
 use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
@@ -54,11 +54,11 @@ fn main() -> ! {
 /// Starts the tasks. Not inlined, so that the stack has its frame no longer when they run.
 #[inline(never)]
 fn start() {
-    static BOOT: StaticCell<Boot> = StaticCell::new();
+    static BOOT: StaticCell<ThisBoot> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
     static WINDOW: ConstStaticCell<WindowRecord> = ConstStaticCell::new(WindowRecord::new());
-    static COMMANDS: StaticCell<Commands<Board>> = StaticCell::new();
-    static ESTIMATION: StaticCell<Estimation<Board>> = StaticCell::new();
+    static COMMANDS: StaticCell<Commands<Stm32Board>> = StaticCell::new();
+    static ESTIMATION: StaticCell<Estimation<Stm32Board>> = StaticCell::new();
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
@@ -99,15 +99,9 @@ fn start() {
     let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let line = Line::new(p.PB10, p.PB11);
+    let line = LinePins::new(p.PB10, p.PB11);
     let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
-    let commands = COMMANDS.init(Commands::new(
-        &BEAD,
-        boot,
-        store,
-        trace::settings_written(),
-        WINDOW.take(),
-    ));
+    let commands = COMMANDS.init(Commands::new(&BEAD, boot, store, WINDOW.take()));
     handover::begin();
 
     let found = [

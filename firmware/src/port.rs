@@ -71,7 +71,7 @@ pub(crate) enum Missing {
     /// More came than the ring holds.
     Overrun,
     /// The line had noise or no stop bit.
-    Line,
+    LinePins,
 }
 
 impl Receiver {
@@ -115,7 +115,7 @@ impl Receiver {
                 // and all are dropped now.
                 let _ = USART1.dr().read();
                 self.erred = came;
-                return Err(Missing::Line);
+                return Err(Missing::LinePins);
             }
             let waiting = came.wrapping_sub(self.taken) as usize;
             if waiting > 0 {

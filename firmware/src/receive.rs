@@ -10,12 +10,12 @@ use bead_app::Commands;
 use bead_wire::RequestDecoder;
 use embassy_futures::yield_now;
 
-use crate::board::{BEAD, Board};
+use crate::board::{BEAD, Stm32Board};
 use crate::port::{Missing, Receiver};
 
 /// Receives for ever.
 #[embassy_executor::task]
-pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<Board>) -> ! {
+pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<Stm32Board>) -> ! {
     let mut decoder = RequestDecoder::new();
     let mut bytes = [0; 64];
     loop {
@@ -31,7 +31,7 @@ pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<
             Err(missing) => {
                 BEAD.update_link(|link| match missing {
                     Missing::Overrun => link.overruns += 1,
-                    Missing::Line => link.line_errors += 1,
+                    Missing::LinePins => link.line_errors += 1,
                 });
                 port.quiet().await;
             }

@@ -1,6 +1,6 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
-use bead_app::{Boot, RefusedSettings};
+use bead_app::{RefusedSettings, ThisBoot};
 use bead_wire::FaultCause;
 use embassy_time::{Duration, Ticker};
 
@@ -14,7 +14,11 @@ pub(crate) type FoundFaults = heapless::Vec<(FaultCause, &'static str), 2>;
 
 /// Reports for ever.
 #[embassy_executor::task]
-pub(crate) async fn report(boot: &'static Boot, refused: Option<RefusedSettings>, found: FoundFaults) -> ! {
+pub(crate) async fn report(
+    boot: &'static ThisBoot,
+    refused: Option<RefusedSettings>,
+    found: FoundFaults,
+) -> ! {
     let mut period = Ticker::every(PERIOD);
     BEAD.report_boot(boot, refused, found);
     loop {

@@ -24,18 +24,18 @@ use crate::watchdog;
 const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 
 /// The store of this bead.
-pub(crate) type SettingsStore = Vault<Flash>;
+pub(crate) type SettingsStore = Vault<SettingsFlash>;
 
 /// The driver of the flash. What an erase does to the watchdog and to the time is seen to.
-pub(crate) struct Flash(Driver);
+pub(crate) struct SettingsFlash(Driver);
 
 type Driver = flash::Flash<'static, Blocking>;
 
-impl ErrorType for Flash {
+impl ErrorType for SettingsFlash {
     type Error = flash::Error;
 }
 
-impl ReadNorFlash for Flash {
+impl ReadNorFlash for SettingsFlash {
     const READ_SIZE: usize = Driver::READ_SIZE;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), flash::Error> {
@@ -47,7 +47,7 @@ impl ReadNorFlash for Flash {
     }
 }
 
-impl NorFlash for Flash {
+impl NorFlash for SettingsFlash {
     const WRITE_SIZE: usize = Driver::WRITE_SIZE;
     const ERASE_SIZE: usize = Driver::ERASE_SIZE;
 
@@ -70,7 +70,7 @@ pub(crate) fn open(
     flash: Peri<'static, peripherals::FLASH>,
     supply_is_good: bool,
 ) -> (SettingsStore, Opened) {
-    let flash = Flash(flash::Flash::new_blocking(flash));
+    let flash = SettingsFlash(flash::Flash::new_blocking(flash));
     let (store, opened) = if supply_is_good {
         Store::open(flash, RANGE)
     } else {

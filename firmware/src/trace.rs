@@ -9,7 +9,7 @@ use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use bead_app::{Boot, BootRecord, FramesWaiting, RING};
+use bead_app::{BootRecord, FramesWaiting, RING, ThisBoot};
 use bead_store::{WindowMemory, Windows};
 use bead_wire::{Detail, FaultCause};
 use cortex_m::peripheral::SCB;
@@ -30,7 +30,7 @@ pub(crate) fn windows() -> Windows<'static, RING> {
 }
 
 /// Counts the boot and takes what the one before left. Called once, first after the reset.
-pub(crate) fn begin() -> Boot {
+pub(crate) fn begin() -> ThisBoot {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
     let before = region::read().checked();
@@ -39,12 +39,6 @@ pub(crate) fn begin() -> Boot {
     region::write(record);
     BOOT.store(boot.number, Ordering::Relaxed);
     boot
-}
-
-/// Settings that were written lately, as [`bead_store::Pace`] counts them.
-pub(crate) fn settings_written() -> u32 {
-    let record = region::read().checked();
-    record.map_or(0, |record| record.settings_written())
 }
 
 /// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the

@@ -130,7 +130,7 @@ pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
 }
 
 /// Frames of a run.
-pub struct Heard {
+pub struct RunFrames {
     /// Bytes that left the bead's port.
     pub stream: Vec<u8>,
     /// The frames in them.
@@ -139,7 +139,7 @@ pub struct Heard {
     pub counters: Counters,
 }
 
-impl Heard {
+impl RunFrames {
     /// The fault frames, in the order in which they came.
     pub fn faults(&self) -> impl Iterator<Item = &bead_wire::Fault> {
         self.frames.iter().filter_map(|frame| match &frame.message {
@@ -302,10 +302,10 @@ impl Requests {
     ///
     /// # Panics
     /// QEMU fails.
-    pub fn run(self) -> Answered {
+    pub fn run(self) -> RequestsRun {
         let outcome = self.machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        Answered {
-            heard: Heard::new(outcome.uart.clone()),
+        RequestsRun {
+            received: RunFrames::new(outcome.uart.clone()),
             rows: self.machine.stimulus,
             block: self.block,
             outcome,
@@ -326,11 +326,11 @@ impl Requests {
 }
 
 /// Outcome of a run with requests.
-pub struct Answered {
+pub struct RequestsRun {
     /// Outcome from the emulator.
     pub outcome: Outcome,
     /// Frames from the bead.
-    pub heard: Heard,
+    pub received: RunFrames,
     /// The codes that it was given: row `i` is scan `i + 1`.
     pub rows: Vec<[u16; 4]>,
     /// The settings block that a probe had put into its flash.

@@ -8,8 +8,8 @@ use bead_wire::{Guard, Health, Link, RequestCounters};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
-use crate::boot::Boot;
-use crate::counters::{Counters, LoadCounter};
+use crate::boot::ThisBoot;
+use crate::counters::{BeadCounters, LoadCounter};
 use crate::device::Device;
 use crate::exchange::Exchange;
 use crate::outbox::Outbox;
@@ -20,11 +20,11 @@ use crate::shared::Shared;
 pub const RING: usize = 62 * 1024;
 
 /// State that the tasks of a bead share.
-pub struct Bead<D> {
+pub struct BeadState<D> {
     pub(crate) device: D,
     /// Resets since power-up.
     pub(crate) boot: AtomicU32,
-    pub(crate) counters: Shared<Counters>,
+    pub(crate) counters: Shared<BeadCounters>,
     /// Counts of what came in over the link.
     pub(crate) link: Shared<Link>,
     /// Counts of what was passed over and refused.
@@ -42,7 +42,7 @@ pub struct Bead<D> {
     pub(crate) load: Shared<LoadCounter>,
 }
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// A bead before its boot: it has no settings, and keeps no window.
     pub const fn new(device: D) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl<D: Device> Bead<D> {
     }
 
     /// Takes settings and the windows that the boot before left. Called once, before the tasks start.
-    pub fn begin(&self, boot: &Boot, loaded: Loaded, windows: Windows<'static, RING>) {
+    pub fn begin(&self, boot: &ThisBoot, loaded: Loaded, windows: Windows<'static, RING>) {
         self.boot.store(boot.number, Ordering::Relaxed);
         self.windows.set(windows);
         self.window_closed.signal(());
@@ -101,12 +101,12 @@ impl<D: Device> Bead<D> {
     }
 
     /// Changes some of the counts.
-    pub fn update(&self, change: impl FnOnce(&mut Counters)) {
+    pub fn update(&self, change: impl FnOnce(&mut BeadCounters)) {
         self.counters.update(change);
     }
 
     /// All counts at one moment.
-    pub fn snapshot(&self) -> Counters {
+    pub fn snapshot(&self) -> BeadCounters {
         self.counters.get()
     }
 

@@ -18,32 +18,32 @@ pub const BLOCK_US: u32 = SCANS_PER_BLOCK as u32 * 1_000_000 / SAMPLE_RATE_HZ;
 ///
 /// The DMA writes to it and the core reads it. So it is made of atomics: what they hold may change at any
 /// time, and a plain load reads one.
-pub struct Codes(pub [[AtomicU32; CHANNELS / 2]; SCANS_PER_BLOCK]);
+pub struct BlockCodes(pub [[AtomicU32; CHANNELS / 2]; SCANS_PER_BLOCK]);
 
-impl Codes {
+impl BlockCodes {
     /// All zeros.
     pub const fn new() -> Self {
         Self([const { [const { AtomicU32::new(0) }; CHANNELS / 2] }; SCANS_PER_BLOCK])
     }
 }
 
-impl Default for Codes {
+impl Default for BlockCodes {
     fn default() -> Self {
         Self::new()
     }
 }
 
 /// Consecutive scans.
-pub struct Block {
+pub struct ScanBlock {
     /// Changes where samples are missing before this block.
     pub epoch: u32,
     /// Index of the first scan.
     pub first_index: u64,
     /// Words of the scans, first to last.
-    pub codes: &'static Codes,
+    pub codes: &'static BlockCodes,
 }
 
-impl Block {
+impl ScanBlock {
     /// The scans, first to last.
     pub(crate) fn scans(&self) -> impl ExactSizeIterator<Item = Scan> + '_ {
         scans(&self.codes.0)

@@ -9,7 +9,7 @@ use bead_crc::checksum_of;
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
 
 /// This boot, and the faults before it.
-pub struct Boot {
+pub struct ThisBoot {
     /// Resets since power-up.
     pub number: u32,
     /// Bits 31..24 of RCC_CSR.
@@ -25,6 +25,8 @@ pub struct Boot {
     pub failed: u32,
     /// Frames that the boot before had made and not completely sent.
     pub frames_lost: u32,
+    /// Settings that were written lately, as [`bead_store::Pace`] counts them.
+    pub settings_written: u32,
 }
 
 /// A fault that ended a boot.
@@ -77,7 +79,8 @@ pub struct BootRecord {
     /// Boots that ended in a fault, and how many of the last ones in a row did so early.
     faults: u32,
     failed: u32,
-    written: u32,
+    /// See [`ThisBoot`].
+    pub settings_written: u32,
     /// Cause of the last boot that ended in a fault: [`NONE`], or a number of [`CAUSES`].
     cause: u32,
     fault_boot: u32,
@@ -108,7 +111,7 @@ impl BootRecord {
             boot: 0,
             faults: 0,
             failed: 0,
-            written: 0,
+            settings_written: 0,
             cause: NONE,
             fault_boot: u32::MAX,
             pc: 0,
@@ -120,7 +123,7 @@ impl BootRecord {
 
     /// Counts the boot and takes what the one before left, if it `survived` the reset. `reset_cause` holds the
     /// bits 31..24 of RCC_CSR. Gives the boot and the record to keep.
-    pub fn begin(survived: Option<Self>, waiting: FramesWaiting, reset_cause: u8) -> (Boot, Self) {
+    pub fn begin(survived: Option<Self>, waiting: FramesWaiting, reset_cause: u8) -> (ThisBoot, Self) {
         const POWER_ON: u8 = 1 << 3;
         const WATCHDOG: u8 = 1 << 5;
         let before = survived.filter(|_| reset_cause & POWER_ON == 0);
@@ -138,7 +141,7 @@ impl BootRecord {
             Some(_) => record.failed.saturating_add(1),
             None => 0,
         };
-        let boot = Boot {
+        let boot = ThisBoot {
             number: record.boot,
             reset_cause,
             ended_by,
@@ -146,6 +149,7 @@ impl BootRecord {
             faults: record.faults,
             failed: record.failed,
             frames_lost,
+            settings_written: record.settings_written,
         };
         (boot, record.sealed())
     }
@@ -162,16 +166,6 @@ impl BootRecord {
     pub fn sealed(mut self) -> Self {
         self.crc = self.checksum();
         self
-    }
-
-    /// Settings that were written lately, as [`bead_store::Pace`] counts them.
-    pub const fn settings_written(&self) -> u32 {
-        self.written
-    }
-
-    /// Keeps the number of settings that were written lately.
-    pub const fn keep_settings_written(&mut self, written: u32) {
-        self.written = written;
     }
 
     /// This boot has run long enough: the boots that failed before it count no longer.
@@ -207,7 +201,7 @@ impl BootRecord {
             self.boot,
             self.faults,
             self.failed,
-            self.written,
+            self.settings_written,
             self.cause,
             self.fault_boot,
             self.pc,

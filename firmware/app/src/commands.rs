@@ -12,9 +12,9 @@ use bead_wire::{
     AHEAD, ANY, Cause, Detail, KEY, Key, Lock, Moment, Outcome, ReceivedRequest, Reply, Request, Standing,
 };
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::block::SAMPLE_RATE_HZ;
-use crate::boot::Boot;
+use crate::boot::ThisBoot;
 use crate::device::{Device, MS};
 use crate::keep::{Refetch, RefetchStep};
 use crate::settings::{self, BlockRefusal, Loaded};
@@ -34,8 +34,8 @@ const COUNTERS: u64 = 64;
 
 /// The commands of a bead, and the parts that only they act on.
 pub struct Commands<D: Device> {
-    bead: &'static Bead<D>,
-    boot: &'static Boot,
+    bead: &'static BeadState<D>,
+    boot: &'static ThisBoot,
     store: Vault<D::Flash>,
     /// Of the writes to it.
     pace: Pace,
@@ -46,18 +46,18 @@ pub struct Commands<D: Device> {
 }
 
 /// The outcome of a request, and a line about it.
-struct Answer(Outcome, Detail);
+struct ReplyContent(Outcome, Detail);
 
-impl Answer {
+impl ReplyContent {
     fn done() -> Self {
         Self(Outcome::Done, Detail::default())
     }
 }
 
 /// The remaining step of a request that was begun. It is small, because the waiting task keeps it.
-enum Step {
+enum RequestStep {
     /// Its answer.
-    Answer(Answer),
+    Reply(ReplyContent),
     /// Settings were offered. Once they are in force, the answer has this line.
     InForce(&'static str),
     SelfTest,
@@ -67,13 +67,11 @@ enum Step {
 }
 
 impl<D: Device> Commands<D> {
-    /// Commands with the key that `store` holds. `written` settings were written lately, as
-    /// [`bead_store::Pace`] counts them.
+    /// Commands with the key that `store` holds.
     pub fn new(
-        bead: &'static Bead<D>,
-        boot: &'static Boot,
+        bead: &'static BeadState<D>,
+        boot: &'static ThisBoot,
         store: Vault<D::Flash>,
-        written: u32,
         window: &'static mut WindowRecord,
     ) -> Self {
         let secret = store.secret();
@@ -87,7 +85,7 @@ impl<D: Device> Commands<D> {
             bead,
             boot,
             store,
-            pace: Pace::new(written),
+            pace: Pace::new(boot.settings_written),
             lock: Lock::new(bead.device.uid(), key, counter),
             window,
         }
@@ -102,25 +100,25 @@ impl<D: Device> Commands<D> {
         bead.wait_for_room().await;
         let number = heard.number;
         let answer = match self.begin(heard) {
-            Step::Answer(answer) => answer,
-            Step::InForce(line) => {
+            RequestStep::Reply(answer) => answer,
+            RequestStep::InForce(line) => {
                 if bead.settings_taken().await {
-                    Answer(Outcome::Done, line.into())
+                    ReplyContent(Outcome::Done, line.into())
                 } else {
-                    Answer(Outcome::Done, "stored; in force as soon as samples come".into())
+                    ReplyContent(Outcome::Done, "stored; in force as soon as samples come".into())
                 }
             }
-            Step::SelfTest => {
+            RequestStep::SelfTest => {
                 let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
                 let passed = checks - failed;
-                Answer(
+                ReplyContent(
                     Outcome::Done,
                     Detail::new(format_args!("{passed} of {checks} checks passed")),
                 )
             }
-            Step::Fetch(refetch) => fetch(bead, refetch).await,
-            Step::Reboot => {
-                reply(bead, number, Answer::done());
+            RequestStep::Fetch(refetch) => fetch(bead, refetch).await,
+            RequestStep::Reboot => {
+                reply(bead, number, ReplyContent::done());
                 reboot(bead).await
             }
         };
@@ -128,16 +126,16 @@ impl<D: Device> Commands<D> {
     }
 
     /// Does what a request asks for, as far as nothing has to be waited for.
-    fn begin(&mut self, heard: ReceivedRequest) -> Step {
+    fn begin(&mut self, heard: ReceivedRequest) -> RequestStep {
         let done = heard
             .request
             .map_err(not_understood)
             .and_then(|request| self.admit(heard.address, heard.number, request))
             .and_then(|request| self.execute(request));
-        if let Err(Answer(Outcome::TooSoon, _)) = &done {
+        if let Err(ReplyContent(Outcome::TooSoon, _)) = &done {
             self.bead.guard.update(|guard| guard.refused_too_soon += 1);
         }
-        done.unwrap_or_else(Step::Answer)
+        done.unwrap_or_else(RequestStep::Reply)
     }
 
     /// Lets a request through that changes nothing, or that is signed if the bead has a key.
@@ -146,7 +144,7 @@ impl<D: Device> Commands<D> {
     /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full, the supply low or
     /// too much was written lately, what does not write flash itself is done all the same: a bead can always
     /// be disarmed and reset by its owner.
-    fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
+    fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, ReplyContent> {
         if self.store.is_unreadable() && request.changes_state() {
             return self.admit_without_store(request);
         }
@@ -184,7 +182,7 @@ impl<D: Device> Commands<D> {
         Ok(request)
     }
 
-    fn not_let_through(&self, outcome: Outcome) -> Answer {
+    fn not_let_through(&self, outcome: Outcome) -> ReplyContent {
         self.bead.guard.update(|guard| match outcome {
             Outcome::Unsigned => guard.refused_unsigned += 1,
             Outcome::Forged => guard.refused_forged += 1,
@@ -203,11 +201,11 @@ impl<D: Device> Commands<D> {
             Outcome::NoKey => "this bead has no key".into(),
             _ => "it carries no request".into(),
         };
-        Answer(outcome, detail)
+        ReplyContent(outcome, detail)
     }
 
     /// Keeps another key, or none.
-    fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), Answer> {
+    fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), ReplyContent> {
         let key = Key::new(bytes);
         let counter = self.store.secret().map_or(0, |secret| secret.counter);
         let secret = key.as_ref().map(|key| Secret {
@@ -220,7 +218,7 @@ impl<D: Device> Commands<D> {
         Ok(())
     }
 
-    fn execute(&mut self, request: Request) -> Result<Step, Answer> {
+    fn execute(&mut self, request: Request) -> Result<RequestStep, ReplyContent> {
         match request {
             Request::Identity => self.bead.send_identity(self.boot),
             Request::Status => {
@@ -232,9 +230,9 @@ impl<D: Device> Commands<D> {
             Request::EraseSettings => return self.erase_settings(),
             Request::Arm => self.bead.arm(true),
             Request::Disarm => self.bead.arm(false),
-            Request::SelfTest => return Ok(Step::SelfTest),
+            Request::SelfTest => return Ok(RequestStep::SelfTest),
             Request::Raw { duration_ms } if duration_ms > raw::MAX_MS => {
-                return Err(Answer(
+                return Err(ReplyContent(
                     Outcome::OutOfRange,
                     Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
                 ));
@@ -245,23 +243,23 @@ impl<D: Device> Commands<D> {
             Request::ListKept => {
                 let kept = self.bead.send_kept();
                 let detail = Detail::new(format_args!("{kept} strikes are kept"));
-                return Ok(Step::Answer(Answer(Outcome::Done, detail)));
+                return Ok(RequestStep::Reply(ReplyContent(Outcome::Done, detail)));
             }
             Request::Fetch { boot, strike } => {
                 let found = self.bead.find_kept(boot, strike);
-                return found.map(Step::Fetch).ok_or_else(not_kept);
+                return found.map(RequestStep::Fetch).ok_or_else(not_kept);
             }
             Request::Keep { index } => {
                 let now = self.bead.snapshot();
                 if now.health.standing.has(Standing::CRYSTAL_FAILED) {
-                    return Err(Answer(
+                    return Err(ReplyContent(
                         Outcome::OutOfRange,
                         "no scan comes: the crystal does not run".into(),
                     ));
                 }
                 let ahead = index.saturating_sub(now.newest_index);
                 if !(1..=MINUTE).contains(&ahead) {
-                    return Err(Answer(
+                    return Err(ReplyContent(
                         Outcome::OutOfRange,
                         "its scan has to come within a minute from now".into(),
                     ));
@@ -270,36 +268,36 @@ impl<D: Device> Commands<D> {
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
-            Request::Reboot => return Ok(Step::Reboot),
+            Request::Reboot => return Ok(RequestStep::Reboot),
         }
-        Ok(Step::Answer(Answer::done()))
+        Ok(RequestStep::Reply(ReplyContent::done()))
     }
 
     /// Checks new settings, stores them, reads them back and offers them.
-    fn write_settings(&mut self, block: &[u8]) -> Result<Step, Answer> {
+    fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, ReplyContent> {
         let loaded = settings::judge(block).map_err(|refusal| match refusal {
-            BlockRefusal::Invalid(why) => Answer(Outcome::SettingsInvalid, why),
-            BlockRefusal::SampleRate(why) => Answer(Outcome::SampleRate, why),
+            BlockRefusal::Invalid(why) => ReplyContent(Outcome::SettingsInvalid, why),
+            BlockRefusal::SampleRate(why) => ReplyContent(Outcome::SampleRate, why),
         })?;
         self.write(|store| store.write(block))?;
         self.bead.offer_settings(loaded);
-        Ok(Step::InForce(""))
+        Ok(RequestStep::InForce(""))
     }
 
     /// Erases the stored settings and offers the next ones. The reply says where those come from.
-    fn erase_settings(&mut self) -> Result<Step, Answer> {
+    fn erase_settings(&mut self) -> Result<RequestStep, ReplyContent> {
         self.write(Vault::clear)?;
         let loaded = Loaded::beneath(self.bead.device.probe_settings(), None);
         let origin = loaded.origin();
         self.bead.offer_settings(loaded);
-        Ok(Step::InForce(origin))
+        Ok(RequestStep::InForce(origin))
     }
 
     /// Writes to the store, if it may be written now.
     fn write(
         &mut self,
         change: impl FnOnce(&mut Vault<D::Flash>) -> Result<(), StoreError>,
-    ) -> Result<(), Answer> {
+    ) -> Result<(), ReplyContent> {
         self.count_write()?;
         change(&mut self.store).map_err(not_stored)
     }
@@ -307,7 +305,7 @@ impl<D: Device> Commands<D> {
     /// Counts a write to flash, if it may be written now. What is written while the supply is low may be read
     /// as something else.
     #[inline(never)]
-    fn count_write(&mut self) -> Result<(), Answer> {
+    fn count_write(&mut self) -> Result<(), ReplyContent> {
         let device = &self.bead.device;
         if device.supply_is_low() {
             return Err(supply_low());
@@ -320,12 +318,12 @@ impl<D: Device> Commands<D> {
     /// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes
     /// nothing, and a reboot, which may bring the store back: signed or not, as there is nothing to check a
     /// signature with.
-    fn admit_without_store(&self, request: Request) -> Result<Request, Answer> {
+    fn admit_without_store(&self, request: Request) -> Result<Request, ReplyContent> {
         match request {
             Request::Reboot => Ok(request),
             Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
             _ if self.bead.device.supply_is_low() => Err(supply_low()),
-            _ => Err(Answer(
+            _ => Err(ReplyContent(
                 Outcome::FlashFailed,
                 "the store cannot be read, nor whether there is a key: reboot the bead".into(),
             )),
@@ -335,32 +333,32 @@ impl<D: Device> Commands<D> {
 
 // Once in the image: an answer is long to build.
 #[inline(never)]
-fn supply_low() -> Answer {
+fn supply_low() -> ReplyContent {
     let why = "the supply is below 2.93 V: nothing was written; try again when it is good";
-    Answer(Outcome::FlashFailed, why.into())
+    ReplyContent(Outcome::FlashFailed, why.into())
 }
 
-fn too_soon(wait_ms: u64) -> Answer {
+fn too_soon(wait_ms: u64) -> ReplyContent {
     let wait_s = wait_ms.div_ceil(1000);
     let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
-    Answer(Outcome::TooSoon, Detail::new(why))
+    ReplyContent(Outcome::TooSoon, Detail::new(why))
 }
 
 #[inline(never)]
-fn not_stored(error: StoreError) -> Answer {
+fn not_stored(error: StoreError) -> ReplyContent {
     match error {
-        StoreError::Full => Answer(
+        StoreError::Full => ReplyContent(
             Outcome::StoreFull,
             "no room in flash for another block; the next boot makes some".into(),
         ),
-        StoreError::TooLong | StoreError::Flash => Answer(
+        StoreError::TooLong | StoreError::Flash => ReplyContent(
             Outcome::FlashFailed,
             "what was written cannot be read back; the settings are what they were".into(),
         ),
     }
 }
 
-fn reply<D: Device>(bead: &Bead<D>, request: u16, Answer(outcome, detail): Answer) {
+fn reply<D: Device>(bead: &BeadState<D>, request: u16, ReplyContent(outcome, detail): ReplyContent) {
     bead.send(Reply {
         request,
         outcome,
@@ -368,39 +366,39 @@ fn reply<D: Device>(bead: &Bead<D>, request: u16, Answer(outcome, detail): Answe
     });
 }
 
-fn not_understood(cause: Cause) -> Answer {
+fn not_understood(cause: Cause) -> ReplyContent {
     let outcome = match cause {
         Cause::Version(_) => Outcome::Version,
         Cause::Kind(_) => Outcome::Kind,
         _ => Outcome::Body,
     };
-    Answer(outcome, Detail::new(format_args!("{cause}")))
+    ReplyContent(outcome, Detail::new(format_args!("{cause}")))
 }
 
 /// Sends a strike again, frame by frame, while there is room.
-async fn fetch<D: Device>(bead: &Bead<D>, mut refetch: Refetch) -> Answer {
+async fn fetch<D: Device>(bead: &BeadState<D>, mut refetch: Refetch) -> ReplyContent {
     let deadline = bead.device.now() + FETCH;
     loop {
         if !bead.wait_for_spare(deadline).await {
-            return Answer(Outcome::Busy, "strikes come and take the line: ask again".into());
+            return ReplyContent(Outcome::Busy, "strikes come and take the line: ask again".into());
         }
         match bead.push_next(&mut refetch) {
             RefetchStep::Sent => {}
-            RefetchStep::Complete => return Answer::done(),
+            RefetchStep::Complete => return ReplyContent::done(),
             RefetchStep::Gone => return not_kept(),
         }
     }
 }
 
-fn not_kept() -> Answer {
-    Answer(
+fn not_kept() -> ReplyContent {
+    ReplyContent(
         Outcome::NotKept,
         "this strike gave way to newer ones, was never measured, or is not yet complete".into(),
     )
 }
 
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].
-async fn reboot<D: Device>(bead: &Bead<D>) -> ! {
+async fn reboot<D: Device>(bead: &BeadState<D>) -> ! {
     // Or strikes would go on to fill the outbox.
     bead.arm(false);
     let deadline = bead.device.now() + DRAIN;

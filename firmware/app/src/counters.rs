@@ -6,7 +6,7 @@ use bead_wire::Health;
 /// the same name in [`bead_wire::Status`].
 #[derive(Clone, Copy, Default)]
 #[expect(missing_docs, reason = "see above")]
-pub struct Counters {
+pub struct BeadCounters {
     /// Index of the newest scan; while none are made, the sample periods since the start.
     pub newest_index: u64,
     /// Number of the run of samples without a gap. No window spans two of them.

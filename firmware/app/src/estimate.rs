@@ -7,8 +7,8 @@
 use bead_model::{Chunk, Meter, Origin, Settings, Sink};
 use bead_wire::{FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};
 
-use crate::bead::Bead;
-use crate::block::{Block, SCANS_PER_BLOCK};
+use crate::bead::BeadState;
+use crate::block::{SCANS_PER_BLOCK, ScanBlock};
 use crate::device::Device;
 use crate::health::{SensorWatch, Stillness};
 use crate::trigger_line::TriggerLine;
@@ -31,10 +31,15 @@ pub struct Estimation<D: Device> {
 
 impl<D: Device> Estimation<D> {
     /// Work with a new `meter`; the `settings` hold until others are offered.
-    pub fn new(bead: &'static Bead<D>, settings: Settings, meter: &'static mut Meter, line: D::Line) -> Self {
+    pub fn new(
+        bead: &'static BeadState<D>,
+        settings: Settings,
+        meter: &'static mut Meter,
+        line: D::Line,
+    ) -> Self {
         Self {
             meter,
-            watch: SensorWatch::new(),
+            watch: SensorWatch::default(),
             results: StrikeResults {
                 bead,
                 history: settings.window.history,
@@ -54,7 +59,7 @@ impl<D: Device> Estimation<D> {
     }
 
     /// Takes the next block.
-    pub fn take(&mut self, block: &Block) {
+    pub fn take(&mut self, block: &ScanBlock) {
         let bead = self.results.bead;
         if block.epoch != self.epoch {
             self.begin_epoch(block);
@@ -103,7 +108,7 @@ impl<D: Device> Estimation<D> {
         }
     }
 
-    fn begin_epoch(&mut self, block: &Block) {
+    fn begin_epoch(&mut self, block: &ScanBlock) {
         let bead = self.results.bead;
         self.epoch = block.epoch;
         bead.send(Gap {
@@ -143,13 +148,13 @@ impl<D: Device> Estimation<D> {
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
-fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, sink: &mut dyn Sink) {
+fn process_block(settings: &Settings, meter: &mut Meter, block: &ScanBlock, sink: &mut dyn Sink) {
     meter.process_words(settings, block.first_index, &block.codes.0, sink);
 }
 
 /// Sends what the meter finds, and keeps it.
 struct StrikeResults<D: Device> {
-    bead: &'static Bead<D>,
+    bead: &'static BeadState<D>,
     /// Scans of a window up to the trigger.
     history: u16,
     /// Of the sensors in the window that is being measured.

@@ -12,13 +12,13 @@ use core::sync::atomic::Ordering;
 use bead_model::Chunk;
 use bead_wire::{KEPT, Message, Packed};
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::device::{Device, MS};
 
 /// Time that a request waits for room.
 const PATIENCE: u64 = 20 * MS;
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Queues a message that comes in bulk, or drops and counts it.
     pub fn push(&self, message: impl Into<Message>) {
         self.queue(&mut Packed::new(), &message.into(), KEPT);

@@ -20,8 +20,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use bead_model::{Scan, quantity::Pair};
 use bead_wire::{FaultCause, Health, Standing};
 
-use crate::bead::Bead;
-use crate::block::{Block, CHANNELS};
+use crate::bead::BeadState;
+use crate::block::{CHANNELS, ScanBlock};
 use crate::device::Device;
 
 const SENSORS: usize = CHANNELS / 2;
@@ -114,7 +114,7 @@ impl SensorHealth {
     }
 
     /// Takes the codes of a block.
-    fn take<D: Device>(&mut self, bead: &Bead<D>, codes: CodeBits) {
+    fn take<D: Device>(&mut self, bead: &BeadState<D>, codes: CodeBits) {
         self.spans[SPANS - 1] = self.spans[SPANS - 1].and(codes);
         if self.verdict != SensorVerdict::Good && codes.verdict() == SensorVerdict::Good {
             self.becomes(bead, SensorVerdict::Good);
@@ -122,7 +122,7 @@ impl SensorHealth {
     }
 
     /// Judges the spans, and begins the next.
-    fn judge<D: Device>(&mut self, bead: &Bead<D>) {
+    fn judge<D: Device>(&mut self, bead: &BeadState<D>) {
         let found = self
             .spans
             .into_iter()
@@ -135,7 +135,7 @@ impl SensorHealth {
         }
     }
 
-    fn becomes<D: Device>(&mut self, bead: &Bead<D>, found: SensorVerdict) {
+    fn becomes<D: Device>(&mut self, bead: &BeadState<D>, found: SensorVerdict) {
         if let Some(over) = self.condition(self.verdict) {
             over.ends(bead);
         }
@@ -163,7 +163,7 @@ struct WatchedCondition {
 }
 
 impl WatchedCondition {
-    fn begins<D: Device>(&self, bead: &Bead<D>) {
+    fn begins<D: Device>(&self, bead: &BeadState<D>) {
         bead.update(|c| {
             *(self.count)(&mut c.health) += 1;
             c.health.standing = c.health.standing.with(self.bit);
@@ -171,7 +171,7 @@ impl WatchedCondition {
         bead.fault(self.cause, self.detail);
     }
 
-    fn ends<D: Device>(&self, bead: &Bead<D>) {
+    fn ends<D: Device>(&self, bead: &BeadState<D>) {
         bead.update(|c| c.health.standing = c.health.standing.without(self.bit));
         bead.fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
     }
@@ -188,13 +188,6 @@ pub struct SensorWatch {
 
 impl Default for SensorWatch {
     fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl SensorWatch {
-    /// A watch that has seen no block.
-    pub const fn new() -> Self {
         let force = SensorHealth::new(
             WatchedCondition {
                 cause: FaultCause::ForceStuck,
@@ -235,9 +228,11 @@ impl SensorWatch {
             supply_low_blocks: 0,
         }
     }
+}
 
+impl SensorWatch {
     /// Checks a block, and the supply.
-    pub(crate) fn check<D: Device>(&mut self, bead: &Bead<D>, block: &Block) {
+    pub(crate) fn check<D: Device>(&mut self, bead: &BeadState<D>, block: &ScanBlock) {
         let [mut force, mut acceleration] = [CodeBits::NONE; SENSORS];
         for words in block.codes.0.iter().step_by(STEP) {
             force = force.and_word(&words[0]);
@@ -254,7 +249,7 @@ impl SensorWatch {
     }
 
     /// Checks the supply. Called once in the time of a block.
-    pub fn check_supply<D: Device>(&mut self, bead: &Bead<D>) {
+    pub fn check_supply<D: Device>(&mut self, bead: &BeadState<D>) {
         let was_low = self.supply_low_blocks > 0;
         if bead.device.supply_is_low() {
             self.supply_low_blocks = SUPPLY_HOLD;

@@ -11,7 +11,7 @@
 use bead_store::{Cursor, Windows};
 use bead_wire::{Fetched, Inner, Kept, Packed};
 
-use crate::bead::{Bead, RING};
+use crate::bead::{BeadState, RING};
 use crate::device::{Device, MS};
 
 /// Steps of a checksum in each [`PAUSE`], 18 instructions a sample. A window of 672 scans takes 25 ms, or 40
@@ -34,7 +34,7 @@ pub(crate) enum RefetchStep {
     Gone,
 }
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Keeps a frame of a strike. The first one begins its window, with the settings in force.
     pub(crate) fn keep_frame(&self, packed: &Packed, strike: u32) {
         let boot = self.boot();

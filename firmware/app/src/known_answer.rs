@@ -14,7 +14,7 @@ pub(crate) fn results(settings: &Settings, record: &mut WindowRecord) -> [i64; R
     let mut window = Window::open(0, 0);
     record.clear();
     let mut scans = [Scan::ZERO; bead_model::layout::PIECE];
-    let mut intruder = Intruder { now: 0, before: 0 };
+    let mut intruder = MadeUpIntruder { now: 0, before: 0 };
     let mut first = 0;
     while first < settings.window.length {
         let count = scans.len().min(usize::from(settings.window.length - first));
@@ -57,12 +57,12 @@ fn noise(at: u16) -> u16 {
 }
 
 /// A damped oscillator: y'' = f - y' / 16 - y / 128, in codes and samples.
-struct Intruder {
+struct MadeUpIntruder {
     now: i32,
     before: i32,
 }
 
-impl Intruder {
+impl MadeUpIntruder {
     fn step(&mut self, force: u16) -> i16 {
         let next = 2 * self.now - self.before + 2 * i32::from(force)
             - (self.now - self.before) / 16

@@ -2,7 +2,7 @@
 //! asks for, and queues frames.
 //!
 //! # Design
-//! [`Bead`] is the state that tasks of every priority share. All of it is empty or zero at first, so that a
+//! [`BeadState`] is the state that tasks of every priority share. All of it is empty or zero at first, so that a
 //! static takes no flash. [`Estimation`] and [`Commands`] each belong to one task. They reach the hardware by
 //! the trait [`Device`] alone: the image implements it for the STM32F405, and tests for a computer.
 #![no_std]
@@ -37,11 +37,11 @@ mod shared;
 mod tests;
 mod trigger_line;
 
-pub use bead::{Bead, RING};
-pub use block::{BLOCK_US, Block, CHANNELS, Codes, SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
-pub use boot::{Boot, BootFault, BootRecord, FramesWaiting};
+pub use bead::{BeadState, RING};
+pub use block::{BLOCK_US, BlockCodes, CHANNELS, SAMPLE_RATE_HZ, SCANS_PER_BLOCK, ScanBlock};
+pub use boot::{BootFault, BootRecord, FramesWaiting, ThisBoot};
 pub use commands::Commands;
-pub use counters::Counters;
+pub use counters::BeadCounters;
 pub use device::{Device, LineTimer, MS};
 pub use estimate::Estimation;
 pub use health::SensorWatch;

@@ -2,12 +2,12 @@
 
 use bead_wire::Load;
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::block::BLOCK_US;
 use crate::counters::LoadCounter;
 use crate::device::Device;
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Does the work on a block, and counts its clocks. Their count wraps every 25 s; a block takes 2 ms.
     pub(crate) fn count_load(&self, work: impl FnOnce()) {
         let before = self.device.core_clocks();

@@ -10,14 +10,14 @@ use core::sync::atomic::Ordering;
 use bead_model::Settings;
 use embassy_futures::select::{Either, select};
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::device::{Device, MS};
 use crate::settings::Loaded;
 
 /// Longest wait until the estimators take settings: ten times the longest window.
 const PATIENCE: u64 = 100 * MS;
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Offers settings to the estimators. [`settings_taken`](Self::settings_taken) waits for them; a task that
     /// waits does not hold the settings. A bead that its old settings kept from looking for strikes begins to,
     /// and the other way round.

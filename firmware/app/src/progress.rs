@@ -1,6 +1,6 @@
 //! Finds a task that hangs, for the watchdog.
 
-use crate::counters::Counters;
+use crate::counters::BeadCounters;
 
 /// Checks in a row without new samples or without a frame that left, after which this panics: 1.25 s.
 const SILENCE: u32 = 5;
@@ -8,14 +8,14 @@ const SILENCE: u32 = 5;
 /// Progress of a bead's tasks, checked four times a second.
 pub struct Progress {
     sampling: bool,
-    before: Counters,
-    fed: Counters,
+    before: BeadCounters,
+    fed: BeadCounters,
     silent: u32,
 }
 
 impl Progress {
     /// Progress from now on. Without `sampling` there are no samples to wait for.
-    pub fn new(sampling: bool, now: Counters) -> Self {
+    pub fn new(sampling: bool, now: BeadCounters) -> Self {
         Self {
             sampling,
             before: now,
@@ -29,7 +29,7 @@ impl Progress {
     ///
     /// # Panics
     /// A task hangs; the message says which.
-    pub fn check(&mut self, now: Counters) -> bool {
+    pub fn check(&mut self, now: BeadCounters) -> bool {
         let before = core::mem::replace(&mut self.before, now);
         if self.sampling {
             // While there are no samples, acquisition counts overruns: one of the two always changes.

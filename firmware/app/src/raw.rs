@@ -11,14 +11,14 @@ use bead_model::Scan;
 use bead_model::quantity::pack;
 use bead_wire::{MAX_SCANS, Raw};
 
-use crate::bead::Bead;
-use crate::block::{BLOCK_US, Block};
+use crate::bead::BeadState;
+use crate::block::{BLOCK_US, ScanBlock};
 use crate::device::Device;
 
 /// Longest stream, in ms.
 pub(crate) const MAX_MS: u32 = 10_000;
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Begins a stream of `duration_ms`; 0 ends the stream.
     pub(crate) fn start_raw(&self, duration_ms: u32) {
         let blocks = duration_ms.div_ceil(BLOCK_US / 1000);
@@ -30,7 +30,7 @@ impl<D: Device> Bead<D> {
 
     /// Queues a block if there is a stream, and leaves `room` bytes of the outbox free. At the end of the
     /// stream, sends how many scans were dropped.
-    pub(crate) fn offer_raw(&self, block: &Block, room: usize) {
+    pub(crate) fn offer_raw(&self, block: &ScanBlock, room: usize) {
         // Nothing changes it between load and store: `start_raw` runs at a lower priority.
         let left = self.raw_blocks_left.load(Ordering::Relaxed);
         if left == 0 {

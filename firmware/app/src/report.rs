@@ -2,18 +2,18 @@
 
 use bead_wire::{Detail, Fault, FaultCause, Identity, LastFault, ResetCauses, Status};
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::block::{CHANNELS, SAMPLE_RATE_HZ};
-use crate::boot::Boot;
+use crate::boot::ThisBoot;
 use crate::device::{Device, MS};
 use crate::settings::RefusedSettings;
 
-impl<D: Device> Bead<D> {
+impl<D: Device> BeadState<D> {
     /// Sends everything at boot, with the fault that ended the boot before, why settings were `refused`, and
     /// the faults that the start has `found`.
     pub fn report_boot(
         &self,
-        boot: &Boot,
+        boot: &ThisBoot,
         refused: Option<RefusedSettings>,
         found: impl IntoIterator<Item = (FaultCause, &'static str)>,
     ) {
@@ -37,7 +37,7 @@ impl<D: Device> Bead<D> {
     }
 
     /// Sends identity, last fault, settings and status, as once a second.
-    pub fn report(&self, boot: &Boot) {
+    pub fn report(&self, boot: &ThisBoot) {
         self.send_identity(boot);
         if let Some(last) = &boot.last_fault {
             self.send(LastFault {
@@ -52,7 +52,7 @@ impl<D: Device> Bead<D> {
         self.send_status();
     }
 
-    pub(crate) fn send_identity(&self, boot: &Boot) {
+    pub(crate) fn send_identity(&self, boot: &ThisBoot) {
         self.send(Identity {
             firmware: D::FIRMWARE.into(),
             git: D::GIT.into(),

@@ -5,7 +5,7 @@ use bead_model::settings::Settings;
 use bead_store::Vault;
 use bead_wire::{Check, SelfTest, Standing};
 
-use crate::bead::Bead;
+use crate::bead::BeadState;
 use crate::device::{Device, MS};
 use crate::{built_in, known_answer, settings};
 
@@ -22,7 +22,7 @@ const BLOCKS: u32 = 8;
 /// Runs every check, sends its result, and returns how many checks failed and how many there are. `window` is
 /// room to work in.
 pub(crate) async fn run<D: Device>(
-    bead: &Bead<D>,
+    bead: &BeadState<D>,
     store: &mut Vault<D::Flash>,
     window: &mut WindowRecord,
 ) -> (usize, usize) {

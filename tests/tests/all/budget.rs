@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_tests::{Heard, block, image, paper, workspace};
+use bead_tests::{RunFrames, block, image, paper, workspace};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSymbol};
 
@@ -150,7 +150,7 @@ fn what_a_sample_costs_is_what_the_budget_says_and_within_its_targets() {
     let cost = report.instructions_per_sample;
     // Many strikes, close together, are what fills the stack.
     let stream = paper(20, 0.02, Some(1)).run().unwrap().stream;
-    let status = Heard::new(stream).status();
+    let status = RunFrames::new(stream).status();
     assert_eq!(status.strikes, 20);
     let [flash, variables, stack] = sizes(&fs::read(image()).unwrap());
 

@@ -9,7 +9,7 @@ use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::strikes::assemble;
-use bead_tests::{Heard, image, workspace};
+use bead_tests::{RunFrames, image, workspace};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 
@@ -44,7 +44,7 @@ fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Optio
 /// Errors of A and B in per cent, the strike's flags, and what the run cost.
 fn measured(emulation: &Emulation) -> ([f64; 2], StrikeFlags, EmulatorReport) {
     let run = emulation.run().unwrap_or_else(|failure| panic!("{failure}"));
-    let strikes = assemble(Heard::new(run.stream).frames, None);
+    let strikes = assemble(RunFrames::new(run.stream).frames, None);
     assert_eq!(
         strikes
             .iter()

@@ -8,7 +8,7 @@ use bead_compare::replay::replay;
 use bead_compare::sensed::Timing;
 use bead_recording::frames::Frame;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Heard, paper_at};
+use bead_tests::{RunFrames, paper_at};
 use bead_wire::Message;
 use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
 use object::{Object, ObjectSymbol};
@@ -25,7 +25,7 @@ struct Survived {
     run: Emulation,
     rows: Vec<[u16; 4]>,
     outcome: Outcome,
-    heard: Heard,
+    received: RunFrames,
     strikes: Vec<RecordedStrike>,
 }
 
@@ -40,23 +40,26 @@ impl Survived {
         let mut machine = run.machine();
         machine.pokes = pokes;
         let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        let heard = Heard::new(outcome.uart.clone());
-        let strikes = assemble(heard.frames.clone(), None);
+        let received = RunFrames::new(outcome.uart.clone());
+        let strikes = assemble(received.frames.clone(), None);
         Self {
             run,
             rows: machine.stimulus,
             outcome,
-            heard,
+            received,
             strikes,
         }
     }
 
     fn causes(&self) -> Vec<FaultCause> {
-        self.heard.faults().map(|fault| fault.cause).collect()
+        self.received.faults().map(|fault| fault.cause).collect()
     }
 
     fn details(&self) -> Vec<&str> {
-        self.heard.faults().map(|fault| fault.detail.as_str()).collect()
+        self.received
+            .faults()
+            .map(|fault| fault.detail.as_str())
+            .collect()
     }
 
     /// Number of changes of the light.
@@ -112,10 +115,10 @@ impl Survived {
 
     /// Every frame that the bead made came, or was counted by it as dropped.
     fn assert_every_frame_is_accounted_for(&self) {
-        let status = self.heard.status();
+        let status = self.received.status();
         let dropped = status.frames_dropped_queue_full + status.frames_dropped_too_long;
-        assert_eq!(self.heard.counters.lost, u64::from(dropped));
-        assert!(self.heard.counters.rejected.total() <= self.outcome.resets.len() as u64);
+        assert_eq!(self.received.counters.lost, u64::from(dropped));
+        assert!(self.received.counters.rejected.total() <= self.outcome.resets.len() as u64);
         assert_eq!(self.outcome.unknown_registers, []);
     }
 }
@@ -159,7 +162,7 @@ fn crash(kind: &str, took: f64, flags: u8, cause: FaultCause, detail: &str) {
     survived.assert_every_frame_is_accounted_for();
     assert_eq!(survived.strikes.len(), 1);
     let told: Vec<_> = survived
-        .heard
+        .received
         .faults()
         .map(|fault| (fault.cause, fault.boot))
         .collect();
@@ -169,10 +172,10 @@ fn crash(kind: &str, took: f64, flags: u8, cause: FaultCause, detail: &str) {
         "{:?}",
         survived.details()
     );
-    let boots = survived.heard.boots();
+    let boots = survived.received.boots();
     assert_eq!(boots.len(), 2, "{boots:?}");
     assert_eq!(boots[1], (1, flags));
-    assert_eq!(survived.heard.health(), sound());
+    assert_eq!(survived.received.health(), sound());
 }
 
 #[test]
@@ -182,10 +185,10 @@ fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_it
     survived.assert_every_frame_is_accounted_for();
     assert_eq!(survived.strikes.len(), 1);
     assert_eq!((survived.outcome.overruns, survived.outcome.resets.len()), (1, 0));
-    let status = survived.heard.status();
+    let status = survived.received.status();
     assert_eq!((status.overruns, status.epoch, status.strikes), (1, 1, 1));
     assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
-    assert_eq!(survived.heard.health(), sound());
+    assert_eq!(survived.received.health(), sound());
     // Put out at first; one flash at once, one at 1 s.
     assert_eq!(survived.light(), 1 + 2 * 2);
 }
@@ -204,7 +207,7 @@ fn a_strike_whose_window_an_overrun_cuts_has_no_result_and_is_counted() {
     let measured: Vec<u32> = survived.strikes.iter().map(|strike| strike.said.strike).collect();
     assert_eq!(measured, [1], "strike 0 is the one that was cut");
     let gaps = survived
-        .heard
+        .received
         .frames
         .iter()
         .filter_map(|frame| match frame.message {
@@ -212,7 +215,7 @@ fn a_strike_whose_window_an_overrun_cuts_has_no_result_and_is_counted() {
             _ => None,
         });
     assert_eq!(gaps.collect::<Vec<_>>(), [(1, true)]);
-    let (status, health) = (survived.heard.status(), survived.heard.health());
+    let (status, health) = (survived.received.status(), survived.received.health());
     assert_eq!((status.strikes, status.overruns, health.strikes_cut), (2, 1, 1));
 }
 
@@ -273,7 +276,7 @@ fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured()
     assert_eq!(survived.causes(), []);
     // The first frame after a reset.
     let opening = |frame: &&Frame| frame.header.sequence == 0;
-    let boots = survived.heard.frames.iter().filter(opening);
+    let boots = survived.received.frames.iter().filter(opening);
     let boots = boots.map(|frame| match &frame.message {
         Message::Identity(identity) => (identity.boot, identity.reset_cause.bits()),
         other => panic!("{other:?} opens a boot"),
@@ -313,7 +316,7 @@ fn a_sensor_that_is_stuck_or_railed_is_told_once_when_it_begins_and_once_when_it
         acceleration_railed: 1,
         ..sound()
     };
-    assert_eq!(survived.heard.health(), expected);
+    assert_eq!(survived.received.health(), expected);
     assert_eq!(survived.outcome.resets, []);
 }
 
@@ -334,7 +337,7 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
         [StrikeFlags::NONE, after],
         "before it was stuck, and after"
     );
-    assert_eq!(survived.heard.health().standing, Standing::ACCELERATION_STUCK);
+    assert_eq!(survived.received.health().standing, Standing::ACCELERATION_STUCK);
     // Put out at first; one flash at once, three at 1 s.
     assert_eq!(survived.light(), 1 + 2 * (1 + 3));
 }
@@ -347,10 +350,10 @@ fn a_supply_that_dips_is_told_and_one_above_the_limit_is_not() {
         supply_low: 1,
         ..sound()
     };
-    assert_eq!(survived.heard.health(), expected);
+    assert_eq!(survived.received.health(), expected);
     let survived = condition("supply", 0.03, "volts = 3.0");
     assert_eq!(survived.causes(), []);
-    assert_eq!(survived.heard.health(), sound());
+    assert_eq!(survived.received.health(), sound());
 }
 
 #[test]
@@ -360,7 +363,7 @@ fn the_supply_is_measured_whenever_acquisition_starts() {
     let survived = Survived::new(strike_at(0.112), faults);
     survived.assert_last_strike_is_measured();
     assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
-    let measured = survived.heard.health().supply_mv;
+    let measured = survived.received.health().supply_mv;
     // A code of 1680 stands for 2950.4 mV, and the next ones for 1.8 mV less or more.
     assert!(measured.abs_diff(2950) <= 2, "{measured} mV");
 }
@@ -379,13 +382,13 @@ fn a_port_that_stalls_costs_whole_strikes_that_are_counted_and_no_sample_and_a_l
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
     assert_eq!((survived.causes(), survived.outcome.resets.len()), (vec![], 0));
-    let status = survived.heard.status();
+    let status = survived.received.status();
     assert_eq!(
         (status.strikes, status.overruns, status.blocks_dropped),
         (10, 0, 0)
     );
     // A strike is there with all of its frames, or it was passed over.
-    let passed_over = survived.heard.guard().strikes_passed_over as usize;
+    let passed_over = survived.received.guard().strikes_passed_over as usize;
     assert_eq!(status.frames_dropped_queue_full, 0);
     assert!(passed_over > 0);
     assert_eq!(survived.strikes.len() + passed_over, 10);
@@ -409,9 +412,9 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         "{:?}",
         survived.details()
     );
-    assert_eq!(survived.heard.boots()[1], (1, SOFTWARE));
+    assert_eq!(survived.received.boots()[1], (1, SOFTWARE));
     // What was made at 1 s, and could not leave: identity, settings, status, health, link, guard.
-    assert_eq!(survived.heard.health().frames_lost_by_reset, 6);
+    assert_eq!(survived.received.health().frames_lost_by_reset, 6);
 }
 
 #[test]
@@ -429,7 +432,7 @@ fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so(
     survived.assert_last_strike_is_measured();
     assert_eq!(survived.outcome.resets.len(), 1);
     let reported = survived
-        .heard
+        .received
         .faults()
         .find(|fault| fault.cause == FaultCause::Panic);
     let detail = &reported.expect("the panic is reported").detail;
@@ -474,8 +477,8 @@ fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_me
     let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
     let survived = Survived {
         rows: machine.stimulus,
-        heard: Heard::new(outcome.uart.clone()),
-        strikes: assemble(Heard::new(outcome.uart.clone()).frames.clone(), None),
+        received: RunFrames::new(outcome.uart.clone()),
+        strikes: assemble(RunFrames::new(outcome.uart.clone()).frames.clone(), None),
         outcome,
         run,
     };
@@ -484,7 +487,7 @@ fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_me
     assert_eq!(survived.causes(), [FaultCause::SettingsRefused]);
     assert_eq!(survived.details(), ["wrong checksum"]);
     assert_eq!(
-        survived.heard.status().settings_source,
+        survived.received.status().settings_source,
         SettingsSource::FlashRefused
     );
 }
@@ -499,7 +502,7 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
             "[[fault]]\nat = 0.5\nkind = \"supply\"\nvolts = 3.3\n",
             pokes,
         );
-        survived.heard.status().stack_free_min
+        survived.received.status().stack_free_min
     };
     // Words that the stack does not use at that time are written, down to this one and none of them further
     // from the next than the fence is wide: as if the stack had been there.

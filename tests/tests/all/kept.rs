@@ -2,18 +2,18 @@
 
 use bead_bench::emulation::Emulation;
 use bead_bench::faults;
-use bead_tests::{Answered, Heard, Requests, paper};
+use bead_tests::{Requests, RequestsRun, RunFrames, paper};
 use bead_wire::{Fetched, Kept, Message, Outcome, Request};
 
 /// The frames of a strike as they were sent first, the settings before them.
-fn sent(heard: &Heard, boot: u8, strike: u32) -> Vec<Message> {
+fn sent(received: &RunFrames, boot: u8, strike: u32) -> Vec<Message> {
     let of_strike = |message: &Message| match message {
         Message::Waveform(waveform) => waveform.strike == strike,
         Message::Strike(said) => said.strike == strike,
         Message::Shape(shape) => shape.strike == strike,
         _ => false,
     };
-    let frames = heard.frames.iter().filter(|frame| frame.header.boot == boot);
+    let frames = received.frames.iter().filter(|frame| frame.header.boot == boot);
     let settings = frames
         .clone()
         .map(|frame| &frame.message)
@@ -23,8 +23,8 @@ fn sent(heard: &Heard, boot: u8, strike: u32) -> Vec<Message> {
 }
 
 /// The frames that came again of a strike, in the order in which they came.
-fn fetched(heard: &Heard, boot: u32, strike: u32) -> Vec<Message> {
-    let frames = heard.frames.iter().filter_map(|frame| match &frame.message {
+fn fetched(received: &RunFrames, boot: u32, strike: u32) -> Vec<Message> {
+    let frames = received.frames.iter().filter_map(|frame| match &frame.message {
         Message::Fetched(fetched) if (fetched.boot, fetched.strike) == (boot, strike) => Some(fetched),
         _ => None,
     });
@@ -41,13 +41,13 @@ fn fetched(heard: &Heard, boot: u32, strike: u32) -> Vec<Message> {
         .collect()
 }
 
-fn listed(answered: &Answered, request: u16) -> Vec<Kept> {
+fn listed(answered: &RequestsRun, request: u16) -> Vec<Kept> {
     let kept = |message: &Message| match message {
         Message::Kept(kept) => Some(*kept),
         _ => None,
     };
     answered
-        .heard
+        .received
         .answered(request)
         .into_iter()
         .filter_map(kept)
@@ -75,9 +75,9 @@ fn strikes_outlive_a_reset_by_the_watchdog() {
     assert_eq!(answered.outcome.resets.len(), 1);
     assert_eq!(listed(&answered, list).len(), 2);
     for (boot, number) in (0..).zip(numbers) {
-        assert_eq!(answered.heard.answer(number).0, Outcome::Done);
-        let again = fetched(&answered.heard, boot, 0);
-        assert_eq!(again, sent(&answered.heard, boot as u8, 0));
+        assert_eq!(answered.received.answer(number).0, Outcome::Done);
+        let again = fetched(&answered.received, boot, 0);
+        assert_eq!(again, sent(&answered.received, boot as u8, 0));
         assert_eq!(again.len(), 24);
     }
 }
@@ -92,5 +92,5 @@ fn a_power_cut_leaves_no_strike() {
     let answered = requests.run();
     assert_eq!(answered.outcome.resets.len(), 1);
     assert_eq!(listed(&answered, list), []);
-    assert_eq!(answered.heard.answer(fetch).0, Outcome::NotKept);
+    assert_eq!(answered.received.answer(fetch).0, Outcome::NotKept);
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use crate::store::{STORE_RANGE, StoreFlash};
 use bead_bench::emulation::Emulation;
 use bead_store::{BURST, Secret, Store, Vault};
-use bead_tests::{Answered, Requests, block, paper, replied};
+use bead_tests::{Requests, RequestsRun, block, paper, replied};
 use bead_wire::{Key, Message, Outcome, Request, Ticket};
 use stm32f405_qemu::{Fault, FaultKind};
 
@@ -17,8 +17,8 @@ static QUIET: LazyLock<Emulation> = LazyLock::new(|| paper(0, 0.1, Some(1)));
 
 /// The device id of the emulated bead.
 static UID: LazyLock<[u8; 12]> = LazyLock::new(|| {
-    let heard = run_for(0.05).run().heard;
-    let identity = heard.frames.iter().find_map(|frame| match &frame.message {
+    let received = run_for(0.05).run().received;
+    let identity = received.frames.iter().find_map(|frame| match &frame.message {
         Message::Identity(identity) => Some(identity.uid),
         _ => None,
     });
@@ -71,8 +71,8 @@ fn ticket(counter: u64) -> Ticket {
     }
 }
 
-fn outcome(answered: &Answered, request: u16) -> Outcome {
-    answered.heard.answer(request).0
+fn outcome(answered: &RequestsRun, request: u16) -> Outcome {
+    answered.received.answer(request).0
 }
 
 fn write(length: u16) -> Request {
@@ -140,12 +140,12 @@ fn a_flood_of_forged_requests_is_refused_and_counted_and_the_owners_is_done() {
     let answered = requests.run();
     assert_eq!(outcome(&answered, owners), Outcome::Done);
     let took = replied(&answered.outcome, owners).expect("it was answered") - 0.3;
-    let guard = answered.heard.guard();
+    let guard = answered.received.guard();
     println!("answered after {took:.3} s; {guard:?}");
     assert!(took < 0.1, "{took}");
     assert!(guard.refused_forged > 50 && guard.signed == 1);
-    assert!(!answered.heard.status().armed);
-    assert_eq!(answered.heard.status().overruns, 0);
+    assert!(!answered.received.status().armed);
+    assert_eq!(answered.received.status().overruns, 0);
 }
 
 #[test]

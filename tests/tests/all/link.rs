@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
 use bead_recording::frames::{self, Frame};
-use bead_tests::{Heard, paper};
+use bead_tests::{RunFrames, paper};
 use proptest::prelude::*;
 
 /// A run with two strikes, heard without noise.
-static CLEAN: LazyLock<Heard> = LazyLock::new(|| {
+static CLEAN: LazyLock<RunFrames> = LazyLock::new(|| {
     let run = paper(2, 0.05, Some(1)).run();
-    Heard::new(run.unwrap_or_else(|failure| panic!("{failure}")).stream)
+    RunFrames::new(run.unwrap_or_else(|failure| panic!("{failure}")).stream)
 });
 
 /// A frame's identity: nothing that depends on what was lost before it.
@@ -30,16 +30,16 @@ proptest! {
             noisy[place.index(CLEAN.stream.len())] ^= 1 << bit;
         }
         let sent: BTreeSet<_> = CLEAN.frames.iter().map(key).collect();
-        let (heard, counters) = frames::decode(&noisy);
-        for frame in &heard {
+        let (received, counters) = frames::decode(&noisy);
+        for frame in &received {
             prop_assert!(sent.contains(&key(frame)), "a frame that was never sent: {frame:?}");
         }
         // A flip in a delimiter between two frames can cost both.
-        prop_assert!(heard.len() + 2 * flips.len() >= sent.len());
+        prop_assert!(received.len() + 2 * flips.len() >= sent.len());
         // What is lost between the first and the last frame heard is counted to the frame.
-        if let (Some(first), Some(last)) = (heard.first(), heard.last()) {
+        if let (Some(first), Some(last)) = (received.first(), received.last()) {
             let span = u64::from(last.header.sequence - first.header.sequence) + 1;
-            prop_assert_eq!(counters.lost, span - heard.len() as u64);
+            prop_assert_eq!(counters.lost, span - received.len() as u64);
         }
     }
 
@@ -50,10 +50,10 @@ proptest! {
         let from = from.index(CLEAN.stream.len());
         let to = (from + length).min(CLEAN.stream.len());
         let torn = [&CLEAN.stream[..from], &CLEAN.stream[to..]].concat();
-        let (heard, counters) = frames::decode(&torn);
-        if let (Some(first), Some(last)) = (heard.first(), heard.last()) {
+        let (received, counters) = frames::decode(&torn);
+        if let (Some(first), Some(last)) = (received.first(), received.last()) {
             let span = u64::from(last.header.sequence - first.header.sequence) + 1;
-            prop_assert_eq!(counters.lost, span - heard.len() as u64);
+            prop_assert_eq!(counters.lost, span - received.len() as u64);
         }
     }
 }

@@ -13,7 +13,7 @@ use stm32f405_qemu::{Inputs, Uart};
 fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec<u64> {
     let run = paper(1, 0.1, Some(1));
     let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));
-    let mut heard = bridge
+    let mut received = bridge
         .pass(&[], Duration::from_secs(1))
         .unwrap_or_else(|failure| panic!("{failure}"));
     let mut calls = Vec::new();
@@ -22,20 +22,23 @@ fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec
         let mut buffer = [0; MAX_REQUEST];
         let request = encode_request(ANY, number, &Request::Status, &mut buffer)
             .unwrap_or_else(|error| panic!("{error}"));
-        heard.extend(
+        received.extend(
             bridge
                 .pass(request, every)
                 .unwrap_or_else(|failure| panic!("{failure}")),
         );
-        let (frames, _) = decode(&heard);
+        let (frames, _) = decode(&received);
         let done = |message: &Message| matches!(message, Message::Reply(reply) if reply.request == number && reply.outcome == Outcome::Done);
         assert!(
             frames.iter().any(|frame| done(&frame.message)),
             "request {number}"
         );
         // What is behind the last delimiter belongs to the next frame.
-        let end = heard.iter().rposition(|byte| *byte == 0).map_or(0, |end| end + 1);
-        heard.drain(..end);
+        let end = received
+            .iter()
+            .rposition(|byte| *byte == 0)
+            .map_or(0, |end| end + 1);
+        received.drain(..end);
         calls.push(bridge.work.calls);
         held.push(bridge.work.held);
         each(number, &bridge);
@@ -65,12 +68,12 @@ fn a_live_bead_samples_by_its_own_crystal() {
         let request =
             encode_request(ANY, 7, &Request::Status, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
         let second = Duration::from_secs(1);
-        let heard = [&[][..], &[], &[], &[], &[], request].map(|bytes| {
+        let received = [&[][..], &[], &[], &[], &[], request].map(|bytes| {
             bridge
                 .pass(bytes, second)
                 .unwrap_or_else(|failure| panic!("{failure}"))
         });
-        let (frames, _) = decode(&heard.concat());
+        let (frames, _) = decode(&received.concat());
         let mut replies = frames
             .iter()
             .filter(|frame| matches!(frame.message, Message::Reply(_)));

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Answered, Requests, paper};
+use bead_tests::{Requests, RequestsRun, paper};
 use bead_wire::Message;
 use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, encode_request};
 use proptest::prelude::Rng;
@@ -19,11 +19,11 @@ const SOFTWARE: u8 = 1 << 4 | 1 << 2;
 /// Two strikes with no request.
 static QUIET: LazyLock<Vec<RecordedStrike>> = LazyLock::new(|| {
     let answered = Requests::new(&paper(2, 0.1, Some(1))).run();
-    assemble(answered.heard.frames.clone(), None)
+    assemble(answered.received.frames.clone(), None)
 });
 
 /// Two strikes while the line is busy with `bytes` from 10 ms before the first to 50 ms after it.
-fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Answered {
+fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> RequestsRun {
     let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     let mut random = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let (from, to) = (0.02, 0.1);
@@ -39,22 +39,22 @@ fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Answered {
 }
 
 /// Nothing that the host sent made a difference to the strikes, or to any frame of the bead's own.
-fn assert_undisturbed(answered: &Answered) {
-    let strikes = assemble(answered.heard.frames.clone(), None);
+fn assert_undisturbed(answered: &RequestsRun) {
+    let strikes = assemble(answered.received.frames.clone(), None);
     assert_eq!(strikes.len(), 2);
     for (strike, quiet) in strikes.iter().zip(QUIET.iter()) {
         assert_eq!(strike.said, quiet.said, "A and B in every bit");
         assert_eq!((&strike.scans, &strike.chunks), (&quiet.scans, &quiet.chunks));
         assert_eq!(strike.shape, quiet.shape);
     }
-    let status = answered.heard.status();
+    let status = answered.received.status();
     assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
     assert_eq!(
-        (status.frames_dropped_queue_full, answered.heard.counters.lost),
+        (status.frames_dropped_queue_full, answered.received.counters.lost),
         (0, 0)
     );
     assert_eq!((answered.outcome.overruns, answered.outcome.resets.len()), (0, 0));
-    assert_eq!(answered.heard.faults().count(), 0);
+    assert_eq!(answered.received.faults().count(), 0);
     assert_eq!(answered.outcome.unknown_registers, []);
 }
 
@@ -93,11 +93,11 @@ fn a_flood_at_full_rate_changes_no_bit_and_a_request_behind_it_is_done() {
     for (n, (bytes, range, overruns)) in floods.into_iter().enumerate() {
         let answered = flooded(bytes);
         assert_undisturbed(&answered);
-        let link = answered.heard.link();
+        let link = answered.received.link();
         println!("{link:?}");
         assert!(range.contains(&rejected(&link)), "flood {n}: {link:?}");
         assert_eq!((link.overruns > 0, link.line_errors), (overruns, 0), "flood {n}");
-        assert_eq!(answered.heard.answer(0).0, Outcome::Done, "flood {n}");
+        assert_eq!(answered.received.answer(0).0, Outcome::Done, "flood {n}");
         if !overruns {
             // Every byte came in.
             let request = encode_request(ANY, 0, &Request::Identity, &mut [0; MAX_REQUEST]).map(<[u8]>::len);
@@ -121,14 +121,14 @@ fn no_byte_is_lost_to_a_core_that_looks_before_the_dma_has_fetched_it() {
         requests.request(0.02 + 0.00137 * f64::from(n), &Request::Arm);
     }
     let answered = requests.run();
-    let link = answered.heard.link();
+    let link = answered.received.link();
     assert_eq!((link.requests, link.overruns, link.line_errors), (all, 0, 0));
     assert_eq!(
         (link.rejected_crc, link.rejected_cobs, link.rejected_too_short),
         (0, 0, 0)
     );
     for n in 0..all {
-        assert_eq!(answered.heard.answer(n as u16).0, Outcome::Done, "request {n}");
+        assert_eq!(answered.received.answer(n as u16).0, Outcome::Done, "request {n}");
     }
 }
 
@@ -141,7 +141,7 @@ fn a_line_that_falls_idle_after_every_byte_changes_no_bit() {
     }
     let answered = requests.run();
     assert_undisturbed(&answered);
-    assert_eq!(answered.heard.link().bytes, 7000);
+    assert_eq!(answered.received.link().bytes, 7000);
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn each_request_is_answered_with_what_it_asks_for() {
     let answered = requests.run();
     // What the bead says by itself comes at boot and each second.
     let answers: Vec<Vec<&Message>> = (0..sent.len() as u16)
-        .map(|number| answered.heard.answered(number))
+        .map(|number| answered.received.answered(number))
         .collect();
     let [Message::Identity(identity)] = answers[0][..] else {
         panic!("{:?}", answers[0]);
@@ -200,11 +200,11 @@ fn each_request_is_answered_with_what_it_asks_for() {
     ];
     assert_eq!(checks, all.map(|check| (check, true)));
     assert_eq!(
-        answered.heard.answer(3),
+        answered.received.answer(3),
         (Outcome::Done, "8 of 8 checks passed".to_owned())
     );
     assert_eq!(
-        (answered.outcome.overruns, answered.heard.faults().count()),
+        (answered.outcome.overruns, answered.received.faults().count()),
         (0, 0)
     );
 }
@@ -218,8 +218,8 @@ fn a_bead_says_what_a_block_costs_since_it_was_last_asked() {
     }
     let answered = requests.run();
     let loads = [0, 1, 2].map(|number| {
-        let [.., Message::Load(load)] = answered.heard.answered(number)[..] else {
-            panic!("{:?}", answered.heard.answered(number));
+        let [.., Message::Load(load)] = answered.received.answered(number)[..] else {
+            panic!("{:?}", answered.received.answered(number));
         };
         *load
     });
@@ -249,7 +249,7 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
     let mut raw = 0;
     let mut next = None;
     let mut gaps = 0;
-    for frame in &answered.heard.frames {
+    for frame in &answered.received.frames {
         let Message::Raw(piece) = &frame.message else {
             continue;
         };
@@ -262,7 +262,7 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
         next = Some(piece.first_index + piece.codes.len() as u64);
         raw += piece.codes.len() as u64;
     }
-    let link = answered.heard.link();
+    let link = answered.received.link();
     assert_eq!(
         (link.raw_sent, link.raw_sent + link.raw_dropped),
         (raw, 3 * RATE / 10)
@@ -271,7 +271,7 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
     // 124 bytes take 32 scans over a line of 200 bytes a millisecond.
     assert!((45..55).contains(&(100 * raw / (3 * RATE / 10))), "{raw}");
     assert_undisturbed(&answered);
-    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
+    assert_eq!(answered.received.answer(0).0, Outcome::Done);
 }
 
 #[test]
@@ -279,20 +279,20 @@ fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
     let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     requests.request(0.07, &Request::Reboot);
     let answered = requests.run();
-    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
+    assert_eq!(answered.received.answer(0).0, Outcome::Done);
     assert_eq!(answered.outcome.resets.len(), 1);
-    let boots = answered.heard.boots();
+    let boots = answered.received.boots();
     assert_eq!((boots.len(), boots[1]), (2, (1, SOFTWARE)));
     assert_eq!(
         (
-            answered.heard.counters.lost,
-            answered.heard.counters.rejected.total()
+            answered.received.counters.lost,
+            answered.received.counters.rejected.total()
         ),
         (0, 0)
     );
-    assert_eq!(answered.heard.faults().count(), 0);
-    assert_eq!(answered.heard.health().frames_lost_by_reset, 0);
-    assert_eq!(assemble(answered.heard.frames.clone(), None).len(), 2);
+    assert_eq!(answered.received.faults().count(), 0);
+    assert_eq!(answered.received.health().frames_lost_by_reset, 0);
+    assert_eq!(assemble(answered.received.frames.clone(), None).len(), 2);
 }
 
 #[test]
@@ -305,21 +305,21 @@ fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
     let last = requests.request(0.2, &Request::Arm);
     let answered = requests.run();
     assert_undisturbed(&answered);
-    let replies: Vec<_> = (0..=last).map(|n| answered.heard.replies(n).count()).collect();
-    let heard: usize = replies.iter().sum();
-    let link = answered.heard.link();
+    let replies: Vec<_> = (0..=last).map(|n| answered.received.replies(n).count()).collect();
+    let received: usize = replies.iter().sum();
+    let link = answered.received.link();
     println!(
-        "{heard} of {} requests, {} overruns",
+        "{received} of {} requests, {} overruns",
         replies.len(),
         link.overruns
     );
     assert!(replies.iter().all(|count| *count <= 1));
-    assert_eq!(link.requests as usize, heard);
+    assert_eq!(link.requests as usize, received);
     // One that the ring held when it ran over may be cut.
     assert!(rejected(&link) <= link.overruns, "{link:?}");
-    assert!(link.overruns > 0 && heard > 100);
+    assert!(link.overruns > 0 && received > 100);
     assert_eq!(
-        answered.heard.answer(last).0,
+        answered.received.answer(last).0,
         Outcome::Done,
         "when the line is quiet again"
     );

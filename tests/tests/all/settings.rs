@@ -9,7 +9,7 @@ use bead_compare::replay::replay;
 use bead_recording::frames::Frame;
 use bead_recording::strikes::assemble;
 use bead_store::Store;
-use bead_tests::{Answered, Requests, block, paper, write};
+use bead_tests::{Requests, RequestsRun, block, paper, write};
 use bead_wire::{Message, Outcome, Request, SettingsSource, StrikeFlags};
 use stm32f405_qemu::{Fault, FaultKind};
 
@@ -41,7 +41,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
 }
 
 /// Returns the settings in the store at the end of a run, as the next start would find them.
-fn stored(answered: &Answered) -> Option<Vec<u8>> {
+fn stored(answered: &RequestsRun) -> Option<Vec<u8>> {
     let (address, bytes) = &answered.outcome.flash;
     assert_eq!(*address, STORE_ADDRESS);
     let (mut store, opened) = Store::open(StoreFlash::holding(bytes.clone()), STORE_RANGE);
@@ -59,9 +59,9 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     requests.request(0.3, &Request::EraseSettings);
     requests.request(0.31, &Request::Status);
     let answered = requests.run();
-    let heard = &answered.heard;
-    assert_eq!(heard.answer(0), (Outcome::Done, String::new()));
-    let strikes = assemble(heard.frames.clone(), None);
+    let received = &answered.received;
+    assert_eq!(received.answer(0), (Outcome::Done, String::new()));
+    let strikes = assemble(received.frames.clone(), None);
     let samples: Vec<_> = strikes.iter().map(|strike| strike.said.samples).collect();
     assert_eq!(
         samples,
@@ -72,8 +72,11 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
         assert_eq!(replay(strike).first_difference, None);
         assert_eq!(strike.said.flags, StrikeFlags::NONE);
     }
-    assert_eq!(told(&heard.frames), [&answered.block[..], &new, &answered.block]);
-    let sources: Vec<_> = heard
+    assert_eq!(
+        told(&received.frames),
+        [&answered.block[..], &new, &answered.block]
+    );
+    let sources: Vec<_> = received
         .frames
         .iter()
         .filter_map(|frame| match &frame.message {
@@ -84,13 +87,13 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     assert_eq!(sources[0], (0, SettingsSource::Flash));
     assert_eq!(sources[1], (1, SettingsSource::Stored), "at boot");
     assert_eq!(
-        heard.answer(2),
+        received.answer(2),
         (Outcome::Done, "put into flash by a probe".to_owned())
     );
     assert_eq!(sources[2], (1, SettingsSource::Flash));
-    assert_eq!(heard.faults().count(), 0);
-    assert_eq!((answered.outcome.overruns, heard.counters.lost), (0, 0));
-    assert_eq!(heard.status().epoch, 0, "acquisition never paused");
+    assert_eq!(received.faults().count(), 0);
+    assert_eq!((answered.outcome.overruns, received.counters.lost), (0, 0));
+    assert_eq!(received.status().epoch, 0, "acquisition never paused");
     assert_eq!(answered.outcome.unmodelled, [""; 0]);
     assert_eq!(stored(&answered), None);
 }
@@ -98,7 +101,7 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
 #[test]
 fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_next() {
     let run = paper(2, 0.1, Some(1));
-    let quiet = assemble(Requests::new(&run).run().heard.frames, None);
+    let quiet = assemble(Requests::new(&run).run().received.frames, None);
     let mut requests = Requests::new(&run);
     let during = requests.first_scan() + quiet[0].said.trigger_index as f64 / 100e3 + 0.0005;
     let new = windows_of(300);
@@ -117,7 +120,7 @@ fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_nex
         (first.at_ns as f64 - trigger) * 1e-6,
         (last.at_ns as f64 - trigger) * 1e-6
     );
-    let strikes = assemble(answered.heard.frames.clone(), None);
+    let strikes = assemble(answered.received.frames.clone(), None);
     assert_eq!(strikes[0].said, quiet[0].said);
     assert_eq!(
         (&strikes[0].scans, &strikes[0].chunks),
@@ -125,14 +128,14 @@ fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_nex
     );
     assert_eq!(strikes[1].said.samples, 300);
     assert_eq!(replay(&strikes[1]).first_difference, None);
-    let status = answered.heard.status();
+    let status = answered.received.status();
     assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
-    assert_eq!(answered.heard.counters.lost, 0);
+    assert_eq!(answered.received.counters.lost, 0);
 }
 
 /// The settings in force when a run of the image ended.
-fn in_force(answered: &Answered) -> Vec<u8> {
-    told(&answered.heard.frames)
+fn in_force(answered: &RequestsRun) -> Vec<u8> {
+    told(&answered.received.frames)
         .last()
         .expect("the bead tells its settings")
         .to_vec()
@@ -171,9 +174,9 @@ fn a_power_cut_in_a_write_leaves_the_old_settings_or_the_new_ones() {
             "operation {operation} cut at {percent} %"
         );
         // Not acknowledged unless it holds.
-        assert!(holds == new || cut.heard.replies(0).count() == 0);
-        assert_eq!(cut.heard.status().settings_source, SettingsSource::Stored);
-        assert_eq!(cut.heard.faults().count(), 0);
+        assert!(holds == new || cut.received.replies(0).count() == 0);
+        assert_eq!(cut.received.status().settings_source, SettingsSource::Stored);
+        assert_eq!(cut.received.faults().count(), 0);
         assert_eq!(stored(&cut), Some(holds.clone()));
         kept[usize::from(holds == new)] += 1;
     }

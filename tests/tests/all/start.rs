@@ -4,7 +4,7 @@ use std::fs;
 use std::time::Duration;
 
 use bead_recording::strikes::assemble;
-use bead_tests::{Answered, Requests, image, paper};
+use bead_tests::{Requests, RequestsRun, image, paper};
 use bead_wire::{FaultCause, Outcome, Request, Standing};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Fault, FaultKind, Poke, ResetCause};
@@ -23,13 +23,13 @@ fn quiet() -> Requests {
 }
 
 /// When flash was changed, in ns since power-up.
-fn changes_of_flash(answered: &Answered) -> Vec<u64> {
+fn changes_of_flash(answered: &RequestsRun) -> Vec<u64> {
     let operations = answered.outcome.flash_operations.iter();
     operations.map(|operation| operation.at_ns).collect()
 }
 
-fn causes(answered: &Answered) -> Vec<FaultCause> {
-    answered.heard.faults().map(|fault| fault.cause).collect()
+fn causes(answered: &RequestsRun) -> Vec<FaultCause> {
+    answered.received.faults().map(|fault| fault.cause).collect()
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn caches_and_prefetch_of_the_flash_are_on_while_samples_are_taken() {
     let answered = quiet().run();
     // The emulator notes each that is off at this clock.
     assert_eq!(answered.outcome.unmodelled, [""; 0]);
-    assert!(answered.heard.status().samples > 0);
+    assert!(answered.received.status().samples > 0);
 }
 
 #[test]
@@ -47,9 +47,9 @@ fn the_sample_index_is_the_same_whether_or_not_software_can_start_a_scan() {
         let mut machine = run.machine();
         machine.software_scan_under_trigger = taken;
         let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        let heard = bead_tests::Heard::new(outcome.uart);
-        let strikes = assemble(heard.frames.clone(), None);
-        assert_eq!((strikes.len(), heard.faults().count()), (1, 0));
+        let received = bead_tests::RunFrames::new(outcome.uart);
+        let strikes = assemble(received.frames.clone(), None);
+        assert_eq!((strikes.len(), received.faults().count()), (1, 0));
         for (i, codes) in strikes[0].scans.iter().enumerate() {
             // Row i is what trigger i + 1 finds.
             let [force, _, acceleration, _] = machine.stimulus[strikes[0].said.first_index as usize + i - 1];
@@ -68,8 +68,8 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     let mut machine = paper(3, 0.1, Some(1)).machine();
     machine.faults.push(fault);
     let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let heard = bead_tests::Heard::new(outcome.uart);
-    let faults = heard
+    let received = bead_tests::RunFrames::new(outcome.uart);
+    let faults = received
         .faults()
         .map(|fault| (fault.cause, fault.detail.as_str().to_owned()));
     let offset = |strike: &bead_recording::strikes::RecordedStrike| {
@@ -86,7 +86,7 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
             .find(same)
             .expect("the scans of a strike are rows of the stimulus")
     };
-    let strikes = assemble(heard.frames.clone(), None);
+    let strikes = assemble(received.frames.clone(), None);
     (faults.collect(), strikes.iter().map(offset).collect())
 }
 
@@ -151,7 +151,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     assert!(!erased.is_empty(), "the start erases");
     assert!(erased[0] > RISEN + GOOD, "after {} ms", erased[0] / MS);
     assert_eq!(causes(&answered), [FaultCause::SettingsRefused]);
-    assert!(answered.heard.status().samples > 0);
+    assert!(answered.received.status().samples > 0);
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
         "{operations:?}"
     );
     let refused: Vec<_> = answered
-        .heard
+        .received
         .faults()
         .map(|fault| fault.detail.as_str())
         .collect();
@@ -181,7 +181,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
     // Two of the turns of the time driver's timer would be counted at most. The clock begins after the supply
     // has been good, and what sends the first status lags by a block.
     let first = answered.outcome.sampling.expect("it samples").first_ns;
-    let status = answered.heard.status();
+    let status = answered.received.status();
     let missed = first / MS + status.samples / 100 - status.uptime_ms;
     println!("the clock has missed {missed} ms");
     assert!((2015..2025).contains(&missed), "{missed} ms");
@@ -204,14 +204,14 @@ fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
     assert_eq!(answered.outcome.flash_operations, []);
     assert_eq!(answered.outcome.flash.1, content);
     for request in [0, 1] {
-        let (outcome, detail) = answered.heard.answer(request);
+        let (outcome, detail) = answered.received.answer(request);
         assert_eq!(outcome, Outcome::FlashFailed);
         assert!(detail.contains("supply is below 2.93 V"), "{detail}");
     }
     assert!(causes(&answered).contains(&FaultCause::SupplyLow));
-    assert_eq!(answered.heard.health().standing, Standing::SUPPLY_LOW);
+    assert_eq!(answered.received.health().standing, Standing::SUPPLY_LOW);
     assert!(
-        answered.heard.status().uptime_ms < 5000,
+        answered.received.status().uptime_ms < 5000,
         "the wait is before the clock starts"
     );
 }
@@ -234,10 +234,10 @@ fn a_crystal_that_never_starts_leaves_a_bead_that_answers_and_takes_no_samples()
         (None, 0)
     );
     assert_eq!(causes(&answered), [FaultCause::CrystalFailed]);
-    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
-    assert_eq!(answered.heard.answer(1).0, Outcome::Done);
-    assert_eq!(answered.heard.health().standing, Standing::CRYSTAL_FAILED);
-    let status = answered.heard.status();
+    assert_eq!(answered.received.answer(0).0, Outcome::Done);
+    assert_eq!(answered.received.answer(1).0, Outcome::Done);
+    assert_eq!(answered.received.health().standing, Standing::CRYSTAL_FAILED);
+    let status = answered.received.status();
     assert_eq!((status.samples, status.armed), (0, false));
     // It tells once a second, and the watchdog lets it.
     assert!(status.uptime_ms >= 3000, "{} ms", status.uptime_ms);
@@ -252,7 +252,7 @@ fn a_crystal_that_stops_ends_the_boot_with_a_record_and_the_next_one_answers() {
     let resets: Vec<_> = answered.outcome.resets.iter().map(|reset| reset.cause).collect();
     assert_eq!(resets, [ResetCause::Software]);
     let faults: Vec<_> = answered
-        .heard
+        .received
         .faults()
         .map(|fault| (fault.cause, fault.boot))
         .collect();

@@ -3,7 +3,7 @@
 use bead_bench::emulation::Ran;
 use bead_compare::replay::replay;
 use bead_recording::strikes::assemble;
-use bead_tests::{Heard, LEAD_IN, paper};
+use bead_tests::{LEAD_IN, RunFrames, paper};
 use bead_wire::StrikeFlags;
 
 const RATE: f64 = 100e3;
@@ -28,8 +28,8 @@ fn the_same_run_gives_the_same_bytes_twice() {
 fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
     let run = paper(2, 0.05, Some(1));
     let Ran { stream, report, .. } = run.run().unwrap();
-    let heard = Heard::new(stream);
-    let strikes = assemble(heard.frames.clone(), None);
+    let received = RunFrames::new(stream);
+    let strikes = assemble(received.frames.clone(), None);
     assert_eq!(strikes.len(), 2);
     for (strike, start) in strikes.iter().zip(&run.truth.starts) {
         assert_eq!(replay(strike).first_difference, None);
@@ -49,9 +49,12 @@ fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
         assert!(a.abs() < 2e-3, "A off by {a}");
         assert!(b.abs() < 5e-3, "B off by {b}");
     }
-    assert!(heard.counters.from_start());
-    assert_eq!((heard.counters.lost, heard.counters.rejected.total()), (0, 0));
-    let status = heard.status();
+    assert!(received.counters.from_start());
+    assert_eq!(
+        (received.counters.lost, received.counters.rejected.total()),
+        (0, 0)
+    );
+    let status = received.status();
     assert_eq!(
         (status.strikes, status.overruns, status.blocks_dropped),
         (2, 0, 0)
@@ -63,9 +66,9 @@ fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
 #[test]
 fn a_quiet_chain_gives_no_report_and_a_running_sample_count() {
     let Ran { stream, report, .. } = paper(0, 0.1, Some(1)).run().unwrap();
-    let heard = Heard::new(stream);
-    assert!(assemble(heard.frames.clone(), None).is_empty());
-    let status = heard.status();
+    let received = RunFrames::new(stream);
+    assert!(assemble(received.frames.clone(), None).is_empty());
+    let status = received.status();
     assert_eq!((status.strikes, status.armed), (0, true));
     assert!(status.samples as f64 > LEAD_IN * RATE && status.samples <= report.scans + 1);
 }

@@ -9,7 +9,7 @@ use bead_recording::clock::compare;
 use bead_recording::file::{About, Writer};
 use bead_recording::strikes::assemble;
 use bead_tables::whole::Target;
-use bead_tests::{Heard, image, paper_at};
+use bead_tests::{RunFrames, image, paper_at};
 use bead_wire::Message;
 use bead_wire::Sync;
 use hertz_chain::{Scenario, Solution};
@@ -19,8 +19,8 @@ const CLOCKS: f64 = 84e6;
 /// Clocks in a sample period.
 const PERIOD: u64 = 840;
 
-fn edges(heard: &Heard) -> Vec<Sync> {
-    let edges = heard.frames.iter().filter_map(|frame| match frame.message {
+fn edges(received: &RunFrames) -> Vec<Sync> {
+    let edges = received.frames.iter().filter_map(|frame| match frame.message {
         Message::Sync(sync) => Some(sync),
         _ => None,
     });
@@ -46,8 +46,8 @@ fn quiet(seconds: f64, at: &[f64]) -> Emulation {
     run
 }
 
-fn heard(run: &Emulation) -> Heard {
-    Heard::new(run.run().unwrap_or_else(|failure| panic!("{failure}")).stream)
+fn received(run: &Emulation) -> RunFrames {
+    RunFrames::new(run.run().unwrap_or_else(|failure| panic!("{failure}")).stream)
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn an_edge_is_told_to_the_clock_of_the_sample_timer() {
         0.600_010_005,
         0.987_654_325,
     ];
-    let edges = edges(&heard(&quiet(0.1, &at)));
+    let edges = edges(&received(&quiet(0.1, &at)));
     assert_eq!(edges.len(), at.len());
     let (mut least, mut most) = (f64::MAX, f64::MIN);
     for ((edge, at), number) in edges.iter().zip(at).zip(0..) {
@@ -83,7 +83,7 @@ fn an_edge_is_told_to_the_clock_of_the_sample_timer() {
 #[test]
 fn edges_too_close_are_counted_and_a_later_one_is_told() {
     // Three within 10 ms of one another, and one after.
-    let edges = edges(&heard(&quiet(0.1, &[0.1, 0.102, 0.104, 0.3])));
+    let edges = edges(&received(&quiet(0.1, &[0.1, 0.102, 0.104, 0.3])));
     let told: Vec<_> = edges
         .iter()
         .map(|edge| (edge.edge, edge.index, edge.missed))
@@ -114,7 +114,7 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
         report: busy,
         ..
     } = run.run().unwrap();
-    let (quiet, noisy) = (Heard::new(quiet), Heard::new(noisy));
+    let (quiet, noisy) = (RunFrames::new(quiet), RunFrames::new(noisy));
     let edges = edges(&noisy);
     assert!((90..=101).contains(&edges.len()), "{}", edges.len());
     assert!(edges.last().unwrap().missed as usize >= edges.len() - 2);
@@ -125,8 +125,8 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
         assert!(nearest < 1.1 / CLOCKS, "{at} s: {nearest}");
     }
     // The strike is measured the same in every bit, and nothing was lost.
-    let strikes = |heard: &Heard| {
-        assemble(heard.frames.clone(), None)
+    let strikes = |received: &RunFrames| {
+        assemble(received.frames.clone(), None)
             .iter()
             .map(|s| s.said)
             .collect::<Vec<_>>()
@@ -148,7 +148,7 @@ fn the_count_goes_on_where_32_bits_of_it_end() {
     let run = quiet(50.5, &at);
     let mut machine = run.machine();
     machine.count_instructions = false;
-    let edges = edges(&Heard::new(machine.execute().unwrap().uart));
+    let edges = edges(&RunFrames::new(machine.execute().unwrap().uart));
     let expected: Vec<u64> = at
         .iter()
         .map(|at| (at * CLOCKS).round() as u64 + PERIOD)

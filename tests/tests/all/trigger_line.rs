@@ -8,7 +8,7 @@ use bead_compare::replay::replay;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_model::design::Description;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Heard, block, image, paper, workspace};
+use bead_tests::{RunFrames, block, image, paper, workspace};
 use bead_wire::{FaultCause, StrikeFlags};
 use hertz_chain::{Scenario, Solution};
 
@@ -37,7 +37,7 @@ fn change(emulation: &mut Emulation, change: impl FnOnce(&mut Description)) {
 }
 
 fn strikes(ran: &Ran) -> Vec<RecordedStrike> {
-    assemble(Heard::new(ran.stream.clone()).frames, None)
+    assemble(RunFrames::new(ran.stream.clone()).frames, None)
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn falls(run: &Emulation, quiet: usize, apart: usize) -> Vec<u64> {
     machine.record_pins = true;
     machine.count_instructions = false;
     let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let strikes = assemble(Heard::new(outcome.uart).frames, None);
+    let strikes = assemble(RunFrames::new(outcome.uart).frames, None);
     let triggers: Vec<_> = strikes.iter().map(|strike| strike.said.trigger_index).collect();
     assert!(matches!(triggers[..], [first, second] if second == first + apart as u64));
     // The first scan has the index 1.
@@ -173,8 +173,8 @@ fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_c
         .map(|at| [at, at + 20e-6]);
     run.truth.line_low = touch.chain([[0.2, 0.9]]).collect();
     let ran = run.run().unwrap_or_else(|error| panic!("{error}"));
-    let heard = Heard::new(ran.stream.clone());
-    let faults: Vec<_> = heard.faults().map(|fault| fault.cause).collect();
+    let received = RunFrames::new(ran.stream.clone());
+    let faults: Vec<_> = received.faults().map(|fault| fault.cause).collect();
     assert_eq!(faults, [FaultCause::TriggerLineLow]);
     let said = |ran: &Ran| strikes(ran).iter().map(|strike| strike.said).collect::<Vec<_>>();
     // The fall itself is an edge like any other: what there is at 0.2 s is kept, and then never again.

@@ -4,7 +4,7 @@
 use bead_model::Settings;
 use bead_recording::strikes::assemble;
 use bead_testing::any_settings;
-use bead_tests::{Answered, Requests, SUPPLY_WAIT, block, paper, replied, write};
+use bead_tests::{Requests, RequestsRun, SUPPLY_WAIT, block, paper, replied, write};
 use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -40,16 +40,16 @@ fn faults_of(faults: &[(f64, &str)]) -> Vec<stm32f405_qemu::Fault> {
     run.machine().faults
 }
 
-fn answered_within(answered: &Answered, request: u16, asked: f64, seconds: f64) -> f64 {
+fn answered_within(answered: &RequestsRun, request: u16, asked: f64, seconds: f64) -> f64 {
     let replied = replied(&answered.outcome, request)
-        .unwrap_or_else(|| panic!("request {request} has no reply: {:?}", answered.heard.guard()));
+        .unwrap_or_else(|| panic!("request {request} has no reply: {:?}", answered.received.guard()));
     let took = replied - asked;
     assert!(took < seconds, "request {request} was answered after {took} s");
     took
 }
 
-fn outcome(answered: &Answered, request: u16) -> Outcome {
-    answered.heard.answer(request).0
+fn outcome(answered: &RequestsRun, request: u16) -> Outcome {
+    answered.received.answer(request).0
 }
 
 /// The settings with which noise triggers without end: each sample is compared with the one before it.
@@ -87,7 +87,7 @@ fn settings_in_which_noise_triggers_without_end_leave_a_bead_that_answers_and_ta
         .iter()
         .map(|&(at, request)| answered_within(&answered, request, at, 0.2))
         .collect();
-    let said = answered.heard.answered(1);
+    let said = answered.received.answered(1);
     let [Message::Status(status), _, _, Message::Guard(guard), ..] = said[said.len() - 5..] else {
         panic!("{said:?}");
     };
@@ -100,7 +100,7 @@ fn settings_in_which_noise_triggers_without_end_leave_a_bead_that_answers_and_ta
     }
     assert!(status.strikes > 20, "noise does trigger: {status:?}");
     assert!(guard.strikes_passed_over > 0, "more than the line carries");
-    assert_eq!(answered.heard.status().overruns, 0);
+    assert_eq!(answered.received.status().overruns, 0);
     // The identity of each second finds room too.
     assert_eq!(answered.outcome.resets.len(), 1);
 }
@@ -112,12 +112,12 @@ fn a_chain_struck_every_12_ms_leaves_a_bead_that_answers_and_measures_whole_stri
     requests.request(0.9, &Request::Status);
     let answered = requests.run();
     let took = answered_within(&answered, disarm, 0.6, 0.2);
-    let (status, guard) = (answered.heard.status(), answered.heard.guard());
+    let (status, guard) = (answered.received.status(), answered.received.guard());
     println!(
         "answered after {took:.3} s; {} strikes, {guard:?}",
         status.strikes
     );
-    let strikes = assemble(answered.heard.frames.clone(), None);
+    let strikes = assemble(answered.received.frames.clone(), None);
     assert!(strikes.len() > 30, "{}", strikes.len());
     assert!(
         strikes
@@ -155,9 +155,9 @@ fn after_any_valid_settings_a_bead_is_disarmed_within_a_second() {
             assert_eq!(outcome(&answered, written), Outcome::Done, "{settings:?}");
             assert_eq!(outcome(&answered, disarm), Outcome::Done, "{settings:?}");
         }
-        triggers += answered.heard.status().strikes;
+        triggers += answered.received.status().strikes;
         assert_eq!(answered.outcome.resets, []);
-        assert_eq!(answered.heard.status().overruns, 0);
+        assert_eq!(answered.received.status().overruns, 0);
     }
     println!("slowest reply {worst:.3} s; {triggers} strikes triggered");
     assert!(triggers > 100);
@@ -174,7 +174,7 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     requests.request(3.3, &Request::Status);
     let answered = requests.run();
     assert_eq!(answered.outcome.resets.len(), faults.len() + 1);
-    let source = |request| match answered.heard.answered(request)[..] {
+    let source = |request| match answered.received.answered(request)[..] {
         [Message::Status(status), ..] => (status.settings_source, status.armed),
         _ => panic!("no status"),
     };
@@ -182,7 +182,7 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     // It looks for no strikes unasked.
     assert_eq!(source(rescued), (SettingsSource::Rescue, false));
     let refused = answered
-        .heard
+        .received
         .faults()
         .filter(|fault| fault.cause == FaultCause::SettingsRefused);
     let refused: Vec<_> = refused.map(|fault| fault.detail.as_str()).collect();
@@ -191,7 +191,7 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
         "{refused:?}"
     );
     assert_eq!(outcome(&answered, reboot), Outcome::Done);
-    let status = answered.heard.status();
+    let status = answered.received.status();
     assert_eq!(
         (status.settings_source, status.armed),
         (SettingsSource::Flash, true)
@@ -208,7 +208,7 @@ fn a_fault_whose_frame_never_left_is_told_with_each_identity_and_counted() {
     let answered = requests.run();
     println!("first scan after {first} s; {:?}", answered.outcome.resets);
     let told: Vec<_> = answered
-        .heard
+        .received
         .frames
         .iter()
         .filter_map(|frame| match &frame.message {

@@ -11,7 +11,7 @@ use bead_bench::emulation::Emulation;
 use bead_compare::replay::replay;
 use bead_compare::sensed::Timing;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Heard, paper_at};
+use bead_tests::{RunFrames, paper_at};
 use bead_wire::{FaultCause, StrikeFlags};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke};
@@ -49,8 +49,8 @@ fn written(
     today: u32,
     at_ns: u64,
     value: u32,
-    shows: impl Fn(&Heard) -> bool,
-) -> (Emulation, Outcome, Heard) {
+    shows: impl Fn(&RunFrames) -> bool,
+) -> (Emulation, Outcome, RunFrames) {
     let (address, size) = variable(parts);
     let words = (0..size / 4).map(|word| 4 * word);
     for offset in std::iter::once(today).chain(words.filter(|offset| *offset != today)) {
@@ -62,10 +62,10 @@ fn written(
             bytes: value.to_le_bytes().to_vec(),
         }];
         let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        let heard = Heard::new(outcome.uart.clone());
-        if outcome.resets.is_empty() && shows(&heard) {
+        let received = RunFrames::new(outcome.uart.clone());
+        if outcome.resets.is_empty() && shows(&received) {
             println!("{parts:?}: the word at {offset}");
-            return (emulation, outcome, heard);
+            return (emulation, outcome, received);
         }
     }
     panic!("no word of {parts:?} is the number");
@@ -85,42 +85,53 @@ fn assert_measured(emulation: &Emulation, strikes: &[RecordedStrike]) {
 #[test]
 fn the_time_passes_2_to_the_32_ticks_and_nothing_is_missed() {
     // The driver counts times of 2^15 ticks of 10 µs: 0.33 s before 2^32 ticks.
-    let (emulation, outcome, heard) = written(
+    let (emulation, outcome, received) = written(
         &["time_driver", "DRIVER"],
         16,
         STARTING_NS,
         (1 << 17) - 1,
-        |heard| heard.status().uptime_ms > 40_000_000,
+        |received| received.status().uptime_ms > 40_000_000,
     );
-    assert!(heard.status().uptime_ms > (1 << 32) / 100, "{:?}", heard.status());
-    assert_eq!(heard.faults().count(), 0);
+    assert!(
+        received.status().uptime_ms > (1 << 32) / 100,
+        "{:?}",
+        received.status()
+    );
+    assert_eq!(received.faults().count(), 0);
     assert_eq!(
-        (heard.status().overruns, heard.counters.lost, outcome.overruns),
+        (
+            received.status().overruns,
+            received.counters.lost,
+            outcome.overruns
+        ),
         (0, 0, 0)
     );
     // A status at boot and each second.
-    let told = heard
+    let told = received
         .frames
         .iter()
         .filter(|frame| matches!(frame.message, bead_wire::Message::Status(_)));
     assert!((2..=3).contains(&told.count()));
-    assert_measured(&emulation, &assemble(heard.frames, Some(emulation.settings)));
+    assert_measured(&emulation, &assemble(received.frames, Some(emulation.settings)));
 }
 
 #[test]
 fn samples_are_numbered_past_2_to_the_32() {
     const PAST: u64 = 1 << 32;
     // The high word of the tick at which the scans began: 2^32 ticks earlier.
-    let (emulation, _, heard) = written(&["acquire", "POOL"], 84, RUNNING_NS, u32::MAX, |heard| {
+    let (emulation, _, received) = written(&["acquire", "POOL"], 84, RUNNING_NS, u32::MAX, |received| {
         // To the end: a wrong index is found at the next block, and corrected.
-        let last = heard.frames.last().map_or(0, |frame| frame.header.sample_index);
+        let last = received
+            .frames
+            .last()
+            .map_or(0, |frame| frame.header.sample_index);
         (PAST..PAST + 1_000_000).contains(&last)
     });
     // The jump is a gap as any other: told, in a new epoch, no strike of which is lost.
-    let causes: Vec<_> = heard.faults().map(|fault| fault.cause).collect();
+    let causes: Vec<_> = received.faults().map(|fault| fault.cause).collect();
     assert_eq!(causes, [FaultCause::AdcOverrun]);
     let starts = emulation.truth.starts.clone();
-    let strikes = assemble(heard.frames, Some(emulation.settings));
+    let strikes = assemble(received.frames, Some(emulation.settings));
     assert_measured(&emulation, &strikes);
     for (strike, start) in strikes.iter().zip(starts) {
         let arrival = ((strike.said.trigger_index - PAST) as f64 - start) / 100e3;

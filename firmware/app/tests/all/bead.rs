@@ -8,8 +8,8 @@ use std::sync::atomic::Ordering;
 use std::task::{Context, Poll, Waker};
 
 use bead_app::{
-    Bead, Block, Boot, BootRecord, CLOCKS_PER_SAMPLE, Codes, Commands, Device, Estimation, FramesWaiting,
-    LineTimer, Loaded, MS, SCANS_PER_BLOCK,
+    BeadState, BlockCodes, BootRecord, CLOCKS_PER_SAMPLE, Commands, Device, Estimation, FramesWaiting,
+    LineTimer, Loaded, MS, SCANS_PER_BLOCK, ScanBlock, ThisBoot,
 };
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::{Meter, WindowRecord};
@@ -29,13 +29,13 @@ const STRUCK: u64 = 250;
 
 /// Flash that outlives a reset.
 #[derive(Clone)]
-pub(crate) struct Flash(pub(crate) Rc<RefCell<PowerCutFlash<SECTOR>>>);
+pub(crate) struct SharedFlash(pub(crate) Rc<RefCell<PowerCutFlash<SECTOR>>>);
 
-impl ErrorType for Flash {
+impl ErrorType for SharedFlash {
     type Error = FlashFailure;
 }
 
-impl ReadNorFlash for Flash {
+impl ReadNorFlash for SharedFlash {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailure> {
@@ -47,7 +47,7 @@ impl ReadNorFlash for Flash {
     }
 }
 
-impl NorFlash for Flash {
+impl NorFlash for SharedFlash {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR;
 
@@ -82,11 +82,11 @@ impl Hardware {
     }
 }
 
-pub(crate) struct Board(Rc<Hardware>);
+pub(crate) struct FakeBoard(&'static Hardware);
 
-impl Device for Board {
-    type Flash = Flash;
-    type Line = Line;
+impl Device for FakeBoard {
+    type Flash = SharedFlash;
+    type Line = FakeLine;
 
     const FIRMWARE: &'static str = "1.2.3";
     const GIT: &'static str = "0123456789ab";
@@ -137,9 +137,9 @@ impl Device for Board {
     }
 }
 
-pub(crate) struct Line(Rc<Hardware>);
+pub(crate) struct FakeLine(&'static Hardware);
 
-impl LineTimer for Line {
+impl LineTimer for FakeLine {
     fn count(&self) -> u32 {
         self.0.line_count()
     }
@@ -161,23 +161,21 @@ impl LineTimer for Line {
 
 /// What is there before a start.
 pub(crate) struct Start {
-    pub(crate) flash: Flash,
+    pub(crate) flash: SharedFlash,
     pub(crate) probe: Vec<u8>,
     /// The record that the boot before left, and the cause of the reset.
     pub(crate) record: Option<BootRecord>,
     pub(crate) reset_cause: u8,
-    pub(crate) settings_written: u32,
     pub(crate) supply_is_good: bool,
 }
 
 impl Default for Start {
     fn default() -> Self {
         Self {
-            flash: Flash(Rc::new(RefCell::new(PowerCutFlash::blank(2)))),
+            flash: SharedFlash(Rc::new(RefCell::new(PowerCutFlash::blank(2)))),
             probe: block_of(&paper_settings()),
             record: None,
             reset_cause: 1 << 3,
-            settings_written: 0,
             supply_is_good: true,
         }
     }
@@ -206,21 +204,21 @@ pub(crate) fn write(block: &[u8]) -> Request {
 
 /// A bead that runs.
 pub(crate) struct TestBead {
-    commands: Commands<Board>,
+    commands: Commands<FakeBoard>,
     decoder: RequestDecoder,
     next_number: u16,
-    pub(crate) flash: Flash,
-    pub(crate) running: Running,
+    pub(crate) flash: SharedFlash,
+    pub(crate) running: RunningBead,
 }
 
 /// Everything but the task of requests.
-pub(crate) struct Running {
-    pub(crate) bead: &'static Bead<Board>,
-    pub(crate) hardware: Rc<Hardware>,
-    pub(crate) boot: &'static Boot,
+pub(crate) struct RunningBead {
+    pub(crate) bead: &'static BeadState<FakeBoard>,
+    pub(crate) hardware: &'static Hardware,
+    pub(crate) boot: &'static ThisBoot,
     pub(crate) record: BootRecord,
-    estimation: Estimation<Board>,
-    codes: &'static Codes,
+    estimation: Estimation<FakeBoard>,
+    codes: &'static BlockCodes,
     /// Codes of a scan.
     pub(crate) signal: Box<dyn FnMut(u64) -> [u16; 4]>,
     pub(crate) index: u64,
@@ -243,7 +241,7 @@ impl TestBead {
     }
 
     pub(crate) fn start(start: Start) -> Self {
-        let hardware = Rc::new(Hardware::default());
+        let hardware: &'static Hardware = leak(Hardware::default());
         hardware.supply_is_low.set(!start.supply_is_good);
         hardware.probe.set(start.probe.leak());
         let (boot, record) = BootRecord::begin(start.record, FramesWaiting::new(0), start.reset_cause);
@@ -260,29 +258,23 @@ impl TestBead {
         let mut store = Vault::new(store);
         let loaded = Loaded::find(&mut store, opened, hardware.probe.get(), boot.failed);
         let (settings, refused) = (loaded.settings, loaded.refused);
-        let bead: &'static Bead<Board> = leak(Bead::new(Board(Rc::clone(&hardware))));
+        let bead: &'static BeadState<FakeBoard> = leak(BeadState::new(FakeBoard(hardware)));
         bead.begin(boot, loaded, Windows::new(leak(WindowMemory::new()), false));
         bead.update(|c| c.health.supply_mv = 3300);
         bead.report_boot(boot, refused, []);
-        let line = Line(Rc::clone(&hardware));
+        let line = FakeLine(hardware);
         Self {
-            commands: Commands::new(
-                bead,
-                boot,
-                store,
-                start.settings_written,
-                leak(WindowRecord::new()),
-            ),
+            commands: Commands::new(bead, boot, store, leak(WindowRecord::new())),
             decoder: RequestDecoder::new(),
             next_number: 0,
             flash: start.flash,
-            running: Running {
+            running: RunningBead {
                 bead,
                 hardware,
                 boot,
                 record,
                 estimation: Estimation::new(bead, settings, leak(Meter::new()), line),
-                codes: leak(Codes::new()),
+                codes: leak(BlockCodes::new()),
                 signal: Box::new(quiet),
                 index: 1,
                 epoch: 0,
@@ -296,12 +288,13 @@ impl TestBead {
 
     /// The start after a reset with this cause.
     pub(crate) fn restart(self, reset_cause: u8) -> Self {
+        let mut record = self.running.record;
+        record.settings_written = self.running.hardware.settings_written.get();
         Self::start(Start {
             flash: self.flash,
             probe: self.running.hardware.probe.get().to_vec(),
-            record: Some(self.running.record),
+            record: Some(record),
             reset_cause,
-            settings_written: self.running.hardware.settings_written.get(),
             supply_is_good: true,
         })
     }
@@ -388,7 +381,7 @@ impl TestBead {
     }
 }
 
-impl Running {
+impl RunningBead {
     /// Goes on for 2 ms.
     pub(crate) fn take_block(&mut self) {
         let first_index = self.index;
@@ -405,7 +398,7 @@ impl Running {
             c.samples += SCANS_PER_BLOCK as u64;
             c.blocks_handed_on += 1;
         });
-        self.estimation.take(&Block {
+        self.estimation.take(&ScanBlock {
             epoch: self.epoch,
             first_index,
             codes: self.codes,

@@ -2,7 +2,7 @@
 
 use std::panic::catch_unwind;
 
-use bead_app::{BootRecord, Counters, FramesWaiting, Progress};
+use bead_app::{BeadCounters, BootRecord, FramesWaiting, Progress};
 use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
 
 use crate::bead::{Start, TestBead, status};
@@ -113,13 +113,13 @@ fn a_boot_that_is_proven_is_no_failed_one() {
 #[test]
 fn a_task_that_hangs_is_named() {
     /// Counts after a check in which all went on.
-    fn gone_on(c: &mut Counters) {
+    fn gone_on(c: &mut BeadCounters) {
         c.samples += 25_000;
         c.blocks_handed_on += 125;
         c.blocks_estimated += 125;
         c.frames_sent += 1;
     }
-    type Change = fn(&mut Counters);
+    type Change = fn(&mut BeadCounters);
     let cases: [(Change, Option<&str>); 6] = [
         (gone_on, None),
         (|c| c.frames_sent += 1, Some("acquisition hangs")),
@@ -148,7 +148,7 @@ fn a_task_that_hangs_is_named() {
     ];
     for (change, hangs) in cases {
         let ended = catch_unwind(|| {
-            let mut counters = Counters::default();
+            let mut counters = BeadCounters::default();
             let mut progress = Progress::new(true, counters);
             for check in 0..5 {
                 change(&mut counters);

@@ -4,7 +4,7 @@ use bead_store::{BURST, Secret, Store, Vault};
 use bead_testing::PowerCutFlash;
 use bead_wire::{FaultCause, Outcome, Request, Standing, Ticket};
 
-use crate::bead::{Flash, SECTOR, Start, TestBead, status, windows_of, write};
+use crate::bead::{SECTOR, SharedFlash, Start, TestBead, status, windows_of, write};
 
 const RANGE: std::ops::Range<u32> = 0..2 * SECTOR as u32;
 
@@ -26,7 +26,7 @@ fn keyed(counter: u64) -> TestBead {
 }
 
 /// The key in flash, and its counter.
-fn secret(flash: &Flash) -> Option<([u8; 16], u64)> {
+fn secret(flash: &SharedFlash) -> Option<([u8; 16], u64)> {
     let vault = Vault::new(Store::open(flash.0.borrow().clone(), RANGE).0);
     vault.secret().map(|secret| (secret.key, secret.counter))
 }

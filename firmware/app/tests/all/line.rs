@@ -62,7 +62,7 @@ fn a_fall_of_the_line_keeps_the_instant_that_it_tells_of_and_touch_does_not() {
         bead.run(0.02);
         let fell = bead.running.index + 31;
         let end = fell + low_for;
-        let hardware = std::rc::Rc::clone(&bead.running.hardware);
+        let hardware = bead.running.hardware;
         bead.running.signal = Box::new(move |index| {
             if index == fell {
                 hardware.line_edge.set(count_at(fell));

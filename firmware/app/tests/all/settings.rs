@@ -1,5 +1,6 @@
 //! Settings over the link: in force from the next strike on and after a reset, and refused by name.
 
+use bead_store::Store;
 use bead_testing::{PowerCutFlash, paper_settings};
 use bead_wire::{
     ANY, FaultCause, MAX_REQUEST, Message, Outcome, Request, SettingsSource, StrikeFlags, encode_request,
@@ -176,7 +177,7 @@ fn a_stored_block_that_this_image_does_not_know_stays_in_the_store_and_the_one_o
     assert_eq!(bead.outcome(&write(&windows_of(300))), Outcome::Done);
     // Its version, where the store has it; the store's own checksum of the record comes before.
     let other = forged(|bytes| bytes[4] = 7);
-    let (mut store, _) = bead_store::Store::open(PowerCutFlash::<SECTOR>::blank(2), 0..2 * SECTOR as u32);
+    let (mut store, _) = Store::open(PowerCutFlash::<SECTOR>::blank(2), 0..2 * SECTOR as u32);
     store.write(&other).expect("there is room");
     *bead.flash.0.borrow_mut() = store.into_flash();
     let before = bead.flash.0.borrow().bytes.clone();
@@ -190,6 +191,28 @@ fn a_stored_block_that_this_image_does_not_know_stays_in_the_store_and_the_one_o
         (SettingsSource::Flash, false)
     );
     assert_eq!(bead.flash.0.borrow().bytes, before, "another image may know it");
+}
+
+#[test]
+fn a_full_store_refuses_and_takes_more_after_a_reset() {
+    let range = 0..2 * SECTOR as u32;
+    let (mut store, _) = Store::open(PowerCutFlash::<SECTOR>::blank(2), range.clone());
+    let blocks = std::iter::repeat_with(|| store.write(&windows_of(300)));
+    let all = blocks.take_while(Result::is_ok).count();
+    let (mut store, _) = Store::open(PowerCutFlash::<SECTOR>::blank(2), range);
+    (3..all).for_each(|_| store.write(&windows_of(300)).expect("there is room"));
+    let start = Start::default();
+    *start.flash.0.borrow_mut() = store.into_flash();
+    let mut bead = TestBead::start(start);
+    for length in 301..304 {
+        assert_eq!(bead.outcome(&write(&windows_of(length))), Outcome::Done);
+    }
+    let refused = bead.answer(&write(&windows_of(304)));
+    let why = "no room in flash for another block; the next boot makes some";
+    assert_eq!(refused, (Outcome::StoreFull, why.into()));
+    let mut bead = bead.reboot(&Request::Reboot);
+    assert_eq!(bead.outcome(&write(&windows_of(305))), Outcome::Done);
+    assert_eq!(bead.running.blocks(), [303, 305].map(windows_of));
 }
 
 #[test]
