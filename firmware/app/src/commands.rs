@@ -17,8 +17,8 @@ use crate::block::SAMPLE_RATE_HZ;
 use crate::boot::ThisBoot;
 use crate::device::{Device, MS};
 use crate::keep::{Refetch, RefetchStep};
-use crate::settings::{self, BlockRefusal, Loaded};
-use crate::{raw, self_test};
+use crate::settings::Loaded;
+use crate::{raw, self_test, settings};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: u64 = 500 * MS;
@@ -102,11 +102,9 @@ impl<D: Device> Commands<D> {
         let answer = match self.begin(heard) {
             RequestStep::Reply(answer) => answer,
             RequestStep::InForce(line) => {
-                if bead.settings_taken().await {
-                    ReplyContent(Outcome::Done, line.into())
-                } else {
-                    ReplyContent(Outcome::Done, "stored; in force as soon as samples come".into())
-                }
+                let taken = bead.settings_taken().await;
+                let later = "stored; in force as soon as samples come";
+                ReplyContent(Outcome::Done, if taken { line } else { later }.into())
             }
             RequestStep::SelfTest => {
                 let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
@@ -275,10 +273,7 @@ impl<D: Device> Commands<D> {
 
     /// Checks new settings, stores them, reads them back and offers them.
     fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, ReplyContent> {
-        let loaded = settings::judge(block).map_err(|refusal| match refusal {
-            BlockRefusal::Invalid(why) => ReplyContent(Outcome::SettingsInvalid, why),
-            BlockRefusal::SampleRate(why) => ReplyContent(Outcome::SampleRate, why),
-        })?;
+        let loaded = settings::judge(block).map_err(|(outcome, why)| ReplyContent(outcome, why))?;
         self.write(|store| store.write(block))?;
         self.bead.offer_settings(loaded);
         Ok(RequestStep::InForce(""))

@@ -11,7 +11,7 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::{SettingsError, Violation};
 use bead_store::nor_flash::NorFlash;
 use bead_store::{Opened, Vault};
-use bead_wire::{Detail, MAX_BLOCK, SettingsSource};
+use bead_wire::{Detail, MAX_BLOCK, Outcome, SettingsSource};
 
 use crate::block::SAMPLE_RATE_HZ;
 use crate::built_in;
@@ -34,64 +34,42 @@ pub struct Loaded {
 
 /// Why settings in flash were refused.
 #[derive(Clone, Copy)]
-pub struct RefusedSettings {
-    reason: RefusalReason,
-    /// True for an intact block that this image must not replace by other settings unasked.
-    foreign: bool,
-}
-
-#[derive(Clone, Copy)]
-enum RefusalReason {
-    Text(&'static str),
+pub enum RefusedSettings {
+    /// No block, or one that is damaged.
+    Damaged(&'static str),
+    /// An intact block that this image must not replace by other settings unasked.
+    Foreign(&'static str),
+    /// A bead cannot work with them.
     Invalid(Violation),
 }
 
 impl RefusedSettings {
-    const fn damaged(reason: &'static str) -> Self {
-        Self {
-            reason: RefusalReason::Text(reason),
-            foreign: false,
-        }
-    }
-
-    const fn foreign(reason: &'static str) -> Self {
-        Self {
-            reason: RefusalReason::Text(reason),
-            foreign: true,
-        }
-    }
-
     /// The reason as the detail of a fault frame.
     pub(crate) fn detail(&self) -> Detail {
-        match self.reason {
-            RefusalReason::Text(text) => text.into(),
-            RefusalReason::Invalid(violation) => Detail::new(format_args!("{violation}")),
+        match *self {
+            Self::Damaged(text) | Self::Foreign(text) => text.into(),
+            Self::Invalid(violation) => Detail::new(format_args!("{violation}")),
         }
     }
 }
 
 impl From<SettingsError> for RefusedSettings {
     fn from(error: SettingsError) -> Self {
-        Self::damaged(match error {
-            SettingsError::Erased => "erased",
-            SettingsError::Magic => "not a settings block",
+        Self::Damaged(match error {
             SettingsError::Unreleased(_) => {
-                return Self::foreign(
+                return Self::Foreign(
                     "a block from before the first release: make it anew of its bead.toml, or arm the bead by request",
                 );
             }
             SettingsError::Version(_) => {
-                return Self::foreign("a block of another version: arm the bead by request");
+                return Self::Foreign("a block of another version: arm the bead by request");
             }
+            SettingsError::Invalid(violation) => return Self::Invalid(violation),
+            SettingsError::Erased => "erased",
+            SettingsError::Magic => "not a settings block",
             SettingsError::Truncated => "shorter than the header says",
             SettingsError::Checksum => "wrong checksum",
             SettingsError::Body => "the body does not decode",
-            SettingsError::Invalid(violation) => {
-                return Self {
-                    reason: RefusalReason::Invalid(violation),
-                    foreign: false,
-                };
-            }
             SettingsError::BufferTooSmall => "longer than a block may be",
         })
     }
@@ -113,7 +91,7 @@ impl Loaded {
 
     /// Returns `true` if the bead looks for strikes with them unasked.
     pub(crate) fn arm(&self) -> bool {
-        !self.refused.is_some_and(|refused| refused.foreign)
+        !matches!(self.refused, Some(RefusedSettings::Foreign(_)))
     }
 }
 
@@ -129,27 +107,25 @@ impl Loaded {
         if failed >= FAILED {
             return Self {
                 source: SettingsSource::Rescue,
-                ..Self::built_in(Some(RefusedSettings::foreign(
+                ..Self::built_in(Some(RefusedSettings::Foreign(
                     "five boots in a row failed with the settings in flash: write others, or reboot",
                 )))
             };
         }
-        let mut refused = opened.lost.then_some(RefusedSettings::damaged(
+        let mut refused = opened.lost.then_some(RefusedSettings::Damaged(
             "what was stored is not whole, and was erased",
         ));
-        match store.read() {
+        match store.read().map(|block| block.map(check)) {
             Ok(None) => {}
-            Ok(Some(block)) => match check(block) {
-                Ok(settings) => {
-                    return Self {
-                        settings,
-                        source: SettingsSource::Stored,
-                        refused,
-                    };
-                }
-                Err(why) => refused = why.or(refused),
-            },
-            Err(_) => refused = Some(RefusedSettings::damaged("what was stored cannot be read")),
+            Ok(Some(Ok(settings))) => {
+                return Self {
+                    settings,
+                    source: SettingsSource::Stored,
+                    refused,
+                };
+            }
+            Ok(Some(Err(why))) => refused = why.or(refused),
+            Err(_) => refused = Some(RefusedSettings::Damaged("what was stored cannot be read")),
         }
         Self::beneath(probe, refused)
     }
@@ -195,30 +171,28 @@ pub(crate) fn of_known_answer() -> Settings {
 fn check(block: &[u8]) -> Result<Settings, Option<RefusedSettings>> {
     match Settings::decode(block) {
         Ok(settings) if settings.sample_rate_hz == SAMPLE_RATE_HZ => Ok(settings),
-        Ok(_) => Err(Some(RefusedSettings::damaged("they are for another sample rate"))),
+        Ok(_) => Err(Some(RefusedSettings::Damaged("they are for another sample rate"))),
         Err(SettingsError::Erased) => Err(None),
         Err(error) => Err(Some(error.into())),
     }
 }
 
-/// Why a block that a host sent is refused.
-pub(crate) enum BlockRefusal {
-    Invalid(Detail),
-    SampleRate(Detail),
-}
-
 /// Checks a block that a host sent.
-pub(crate) fn judge(block: &[u8]) -> Result<Loaded, BlockRefusal> {
-    let settings = Settings::decode(block)
-        .map_err(|error| BlockRefusal::Invalid(Detail::new(format_args!("{error}"))))?;
+///
+/// # Errors
+/// The outcome of the request, and a line about it.
+pub(crate) fn judge(block: &[u8]) -> Result<Loaded, (Outcome, Detail)> {
+    let invalid = |why| (Outcome::SettingsInvalid, why);
+    let settings = Settings::decode(block).map_err(|error| invalid(Detail::new(format_args!("{error}"))))?;
     if Settings::block_length(block) != Some(block.len()) {
-        return Err(BlockRefusal::Invalid("bytes follow the settings block".into()));
+        return Err(invalid("bytes follow the settings block".into()));
     }
     if settings.sample_rate_hz != SAMPLE_RATE_HZ {
-        return Err(BlockRefusal::SampleRate(Detail::new(format_args!(
+        let why = format_args!(
             "settings for {} Hz; this image samples at {SAMPLE_RATE_HZ} Hz",
             settings.sample_rate_hz
-        ))));
+        );
+        return Err((Outcome::SampleRate, Detail::new(why)));
     }
     Ok(Loaded {
         settings,
