@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::Read;
 use std::os::unix::net::UnixStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -14,26 +14,69 @@ use bead_bench::emulation::Emulation;
 use bead_tests::{block, paper, settings_at};
 use clap::Parser;
 
-/// Runs a command line to its end: its exit status and the line on standard error.
-fn bead(arguments: &[&str]) -> (u8, String) {
-    match Cli::try_parse_from(["bead"].iter().chain(arguments))
-        .unwrap_or_else(|error| panic!("{error}"))
-        .run()
-    {
-        Ok(()) => (0, String::new()),
-        Err(failure) => (failure.exit_status(), failure.to_string()),
+/// A bead behind a socket, and a folder.
+struct Served<'a> {
+    folder: &'a Path,
+    address: String,
+}
+
+impl Served<'_> {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Runs a command line to its end, where `@name` stands for a file in the folder: its exit status and the
+    /// line on standard error.
+    fn run(&self, line: &str) -> (u8, String) {
+        let words = line.split(' ').map(|word| match word.strip_prefix('@') {
+            Some(name) => self.path(name).display().to_string(),
+            None => word.to_owned(),
+        });
+        let port = ["--port", &self.address, "--timeout", "20"].map(str::to_owned);
+        let line = ["bead".to_owned()].into_iter().chain(words).chain(port);
+        let parsed = Cli::try_parse_from(line).unwrap_or_else(|error| panic!("{error}"));
+        match parsed.run() {
+            Ok(()) => (0, String::new()),
+            Err(failure) => (failure.exit_status(), failure.to_string()),
+        }
+    }
+
+    /// Runs a command line that must succeed.
+    fn done(&self, line: &str) {
+        assert_eq!(self.run(line), (0, String::new()), "{line}");
+    }
+
+    /// Runs a command line that the bead must refuse.
+    fn refused(&self, line: &str, why: &str) {
+        let refused = format!("the bead at address 0 refused: {why}");
+        assert_eq!(self.run(line), (1, refused), "{line}");
+    }
+
+    /// The settings block in force.
+    fn settings(&self) -> Vec<u8> {
+        let file = self.path("read.settings");
+        let _ = fs::remove_file(&file);
+        self.done("settings read --out @read.settings");
+        fs::read(file).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) {
+        fs::write(self.path(name), bytes).unwrap_or_else(|error| panic!("{error}"));
     }
 }
 
-/// Serves the run at a socket while `requests` has its address.
-fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
+/// Serves the run at a socket while `requests` uses it.
+fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&Served<'_>)) {
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let socket = folder.path().join("bead.sock");
-    let address = format!("unix:{}", socket.display());
+    let bead = Served {
+        folder: folder.path(),
+        address: format!("unix:{}", socket.display()),
+    };
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let server = scope.spawn(|| {
-            let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
+            let at = bead.address.parse().unwrap_or_else(|error| panic!("{error}"));
             let door = Door::open(&at)?;
             let mut bridge = Bridge::new(run, None)?;
             serve(&mut bridge, &door, &stop)
@@ -42,8 +85,7 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {
             thread::yield_now();
         }
-        let answered =
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| requests(&address, folder.path())));
+        let answered = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| requests(&bead)));
         stop.store(true, Ordering::Relaxed);
         let served = server
             .join()
@@ -57,97 +99,49 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
 #[test]
 fn settings_are_read_written_refused_and_reset_from_the_command_line() {
     let run = paper(1, 0.1, Some(1));
-    behind_a_socket(&run, |port, folder| {
-        let path = |name: &str| folder.join(name).display().to_string();
-        let read = |name: &str| {
-            let arguments = ["settings", "read", "--port", port, "--out", &path(name)];
-            assert_eq!(
-                bead(&[&arguments[..], &["--timeout", "20"]].concat()),
-                (0, String::new())
-            );
-            fs::read(path(name)).unwrap_or_else(|error| panic!("{error}"))
-        };
-        assert_eq!(read("first.settings"), run.block);
-
+    behind_a_socket(&run, |bead| {
+        assert_eq!(bead.settings(), run.block);
         let mut other = run.settings;
         other.window.length = 300;
-        fs::write(path("other.settings"), block(&other)).unwrap_or_else(|error| panic!("{error}"));
-        let write = |name: &str| {
-            bead(&[
-                "settings",
-                "write",
-                &path(name),
-                "--port",
-                port,
-                "--timeout",
-                "20",
-            ])
-        };
-        assert_eq!(write("other.settings"), (0, String::new()));
-        assert_eq!(read("second.settings"), block(&other));
-        let arguments = ["settings", "write", &path("other.settings"), "--new-address", "9"];
-        assert_eq!(
-            bead(&[&arguments[..], &["--port", port, "--timeout", "20"]].concat()),
-            (0, String::new())
-        );
         let addressed = other
             .with(|bead| bead.address = 9)
             .unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(read("addressed.settings"), block(&addressed));
-        assert_eq!(write("other.settings"), (0, String::new()));
+        bead.write("other.settings", &block(&other));
+        bead.done("settings write @other.settings");
+        assert_eq!(bead.settings(), block(&other));
+        for line in [
+            "settings write @other.settings --new-address 9",
+            "settings set address=9",
+        ] {
+            bead.done(line);
+            assert_eq!(bead.settings(), block(&addressed));
+            bead.done("settings write @other.settings");
+        }
+        bead.write("rate.settings", &block(&settings_at(50_000)));
+        let why = "sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
+        bead.refused("settings write @rate.settings", why);
+        bead.write("long.settings", &[0; 257]);
+        assert_eq!(bead.run("settings write @long.settings").0, 2);
+        assert_eq!(bead.run("settings write @missing.settings").0, 2);
 
-        let arguments = ["settings", "set", "address=9", "--port", port, "--timeout", "20"];
-        assert_eq!(bead(&arguments), (0, String::new()));
-        assert_eq!(read("set.settings"), block(&addressed));
-        assert_eq!(write("other.settings"), (0, String::new()));
-
-        fs::write(path("rate.settings"), block(&settings_at(50_000)))
-            .unwrap_or_else(|error| panic!("{error}"));
-        let refused = "the bead at address 0 refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
-        assert_eq!(write("rate.settings"), (1, refused.to_owned()));
-        fs::write(path("long.settings"), [0; 257]).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(write("long.settings").0, 2);
-        assert_eq!(write("missing.settings").0, 2);
-
-        let command = |name: &str| bead(&["command", name, "--port", port, "--timeout", "20"]);
-        assert_eq!(command("reboot"), (0, String::new()));
-        assert_eq!(read("third.settings"), block(&other), "kept over the reset");
-        assert_eq!(
-            bead(&["settings", "reset", "--port", port, "--timeout", "20"]),
-            (0, String::new())
-        );
-        assert_eq!(read("fourth.settings"), run.block);
+        bead.done("command reboot");
+        assert_eq!(bead.settings(), block(&other), "kept over the reset");
+        bead.done("settings reset");
+        assert_eq!(bead.settings(), run.block);
     });
 }
 
 #[test]
 fn programs_share_the_line_and_an_idle_one_holds_nobody_up() {
     let run = paper(1, 0.1, Some(1));
-    behind_a_socket(&run, |port, folder| {
-        let socket = folder.join("bead.sock");
-        let connect = || UnixStream::connect(&socket).unwrap_or_else(|error| panic!("{error}"));
-        let idle = connect();
-        let mut listener = connect();
-        let limit = Some(Duration::from_secs(60));
+    behind_a_socket(&run, |bead| {
+        let connect =
+            || UnixStream::connect(bead.path("bead.sock")).unwrap_or_else(|error| panic!("{error}"));
+        let (idle, mut listener) = (connect(), connect());
         listener
-            .set_read_timeout(limit)
+            .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap_or_else(|error| panic!("{error}"));
-        let out = folder.join("out.settings").display().to_string();
-        let arguments = [
-            "settings",
-            "read",
-            "--port",
-            port,
-            "--out",
-            &out,
-            "--timeout",
-            "20",
-        ];
-        assert_eq!(bead(&arguments), (0, String::new()));
-        assert_eq!(
-            fs::read(&out).unwrap_or_else(|error| panic!("{error}")),
-            run.block
-        );
+        assert_eq!(bead.settings(), run.block);
         // The settings passed by here too.
         let mut decoder = bead_wire::Decoder::new();
         let mut told = false;
@@ -167,12 +161,7 @@ fn programs_share_the_line_and_an_idle_one_holds_nobody_up() {
 
 #[test]
 fn a_bead_is_asked_from_the_command_line() {
-    let run = paper(1, 0.1, Some(1));
-    behind_a_socket(&run, |port, folder| {
-        let command = |name: &str, more: &[&str]| {
-            let arguments = ["command", name, "--port", port, "--timeout", "20"];
-            bead(&[&arguments[..], more].concat())
-        };
+    behind_a_socket(&paper(1, 0.1, Some(1)), |bead| {
         for name in [
             "identity",
             "status",
@@ -181,18 +170,11 @@ fn a_bead_is_asked_from_the_command_line() {
             "disarm",
             "reset-counters",
         ] {
-            for more in [&[][..], &["--format", "json"]] {
-                assert_eq!(command(name, more), (0, String::new()), "{name}");
-            }
+            bead.done(&format!("command {name}"));
+            bead.done(&format!("command {name} --format json"));
         }
-        let csv = folder.join("raw.csv");
-        let out = ["--out", &csv.display().to_string()].map(str::to_owned);
-        let out: Vec<_> = out.iter().map(String::as_str).collect();
-        assert_eq!(
-            command("raw", &[&["--duration", "0.1"], &out[..]].concat()),
-            (0, String::new())
-        );
-        let text = fs::read_to_string(&csv).unwrap_or_else(|error| panic!("{error}"));
+        bead.done("command raw --duration 0.1 --out @raw.csv");
+        let text = fs::read_to_string(bead.path("raw.csv")).unwrap_or_else(|error| panic!("{error}"));
         let rows: Vec<Vec<u64>> = text
             .lines()
             .skip(1)
@@ -206,16 +188,8 @@ fn a_bead_is_asked_from_the_command_line() {
                 .all(|row| row.len() == 3 && row[1] < 4096 && row[2] < 4096)
         );
         assert!(rows.is_sorted_by(|a, b| a[0] < b[0]));
-        let none = csv.with_extension("none");
-        let none = none.to_str().expect("a path in UTF-8");
-        let (status, why) = command("raw", &["--duration", "11", "--out", none]);
-        assert_eq!(
-            (status, &why[..]),
-            (
-                1,
-                "the bead at address 0 refused: out of range; a raw stream lasts 10000 ms at most"
-            )
-        );
+        let why = "out of range; a raw stream lasts 10000 ms at most";
+        bead.refused("command raw --duration 11 --out @none.csv", why);
     });
 }
 
@@ -225,8 +199,8 @@ fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
     run.faults =
         bead_bench::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
             .unwrap_or_else(|failure| panic!("{failure}"));
-    behind_a_socket(&run, |port, _| {
-        let (status, why) = bead(&["command", "self-test", "--port", port, "--timeout", "20"]);
+    behind_a_socket(&run, |bead| {
+        let (status, why) = bead.run("command self-test");
         assert_eq!(status, 1);
         assert!(why.starts_with("the self-test failed: supply;"), "{why}");
     });
@@ -235,36 +209,27 @@ fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
 #[test]
 fn a_key_is_given_used_replaced_and_taken_away_from_the_command_line() {
     let run = paper(1, 0.1, Some(1));
-    behind_a_socket(&run, |port, folder| {
-        let path = |name: &str| folder.join(name).display().to_string();
-        let [first, second] = ["first.key", "second.key"].map(path);
-        let said = |arguments: &[&str]| bead(&[arguments, &["--port", port, "--timeout", "20"]].concat());
-        let done = (0, String::new());
-        let unsigned = "the bead at address 0 refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
-        let forged = "the bead at address 0 refused: forged; signed with another key, for another bead, or changed on the way";
+    behind_a_socket(&run, |bead| {
+        let unsigned = "unsigned; this bead has a key: sign the request with it, by --key F.key";
+        bead.done("settings key --new @first.key");
+        bead.refused("command disarm", unsigned);
+        // Whoever asks is answered.
+        bead.done("command status");
+        bead.done("command disarm --key @first.key");
 
-        assert_eq!(said(&["settings", "key", "--new", &first]), done);
-        assert_eq!(said(&["command", "disarm"]), (1, unsigned.to_owned()));
-        assert_eq!(said(&["command", "status"]), done, "whoever asks is answered");
-        assert_eq!(said(&["command", "disarm", "--key", &first]), done);
-
-        assert_eq!(
-            said(&["settings", "key", "--new", &second, "--key", &first]),
-            done
-        );
-        assert_eq!(said(&["command", "arm", "--key", &first]), (1, forged.to_owned()));
-        assert_eq!(said(&["command", "arm", "--key", &second]), done);
+        bead.done("settings key --new @second.key --key @first.key");
+        let forged = "forged; signed with another key, for another bead, or changed on the way";
+        bead.refused("command arm --key @first.key", forged);
+        bead.done("command arm --key @second.key");
         // A signature counts from the boot that the bead is in.
-        assert_eq!(said(&["command", "reboot", "--key", &second]), done);
-        assert_eq!(said(&["command", "disarm", "--key", &second]), done);
+        bead.done("command reboot --key @second.key");
+        bead.done("command disarm --key @second.key");
 
-        let settings = path("bead.settings");
-        fs::write(&settings, &run.block).unwrap_or_else(|error| panic!("{error}"));
-        let write = ["settings", "write", &settings];
-        assert_eq!(said(&write), (1, unsigned.to_owned()));
-        assert_eq!(said(&[&write[..], &["--key", &second]].concat()), done);
+        bead.write("bead.settings", &run.block);
+        bead.refused("settings write @bead.settings", unsigned);
+        bead.done("settings write @bead.settings --key @second.key");
 
-        assert_eq!(said(&["settings", "key", "--remove", "--key", &second]), done);
-        assert_eq!(said(&["command", "arm"]), done);
+        bead.done("settings key --remove --key @second.key");
+        bead.done("command arm");
     });
 }
