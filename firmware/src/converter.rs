@@ -131,7 +131,7 @@ impl<'a> Scanning<'a> {
             w.set_tcie(true);
             w.set_teie(true);
         });
-        // What the core has still to read there is read before the stream writes.
+        // The core reads what it still has to read there before the stream writes.
         fence(Ordering::SeqCst);
         stream.cr().modify(|w| w.set_en(true));
 

@@ -123,7 +123,7 @@ impl Receiver {
                 for (byte, at) in bytes[..length].iter_mut().zip(self.taken as usize..) {
                     *byte = RING[at % SIZE].load(Ordering::Relaxed);
                 }
-                // What was read may have been written over meanwhile.
+                // The bytes may have been written over meanwhile.
                 if self::came().wrapping_sub(self.taken) as usize > SIZE {
                     return Err(Missing::Overrun);
                 }

@@ -86,7 +86,7 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
     loop {
         let flags = pac::TIM2.sr().read();
         missed += u32::from(flags.ccif(0));
-        // What was seen is cleared, and nothing else: ones change nothing (RM0090 section 18.4.5), so an edge
+        // Only flags that were seen are cleared: ones change nothing (RM0090 section 18.4.5), so an edge
         // that comes in between is still told.
         pac::TIM2.sr().write_value(SrGp16(!flags.0));
         capture.wait_for_rising_edge(Channel::Ch1).await;

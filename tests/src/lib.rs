@@ -99,7 +99,7 @@ pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
 /// # Panics
 /// Something that it needs is missing; the message says what.
 pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
-    // The same motion for all tests of a program.
+    // All tests of a program share the motion.
     static PAPER: LazyLock<(Scenario, Solution)> = LazyLock::new(|| {
         let (scenario, _) = load_scenario(&scenario()).unwrap_or_else(|failure| panic!("{failure}"));
         let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
@@ -148,7 +148,7 @@ impl RunFrames {
         })
     }
 
-    /// What `of` takes from the last frame of which it takes something.
+    /// The message that `of` takes from the last frame that has one.
     ///
     /// # Panics
     /// There is none.

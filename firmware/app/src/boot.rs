@@ -52,7 +52,7 @@ pub struct FramesWaiting {
 }
 
 impl FramesWaiting {
-    /// So many frames.
+    /// The number with its inverse.
     pub const fn new(frames: u32) -> Self {
         Self {
             frames,

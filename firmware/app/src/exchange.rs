@@ -12,7 +12,7 @@ use crate::shared::Shared;
 /// Settings in force, and those that are offered to the estimators.
 pub(crate) struct Exchange {
     pub(crate) in_force: Shared<Loaded>,
-    /// How often they have changed; wraps.
+    /// Number of their changes; wraps.
     pub(crate) changes: AtomicU32,
     pub(crate) offered: Shared<Loaded>,
     /// True while settings are offered. It is read for every block, and costs little.

@@ -1,8 +1,8 @@
 //! The last strikes, for a host that missed them: kept over a reset, and sent again on request.
 //!
 //! # Design
-//! What is queued for the host is copied into memory that a reset leaves alone ([`bead_store::Windows`];
-//! region WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The copy is made where
+//! The frames of a strike are copied into memory that a reset leaves alone ([`bead_store::Windows`]; region
+//! WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The copy is made where
 //! the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of the lowest
 //! priority makes them little by little after the strike.
 //!

@@ -1,4 +1,4 @@
-//! What the bead does, apart from its hardware: it measures strikes, watches its sensors, does what a host
+//! The work of the bead, apart from its hardware: it measures strikes, watches its sensors, does what a host
 //! asks for, and queues frames.
 //!
 //! # Design

@@ -39,7 +39,7 @@ const APART: u64 = HOLD + SCANS_PER_BLOCK as u64;
 /// Blocks after which a line that is low is held low: 50 ms. Sixteen beads, one after another, pull for 7 ms.
 const HELD: u32 = 25;
 
-// What the meter keeps of the past: the delay, and the block in which the edge comes.
+// The meter keeps enough of the past: the delay, and the block in which the edge comes.
 const _: () = assert!(
     DELAY as usize + SCANS_PER_BLOCK + TOUCH as usize / CLOCKS_PER_SAMPLE as usize
         <= bead_model::meter::REACH

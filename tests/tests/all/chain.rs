@@ -140,7 +140,7 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     let scenario = row(2.7e-3, 0.0);
     let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
     let (ran, told) = assert_tells(&scenario, &solution);
-    // So light that they leave one another alone: the paper's E(n), of rows with n intruders each, is that of
+    // They are light, and leave one another alone: the paper's E(n), of rows with n intruders each, is that of
     // the beads.
     for after in &told.energy.after {
         let left = after.left;

@@ -413,7 +413,7 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.details()
     );
     assert_eq!(survived.received.boots()[1], (1, SOFTWARE));
-    // What was made at 1 s, and could not leave: identity, settings, status, health, link, guard.
+    // Frames that were made at 1 s, and could not leave: identity, settings, status, health, link, guard.
     assert_eq!(survived.received.health().frames_lost_by_reset, 6);
 }
 
@@ -521,7 +521,7 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
     let bottom = deep - left;
     assert!(bottom.is_multiple_of(1024), "{bottom:#x}: the end of the fence");
     assert_eq!(free(down_to(bottom + 100)), 100);
-    // What the tasks really used: some 5 kB.
+    // The tasks themselves use some 5 kB.
     let used = START - bottom - untouched;
     println!("{used} bytes of stack used, {untouched} never");
     assert!((2000..8000).contains(&used), "{used}");

@@ -36,7 +36,7 @@ proptest! {
         }
         // A flip in a delimiter between two frames can cost both.
         prop_assert!(received.len() + 2 * flips.len() >= sent.len());
-        // What is lost between the first and the last frame heard is counted to the frame.
+        // Losses between the first and the last frame are counted to the frame.
         if let (Some(first), Some(last)) = (received.first(), received.last()) {
             let span = u64::from(last.header.sequence - first.header.sequence) + 1;
             prop_assert_eq!(counters.lost, span - received.len() as u64);

@@ -33,7 +33,7 @@ fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec
             frames.iter().any(|frame| done(&frame.message)),
             "request {number}"
         );
-        // What is behind the last delimiter belongs to the next frame.
+        // Bytes behind the last delimiter belong to the next frame.
         let end = received
             .iter()
             .rposition(|byte| *byte == 0)

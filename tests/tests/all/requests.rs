@@ -157,7 +157,7 @@ fn each_request_is_answered_with_what_it_asks_for() {
         requests.request(0.2 + 0.1 * f64::from(n), request);
     }
     let answered = requests.run();
-    // What the bead says by itself comes at boot and each second.
+    // The bead sends its own frames at boot and each second.
     let answers: Vec<Vec<&Message>> = (0..sent.len() as u16)
         .map(|number| answered.received.answered(number))
         .collect();

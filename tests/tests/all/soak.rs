@@ -73,7 +73,7 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
                 said.absorbed_predicted.bits() as u64,
             ));
         }
-        // The same codes give the same bits, after a minute and after hours.
+        // Equal codes give equal bits, after a minute and after hours.
         if results.len() == 2 {
             let before = known.get_or_insert_with(|| results.clone());
             assert_eq!(*before, results, "after {strikes} strikes");

@@ -157,7 +157,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
 #[test]
 fn the_clock_stands_still_while_a_sector_is_erased() {
     let mut requests = quiet();
-    // What is no block, in one sector.
+    // One sector is full of what is no block.
     requests.machine.flash.push((STORE, vec![0x5A; 128 * 1024]));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
     let answered = requests.run();

@@ -251,7 +251,7 @@ fn two_beads_with_clocks_that_differ_tell_when_one_strike_reached_each() {
         alignment.offset_s
     );
 
-    // What the chain says: when the force at each bead is highest.
+    // The chain says when the force at each bead is highest.
     let summary = solution.summary();
     let highest = |bead: usize| {
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);

@@ -78,7 +78,7 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
             far.said
         );
         assert_eq!(replay(far).first_difference, None);
-        // The same instant, on the time that they share.
+        // Both tell one instant, on the time that they share.
         let instant = |n: usize, strike: &RecordedStrike| {
             let truth = &ran[n].0.truth;
             let since = (strike.said.trigger_index as f64 - 1.0) / (100e3 * (1.0 + truth.clock_ppm * 1e-6));

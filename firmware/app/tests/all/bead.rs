@@ -60,7 +60,7 @@ impl NorFlash for SharedFlash {
     }
 }
 
-/// What a test sees and changes of the hardware.
+/// Hardware that a test watches and changes.
 #[derive(Default)]
 pub(crate) struct Hardware {
     now: Cell<u64>,
@@ -159,7 +159,7 @@ impl LineTimer for FakeLine {
     fn release(&mut self) {}
 }
 
-/// What is there before a start.
+/// State before a start.
 pub(crate) struct Start {
     pub(crate) flash: SharedFlash,
     pub(crate) probe: Vec<u8>,

@@ -114,7 +114,7 @@ fn a_request_is_done_once_in_time_and_in_its_boot_also_after_a_reset_and_after_a
         }
         let mut bead = bead.restart(if power { 1 << 3 } else { 1 << 4 });
         let boot = u32::from(!power);
-        // What was heard before is sent again, with the boot of then and of now. One write to flash covers 64
+        // Earlier requests are sent again, with the boot of then and of now. One write to flash covers 64
         // counters from the first on.
         for (counter, boot, outcome) in [
             (41, 0, Outcome::Replayed),
