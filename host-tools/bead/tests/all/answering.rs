@@ -23,7 +23,6 @@ pub(crate) struct AnsweringBead {
     pub(crate) repeats: bool,
     uid: [u8; 12],
     lock: Lock,
-    draw: Box<dyn FnMut() -> u64 + Send>,
 }
 
 impl AnsweringBead {
@@ -39,7 +38,6 @@ impl AnsweringBead {
             repeats: false,
             uid: [address; 12],
             lock: Lock::new([address; 12], None, 0),
-            draw: Box::new(xorshift(0x2545_f491_4f6c_dd1d + u64::from(address))),
         }
     }
 
@@ -62,8 +60,8 @@ impl AnsweringBead {
         self.say(Settings { block });
     }
 
-    /// Takes these bytes, and returns the bead's answer.
-    pub(crate) fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
+    /// Answers the requests in these bytes. The speaker has the frames.
+    pub(crate) fn hear(&mut self, bytes: &[u8]) {
         let mut requests = Vec::new();
         let speaker = &mut self.speaker;
         speaker.answer(bytes, |_, asked| requests.push(asked.clone()));
@@ -72,7 +70,6 @@ impl AnsweringBead {
                 self.answer(asked);
             }
         }
-        std::mem::take(&mut self.speaker.bytes)
     }
 
     fn answer(&mut self, asked: ReceivedRequest) {
@@ -102,7 +99,7 @@ impl AnsweringBead {
             Request::Identity => self.say_identity(),
             Request::Status => {
                 for kind in [Kind::Status, Kind::Health, Kind::Load] {
-                    let drawn = Message::draw(kind, &mut self.draw);
+                    let drawn = Message::draw(kind, &mut xorshift(1));
                     self.say(drawn);
                 }
                 let counter = self.lock.counter();
@@ -177,7 +174,9 @@ impl AnsweringBead {
 pub(crate) fn at_line(folder: &Path, beads: &mut [AnsweringBead], arguments: &str) -> Output {
     let collided = |bytes: &[u8]| {
         let mut line = Vec::new();
-        for said in beads.iter_mut().map(|bead| bead.hear(bytes)) {
+        for bead in beads.iter_mut() {
+            bead.hear(bytes);
+            let said = std::mem::take(&mut bead.speaker.bytes);
             line.resize(said.len().max(line.len()), 0xFF);
             line.iter_mut().zip(said).for_each(|(line, said)| *line &= said);
         }

@@ -19,26 +19,19 @@ use serde_json::Value;
 fn every_help_fits_a_terminal_of_80_columns_and_teaches_by_example() {
     fn check(command: &mut clap::Command, path: &str) {
         let mut help = Command::new(PROGRAM);
-        let help = help
-            .env("COLUMNS", "80")
-            .args(path.split_whitespace())
-            .arg("--help");
-        let help = done(help.output().unwrap());
+        help.env("COLUMNS", "80").args(path.split_whitespace());
+        let help = done(help.arg("--help").output().unwrap());
         assert!(help.contains("Usage: bead"), "{path}");
         // The line of usage does not wrap.
         for line in help.lines().filter(|line| !line.starts_with("Usage:")) {
             assert!(line.chars().count() <= 80, "{path}: {line}");
         }
         let is_command = path.split(' ').count() == 2 && path != " help" && !command.has_subcommands();
-        assert!(
-            !is_command || help.contains(&format!("  bead{path} ")),
-            "{path} has no example"
-        );
+        let example = format!("  bead{path} ");
+        assert!(!is_command || help.contains(&example), "{path}");
         // The help of `bead figures` is that of another program.
-        for below in command
-            .get_subcommands_mut()
-            .filter(|below| below.get_name() != "figures")
-        {
+        let is_own = |below: &&mut clap::Command| below.get_name() != "figures";
+        for below in command.get_subcommands_mut().filter(is_own) {
             let path = format!("{path} {}", below.get_name());
             check(below, &path);
         }
@@ -148,10 +141,8 @@ fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
     fs::hard_link(built, &bead).unwrap();
     let run = || {
         let mut command = Command::new(&bead);
-        command
-            .args(["figures", "2C", "--out", "x y", "--help"])
-            .output()
-            .unwrap()
+        command.args(["figures", "2C", "--out", "x y", "--help"]);
+        command.output().unwrap()
     };
     refused(&run(), 3, "cargo build --release -p bead-figures");
     fs::write(&figures, "#!/bin/sh\necho \"$#:$*\"\nexit 1\n").unwrap();

@@ -63,16 +63,12 @@ fn columns(path: &Path) -> Vec<String> {
 /// Expected contents of the tables for these strikes.
 fn expected(strikes: &[RecordedStrike]) -> Value {
     let signal = |strike: &RecordedStrike| Signal::of(&strike.scans, &strike.settings.unwrap()).unwrap();
-    let (forces, accelerations) = (
-        |signal: Signal| signal.force,
-        |signal: Signal| signal.acceleration,
-    );
+    let forces = |signal: Signal| signal.force;
+    let accelerations = |signal: Signal| signal.acceleration;
     let of_strikes = |of: fn(&RecordedStrike) -> Value| -> Value { strikes.iter().map(of).collect() };
     let of_scans = |of: fn(&RecordedStrike, usize) -> Value| -> Value {
-        let places = strikes
-            .iter()
-            .flat_map(|strike| (0..strike.scans.len()).map(move |at| (strike, at)));
-        places.map(|(strike, at)| of(strike, at)).collect()
+        let values = |strike: &RecordedStrike| (0..strike.scans.len()).map(|at| of(strike, at)).collect();
+        strikes.iter().flat_map::<Vec<Value>, _>(values).collect()
     };
     json!({
         "strikes": {

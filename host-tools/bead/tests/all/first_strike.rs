@@ -2,9 +2,8 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
-use crate::program::{PROGRAM, ROOT, SCENARIO, TestFolder, assert_says, done, python, shell};
+use crate::program::{PROGRAM, ROOT, SCENARIO, TestFolder, assert_says, python, shell};
 use bead_recording::file::{Part, Recording};
 
 /// Blocks of the page to type: indented lines for a shell, and Python. True for Python.
@@ -27,11 +26,7 @@ fn a_program_that_was_copied_away_emulates_with_what_it_carries() {
     let folder = TestFolder::new();
     let program = folder.join("bead");
     fs::copy(PROGRAM, &program).unwrap();
-    let mut emulate = Command::new(&program);
-    emulate
-        .current_dir(&*folder)
-        .args(["emulate", SCENARIO, "--bead", "8", "--out", "run"]);
-    done(emulate.output().unwrap());
+    shell(&folder, &format!("./bead emulate {SCENARIO} --bead 8 --out run"));
     let recording = Recording::open(&folder.join("run/bead-8.mcap")).unwrap();
     let report = String::from_utf8_lossy(&recording.parts[&Part::EmulatorReport]);
     assert_says(&report, "\"image\": \"carried by bead\"");
@@ -66,12 +61,8 @@ fn a_stranger_gets_to_an_own_strike_in_pandas_by_the_commands_of_the_page() {
         }
     }
     assert_eq!(typed, 12);
-    for made in [
-        "report.html",
-        "tables/samples.parquet",
-        "mine/tables/strikes.parquet",
-        "bead.settings",
-    ] {
+    let made = "report.html tables/samples.parquet mine/tables/strikes.parquet bead.settings";
+    for made in made.split(' ') {
         assert!(folder.join(made).metadata().unwrap().len() > 100, "{made}");
     }
     // Without Python there are no tables.

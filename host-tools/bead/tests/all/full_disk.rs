@@ -17,29 +17,21 @@ use crate::program::{DATA, PROGRAM, SCENARIO, TestFolder, refused, said, short_s
 
 /// Every command that writes a file, with the name of the file.
 const WRITERS: [(&str, &str); 10] = [
-    ("simulate s.toml --overwrite --out disk/a.parquet", "a.parquet"),
-    ("emulate s.toml --bead 8 --overwrite --out disk", "bead-8.mcap"),
-    ("recover x.mcap --overwrite --out disk/a.mcap", "a.mcap"),
-    ("export x.mcap --overwrite --out disk", "samples.parquet"),
-    ("export x.mcap --format csv --overwrite --out disk", "samples.csv"),
-    (
-        "compare x.mcap --scenario s.toml --overwrite --report disk/report.html",
-        "report.html",
-    ),
-    (
-        "compare x.mcap --scenario s.toml --overwrite --figures disk",
-        "strike.svg",
-    ),
-    ("settings make --template --overwrite disk/bead.toml", "bead.toml"),
-    (
-        "settings make bead.settings.toml --overwrite --out disk/a.settings",
-        "a.settings",
-    ),
-    (
-        "optimise short.toml --bead 7 --total-mass 0.01 --evaluations 400 --overwrite --out disk/best.toml",
-        "best.toml",
-    ),
+    ("simulate s.toml --out disk/a.parquet", "a.parquet"),
+    ("emulate s.toml --bead 8 --out disk", "bead-8.mcap"),
+    ("recover x.mcap --out disk/a.mcap", "a.mcap"),
+    ("export x.mcap --out disk", "samples.parquet"),
+    ("export x.mcap --format csv --out disk", "samples.csv"),
+    ("compare x.mcap --report disk/a.html", "a.html"),
+    ("compare x.mcap --figures disk", "strike.svg"),
+    ("settings make --template disk/bead.toml", "bead.toml"),
+    ("settings make b.toml --out disk/a.settings", "a.settings"),
+    (SEARCH, "best.toml"),
 ];
+const SEARCH: &str = "optimise short.toml --bead 7 --total-mass 0.01 --evaluations 400 --out disk/best.toml";
+
+/// Fills the disk.
+const FILL: &str = "head -c 100000 /dev/zero > disk/fill 2> /dev/null";
 
 /// Runs a script in a shell with a file system of 64 kB at `disk`, in a folder with some inputs. None where
 /// mounting is not allowed.
@@ -60,11 +52,10 @@ fn with_disk(folder: &Path, script: &str) -> Option<Output> {
 
 fn folder() -> TestFolder {
     let folder = TestFolder::new();
-    let path = &folder;
-    fs::copy(SCENARIO, path.join("s.toml")).unwrap();
-    fs::copy(format!("{DATA}/recording-v1.mcap"), path.join("x.mcap")).unwrap();
-    fs::write(path.join("short.toml"), short_scenario()).unwrap();
-    folder.done("settings make --template bead.settings.toml");
+    fs::copy(SCENARIO, folder.join("s.toml")).unwrap();
+    fs::copy(format!("{DATA}/recording-v1.mcap"), folder.join("x.mcap")).unwrap();
+    folder.write("short.toml", short_scenario());
+    folder.done("settings make --template b.toml");
     folder
 }
 
@@ -73,7 +64,7 @@ fn refuses_each(spoil: &str, reason: &str) {
     let folder = folder();
     for (command, name) in WRITERS {
         let script = format!(
-            "printf '' > disk/{name}; {spoil}; ls -A disk > before; $BEAD {command} > /dev/null; status=$?; \
+            "printf '' > disk/{name}; {spoil}; ls -A disk > before; $BEAD {command} --overwrite > /dev/null; status=$?; \
              ls -A disk > after; cmp before after && test ! -s disk/{name} && exit $status; exit 99"
         );
         let Some(output) = with_disk(&folder, &script) else {
@@ -86,10 +77,7 @@ fn refuses_each(spoil: &str, reason: &str) {
 
 #[test]
 fn a_full_disk_is_told_in_one_line_and_what_was_there_stays() {
-    refuses_each(
-        "head -c 100000 /dev/zero > disk/fill 2> /dev/null",
-        "No space left on device",
-    );
+    refuses_each(FILL, "No space left on device");
 }
 
 #[test]
@@ -100,11 +88,11 @@ fn a_read_only_disk_is_told_in_one_line_before_the_work() {
 #[test]
 fn a_result_that_fits_only_in_part_is_removed_and_a_full_temporary_folder_is_told() {
     let folder = folder();
-    let fill = "head -c 100000 /dev/zero > disk/fill 2> /dev/null; TMPDIR=$PWD/disk";
+    let fill = format!("{FILL}; TMPDIR=$PWD/disk");
     for (fill, command) in [
         ("", "simulate s.toml --out disk/a.parquet"),
-        ("", "compare x.mcap --scenario s.toml --report disk/report.html"),
-        (fill, "emulate s.toml --bead 8"),
+        ("", "compare x.mcap --report disk/report.html"),
+        (&fill, "emulate s.toml --bead 8"),
     ] {
         let script = format!(
             "{fill} $BEAD {command} > /dev/null; status=$?; rm -f disk/fill; ls -A disk >&2; exit $status"
@@ -139,10 +127,8 @@ fn a_recording_on_a_disk_that_becomes_full_keeps_what_came_before() {
     assert_eq!((output.status.code(), lines.len()), (Some(2), 2), "{said}");
     assert!(lines[0].contains("No space left on device"), "{said}");
     let advice = "what came before is kept in disk/a.mcap.partial, for `bead recover`";
-    assert!(
-        lines[0].ends_with(advice) && lines[1] == "a.mcap.partial",
-        "{said}"
-    );
+    assert!(lines[0].ends_with(advice), "{said}");
+    assert_eq!(lines[1], "a.mcap.partial");
     let recovered: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(recovered["frames"].as_u64().unwrap() > 100, "{recovered}");
 }

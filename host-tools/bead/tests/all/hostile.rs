@@ -95,19 +95,3 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
     }
     read_by_all(&stream);
 }
-
-#[test]
-fn of_very_many_runs_that_are_no_frames_the_first_are_printed_and_all_are_counted() {
-    let mut stream = Speaker::at(1);
-    stream.say(0, stream.identity());
-    stream.bytes.extend([1, 0].repeat(5000));
-    let decoded = bead(&recorded(&stream), "decode raw.bin");
-    let said = said(&decoded);
-    let lines: Vec<_> = said.lines().collect();
-    assert_eq!((decoded.status.code(), lines.len()), (Some(0), 1002), "{said}");
-    assert!(
-        lines[1000].contains("more than 1000 runs of bytes are refused"),
-        "{said}"
-    );
-    assert!(lines[1001].contains(" 5000 refused"), "{said}");
-}

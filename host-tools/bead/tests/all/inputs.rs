@@ -72,14 +72,11 @@ fn fixture(folder: &Path) {
     ] {
         write(name, &read(of));
     }
-    let noise: Vec<u8> = (1..4000_u32)
-        .map(|n| (n.wrapping_mul(0x9E37_79B9) >> 24) as u8)
-        .collect();
+    let noise = (1..4000_u32).map(|n| (n.wrapping_mul(0x9E37_79B9) >> 24) as u8);
+    let noise: Vec<u8> = noise.collect();
     let wav = b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\xbb\0\0\0\x77\x01\0\x02\0\x10\0data\0\0\0\0";
-    let (recording, future) = (
-        read("tests/data/recording-v1.mcap"),
-        read("tests/data/frame-of-the-future.bin"),
-    );
+    let recording = read("tests/data/recording-v1.mcap");
+    let future = read("tests/data/frame-of-the-future.bin");
     // One recording is cut, and one has a hole like the erased flash of a card.
     let mut hole = recording.clone();
     hole[2000..2512].fill(0xFF);
@@ -96,6 +93,7 @@ fn fixture(folder: &Path) {
         ("cut.mcap", &recording[..9000]),
         ("hole.mcap", &hole),
         ("cut.bin", &future[..future.len() - 5]),
+        ("runs.bin", &[&future[..], &[1, 0].repeat(5000)].concat()),
         ("nothing.wav", wav),
         ("cut.wav", &wav[..30]),
         ("cut.parquet", b"PAR1 and no more"),
@@ -112,10 +110,8 @@ fn fixture(folder: &Path) {
     wave("wave.csv", "time_s,force_n", &line);
     wave("volts.csv", "TIME,CH1,CH2", &|n| line(n) + ",0.5");
     wave("long.csv", "time_s,force_n", &|n| format!("{n}00,{}", force(n)));
-    let row_20 = |n, is: &str| if n == 20 { is.to_owned() } else { line(n) };
-    wave("steers.csv", "time_s,force_n", &|n| {
-        row_20(n, "0.0002,\u{1b}]52;c;eA==\u{7}")
-    });
+    let steers = |n| line(n) + if n == 20 { "\u{1b}]52;c;eA==\u{7}" } else { "" };
+    wave("steers.csv", "time_s,force_n", &steers);
     // Behind a gap the times are later.
     wave("gap.csv", "time_s,force_n", &|n| line(n + 3 * i32::from(n > 20)));
     // Scenarios with one thing wrong.
@@ -129,11 +125,7 @@ fn fixture(folder: &Path) {
         ("years", "duration = 0.006", "duration = 1e30"),
         ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
         ("many", "beads = 16", "beads = 1000000000000"),
-        (
-            "control",
-            "title = \"",
-            "title = \"\\u001b]52;c;eA==\\u0007\\u009b2J",
-        ),
+        ("control", "title = \"", "title = \"\\u001b]2;x\\u0007"),
     ] {
         assert_says(&scenario, was);
         write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
@@ -298,9 +290,10 @@ fn leaves(command: &clap::Command, above: &str) -> Vec<String> {
     if !command.has_subcommands() {
         return vec![above.to_owned()];
     }
+    let name = |one: &clap::Command| format!("{above} {}", one.get_name());
     let below = command.get_subcommands();
     below
-        .flat_map(|one| leaves(one, format!("{above} {}", one.get_name()).trim_start()))
+        .flat_map(|one| leaves(one, name(one).trim_start()))
         .collect()
 }
 

@@ -72,24 +72,18 @@ impl StoringBead {
         self.introduce();
     }
 
-    /// Sends frames, but for those that the line loses.
-    fn send(&mut self, bytes: &[u8]) {
+    /// Sends the frames that the bead said, but for those that the line loses.
+    fn send(&mut self) {
+        let bytes = mem::take(&mut self.bead.speaker.bytes);
         for frame in bytes.split_inclusive(|byte| *byte == 0) {
-            let drawn = frame.iter().fold(7_u32, |drawn, byte| {
-                drawn.wrapping_mul(31).wrapping_add((*byte).into())
-            });
-            if drawn % 100 >= self.losses
+            let mix = |drawn: u32, byte: &u8| drawn.wrapping_mul(31).wrapping_add((*byte).into());
+            if frame.iter().fold(7, mix) % 100 >= self.losses
                 && let Some(line) = &mut self.line
                 && line.write_all(frame).is_err()
             {
                 self.line = None;
             }
         }
-    }
-
-    fn send_said(&mut self) {
-        let bytes = mem::take(&mut self.bead.speaker.bytes);
-        self.send(&bytes);
     }
 
     /// Sends identity, settings and status, as a bead does now and then.
@@ -102,7 +96,7 @@ impl StoringBead {
         };
         let strikes = self.strikes;
         self.bead.say(Status { strikes, ..status });
-        self.send_said();
+        self.send();
     }
 
     /// Measures a strike of 64 samples in two pieces.
@@ -124,7 +118,7 @@ impl StoringBead {
         };
         let frames = [piece(0), piece(1), strike.into(), shape];
         frames.iter().for_each(|frame| self.bead.say(frame.clone()));
-        self.send_said();
+        self.send();
         let settings = block_of(&paper_settings()).into();
         let frames = [vec![settings], frames.to_vec()].concat();
         self.bead.kept.push(((boot, number), frames));
@@ -149,8 +143,8 @@ impl StoringBead {
         match self.line.as_mut().map(|line| line.read(&mut buffer)) {
             Some(Ok(length @ 1..)) => {
                 self.asked = Instant::now();
-                let answer = self.bead.hear(&buffer[..length]);
-                self.send(&answer);
+                self.bead.hear(&buffer[..length]);
+                self.send();
             }
             Some(Err(error)) if error.kind() == ErrorKind::WouldBlock => {}
             _ => self.line = None,

@@ -140,11 +140,9 @@ pub(crate) fn until(what: &str, mut holds: impl FnMut() -> bool) {
 /// background of a script.
 pub(crate) fn interruptible(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new("env");
-    command
-        .current_dir(folder)
-        .args(["--default-signal=INT,TERM,HUP", PROGRAM])
-        .args(arguments.split_whitespace())
-        .stdin(Stdio::null());
+    command.current_dir(folder).stdin(Stdio::null());
+    command.args(["--default-signal=INT,TERM,HUP", PROGRAM]);
+    command.args(arguments.split_whitespace());
     command
 }
 
@@ -178,16 +176,12 @@ impl RunningProgram {
 
     /// Waits for a line on standard output. Empty when the program has ended.
     pub(crate) fn line(&mut self) -> String {
-        let mut line = String::new();
-        self.stdout.as_mut().unwrap().read_line(&mut line).unwrap();
-        line
+        read_line(&mut self.stdout)
     }
 
     /// Waits for a line on standard error.
     pub(crate) fn error_line(&mut self) -> String {
-        let mut line = String::new();
-        self.stderr.as_mut().unwrap().read_line(&mut line).unwrap();
-        line
+        read_line(&mut self.stderr)
     }
 
     pub(crate) fn signal(&self, name: &str) {
@@ -236,6 +230,12 @@ impl Drop for RunningProgram {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+fn read_line(stream: &mut Option<impl BufRead>) -> String {
+    let mut line = String::new();
+    stream.as_mut().unwrap().read_line(&mut line).unwrap();
+    line
 }
 
 /// Sends a signal to a process, or to the group `-- -PID`.

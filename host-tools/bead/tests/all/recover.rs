@@ -11,7 +11,7 @@ use crate::program::{DATA, RunningProgram, TestFolder, interruptible, tcp};
 use bead_recording::file::{Recording, State};
 use bead_recording::frames::{Frame, Item, decode};
 use bead_testing::{Speaker, xorshift};
-use bead_wire::{Kind, Message, Status};
+use bead_wire::{Kind, Message};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -28,15 +28,9 @@ fn frame(boot: u32, sequence: u32) -> Vec<u8> {
         sequence,
         ..Speaker::at(0)
     };
-    let identity = bead.identity();
-    let drawn = Message::draw(Kind::Status, &mut xorshift(1 + u64::from(sequence)));
-    let message: Message = match drawn {
-        Message::Status(status) if sequence > 0 => Status {
-            strikes: sequence,
-            ..status
-        }
-        .into(),
-        _ => identity.into(),
+    let message = match sequence {
+        0 => bead.identity().into(),
+        _ => Message::draw(Kind::Status, &mut xorshift(sequence.into())),
     };
     bead.frame(100 * u64::from(sequence), &message)
 }
@@ -106,10 +100,8 @@ fn killed(seed: u64, folder: &TestFolder) -> (u32, u32) {
 fn a_recorder_that_is_killed_twenty_times_never_loses_more_than_its_help_says() {
     let folder = &TestFolder::new();
     thread::scope(|scope| {
-        let runs: Vec<_> = (0..20)
-            .map(|seed| scope.spawn(move || killed(seed, folder)))
-            .collect();
-        for run in runs {
+        let run = |seed| scope.spawn(move || killed(seed, folder));
+        for run in (0..20).map(run).collect::<Vec<_>>() {
             let (due, kept) = run.join().unwrap();
             assert!(due > 0 && kept >= due, "{kept} kept of {due}");
         }
@@ -179,9 +171,10 @@ fn a_damaged_recording_is_made_whole_and_a_raw_stream_becomes_one() {
     let sent: Vec<u8> = (0..2000).flat_map(|number| frame(1, number)).collect();
     folder.write("uart.bin", &sent);
     assert_eq!(recover(&folder, "uart.bin --out a.mcap")["frames"], 2000);
-    // A sector in the middle, and the one at the beginning.
+    // A sector that holds frames, and the one at the beginning.
     let mut file = folder.read("a.mcap");
-    let middle = file.len() / 2;
+    let begin = &frame(1, 1000)[1..21];
+    let middle = file.windows(20).position(|bytes| bytes == begin).unwrap();
     for sector in [0, middle] {
         file[sector..sector + 512].fill(0xFF);
     }

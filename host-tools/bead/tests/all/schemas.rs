@@ -7,11 +7,11 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 
 use crate::answering::{AnsweringBead, at_line};
-use crate::program::{ROOT, TestFolder, documents, done, names, said, short_scenario, typed};
+use crate::program::{ROOT, TestFolder, documents, names, said, short_scenario};
 use crate::row::light_intruders;
 use crate::rows::{ModelBead, record};
 use crate::schema;
@@ -23,8 +23,6 @@ use hertz_chain::{Scenario, Start};
 use serde_json::Value;
 
 const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schemas");
-const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
-const RECORDING: &str = "tests/data/recording-v1.mcap";
 
 #[test]
 fn the_published_schemas_are_those_of_the_types() {
@@ -39,13 +37,23 @@ fn the_published_schemas_are_those_of_the_types() {
     assert_eq!(known, published.collect());
 }
 
-/// A file with a pulse of force over microseconds.
-fn force_alone(folder: &Path) -> PathBuf {
-    let path = folder.join("force.csv");
+/// A folder with scenarios, a sweep, a recording, a settings block, and a pulse of force over microseconds.
+fn folder() -> TestFolder {
+    let folder = TestFolder::new();
+    for (name, of) in [
+        ("paper-strike.toml", "docs/scenarios/paper-strike.toml"),
+        ("own.toml", "docs/scenarios/own-chain.toml"),
+        ("ten.toml", "docs/scenarios/ten-intruders.toml"),
+        ("sweep.toml", "docs/scenarios/stiffness-and-speed.toml"),
+        ("x.mcap", "tests/data/recording-v1.mcap"),
+        ("bead.settings", "tests/data/settings-v1.bin"),
+    ] {
+        fs::copy(format!("{ROOT}/{of}"), folder.join(name)).unwrap();
+    }
     let row = |n: i32| format!("{n}0,{}\n", 5.0 * (-f64::from(n - 200).powi(2) / 400.0).exp());
     let rows: String = (0..400).map(row).collect();
-    fs::write(&path, format!("t (us),F (N)\n{rows}")).unwrap();
-    path
+    folder.write("force.csv", format!("t (us),F (N)\n{rows}"));
+    folder
 }
 
 /// Documents printed by a command, which may be a check that fails.
@@ -56,8 +64,8 @@ fn printed(output: &Output) -> Vec<Value> {
 }
 
 /// Asserts that the document that a command prints conforms to a schema, and returns it.
-fn hold(name: &str, line: &str) -> Value {
-    let mut printed = printed(&typed(Path::new(ROOT), &format!("{line} --format json")));
+fn hold(folder: &TestFolder, name: &str, line: &str) -> Value {
+    let mut printed = printed(&folder.run(&format!("{line} --format json")));
     assert_eq!(printed.len(), 1, "{line}");
     let document = printed.remove(0);
     schema::assert_valid(SCHEMAS, name, &document);
@@ -85,12 +93,11 @@ fn frames() -> Vec<u8> {
     bead.bytes
 }
 
-/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, without a time in common, and
-/// against a wave from the far end.
-fn compare_rows() {
-    let folder = TestFolder::new();
-    let path = |name: &str| folder.join(name);
+#[test]
+fn comparisons_of_rows_hold_their_schema() {
+    let folder = folder();
     let mut scenario = light_intruders(&[7, 8, 9, 10]);
+    // A bead lost one of two strikes, and another differs; two beads without a common time; a whole row.
     let mut lossy = [7, 8, 9, 10].map(ModelBead::at);
     lossy[1].lost = vec![0];
     lossy[2].wrong_by = 1;
@@ -98,137 +105,117 @@ fn compare_rows() {
     apart[2].lost = vec![0];
     apart.iter_mut().for_each(|bead| bead.synced = false);
     let mut whole = [7, 8, 9, 10].map(ModelBead::at);
-    let emulated = Recording::open(&Path::new(ROOT).join(RECORDING)).unwrap();
+    let emulated = Recording::open(&folder.join("x.mcap")).unwrap();
     whole[0].emulator = Some(emulated.parts[&Part::EmulatorReport].to_vec());
-    for (beads, strikes) in [(&lossy[..], 2), (&apart, 1), (&whole, 1)] {
-        record(&path("row.mcap"), &scenario, beads, strikes);
-        hold("compare-row", &format!("compare {}", path("row.mcap").display()));
-        fs::rename(path("row.mcap"), path("last.mcap")).unwrap();
+    for (name, beads, strikes) in [
+        ("lossy", &lossy[..], 2),
+        ("apart", &apart, 1),
+        ("whole", &whole, 1),
+    ] {
+        record(&folder.join(format!("{name}.mcap")), &scenario, beads, strikes);
+        hold(&folder, "compare-row", &format!("compare {name}.mcap"));
     }
-    let compare = format!("compare {}", path("last.mcap").display());
-    hold("compare-row", &format!("{compare} --velocity fit"));
+    hold(&folder, "compare-row", "compare whole.mcap --velocity fit");
     // Against a wave from the far end, which brings the first bead no energy.
     scenario.striker.velocity = 1e-3;
     scenario.starts = vec![Start::apart([scenario.chain.beads], 1e-6)];
     scenario.starts[0].velocity = -0.1;
-    fs::write(path("far.toml"), scenario.to_toml()).unwrap();
-    hold(
-        "compare-row",
-        &format!("{compare} --scenario {}", path("far.toml").display()),
-    );
+    folder.write("far.toml", scenario.to_toml());
+    hold(&folder, "compare-row", "compare whole.mcap --scenario far.toml");
 }
 
 #[test]
 fn results_of_simulations_hold_their_schemas() {
-    let folder = TestFolder::new();
-    let path = |name: &str| folder.join(name).display().to_string();
+    let folder = folder();
     // The third run ends before a force has halved.
-    let text = fs::read_to_string(format!("{ROOT}/{SCENARIO}")).unwrap();
-    fs::write(path("early.toml"), text.replace("= 0.006", "= 0.0012")).unwrap();
-    for scenario in [SCENARIO, "docs/scenarios/own-chain.toml", &path("early.toml")] {
-        hold("simulate", &format!("simulate {scenario}"));
+    let early = folder.text("paper-strike.toml").replace("= 0.006", "= 0.0012");
+    folder.write("early.toml", early);
+    folder.write("short.toml", short_scenario());
+    for (name, line) in [
+        ("simulate", "simulate paper-strike.toml"),
+        ("simulate", "simulate own.toml"),
+        ("simulate", "simulate early.toml"),
+        ("sweep-plan", "sweep plan sweep.toml --dir plan --chunks 2"),
+        ("sweep-status", "sweep status plan"),
+        ("sweep", "sweep sweep.toml --out a.parquet"),
+    ] {
+        hold(&folder, name, line);
     }
-    fs::write(path("short.toml"), short_scenario()).unwrap();
-    let search = "--bead 7,8 --total-mass 0.01 --evaluations 400";
-    hold("optimise", &format!("optimise {} {search}", path("short.toml")));
-    let sweep = "docs/scenarios/stiffness-and-speed.toml";
-    let plan = path("plan");
-    hold(
-        "sweep-plan",
-        &format!("sweep plan {sweep} --dir {plan} --chunks 2"),
-    );
-    hold("sweep-status", &format!("sweep status {plan}"));
-    hold("sweep", &format!("sweep {sweep} --out {}", path("a.parquet")));
+    let search = "optimise short.toml --bead 7,8 --total-mass 0.01 --evaluations 400";
+    hold(&folder, "optimise", search);
 }
 
 #[test]
 fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
-    let folder = TestFolder::new();
-    let [twice, wrong, out] = ["twice.mcap", "wrong.mcap", "out.mcap"].map(|name| folder.join(name));
-    record(&twice, &Scenario::paper(), &[ModelBead::at(8)], 2);
-    let mut bead = ModelBead::at(8);
-    bead.wrong_by = 1;
-    record(&wrong, &Scenario::paper(), &[bead], 1);
-    let replay = format!("replay {}", wrong.display());
-    assert_eq!(hold("replay", &format!("replay {RECORDING}"))["identical"], true);
-    assert_eq!(hold("replay", &replay)["identical"], false);
-    let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
-    assert_eq!(hold("compare", &compare)["failure"], Value::Null);
-    hold("compare", &format!("{compare} --velocity fit"));
-    hold("compare", &format!("compare {}", twice.display()));
-    assert!(hold("compare", &format!("{compare} --velocity 0.6"))["failure"].is_string());
-    compare_rows();
-    // Against itself, and against a force alone.
-    for reference in [PathBuf::from(RECORDING), force_alone(&folder)] {
-        let reference = reference.display();
-        hold(
-            "compare-reference",
-            &format!("compare {RECORDING} --reference {reference}"),
-        );
+    let folder = folder();
+    let [good, mut wrong] = [8, 8].map(ModelBead::at);
+    wrong.wrong_by = 1;
+    record(&folder.join("twice.mcap"), &Scenario::paper(), &[good], 2);
+    record(&folder.join("wrong.mcap"), &Scenario::paper(), &[wrong], 1);
+    let hold = |name: &str, line: &str| hold(&folder, name, line);
+    assert_eq!(hold("replay", "replay x.mcap")["identical"], true);
+    assert_eq!(hold("replay", "replay wrong.mcap")["identical"], false);
+    assert_eq!(hold("compare", "compare x.mcap")["failure"], Value::Null);
+    assert!(hold("compare", "compare x.mcap --velocity 0.6")["failure"].is_string());
+    for (name, line) in [
+        ("compare", "compare x.mcap --velocity fit"),
+        ("compare", "compare twice.mcap"),
+        // Against itself, and against a force alone.
+        ("compare-reference", "compare x.mcap --reference x.mcap"),
+        ("compare-reference", "compare x.mcap --reference force.csv"),
+        ("clock", "clock x.mcap"),
+        ("settings", "settings show bead.settings"),
+        ("recover", "recover x.mcap --out a.mcap"),
+    ] {
+        hold(name, line);
     }
-    hold("clock", &format!("clock {RECORDING}"));
-    hold("settings", "settings show tests/data/settings-v1.bin");
-    hold("recover", &format!("recover {RECORDING} --out {}", out.display()));
 }
 
 #[test]
 fn results_of_the_image_hold_their_schemas() {
-    let folder = TestFolder::new();
-    let [faults, out] = ["faults.toml", "run"].map(|name| folder.join(name));
-    let of_port = "[[fault]]\nat = 0.06\nkind = \"uart_stall\"\nduration = 0.1\n";
-    fs::write(
-        &faults,
-        format!("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n{of_port}"),
-    )
-    .unwrap();
-    let (faults, out, force) = (faults.display(), out.display(), force_alone(&folder));
+    let folder = folder();
+    // A fault that the bead reports, and one that it must not notice.
+    let reported = "[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n";
+    let unnoticed = "[[fault]]\nat = 0.06\nkind = \"uart_stall\"\nduration = 0.1\n";
+    folder.write("faults.toml", format!("{reported}{unnoticed}"));
     for more in [
-        format!("--strikes 2 --out {out}"),
-        // A fault that the bead reports, and one that it must not notice.
-        format!("--strikes 4 --faults {faults}"),
+        "--strikes 2 --out run",
+        "--strikes 4 --faults faults.toml",
         // A waveform of both sensors, and one of the force alone.
-        format!("--stimulus {RECORDING}"),
-        format!("--stimulus {}", force.display()),
+        "--stimulus x.mcap",
+        "--stimulus force.csv",
         // No strike is seen.
-        "--velocity 0.003".to_owned(),
+        "--velocity 0.003",
     ] {
-        hold("emulate", &format!("emulate {SCENARIO} --bead 8 {more}"));
+        let emulate = format!("emulate paper-strike.toml --bead 8 {more}");
+        hold(&folder, "emulate", &emulate);
     }
-    hold(
-        "emulate-several",
-        "emulate docs/scenarios/ten-intruders.toml --bead 7-8",
-    );
+    hold(&folder, "emulate-several", "emulate ten.toml --bead 7-8");
     // The bead does not see the slower striker.
     let strikers = "--radii 0.0045 --velocity 0.003,0.45 --strikes 2";
-    hold(
-        "proof-accuracy",
-        &format!("proof accuracy {SCENARIO} --bead 8 {strikers}"),
-    );
+    let accuracy = format!("proof accuracy paper-strike.toml --bead 8 {strikers}");
+    hold(&folder, "proof-accuracy", &accuracy);
     // One sphere is measured, and one refused.
     let spheres = "--materials ptfe --diameters 0.002,0.02 --strikes 1";
-    hold(
-        "proof-spheres",
-        &format!("proof spheres {SCENARIO} --bead 8 {spheres}"),
-    );
+    let spheres = format!("proof spheres paper-strike.toml --bead 8 {spheres}");
+    hold(&folder, "proof-spheres", &spheres);
 }
 
 #[test]
 fn every_frame_holds_the_schema_of_its_kind_also_while_it_is_received() {
-    let folder = TestFolder::new();
-    let raw = folder.join("frames.bin");
-    fs::write(&raw, frames()).unwrap();
+    let folder = folder();
+    folder.write("frames.bin", frames());
     let decode = |arguments: &str| {
-        let decode = format!("decode {} {arguments}", raw.display());
-        let lines = documents(done(typed(Path::new(ROOT), &decode)).as_bytes());
-        lines
-            .iter()
-            .for_each(|line| schema::assert_valid(SCHEMAS, "decode", line));
+        let lines = documents(folder.done(&format!("decode {arguments}")).as_bytes());
+        for line in &lines {
+            schema::assert_valid(SCHEMAS, "decode", line);
+        }
         lines
     };
-    let decoded = decode("");
+    let decoded = decode("frames.bin");
     let kinds: BTreeSet<_> = decoded.iter().map(|line| line["kind"].to_string()).collect();
     assert_eq!(kinds.len(), Kind::ALL.len());
-    for line in decode(&format!("{RECORDING} --kind shape")) {
+    for line in decode("frames.bin x.mcap --kind shape") {
         assert!(line["kind"] == "shape" && line["file"].is_string());
     }
 
@@ -254,9 +241,8 @@ fn every_frame_holds_the_schema_of_its_kind_also_while_it_is_received() {
 
 #[test]
 fn every_answer_of_a_bead_holds_its_schema() {
-    let block = fs::read(format!("{ROOT}/tests/data/settings-v1.bin")).unwrap();
-    let folder = TestFolder::new();
-    let mut beads = [AnsweringBead::new(3, &block)];
+    let folder = folder();
+    let mut beads = [AnsweringBead::new(3, &folder.read("bead.settings"))];
     let mut ask = |asked: &str| printed(&at_line(&folder, &mut beads, &format!("{asked} --format json")));
     for (action, name) in [
         ("identity", "command-identity"),
@@ -273,9 +259,6 @@ fn every_answer_of_a_bead_holds_its_schema() {
         }
     }
     // `read` prints for a bead the same as `show` for a file.
-    let shown = typed(
-        Path::new(ROOT),
-        "settings show tests/data/settings-v1.bin --format json",
-    );
+    let shown = folder.run("settings show bead.settings --format json");
     assert_eq!(ask("settings read"), printed(&shown));
 }

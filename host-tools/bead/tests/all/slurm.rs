@@ -1,6 +1,5 @@
 //! A sweep on a real Slurm: one node on this machine, killed in the middle and submitted again.
 
-use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
 use std::time::Duration;
@@ -22,12 +21,11 @@ struct Slurm {
 impl Slurm {
     /// `None` where it is not installed.
     fn start() -> Option<Self> {
-        let is_there = |program: &str| {
-            let paths = ["/usr/bin", "/usr/sbin", "/usr/local/bin", "/usr/local/sbin"];
-            paths.iter().any(|path| Path::new(path).join(program).exists())
-        };
-        let programs = ["slurmctld", "slurmd", "sbatch", "squeue", "sinfo"];
-        if !programs.into_iter().all(is_there) {
+        let script =
+            "export PATH=$PATH:/usr/sbin:/usr/local/sbin; command -v slurmctld slurmd sbatch squeue sinfo";
+        let mut shell = Command::new("sh");
+        let found = shell.args(["-c", script]).output().unwrap();
+        if found.stdout.iter().filter(|&&byte| byte == b'\n').count() < 5 {
             eprintln!("SKIPPED: no Slurm here (Debian: apt-get install --no-install-recommends slurm-wlm)");
             return None;
         }
@@ -38,9 +36,8 @@ impl Slurm {
 
     fn command(&self, program: &str, arguments: &str) -> Output {
         let mut command = Command::new(program);
-        command
-            .current_dir(&*self.folder)
-            .args(arguments.split_whitespace());
+        command.current_dir(&*self.folder);
+        command.args(arguments.split_whitespace());
         let configuration = self.node.join("slurm.conf");
         command.env("SLURM_CONF", configuration).output().unwrap()
     }

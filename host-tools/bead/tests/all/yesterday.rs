@@ -33,6 +33,8 @@ fn the_strike_of_the_first_recording_replays_to_the_same_bits() {
         let removed = now.as_object_mut().unwrap().remove(key);
         assert_eq!(removed, Some(value.into()), "{key}");
     }
+    let strike = now["strikes"][0].as_object_mut().unwrap();
+    assert_eq!(strike.remove("bead"), Some(0.into()));
     let then = fs::read(folder.join("recording-v1.replay.json")).unwrap();
     assert_eq!(documents(&then), [now]);
 
