@@ -1,6 +1,7 @@
 //! The description of a recording, and its attachments.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The description of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -69,6 +70,26 @@ impl Origin {
             port: map.remove("port"),
             clock: map.remove("clock"),
         }
+    }
+}
+
+/// A bead of a recording with several.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordedBead {
+    /// Its address, and where its bytes came from.
+    pub origin: Origin,
+    /// Its own attachments.
+    pub parts: BTreeMap<Part, Arc<[u8]>>,
+    /// Number of its runs of bytes.
+    pub runs: u64,
+    /// Number of its runs that are missing.
+    pub runs_missing: u64,
+}
+
+impl RecordedBead {
+    /// Its place in the chain, its address if no place is known.
+    pub fn place(&self) -> usize {
+        self.origin.bead.unwrap_or(self.origin.address.into())
     }
 }
 

@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use mcap::records::{Channel, Record, op};
 
-use crate::file::about::{About, Origin, Part};
+use crate::file::about::{About, Origin, Part, RecordedBead};
 use crate::file::layout::{ENCODING, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC, bead_of};
-use crate::file::read::RecordedBead;
 use crate::file::search::{self, SoundFrame};
 use crate::frames::Piece;
 use bead_tables::printable::{beginning, one_line};

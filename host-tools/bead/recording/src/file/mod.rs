@@ -48,8 +48,8 @@ mod stream;
 mod tests;
 mod writer;
 
-pub use about::{About, Origin, Part};
+pub use about::{About, Origin, Part, RecordedBead};
 pub use error::RecordingError;
-pub use read::{Pieces, RecordedBead, Recording};
+pub use read::{Pieces, Recording};
 pub use records::{Damage, State};
 pub use writer::{BeadIndex, Finished, Writer};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bead_wire::{VERSION, reader};
 
-use crate::file::about::{About, Origin, Part};
+use crate::file::about::{About, Part, RecordedBead};
 use crate::file::contents::{BeadChannels, Contents};
 use crate::file::error::RecordingError;
 use crate::file::records::{Records, State};
@@ -34,26 +34,6 @@ pub struct Recording {
     channels: Arc<BeadChannels>,
     /// Address of the bead whose bytes are read, if it is one of several.
     only: Option<u8>,
-}
-
-/// A bead of a recording with several.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RecordedBead {
-    /// Its address, and where its bytes came from.
-    pub origin: Origin,
-    /// Its own attachments.
-    pub parts: BTreeMap<Part, Arc<[u8]>>,
-    /// Number of its runs of bytes.
-    pub runs: u64,
-    /// Number of its runs that are missing.
-    pub runs_missing: u64,
-}
-
-impl RecordedBead {
-    /// Its place in the chain, its address if no place is known.
-    pub fn place(&self) -> usize {
-        self.origin.bead.unwrap_or(self.origin.address.into())
-    }
 }
 
 impl Recording {
