@@ -43,7 +43,7 @@ fn main() {
             .expect("the target directory can be written to");
     }
     println!("cargo::rustc-env=BEAD_IMAGE={}", image.display());
-    // What is installed needs no symbols.
+    // An installed program needs no symbols.
     println!("cargo::rustc-link-arg-bins=-s");
 }
 

@@ -1,5 +1,6 @@
 //! A bead in the emulator: its image in QEMU, faults, and the comparison of a run with the simulation.
 
+pub mod accuracy;
 pub mod bridge;
 pub mod emulation;
 pub mod error;

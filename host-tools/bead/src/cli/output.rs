@@ -1,4 +1,4 @@
-//! How results leave the program: data on standard output, everything else on standard error.
+//! Results leave the program here: data on standard output, everything else on standard error.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};

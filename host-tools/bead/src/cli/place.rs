@@ -98,7 +98,7 @@ impl FileKind {
     /// it is empty.
     fn of(path: &Path) -> Option<Self> {
         let mut head = Vec::new();
-        // What cannot be read is judged by its name.
+        // A file that cannot be read is judged by its name.
         let _ = File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
         if head.is_empty() && path.metadata().is_ok_and(|found| found.len() == 0) {
             return None;

@@ -1,4 +1,4 @@
-//! How a page was made, and of what.
+//! Facts of a page: command, files, program and time.
 
 use std::env;
 use std::fs::File;

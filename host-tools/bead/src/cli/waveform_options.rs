@@ -1,4 +1,4 @@
-//! How the file of a waveform is read: an option that `bead emulate` and `bead compare` share.
+//! Reading of the file of a waveform: an option that `bead emulate` and `bead compare` share.
 
 use std::path::Path;
 

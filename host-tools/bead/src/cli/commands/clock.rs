@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     /// The recordings. The bead of the first gives the time for all.
     #[arg(required = true, value_name = "F.mcap")]
     recordings: Vec<PathBuf>,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

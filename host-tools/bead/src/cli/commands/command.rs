@@ -249,7 +249,7 @@ fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Resu
         writeln!(to, "sample_index,force_code,acceleration_code")?;
         for piece in &stream.pieces {
             for (place, codes) in (0..).zip(piece.codes.iter()) {
-                // What is on the line may be near the end of the range.
+                // A bead may send an index near the end of the range.
                 let index = piece.first_index.wrapping_add(place);
                 let codes = codes.map(|code| code.to_string());
                 writeln!(to, "{index},{}", codes.join(","))?;

@@ -86,7 +86,7 @@ pub(crate) struct Arguments {
     pub(super) figures: Option<PathBuf>,
     #[command(flatten)]
     pub(super) overwrite: Overwrite,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     pub(super) format: Format,
     #[command(flatten)]

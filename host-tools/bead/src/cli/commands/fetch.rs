@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
     overwrite: Overwrite,
     #[command(flatten)]
     line: LineOptions,
-    /// How to print the list.
+    /// Format of the list.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

@@ -64,7 +64,7 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
@@ -115,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let out = arguments.overwrite.optional(out, FileKind::Scenario, &inputs)?;
     let search = search(arguments, &scenario)?;
     search.check(&scenario).map_err(refusal)?;
-    // What cannot be run is told before the search.
+    // A strike that cannot be run is told before the search.
     let compared = compare(&scenario, &search)?;
     let bar = output::progress(search.evaluations as u64);
     let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());

@@ -64,13 +64,13 @@ pub(crate) struct Arguments {
     /// Go on in another file after this time, s, at most a day.
     #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = split)]
     split: Duration,
-    /// How long to wait for the ports when all have gone away, s; 0 to end when one does.
+    /// Time to wait for the ports when all have gone away, s; 0 to end when one does.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = wait)]
     wait: Duration,
     /// Do not ask the bead for strikes that did not come whole: only listen.
     #[arg(long)]
     no_fetch: bool,
-    /// How to print the strikes; as JSON, one object a line, as `bead decode` does, with the time of
+    /// Format of the strikes; as JSON, one object a line, as `bead decode` does, with the time of
     /// receipt.
     #[arg(long, value_enum, default_value_t)]
     format: Format,

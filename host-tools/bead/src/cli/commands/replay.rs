@@ -18,7 +18,7 @@ Example:
 pub(crate) struct Arguments {
     /// The recording.
     recording: PathBuf,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

@@ -66,7 +66,7 @@ enum SettingsAction {
         out: Option<PathBuf>,
         #[command(flatten)]
         overwrite: Overwrite,
-        /// How to print them.
+        /// Format of the settings.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
@@ -88,7 +88,7 @@ enum SettingsAction {
         /// The settings, or the physical quantities that they are made of.
         #[arg(value_name = "F.settings|F.toml")]
         file: PathBuf,
-        /// How to print them.
+        /// Format of the settings.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },

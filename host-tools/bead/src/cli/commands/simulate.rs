@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     rate: f64,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How to print the summary.
+    /// Format of the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

@@ -99,7 +99,7 @@ struct Here {
     consent: Consent,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How to print the summary.
+    /// Format of the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

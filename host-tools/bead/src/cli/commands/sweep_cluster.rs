@@ -18,12 +18,12 @@ pub(crate) struct PlanArguments {
     /// The folder for the plan and its parts. Nodes of a cluster must all see it.
     #[arg(long)]
     dir: PathBuf,
-    /// How many chunks [default: chunks of ten minutes of one processor each, 1000 at most].
+    /// Number of chunks [default: chunks of ten minutes of one processor each, 1000 at most].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_CHUNKS))]
     chunks: Option<u64>,
     #[command(flatten)]
     consent: Consent,
-    /// How to print the plan.
+    /// Format of the plan.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
@@ -66,7 +66,7 @@ pub(crate) struct SubmitArguments {
 pub(crate) struct StatusArguments {
     /// The folder of the plan.
     dir: PathBuf,
-    /// How to print it.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
@@ -81,7 +81,7 @@ pub(crate) struct MergeArguments {
     out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How to print the summary.
+    /// Format of the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

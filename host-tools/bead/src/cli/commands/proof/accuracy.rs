@@ -1,8 +1,9 @@
 //! `bead proof accuracy`: the error of the image's two estimates over strikers and velocities, behind each
 //! pair of sensors.
 
-use super::measure::{Errors, Prepared, ProofOptions, StrikePeaks, grid, metres};
+use super::measure::{Prepared, ProofOptions, StrikePeaks, grid, metres, shown};
 use crate::cli::commands::prelude::*;
+use bead_bench::accuracy::EstimateErrors;
 use bead_bench::tables::Sensors;
 use bead_compare::sensed::{bead_of, simulate_with_ring_down};
 
@@ -66,8 +67,8 @@ pub(crate) struct StrikerCell {
     #[serde(flatten)]
     peaks: StrikePeaks,
     /// Behind the sensors for weak strikes, and behind those for strong ones.
-    weak: Errors,
-    strong: Errors,
+    weak: EstimateErrors,
+    strong: EstimateErrors,
     pass: bool,
 }
 
@@ -140,10 +141,10 @@ fn row(cell: &StrikerCell) -> [String; 8] {
             "{:.1} N, {:.0} m/s²",
             peaks.peak_force_n, peaks.peak_acceleration_mps2
         ),
-        cell.weak.shown(0),
-        cell.weak.shown(1),
-        cell.strong.shown(0),
-        cell.strong.shown(1),
+        shown(&cell.weak, 0),
+        shown(&cell.weak, 1),
+        shown(&cell.strong, 0),
+        shown(&cell.strong, 1),
         output::either(cell.pass, "yes", "no"),
         flags.join(", "),
     ]
@@ -163,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_flag_of_both_pairs_of_sensors_is_told_once() {
-        let errors = |flags: &[&'static str]| Errors {
+        let errors = |flags: &[&'static str]| EstimateErrors {
             strikes: 2,
             rms: [0.0; 2],
             worst: [0.0; 2],

@@ -1,22 +1,18 @@
 //! Shared by all proofs: options, runs, errors of the estimates, and the page of a table.
 
-use bead_wire::{Energy, Strike, StrikeFlags};
 use hertz_chain::Solution;
 use rayon::prelude::*;
 
 use crate::cli::beads::one_bead;
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::command;
+use bead_bench::accuracy::EstimateErrors;
 use bead_bench::emulation::Emulation;
 use bead_bench::error::BenchError;
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, Truth, load_scenario};
-use bead_recording::frames::Frame;
-use bead_recording::strikes::assemble;
 
-/// Goals, as parts of the truth: of estimate A, and of B.
-const GOALS: [f64; 2] = [5e-3, 1e-2];
 /// Shortest time from strike to strike, s.
 const INTERVAL: f64 = 0.05;
 /// Quiet before the first strike, s.
@@ -43,7 +39,7 @@ pub(super) struct ProofOptions {
     table: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How to print the result.
+    /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
@@ -90,7 +86,7 @@ impl Prepared<'_> {
         solution: &Solution,
         front_end: &AnalogFrontEnd,
         strikes: u32,
-    ) -> Result<Errors, BenchError> {
+    ) -> Result<EstimateErrors, BenchError> {
         let timing = Timing {
             lead_in: LEAD_IN,
             strikes,
@@ -99,7 +95,7 @@ impl Prepared<'_> {
         let (bead, seed) = (self.common.bead, Some(self.common.seed));
         let run = Emulation::prepare(scenario, solution, bead, front_end, seed, timing, &self.image)?;
         let frames = run.run()?.whole()?.frames;
-        Ok(Errors::of(&run, frames))
+        Ok(EstimateErrors::of(&run, frames))
     }
 
     /// Computes the cells of all points side by side, writes the page, `text` above the table, and prints the
@@ -164,72 +160,17 @@ pub(super) fn grid<A: Copy, B: Copy>(rows: &[A], columns: &[B]) -> Vec<(A, B)> {
     rows.iter().flat_map(row).collect()
 }
 
-/// Errors of the estimates of one run.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct Errors {
-    /// Strikes that were measured.
-    pub(super) strikes: usize,
-    /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the
-    /// worst: null in JSON.
-    #[schemars(with = "[Option<f64>; 2]")]
-    pub(super) rms: [f64; 2],
-    /// The greatest error, with its sign.
-    #[schemars(with = "[Option<f64>; 2]")]
-    pub(super) worst: [f64; 2],
-    /// Every flag that was set.
-    pub(super) flags: Vec<&'static str>,
-}
-
-impl Errors {
-    /// True if every strike was measured within the sensors' range, and within the goals.
-    pub(super) fn pass(&self, struck: u32) -> bool {
-        self.strikes == struck as usize
-            && self.flags.iter().all(|flag| !flag.ends_with("railed"))
-            && self.rms.iter().zip(GOALS).all(|(rms, goal)| *rms <= goal)
+/// An error with its worst value, or the flag that makes it meaningless; `-` if the bead saw no strike.
+pub(super) fn shown(errors: &EstimateErrors, estimate: usize) -> String {
+    if errors.strikes == 0 {
+        return "-".to_owned();
     }
-
-    /// The errors of the first window after each strike. Later windows are echoes.
-    fn of(run: &Emulation, frames: Vec<Frame>) -> Self {
-        let (truth, mut begun, mut measured) = (&run.truth, None, Vec::new());
-        for strike in assemble(frames, Some(run.settings)) {
-            let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
-            if begun.is_some() && begun != before {
-                measured.push(strike.said);
-            }
-        }
-        let absorbed = truth.truth.absorbed;
-        let of = |energy: fn(&Strike) -> Energy| -> (f64, f64) {
-            let error = |strike| energy(strike).joules() / absorbed - 1.0;
-            let errors: Vec<f64> = measured.iter().map(error).collect();
-            let squares: f64 = errors.iter().map(|error| error * error).sum();
-            let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
-            ((squares / errors.len() as f64).sqrt(), worst.unwrap_or(f64::NAN))
-        };
-        let (a, b) = (
-            of(|strike| strike.absorbed_measured),
-            of(|strike| strike.absorbed_predicted),
-        );
-        let flags = measured.iter().map(|strike| strike.flags);
-        Self {
-            strikes: measured.len(),
-            rms: [a.0, b.0],
-            worst: [a.1, b.1],
-            flags: flags.fold(StrikeFlags::NONE, StrikeFlags::with).names().collect(),
-        }
+    let railed = ["acceleration_railed", "force_railed"][estimate];
+    if errors.flags.contains(&railed) {
+        return "railed".to_owned();
     }
-
-    /// An error with its worst value, or the flag that makes it meaningless; `-` if the bead saw no strike.
-    pub(super) fn shown(&self, estimate: usize) -> String {
-        if self.strikes == 0 {
-            return "-".to_owned();
-        }
-        let railed = ["acceleration_railed", "force_railed"][estimate];
-        if self.flags.contains(&railed) {
-            return "railed".to_owned();
-        }
-        let [rms, worst] = [self.rms, self.worst].map(|parts| 100.0 * parts[estimate]);
-        format!("{rms:.2} ({worst:+.2})")
-    }
+    let [rms, worst] = [errors.rms, errors.worst].map(|parts| 100.0 * parts[estimate]);
+    format!("{rms:.2} ({worst:+.2})")
 }
 
 #[cfg(test)]
@@ -238,13 +179,13 @@ mod tests {
 
     #[test]
     fn errors_of_no_strike_are_no_numbers_and_no_pass() {
-        let errors = Errors {
+        let errors = EstimateErrors {
             strikes: 0,
             rms: [f64::NAN; 2],
             worst: [f64::NAN; 2],
             flags: Vec::new(),
         };
-        assert_eq!([0, 1].map(|estimate| errors.shown(estimate)), ["-", "-"]);
+        assert_eq!([0, 1].map(|estimate| shown(&errors, estimate)), ["-", "-"]);
         assert!(!errors.pass(2));
     }
 }

@@ -11,8 +11,9 @@ use bead_model::design::Bead;
 use clap::ValueEnum;
 use hertz_chain::Options;
 
-use super::measure::{Errors, Prepared, ProofOptions, StrikePeaks, grid, metres};
+use super::measure::{Prepared, ProofOptions, StrikePeaks, grid, metres, shown};
 use crate::cli::commands::prelude::*;
+use bead_bench::accuracy::EstimateErrors;
 use bead_bench::error::BenchError;
 use bead_compare::error::CompareError;
 use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
@@ -145,7 +146,7 @@ enum SphereOutcome {
 struct Measured {
     #[serde(flatten)]
     peaks: StrikePeaks,
-    errors: Errors,
+    errors: EstimateErrors,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -281,8 +282,8 @@ fn row(cell: &SphereCell) -> [String; 7] {
                 "{:.3} N, {:.0} m/s²",
                 peaks.peak_force_n, peaks.peak_acceleration_mps2
             ),
-            errors.shown(0),
-            errors.shown(1),
+            shown(errors, 0),
+            shown(errors, 1),
             errors.flags.join(", "),
         ],
         SphereOutcome::Refused(why) => ["-", "refused", "refused", short(why)].map(str::to_owned),
