@@ -76,7 +76,7 @@ pub(crate) struct Adc {
     extra: bool,
     /// It misses the next trigger.
     pub(crate) misses: bool,
-    /// A scan has started. Whoever looks clears it.
+    /// A scan has started. Cleared once it is passed on.
     pub(crate) scan_started: bool,
     /// DR holds data that was not read yet.
     unread: bool,

@@ -92,7 +92,7 @@ pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
     streams: [StreamRegisters; STREAMS],
-    /// Streams that were just enabled, a bit for each. Whoever looks clears them.
+    /// Streams that were just enabled, a bit for each. Cleared once they are noted.
     pub(crate) started: u32,
     pub(crate) notes: Notes,
 }

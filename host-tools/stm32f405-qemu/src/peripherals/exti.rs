@@ -25,7 +25,7 @@ pub(crate) struct Exti {
     pr: u32,
     /// The inputs of the edge detectors. Not known while no edge is asked for.
     inputs: Option<u32>,
-    /// An enabled edge has come. Whoever looks clears it.
+    /// An enabled edge has come. Cleared once it is passed on.
     pub(crate) edge_came: bool,
     pub(crate) notes: Notes,
 }

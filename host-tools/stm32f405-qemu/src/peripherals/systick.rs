@@ -28,7 +28,7 @@ pub(crate) struct SysTick {
     /// Ticks from the origin that were looked at.
     seen: u64,
     counted: bool,
-    /// The counter reached 0 with its interrupt on. Whoever passes it on clears this.
+    /// The counter reached 0 with its interrupt on. Cleared once it is passed on.
     pub(crate) fired: bool,
     pub(crate) notes: Notes,
 }

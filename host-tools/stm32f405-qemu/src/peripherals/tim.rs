@@ -71,7 +71,7 @@ pub(crate) struct Tim {
     counter: Counter,
     /// Flags have been filled in up to this tick from the counter's origin.
     seen: u64,
-    /// UG or an enable was written, and TRGO passes it on at once. Whoever passes it on clears this.
+    /// UG or an enable was written, and TRGO passes it on at once. Cleared once it is passed on.
     pub(crate) trigger_now: bool,
     pub(crate) notes: Notes,
 }
