@@ -115,7 +115,7 @@ fn measured(settings: &Settings, bytes: &[u8]) {
 
 fn codes_of(scan: &Scan) -> ScanCodes {
     ScanCodes {
-        sensitive: [scan.force.sensitive().get(), scan.acceleration.sensitive().get()],
-        wide: Some([scan.force.wide().get(), scan.acceleration.wide().get()]),
+        sensitive: scan.sensitive(),
+        wide: Some(scan.wide()),
     }
 }

@@ -382,10 +382,8 @@ mod tests {
                 assert_eq!(watch.0 >= LIMIT, left, "{state}");
             }
         }
-        assert_eq!(
-            [i32::MIN, i32::MAX].map(|a| RangeWatch::default().limited(a)),
-            [-LIMIT, LIMIT - 1]
-        );
+        let limited = [i32::MIN, i32::MAX].map(|a| RangeWatch::default().limited(a));
+        assert_eq!(limited, [-LIMIT, LIMIT - 1]);
     }
 
     #[test]

@@ -70,19 +70,14 @@ fn a_piece_is_loud_in_the_baseline_and_where_a_code_or_one_of_two_before_is_beyo
                 let [first, end] = [0, PIECE as u64].map(|more| chunk.first_index + more);
                 let in_baseline = first < TRIGGER + 1 - history + u64::from(BASELINE);
                 // The codes from at to at + 4 have a part in values up to at + 6.
-                assert_eq!(
-                    chunk.loud,
-                    in_baseline || first < at + 6 && at < end,
-                    "{loud:?}, {at}: {first}"
-                );
+                let expected = in_baseline || first < at + 6 && at < end;
+                assert_eq!(chunk.loud, expected, "{loud:?}, {at}: {first}");
             }
         }
     }
     let quiet = hear(&settings, [1000, 1000], TRIGGER + 50);
-    assert_eq!(
-        quiet.chunks.iter().filter(|chunk| chunk.loud).count() * PIECE,
-        usize::from(BASELINE)
-    );
+    let loud = quiet.chunks.iter().filter(|chunk| chunk.loud);
+    assert_eq!(loud.count() * PIECE, usize::from(BASELINE));
 }
 
 #[test]
@@ -93,11 +88,8 @@ fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_w
         for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
             let heard = hear(&settings, loud, at);
             let report = (heard.reports[0], heard.shapes[0]);
-            assert_eq!(
-                replay(&settings, &heard, |chunk| chunk.loud),
-                report,
-                "{loud:?}, {at}"
-            );
+            let same = replay(&settings, &heard, |chunk| chunk.loud);
+            assert_eq!(same, report, "{loud:?}, {at}");
             // Where the wide channel gives the signal.
             let is_held = |chunk: &Chunk| (chunk.first_index..chunk.first_index + PIECE as u64).contains(&at);
             let other = replay(&settings, &heard, |chunk| chunk.loud && !is_held(chunk));

@@ -49,10 +49,7 @@ fn only_a_rise_in_a_short_time_triggers_and_a_pulse_in_a_window_has_none_of_its_
             assert_eq!(report.strike, number);
             assert!((*start..start + 20).contains(&report.trigger_index), "{report:?}");
             assert_eq!(report.trigger_index - report.first_index + 1, 160);
-            assert!(
-                (start + 24..=start + 26).contains(&report.peak_index),
-                "{report:?}"
-            );
+            assert!(report.peak_index.abs_diff(start + 25) <= 1, "{report:?}");
         }
     }
 }
@@ -197,10 +194,8 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
         let scans: Vec<Scan> = (80_000..84_000).map(|at| scan(stream(at))).collect();
         meter.process(&settings, 80_000, scans, &mut heard);
         assert!(heard.reports.len() > at_rest);
-        assert_eq!(
-            heard.reports[at_rest].strike as usize,
-            at_rest + meter.passed_over() as usize
-        );
+        let next = heard.reports[at_rest].strike as usize;
+        assert_eq!(next, at_rest + meter.passed_over() as usize);
     }
 }
 

@@ -97,10 +97,8 @@ fn blocks_of_other_versions_are_refused_by_their_number() {
             (SettingsError::Version(version), ", this program knows 1")
         };
         assert_eq!(error, expected);
-        assert_eq!(
-            error.to_string(),
-            format!("settings block of version {version}{advice}")
-        );
+        let line = format!("settings block of version {version}{advice}");
+        assert_eq!(error.to_string(), line);
     }
 }
 
@@ -117,11 +115,8 @@ fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refus
             key: Key::Name,
             bound: Bound::Text,
         });
-        assert_eq!(
-            Settings::decode(&block(VERSION, &body)),
-            Err(expected),
-            "{name:?}"
-        );
+        let found = Settings::decode(&block(VERSION, &body));
+        assert_eq!(found, Err(expected), "{name:?}");
     }
 }
 
@@ -313,10 +308,8 @@ fn poles_and_units_have_their_limits() {
         let is_wide = key.path().ends_with("wide_pole");
         let delay = if is_wide { 27.0 / 21e6 } else { 0.0 };
         let slowest = 1.0 / (std::f64::consts::TAU * (2e-5 + delay));
-        assert!(
-            paper().with(|one| *pole(one) = 1.0001 * slowest).is_ok(),
-            "{key:?}"
-        );
+        let faster = paper().with(|one| *pole(one) = 1.0001 * slowest);
+        assert!(faster.is_ok(), "{key:?}");
         for pole_hz in [0.9999 * slowest, 1e-300] {
             assert_eq!(refused(|one| *pole(one) = pole_hz), (key, Bound::Pole));
         }
@@ -440,10 +433,8 @@ fn those_behind_stand_in_their_bits_with_their_numbers() {
     let settings = Settings::new(&in_company()).unwrap();
     let company = settings.company;
     assert_eq!((company.behind, company.elsewhere), (0b1001, false));
-    assert_eq!(
-        (company.stiffness, company.damping),
-        (settings.chain.stiffness, settings.chain.damping)
-    );
+    assert_eq!(company.stiffness, settings.chain.stiffness);
+    assert_eq!(company.damping, settings.chain.damping);
     // Where none is behind, the numbers of its intruder do not matter.
     let mut alone = in_company();
     (alone.company.behind, alone.company.elsewhere) = (0, 1);

@@ -79,9 +79,7 @@ fn the_shape_of_a_strike_is_that_of_the_chain_whatever_its_speed_and_its_spring(
         let errors = errors(speed, stiffness, range, noise);
         println!("{speed} m/s, k = {stiffness} N/m, {noise} codes of noise: {errors:.3?}");
         let holds = |(error, bound): (f64, f64)| error.abs() < bound;
-        assert!(
-            errors.into_iter().zip(bounds).all(holds),
-            "{errors:?}, not below {bounds:?}"
-        );
+        let all = errors.into_iter().zip(bounds).all(holds);
+        assert!(all, "{errors:?}, not below {bounds:?}");
     }
 }

@@ -89,11 +89,7 @@ fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), V
     let settings = derive(bead, &front_end, &capture)?;
     let mut block = [0; bead_model::settings::BLOCK_MAX];
     settings.encode(&mut block).unwrap();
-    assert_eq!(
-        Settings::decode(&block),
-        Ok(settings),
-        "settings survive their block"
-    );
+    assert_eq!(Settings::decode(&block), Ok(settings));
     let scans = std::iter::repeat_n([0.0; 2], LEAD).chain(felt);
     let scans: Vec<_> = scans.map(|felt| scan(&front_end, felt)).collect();
     let collected = Collector::measure(&settings, 0, &scans);
@@ -142,10 +138,8 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                 assert!(a.abs() < bound_a, "{what}: A {a} %, not within {bound_a:.3}");
                 assert!(b.abs() < bound_b, "{what}: B {b} %, not within {bound_b:.3}");
                 let only = StrikeFlags::ESTIMATES_DIFFER;
-                assert!(
-                    flags == StrikeFlags::NONE || flags == only && (a - b).abs() > 2.5,
-                    "{what}: {flags:?}"
-                );
+                let holds = flags == StrikeFlags::NONE || flags == only && (a - b).abs() > 2.5;
+                assert!(holds, "{what}: {flags:?}");
                 measured += 1;
             }
         }

@@ -112,11 +112,8 @@ fn each_kind_of_damage_is_refused_by_its_name() {
         (VERSION, 4, b"\x00\x00\x04abcd\x00\x00\x00", Some(Cause::Body)),
         (VERSION, 4, b"\x00\x00\x03abc\x00\x00\x00", None),
     ] {
-        assert_eq!(
-            cause(&by_hand(version, kind, 0, body)),
-            expected,
-            "{kind} {body:?}"
-        );
+        let found = cause(&by_hand(version, kind, 0, body));
+        assert_eq!(found, expected, "{kind} {body:?}");
     }
     assert_eq!(cause(b"\x09abc\x00"), Some(Cause::Cobs));
     assert_eq!(cause(b"\x04abc\x00"), Some(Cause::TooShort));
@@ -165,16 +162,12 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
     let mut decoder = Decoder::new();
     let (_, rejects) = decode(&mut decoder, &stream);
     assert_eq!(rejects[0].cause, Cause::Version(later));
-    assert_eq!(
-        (decoder.counters().lost, decoder.counters().rejected.version),
-        (0, 1)
-    );
+    let counters = decoder.counters();
+    assert_eq!((counters.lost, counters.rejected.version), (0, 1));
     // No frame of version 0 exists; those of 2 and 3 were sent before the first release.
     for refused in [0, 2, 3] {
-        assert_eq!(
-            cause(&by_hand(refused, 1, 0, identity)),
-            Some(Cause::Version(refused))
-        );
+        let found = cause(&by_hand(refused, 1, 0, identity));
+        assert_eq!(found, Some(Cause::Version(refused)));
     }
     assert_eq!(
         Cause::Version(3).to_string(),
@@ -188,10 +181,8 @@ fn an_unknown_number_keeps_its_frame_and_has_no_name() {
     let Message::Fault(fault) = &heard[0].message else {
         panic!("{heard:?}")
     };
-    assert_eq!(
-        (fault.cause, fault.cause.name()),
-        (FaultCause::Unknown(200), None)
-    );
+    assert_eq!(fault.cause, FaultCause::Unknown(200));
+    assert_eq!(fault.cause.name(), None);
     assert_eq!((fault.boot, fault.detail.as_str()), (2, "hello"));
     assert_eq!(fault.cause.to_string(), "number 200");
 }

@@ -244,10 +244,6 @@ fn the_page_of_the_protocol_says_what_the_crate_does() {
         today += &format!("{BEGIN}{name} -->\n\n{text}{END}{rest}");
         found.push(name);
     }
-    assert_eq!(
-        found,
-        parts.each_ref().map(|(name, _)| *name),
-        "each part has its place"
-    );
+    assert_eq!(found, parts.each_ref().map(|(name, _)| *name));
     held(PAGE, &today, "PAGES");
 }

@@ -244,15 +244,10 @@ fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
     let frame = |address, sequence| bytes_of(address, 0, sequence, &settings);
     // Frames of two beads alternate; two frames of bead 9 are lost.
     let stream = [frame(3, 0), frame(9, 70), frame(3, 1), frame(9, 73), frame(3, 2)].concat();
+    let [first, next] = [Arrival::First, Arrival::Next { lost: 0 }];
     assert_eq!(
         arrivals(&stream),
-        [
-            Arrival::First,
-            Arrival::First,
-            Arrival::Next { lost: 0 },
-            Arrival::Next { lost: 2 },
-            Arrival::Next { lost: 0 },
-        ]
+        [first, first, next, Arrival::Next { lost: 2 }, next]
     );
     let mut decoder = Decoder::new();
     decode(&mut decoder, &stream);
