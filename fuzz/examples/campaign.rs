@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 
-use bead_fuzz::campaign::{Bench, Script, check, shrunk};
+use bead_fuzz::campaign::{CampaignBench, Script, check, shrunk};
 
 const USAGE: &str =
     "usage: campaign N [--seed S]: runs N scripts of faults, drawn by the numbers from S (1) on";
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
 
 /// Runs the scripts, two at a time on two cores, and gives how many failed.
 fn run(count: u64, seed: u64) -> Result<usize, String> {
-    let bench = Bench::new()?;
+    let bench = CampaignBench::new()?;
     let (next, failed, measured) = (AtomicU64::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
     let faults = AtomicUsize::new(0);
     let writing = Mutex::new(());

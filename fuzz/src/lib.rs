@@ -25,10 +25,10 @@ mod text;
 pub mod waveforms;
 
 /// A target: its name, which is that of its folder in `corpus`, and its check.
-pub type Target = (&'static str, fn(&[u8]));
+pub type FuzzTarget = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: &[Target] = &[
+pub const TARGETS: &[FuzzTarget] = &[
     ("frames", frames::check),
     ("requests", requests::check),
     ("settings", settings::check),

@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use bead_fuzz::campaign::{Bench, Script, check, shrunk};
+use bead_fuzz::campaign::{CampaignBench, Script, check, shrunk};
 
 /// The scripts that the tests draw. None has what takes seconds; `cargo xtask campaign` has it all.
 const DRAWN: std::ops::Range<u64> = 0..20;
 
 #[test]
 fn whatever_fails_is_told_once_counted_and_survived() {
-    let bench = Bench::new().unwrap_or_else(|why| panic!("{why}"));
+    let bench = CampaignBench::new().unwrap_or_else(|why| panic!("{why}"));
     let mut measured = 0;
     for number in DRAWN {
         let script = Script::draw(number, true);
@@ -21,7 +21,7 @@ fn whatever_fails_is_told_once_counted_and_survived() {
 
 #[test]
 fn what_a_script_once_found_is_not_there_any_more() {
-    let bench = Bench::new().unwrap_or_else(|why| panic!("{why}"));
+    let bench = CampaignBench::new().unwrap_or_else(|why| panic!("{why}"));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts");
     let mut scripts = 0;
     for entry in fs::read_dir(folder).unwrap() {

@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bead_fuzz::{TARGETS, Target};
+use bead_fuzz::{FuzzTarget, TARGETS};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -129,7 +129,7 @@ fn mutated(bytes: &[u8], other: &[u8], words: &[Vec<u8>], random: &mut ChaCha8Rn
     bytes
 }
 
-fn run(&(name, check): &Target) {
+fn run(&(name, check): &FuzzTarget) {
     let paths = seeds(name);
     assert!(!paths.is_empty(), "{name} has no seeds");
     let of_toml = paths

@@ -7,7 +7,7 @@
 
 use crate::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive_among};
 use crate::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike};
-use bead_wire::GainMatch;
+use bead_wire::{Fields, Value};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// The results of a meter, as numbers.
@@ -18,11 +18,18 @@ struct ResultNumbers {
 }
 
 impl ResultNumbers {
-    fn gains(&mut self, gains: Option<GainMatch>) {
-        let [deviation, uncertainty] = gains.map_or([i32::MIN; 2], |gains| {
-            [gains.deviation.bits(), gains.uncertainty.bits()]
-        });
-        self.numbers.extend([deviation, uncertainty].map(i64::from));
+    /// Adds the fields of a body; two numbers for a match of gains that is not there.
+    fn add(&mut self, body: &dyn Fields) {
+        let mut values = Vec::new();
+        body.each(&mut |_, value| values.push(value));
+        for value in values {
+            match value {
+                Value::Integer(bits) => self.numbers.push(bits as i64),
+                Value::Group(Some(fields)) => self.add(fields),
+                Value::Group(None) => self.numbers.extend([i32::MIN; 2].map(i64::from)),
+                Value::Text(_) | Value::Bytes(_) => panic!("a result has numbers"),
+            }
+        }
     }
 }
 
@@ -42,30 +49,11 @@ impl Sink for ResultNumbers {
     }
 
     fn report(&mut self, report: &Strike, shape: &Shape) {
-        self.numbers.extend([
-            report.strike.into(),
-            report.first_index as i64,
-            report.trigger_index as i64,
-            report.samples.into(),
-            report.peak_force.bits().into(),
-            report.peak_index as i64,
-            report.acceleration_max.bits().into(),
-            report.acceleration_min.bits().into(),
-            report.absorbed_measured.bits(),
-            report.absorbed_predicted.bits(),
-            report.incident_energy.bits(),
-            report.absorbed_fraction.bits().into(),
-            report.noise_energy.bits(),
-            report.force_noise.bits().into(),
-            report.flags.bits().into(),
-            shape.arrival.bits().into(),
-            shape.width.bits().into(),
-            shape.impulse.bits(),
-            shape.ring_frequency.bits().into(),
-            shape.ring_decay.bits().into(),
-        ]);
-        self.gains(shape.force_gains);
-        self.gains(shape.acceleration_gains);
+        self.add(report);
+        let start = self.numbers.len();
+        self.add(shape);
+        // Number and first index of the shape are those of the strike.
+        self.numbers.drain(start..start + 2);
         self.reports += 1;
     }
 }
@@ -74,7 +62,7 @@ impl Sink for ResultNumbers {
 /// of its mass and these times the damping.
 type Likeness = [f64; 4];
 /// Force (N), width (scans), acceleration (m/s²) and gain of the wide channels, as [`strikes`] takes them.
-type Pulse = [f64; 4];
+type PulseForm = [f64; 4];
 
 const PAPER: Likeness = [1.0, 1.0, 0.0726, 1.0];
 const UNDAMPED: Likeness = [1.0, 1.0, 0.0726, 0.1];
@@ -84,18 +72,18 @@ const LIGHT: Likeness = [0.003, 0.1, 0.01, 1.0];
 const HEAVY: Likeness = [0.5, 8.0, 0.5, 1.0];
 const LARGE: Likeness = [40.0, 50.0, 0.4, 1.0];
 const TINY: Likeness = [0.02, 0.1, 0.4, 1.0];
-const FAINT: Pulse = [0.3, 50.0, 2.0, 1.0];
-const SOFT: Pulse = [12.0, 60.0, 150.0, 1.0];
-const NARROW: Pulse = [30.0, 7.0, 300.0, 1.0];
-const MIDDLE: Pulse = [30.0, 50.0, 300.0, 1.0];
-const SHORT: Pulse = [10.0, 30.0, 800.0, 1.0];
-const HARD: Pulse = [30.0, 30.0, 800.0, 1.0];
-const FIRM: Pulse = [80.0, 45.0, 900.0, 1.0];
-const LONG: Pulse = [150.0, 90.0, 900.0, 1.0];
-const LOUD: Pulse = [120.0, 45.0, 1500.0, 1.0];
-const AMPLIFIED: Pulse = [100.0, 45.0, 1500.0, 1.05];
-const RAILED: Pulse = [300.0, 40.0, 6000.0, 1.0];
-const VIOLENT: Pulse = [200.0, 60.0, 5000.0, 1.0];
+const FAINT: PulseForm = [0.3, 50.0, 2.0, 1.0];
+const SOFT: PulseForm = [12.0, 60.0, 150.0, 1.0];
+const NARROW: PulseForm = [30.0, 7.0, 300.0, 1.0];
+const MIDDLE: PulseForm = [30.0, 50.0, 300.0, 1.0];
+const SHORT: PulseForm = [10.0, 30.0, 800.0, 1.0];
+const HARD: PulseForm = [30.0, 30.0, 800.0, 1.0];
+const FIRM: PulseForm = [80.0, 45.0, 900.0, 1.0];
+const LONG: PulseForm = [150.0, 90.0, 900.0, 1.0];
+const LOUD: PulseForm = [120.0, 45.0, 1500.0, 1.0];
+const AMPLIFIED: PulseForm = [100.0, 45.0, 1500.0, 1.05];
+const RAILED: PulseForm = [300.0, 40.0, 6000.0, 1.0];
+const VIOLENT: PulseForm = [200.0, 60.0, 5000.0, 1.0];
 
 /// Settings of a bead with intruders behind it where a bit of `behind` is 1.
 fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
@@ -124,7 +112,7 @@ fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
 /// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot
 /// and `force` N high, and an acceleration of `ringing` m/s² that rings and decays. The gain of the wide
 /// channels is `more` times what the settings say, and the noise is up to `noise` codes.
-fn strikes([force, width, ringing, more]: Pulse, noise: u64, samples: usize) -> Vec<Scan> {
+fn strikes([force, width, ringing, more]: PulseForm, noise: u64, samples: usize) -> Vec<Scan> {
     let mut state = 1_u64;
     let mut drawn = |most: u64| {
         state = state
@@ -175,7 +163,7 @@ fn metered(settings: &Settings, scans: &[Scan], call: usize) -> u32 {
 #[test]
 fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
     // The bead and the intruders behind it, the pulse, codes of noise, the checksum.
-    type Case = (&'static str, Likeness, u8, Pulse, u64, u32);
+    type Case = (&'static str, Likeness, u8, PulseForm, u64, u32);
     let cases: [Case; 20] = [
         ("within the sensitive range", PAPER, 0, SOFT, 1, 0xc6b5_0653),
         ("no noise", PAPER, 0, SOFT, 0, 0xadf7_22ab),

@@ -1,4 +1,4 @@
-//! How the window of a strike is laid out, and the sizes that follow from it.
+//! Parts of the window of a strike, and the sizes that follow from them.
 //!
 //! ```text
 //! |  baseline  |  noise  | lead |            strike, ring-down             |

@@ -356,8 +356,8 @@ impl Meter {
         self.process(settings, first_index, scans(words), sink);
     }
 
-    /// How many of `new` scans, the first of which has the index `index`, come before the one at which a
-    /// window was asked for. `None` if it is not among them.
+    /// Number of scans before the one at which a window was asked for, among `new` scans of which the first
+    /// has the index `index`. `None` if it is not among them.
     fn asked(&self, index: u64, new: usize) -> Option<usize> {
         let before = self.around.at.saturating_sub(index);
         (self.around.origin != Origin::Force && before < new as u64).then_some(before as usize)

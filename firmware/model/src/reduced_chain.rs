@@ -372,7 +372,7 @@ mod tests {
         ] {
             let mut watch = RangeWatch::default();
             assert_eq!(watch.limited(value), limited);
-            // What comes after it is small.
+            // A small value after it changes nothing.
             watch.state(1);
             assert_eq!(watch.0 >= LIMIT, left, "{value}");
             for state in [value << 7, (value << 7) + 0x7F] {

@@ -17,8 +17,7 @@
 //! one per cent, a calibration to a tenth of that.
 //!
 //! In a quiet piece, in which the sensitive channel stays near its zero, the wide channel is not looked at.
-//! So the second gain costs time only while a strike is loud, and only then does the host need the wide
-//! codes.
+//! The second gain costs time only while a strike is loud, and only then does the host need the wide codes.
 
 use crate::calibration::{Channel, ChannelState};
 use crate::layout::{BASELINE, PIECE};
@@ -83,7 +82,7 @@ impl SensorState {
         self.scatters |= *self.first.get_or_insert(codes.wide()) != codes.wide();
     }
 
-    /// How well the gains agree, if the window can tell.
+    /// Match of the gains, if the window can tell.
     pub fn gain_match(&self) -> Option<GainMatch> {
         self.overlap.gain_match()
     }

@@ -22,7 +22,7 @@ use crate::reduced_chain::ReducedChain;
 use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
-use crate::violation::{Bound, Key, Violation};
+use crate::violation::{Bound, SettingKey, Violation};
 
 /// Version of the settings block.
 pub const VERSION: u16 = 1;
@@ -38,10 +38,13 @@ const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
 
 /// Settings of a sensor's channels, at the high gain and at the low one: units per code and poles.
-const FORCE_UNITS: [Key; 2] = [Key::ForcePerCode, Key::WideForcePerCode];
-const FORCE_POLES: [Key; 2] = [Key::ForcePole, Key::WideForcePole];
-const ACCELERATION_UNITS: [Key; 2] = [Key::AccelerationPerCode, Key::WideAccelerationPerCode];
-const ACCELERATION_POLES: [Key; 2] = [Key::AccelerationPole, Key::WideAccelerationPole];
+const FORCE_UNITS: [SettingKey; 2] = [SettingKey::ForcePerCode, SettingKey::WideForcePerCode];
+const FORCE_POLES: [SettingKey; 2] = [SettingKey::ForcePole, SettingKey::WideForcePole];
+const ACCELERATION_UNITS: [SettingKey; 2] = [
+    SettingKey::AccelerationPerCode,
+    SettingKey::WideAccelerationPerCode,
+];
+const ACCELERATION_POLES: [SettingKey; 2] = [SettingKey::AccelerationPole, SettingKey::WideAccelerationPole];
 
 /// Settings of a bead with the coefficients that follow from them, at one sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -64,7 +67,7 @@ pub struct Settings {
     pub incident: I16F16,
     /// A strike is flagged if A and B differ by more than this part of the greater.
     pub disagreement: I16F16,
-    /// How the intruder rings, and the tolerance outside of which a strike is flagged.
+    /// Ringing of the intruder, and the tolerance outside of which a strike is flagged.
     pub ringing: Ringing,
     /// Powers of two between coefficients and their formats.
     pub scale: Scale,
@@ -229,25 +232,37 @@ impl Settings {
         let window = &self.window;
         let least = BASELINE + PIECE as u16 + LEAD;
         let rules = [
-            (window.history >= least, Key::History, Bound::LongHistory),
+            (window.history >= least, SettingKey::History, Bound::LongHistory),
             (
                 usize::from(window.history) <= HISTORY_MAX,
-                Key::History,
+                SettingKey::History,
                 Bound::ShortHistory,
             ),
-            (window.length > window.history, Key::Length, Bound::LongWindow),
-            (window.length <= WINDOW_MAX, Key::Length, Bound::ShortWindow),
+            (
+                window.length > window.history,
+                SettingKey::Length,
+                Bound::LongWindow,
+            ),
+            (
+                window.length <= WINDOW_MAX,
+                SettingKey::Length,
+                Bound::ShortWindow,
+            ),
             (
                 window.lookback > 0 && window.lookback < window.history,
-                Key::Lookback,
+                SettingKey::Lookback,
                 Bound::Lookback,
             ),
             (
                 window.threshold > 0 && window.threshold < 4096,
-                Key::Threshold,
+                SettingKey::Threshold,
                 Bound::Codes,
             ),
-            (self.triggers_above_noise(), Key::Threshold, Bound::AboveNoise),
+            (
+                self.triggers_above_noise(),
+                SettingKey::Threshold,
+                Bound::AboveNoise,
+            ),
         ];
         for (holds, key, bound) in rules {
             require(holds, key, bound)?;
@@ -267,8 +282,8 @@ impl Settings {
 fn check_sensor<F: LeEqU32>(
     sensor: &Sensor<F>,
     most: u32,
-    units: [Key; 2],
-    poles: [Key; 2],
+    units: [SettingKey; 2],
+    poles: [SettingKey; 2],
 ) -> Result<(), Violation> {
     let channels: [&Channel<F>; 2] = [&sensor.sensitive, &sensor.wide];
     for ((channel, unit), pole) in channels.into_iter().zip(units).zip(poles) {

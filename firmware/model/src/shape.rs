@@ -87,7 +87,7 @@ fn fine(number: f32) -> u32 {
     U16F16::saturating_from_num(number).to_bits()
 }
 
-/// How the intruder of a good bead rings, and the tolerances.
+/// Ringing of the intruder of a good bead, and its tolerances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ringing {
     /// Frequency of the free ringing, Hz.

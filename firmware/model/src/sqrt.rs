@@ -58,7 +58,7 @@ pub(crate) fn sqrt(length: Length) -> SqrtLength {
 mod tests {
     use super::*;
 
-    /// How far the root of `bits` is off, relative, beyond two units.
+    /// Relative error of the root of `bits`, beyond two units.
     fn off(bits: i32) -> f64 {
         let exact = Length::from_bits(bits).to_num::<f64>().sqrt();
         let error = (sqrt(Length::from_bits(bits)).to_num::<f64>() - exact).abs();

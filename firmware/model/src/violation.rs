@@ -6,11 +6,11 @@ macro_rules! keys {
     ($($name:ident $path:literal)*) => {
         /// A setting that the owner states, by its place in `bead.toml`.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Key {
+        pub enum SettingKey {
             $(#[doc = concat!("`", $path, "`.")] $name),*
         }
 
-        impl Key {
+        impl SettingKey {
             /// Its place: `intruder.stiffness`.
             pub const fn path(self) -> &'static str {
                 match self {
@@ -195,7 +195,7 @@ impl Bound {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Violation {
     /// The setting.
-    pub key: Key,
+    pub key: SettingKey,
     /// The bound.
     pub bound: Bound,
 }

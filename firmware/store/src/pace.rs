@@ -1,4 +1,4 @@
-//! How often the store may be written.
+//! Limit of the writes to the store.
 //!
 //! # Design
 //! A sector endures 10 000 erases (DocID022152, flash memory endurance), and a full sector is erased at the

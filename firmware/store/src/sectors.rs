@@ -241,7 +241,7 @@ mod tests {
             (&[[0, 200]], 820),
             (&[[0, 256]], 764),
             (&[[0, 257]], 760),
-            // What is blank in front of the last word is a part of a block.
+            // Blank bytes in front of the last word are a part of a block.
             (&[[0, 4], [700, 704]], 316),
             (&[[1020, 1024]], 0),
             // The sector with less room counts.

@@ -26,7 +26,7 @@ const STEP: usize = 64;
 /// four.
 #[repr(C)]
 pub struct WindowMemory<const N: usize> {
-    entries: [Entry; WINDOWS],
+    entries: [WindowEntry; WINDOWS],
     ring: [u8; N],
 }
 
@@ -34,7 +34,7 @@ impl<const N: usize> WindowMemory<N> {
     /// Memory that holds no window.
     pub const fn new() -> Self {
         Self {
-            entries: [Entry::NONE; WINDOWS],
+            entries: [WindowEntry::NONE; WINDOWS],
             ring: [0; N],
         }
     }
@@ -49,7 +49,7 @@ impl<const N: usize> Default for WindowMemory<N> {
 /// Where a window is, and what it is of.
 #[derive(Clone, Copy)]
 #[repr(C)]
-struct Entry {
+struct WindowEntry {
     /// Number of the window since the memory was cleared.
     serial: u32,
     boot: u32,
@@ -64,7 +64,7 @@ struct Entry {
     crc: u32,
 }
 
-impl Entry {
+impl WindowEntry {
     /// It stands for no window.
     const NONE: Self = Self {
         serial: 0,
@@ -137,7 +137,7 @@ pub struct Windows<'m, const N: usize> {
     /// Bytes before `head` that windows take.
     used: usize,
     /// The window being filled.
-    open: Option<Entry>,
+    open: Option<WindowEntry>,
     /// The first window that is not sealed, how far its checksum is, and the checksum.
     unsealed: u32,
     summed: usize,
@@ -171,10 +171,10 @@ impl<'m, const N: usize> Windows<'m, N> {
             let entry = self.memory.entries[slot];
             let sound = survived && entry.crc == entry.checksum() && self.is_whole(&entry, slot);
             if !sound {
-                self.memory.entries[slot] = Entry::NONE;
+                self.memory.entries[slot] = WindowEntry::NONE;
             }
         }
-        let sound = |entry: &&Entry| entry.parts > 0;
+        let sound = |entry: &&WindowEntry| entry.parts > 0;
         let Some(newest) = self
             .memory
             .entries
@@ -192,10 +192,10 @@ impl<'m, const N: usize> Windows<'m, N> {
         for serial in (0..self.next).rev().take(WINDOWS) {
             let entry = &mut self.memory.entries[serial as usize % WINDOWS];
             if entry.serial != serial || entry.parts == 0 {
-                *entry = Entry {
+                *entry = WindowEntry {
                     serial,
                     start: start as u32,
-                    ..Entry::NONE
+                    ..WindowEntry::NONE
                 };
                 continue;
             }
@@ -213,7 +213,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         }
     }
 
-    fn is_whole(&self, entry: &Entry, slot: usize) -> bool {
+    fn is_whole(&self, entry: &WindowEntry, slot: usize) -> bool {
         let (start, length) = (entry.start as usize, entry.length as usize);
         let fits = entry.serial as usize % WINDOWS == slot
             && entry.serial < u32::MAX
@@ -236,12 +236,12 @@ impl<'m, const N: usize> Windows<'m, N> {
         if self.next - self.oldest == WINDOWS as u32 {
             self.drop_oldest();
         }
-        self.open = Some(Entry {
+        self.open = Some(WindowEntry {
             serial: self.next,
             boot,
             strike,
             start: self.head as u32,
-            ..Entry::NONE
+            ..WindowEntry::NONE
         });
     }
 
@@ -285,7 +285,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         if !rest.is_empty() {
             self.memory.ring[..rest.len()].copy_from_slice(rest);
         }
-        self.open = Some(Entry {
+        self.open = Some(WindowEntry {
             length: (length + needed) as u32,
             parts: open.parts + 1,
             ..open
@@ -307,7 +307,7 @@ impl<'m, const N: usize> Windows<'m, N> {
     fn drop_oldest(&mut self) {
         let dropped = self.oldest;
         let start = self.entry(dropped).start as usize;
-        self.memory.entries[dropped as usize % WINDOWS] = Entry::NONE;
+        self.memory.entries[dropped as usize % WINDOWS] = WindowEntry::NONE;
         self.oldest += 1;
         self.used = if self.oldest == self.next {
             0
@@ -340,8 +340,8 @@ impl<'m, const N: usize> Windows<'m, N> {
         self.summed += step;
         if self.summed == entry.length as usize {
             let contents = core::mem::take(&mut self.sum).finish();
-            let entry = Entry { contents, ..entry };
-            self.memory.entries[self.unsealed as usize % WINDOWS] = Entry {
+            let entry = WindowEntry { contents, ..entry };
+            self.memory.entries[self.unsealed as usize % WINDOWS] = WindowEntry {
                 crc: entry.checksum(),
                 ..entry
             };
@@ -406,7 +406,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         }))
     }
 
-    fn entry(&self, serial: u32) -> &Entry {
+    fn entry(&self, serial: u32) -> &WindowEntry {
         &self.memory.entries[serial as usize % WINDOWS]
     }
 }
@@ -448,7 +448,7 @@ mod tests {
     /// Memory as after power-up.
     fn memory(state: &mut u64) -> WindowMemory<N> {
         let mut word = || random(state) as u32 * 2 + 1;
-        let mut entries = [Entry::NONE; WINDOWS];
+        let mut entries = [WindowEntry::NONE; WINDOWS];
         for entry in &mut entries {
             for field in FIELDS {
                 *field(entry) = word();
@@ -553,7 +553,7 @@ mod tests {
             expected.drain(..gone);
             assert_eq!(kept, expected, "boot {boot}");
             most = most.max(kept.len());
-            // What is free is less than the window that made the last one go, or the directory is full.
+            // Less is free than the window took that made the last one go, or the directory is full.
             let bytes: usize = kept.iter().map(size).sum();
             let is_full = kept.len() == WINDOWS || bytes + 2 * 6 * 64 > N;
             assert!(gone == 0 || is_full, "{bytes} bytes");
@@ -682,7 +682,7 @@ mod tests {
     }
 
     /// The fields of an entry.
-    const FIELDS: [fn(&mut Entry) -> &mut u32; 8] = [
+    const FIELDS: [fn(&mut WindowEntry) -> &mut u32; 8] = [
         |entry| &mut entry.serial,
         |entry| &mut entry.boot,
         |entry| &mut entry.strike,
@@ -745,7 +745,7 @@ mod tests {
             entry.contents = checksum(&bytes);
             entry.crc = entry.checksum();
             let mut copy = WindowMemory {
-                entries: [Entry::NONE; WINDOWS],
+                entries: [WindowEntry::NONE; WINDOWS],
                 ..memory
             };
             copy.entries[slot] = entry;

@@ -15,7 +15,7 @@ const FLASHES: u32 = if cfg!(miri) { 2 } else { 200 };
 /// Writes to each. A sector holds four, so each is erased more than ten times.
 const WRITES: usize = if cfg!(miri) { 3 } else { 120 };
 
-/// How a bit fails that has been erased too often.
+/// Failure of a bit that has been erased too often.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Weakness {
     /// It does not rise any more: erased flash is not blank.

@@ -76,7 +76,7 @@ impl<const BYTES: usize> Codes<BYTES> {
         &self.0
     }
 
-    /// How many scans there are.
+    /// Number of scans.
     pub fn len(&self) -> usize {
         self.0.len() / 3
     }

@@ -12,7 +12,7 @@
 //!
 //! **The header is frozen**, and so are the bodies of [`Identity`](crate::Identity) and
 //! [`Reply`](crate::Reply). A later version may change all other bodies, and may append fields to these two.
-//! So a host can always say which bead it hears and why it cannot read the rest, and a bead can always say
+//! A host can therefore always say which bead it hears and why it cannot read the rest, and a bead can always say
 //! that it does not understand its host.
 
 use crate::body::Body;
@@ -52,7 +52,7 @@ pub struct Frame {
     pub version: u8,
     /// Its header.
     pub header: Header,
-    /// How it follows the earlier frames of this address.
+    /// Its place among the earlier frames of this address.
     pub arrival: Arrival,
     /// Its message.
     pub message: Message,

@@ -50,5 +50,5 @@ pub use request::{
 };
 pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};
-pub use text::{Block, BlockTooLong, Bytes, Inner, MAX_BLOCK, Text};
+pub use text::{Block, BlockTooLong, BoundedBytes, Inner, MAX_BLOCK, Text};
 pub use unit::Unit;

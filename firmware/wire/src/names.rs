@@ -172,19 +172,3 @@ pub fn named(bits: u16, names: &'static [Named]) -> impl Iterator<Item = &'stati
         .filter(move |row| bits >> row.0 & 1 == 1)
         .map(|row| row.1)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bits_have_the_names_of_their_list_and_those_without_are_passed_over() {
-        const NAMES: &[Named] = &[(0, "zero", ""), (3, "three", ""), (15, "fifteen", "")];
-        let named = |bits| named(bits, NAMES).collect::<std::vec::Vec<_>>();
-        assert_eq!(named(0), [""; 0]);
-        assert_eq!(named(1), ["zero"]);
-        assert_eq!(named(0b1010), ["three"]);
-        assert_eq!(named(0b0110), [""; 0]);
-        assert_eq!(named(u16::MAX), ["zero", "three", "fifteen"]);
-    }
-}

@@ -1,4 +1,4 @@
-//! How many frames were lost, from their sequence numbers.
+//! Lost frames, counted by their sequence numbers.
 //!
 //! # Design
 //! The bead numbers every frame that it makes, from 0 at each reset. So the numbers that are missing between
@@ -21,7 +21,7 @@ use serde::Serialize;
 /// A frame may arrive late by at most this number of frames.
 pub const REORDER: u32 = 64;
 
-/// How a frame follows the earlier ones.
+/// Place of a frame among the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {

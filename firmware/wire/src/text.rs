@@ -65,26 +65,26 @@ impl<const N: usize> Field for Text<N> {
     }
 }
 
-/// Bytes of at most `N`, stored in place.
+/// BoundedBytes of at most `N`, stored in place.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Bytes<const N: usize>(Vec<u8, N>);
+pub struct BoundedBytes<const N: usize>(Vec<u8, N>);
 
 /// Longest settings block that fits a frame, in bytes. The longest block of `bead-model` is just as long.
 pub const MAX_BLOCK: usize = 256;
 /// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
-pub type Block = Bytes<MAX_BLOCK>;
+pub type Block = BoundedBytes<MAX_BLOCK>;
 
 /// Longest body of a frame that another one carries, in bytes: that of a settings block.
 const MAX_INNER: usize = counted(MAX_BLOCK);
 /// The body of a frame that another one carries.
-pub type Inner = Bytes<MAX_INNER>;
+pub type Inner = BoundedBytes<MAX_INNER>;
 
 /// A block has this many bytes, which is more than fits a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
 pub struct BlockTooLong(pub usize);
 
-impl<const N: usize> Bytes<N> {
+impl<const N: usize> BoundedBytes<N> {
     /// The bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.0
@@ -101,7 +101,7 @@ impl<const N: usize> Bytes<N> {
     }
 }
 
-impl<const N: usize> TryFrom<&[u8]> for Bytes<N> {
+impl<const N: usize> TryFrom<&[u8]> for BoundedBytes<N> {
     type Error = BlockTooLong;
     fn try_from(bytes: &[u8]) -> Result<Self, BlockTooLong> {
         Vec::from_slice(bytes)
@@ -110,19 +110,19 @@ impl<const N: usize> TryFrom<&[u8]> for Bytes<N> {
     }
 }
 
-impl<const N: usize> Serialize for Bytes<N> {
+impl<const N: usize> Serialize for BoundedBytes<N> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_bytes(&self.0)
     }
 }
 
-impl<'de, const N: usize> Deserialize<'de> for Bytes<N> {
+impl<'de, const N: usize> Deserialize<'de> for BoundedBytes<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Self::try_from(<&[u8]>::deserialize(deserializer)?).map_err(de::Error::custom)
     }
 }
 
-impl<const N: usize> Field for Bytes<N> {
+impl<const N: usize> Field for BoundedBytes<N> {
     const LONGEST: usize = counted(N);
     const FORM: &'static str = "bytes";
     const KIND: FieldKind = FieldKind::Bytes;

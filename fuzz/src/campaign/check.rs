@@ -30,13 +30,13 @@ const LET_GO: f64 = 0.01;
 const LIMITS: [f64; 2] = [2e-3, 5e-3];
 
 /// The paper's strike, simulated once, and the image.
-pub struct Bench {
+pub struct CampaignBench {
     scenario: Scenario,
     solution: Solution,
     image: PathBuf,
 }
 
-impl Bench {
+impl CampaignBench {
     /// Simulates the strike and finds the image.
     ///
     /// # Errors
@@ -57,13 +57,13 @@ impl Bench {
 /// Runs a script. Gives how many strikes were measured.
 ///
 /// # Errors
-/// What does not hold, in a line.
-pub fn check(bench: &Bench, script: &Script) -> Result<usize, String> {
+/// The first thing that does not hold, in a line.
+pub fn check(bench: &CampaignBench, script: &Script) -> Result<usize, String> {
     let checked = catch_unwind(AssertUnwindSafe(|| check_unguarded(bench, script)));
     checked.unwrap_or_else(|_| Err("a panic, told above".to_owned()))
 }
 
-fn check_unguarded(bench: &Bench, script: &Script) -> Result<usize, String> {
+fn check_unguarded(bench: &CampaignBench, script: &Script) -> Result<usize, String> {
     let emulation = Emulation::prepare(
         &bench.scenario,
         &bench.solution,

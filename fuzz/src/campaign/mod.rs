@@ -9,7 +9,7 @@
 mod check;
 mod script;
 
-pub use check::{Bench, check};
+pub use check::{CampaignBench, check};
 pub use script::Script;
 
 /// The smallest script made of this one, by leaving out and rounding, that `fails`.

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 pub struct Script {
     /// The faults, in any order.
     pub faults: Vec<Planned>,
-    /// How many strikes.
+    /// Number of strikes.
     pub strikes: u32,
     /// From strike to strike, s.
     pub interval: f64,

@@ -101,7 +101,7 @@ fn an_instant_of_another_window_or_beyond_the_reach_is_not_kept() {
     }
     let later = hear(1500.0, told(end + 159, end + 459));
     assert_eq!(later.opened.last(), Some(&(end + 159, Origin::Line)));
-    // What stood before power-up is not there either.
+    // Scans from before power-up are not there either.
     assert_eq!(hear(0.0, told(100, 400)).opened, []);
     assert_eq!(hear(0.0, told(200, 500)).opened, [(200, Origin::Line)]);
     assert_eq!(hear(0.0, told(1000, 3600)).opened, []);

@@ -11,9 +11,9 @@ body! {
         pub boot: u32,
         /// Number of the strike in that boot.
         pub strike: u32,
-        /// How many frames of the strike come before this one.
+        /// Number of frames of the strike before this one.
         pub part: u8,
-        /// How many frames the strike has.
+        /// Number of frames of the strike.
         pub parts: u8,
         /// Kind of the frame that it carries.
         pub frame_kind: u8,

@@ -1,15 +1,15 @@
 use crate::body::body;
 
 body! {
-    /// How the bead keeps itself within reach: what it passed over and refused since the last reset. It comes
-    /// with each status frame.
+    /// Strikes passed over and requests refused since the last reset: the bead keeps itself within reach. It
+    /// comes with each status frame.
     pub struct Guard: Copy, Default {
         /// Strikes that were found and not measured, because their frames found no room on the line, or
         /// because settings were about to change. They have a number.
         pub strikes_passed_over: u32,
         /// Strikes with the flag `sensor_still`.
         pub strikes_still: u32,
-        /// How many boots in a row ended in a fault within a second of their start. After five, the bead uses
+        /// Number of boots in a row that ended in a fault within a second of their start. After five, the bead uses
         /// the built-in settings.
         pub boots_failed: u32,
         /// Settings that were not written, because flash is written only so often.

@@ -2,7 +2,7 @@ use crate::body::body;
 use crate::names::bits;
 
 body! {
-    /// How often sensors and supply failed since the last reset, and what is wrong now. It comes with each
+    /// Failures of sensors and supply since the last reset, and those that stand now. It comes with each
     /// status frame.
     pub struct Health: Copy, Default {
         /// Number of frames that the boot before this one had made but not sent when the reset came; 0 after
@@ -10,15 +10,15 @@ body! {
         pub frames_lost_by_reset: u32,
         /// Number of strikes without a result, because samples of their window were lost.
         pub strikes_cut: u32,
-        /// How often the force sensor got stuck.
+        /// Number of times that the force sensor got stuck.
         pub force_stuck: u32,
-        /// How often the force stayed at a rail.
+        /// Number of times that the force stayed at a rail.
         pub force_railed: u32,
-        /// How often the acceleration sensor got stuck.
+        /// Number of times that the acceleration sensor got stuck.
         pub acceleration_stuck: u32,
-        /// How often the acceleration stayed at a rail.
+        /// Number of times that the acceleration stayed at a rail.
         pub acceleration_railed: u32,
-        /// How often the supply fell below its limit.
+        /// Number of times that the supply fell below its limit.
         pub supply_low: u32,
         /// Supply voltage at the last start of acquisition, in mV; 0 before the first start.
         pub supply_mv: u16,

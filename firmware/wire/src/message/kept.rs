@@ -8,9 +8,9 @@ body! {
         pub boot: u32,
         /// Number of the strike in that boot.
         pub strike: u32,
-        /// How many frames the strike has.
+        /// Number of frames of the strike.
         pub parts: u8,
-        /// How many bytes of memory it takes.
+        /// Number of bytes of memory that it takes.
         pub bytes: u32,
     }
 }

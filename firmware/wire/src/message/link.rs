@@ -10,9 +10,9 @@ body! {
         pub bytes: u64,
         /// Number of requests understood, including those to other addresses.
         pub requests: u32,
-        /// How often the receiver was not emptied in time, and bytes were lost.
+        /// Number of times that the receiver was not emptied in time, and bytes were lost.
         pub overruns: u32,
-        /// How often a stop bit was missing or noisy.
+        /// Number of stop bits that were missing or noisy.
         pub line_errors: u32,
         /// Rejected: longer than any request.
         pub rejected_too_long: u32,

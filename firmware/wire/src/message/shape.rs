@@ -18,15 +18,15 @@ body! {
         pub ring_frequency: Frequency,
         /// Rate at which the amplitude of this ringing decays.
         pub ring_decay: Decay,
-        /// How well the two gains of the force agree, if the strike shows it.
+        /// Match of the two gains of the force, if the strike shows it.
         pub force_gains: Option<GainMatch>,
-        /// How well the two gains of the acceleration agree, if the strike shows it.
+        /// Match of the two gains of the acceleration, if the strike shows it.
         pub acceleration_gains: Option<GainMatch>,
     }
 }
 
 body! {
-    /// How far the two gains of a sensor are from their settings. It is part of a shape frame.
+    /// Deviation of the two gains of a sensor from their settings. It is part of a shape frame.
     pub struct GainMatch: Copy {
         /// By how much the channel at the low gain reads higher than the one at the high gain, as a part of
         /// the signal.

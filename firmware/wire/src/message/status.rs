@@ -23,7 +23,7 @@ body! {
     pub struct Status: Copy {
         /// Time since the last reset, in ms, without the time in which flash was erased.
         pub uptime_ms: u64,
-        /// How often acquisition was started. A step means that samples are missing.
+        /// Number of starts of acquisition. A step means that samples are missing.
         pub epoch: u32,
         /// Number of scans taken.
         pub samples: u64,

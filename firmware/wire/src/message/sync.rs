@@ -16,7 +16,7 @@ body! {
         pub clocks: u16,
         /// Number of clocks in a sample period: 840 at 100 kHz.
         pub clocks_per_sample: u16,
-        /// How often, since the last reset, one edge or more came too soon after another to be reported.
+        /// Number of times, since the last reset, that edges came too soon after another to be reported.
         pub missed: u32,
     }
 }

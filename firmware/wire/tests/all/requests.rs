@@ -86,20 +86,6 @@ proptest! {
         prop_assert_eq!(heard, sent);
         prop_assert_eq!(decoder.counters().bytes, stream.len() as u64);
     }
-
-    #[test]
-    fn what_stands_between_two_delimiters_ends_in_one_counter(
-        stream in vec(prop_oneof![Just(0u8), any::<u8>()], 0..most(5000)),
-    ) {
-        let mut decoder = RequestDecoder::new();
-        let heard = decode(&mut decoder, &stream);
-        let counters = decoder.counters();
-        prop_assert_eq!(counters.bytes, stream.len() as u64);
-        prop_assert_eq!(counters.requests + counters.rejected.total(), heard.len() as u64);
-        let ended = stream.iter().rposition(|&byte| byte == 0).unwrap_or(0);
-        let runs = stream[..ended].split(|&byte| byte == 0).filter(|run| !run.is_empty()).count();
-        prop_assert_eq!(heard.len(), runs);
-    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 /// Every bit, every length; under Miri, which is slow, each 211th.
 pub(crate) const STEP: usize = if cfg!(miri) { 211 } else { 1 };
 
-/// How many frames or bytes a test draws at most: under Miri a part of them.
+/// Most frames or bytes that a test draws: under Miri a part of them.
 pub(crate) const fn most(number: usize) -> usize {
     if cfg!(miri) { number / 20 + 2 } else { number }
 }

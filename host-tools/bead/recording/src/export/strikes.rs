@@ -2,7 +2,7 @@
 //! with.
 
 use bead_model::Settings;
-use bead_model::violation::Key;
+use bead_model::violation::SettingKey;
 use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
 use serde_json::Value;
 
@@ -78,7 +78,7 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
 /// The keys of settings that are numbers and describe a bead and its front end.
 fn settings() -> impl Iterator<Item = &'static KeyRow> {
     KEYS.iter()
-        .filter(|row| !matches!(row.key, Key::Name | Key::Address))
+        .filter(|row| !matches!(row.key, SettingKey::Name | SettingKey::Address))
 }
 
 fn settings_column(row: &KeyRow) -> String {

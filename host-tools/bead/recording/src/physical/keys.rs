@@ -1,12 +1,12 @@
 //! The table of keys: unit and meaning of each setting.
 
-use bead_model::violation::Key;
+use bead_model::violation::SettingKey;
 
 /// A row of the table.
 #[derive(Debug)]
 pub struct KeyRow {
     /// The setting.
-    pub key: Key,
+    pub key: SettingKey,
     /// The letter that physicists write for it, which `set` takes as well; empty for none.
     pub letter: &'static str,
     /// Its unit; empty for a text or a number.
@@ -26,7 +26,7 @@ macro_rules! keys {
     ($($key:ident $letter:literal $unit:literal $what:literal)*) => {
         /// Every key, in the order of the file.
         pub const KEYS: &[KeyRow] = &[$(KeyRow {
-            key: Key::$key,
+            key: SettingKey::$key,
             letter: $letter,
             unit: $unit,
             what: $what,

@@ -1,7 +1,7 @@
 //! Messages for settings that no bead has: the key, what is wrong, and what would do.
 
 use bead_model::design::{Description, LEAST_WIDTH};
-use bead_model::violation::{Bound, Coefficient, Key, Violation};
+use bead_model::violation::{Bound, Coefficient, SettingKey, Violation};
 use hertz_chain::InputError;
 
 use crate::physical::values::{shown, value};
@@ -53,7 +53,7 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
             );
             at(
                 what,
-                if key == Key::ContactRelaxation {
+                if key == SettingKey::ContactRelaxation {
                     RELAXATION
                 } else {
                     CHECK
@@ -76,10 +76,10 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
     }
 }
 
-fn is_pole(key: Key) -> bool {
+fn is_pole(key: SettingKey) -> bool {
     matches!(
         key,
-        Key::ForcePole | Key::WideForcePole | Key::AccelerationPole | Key::WideAccelerationPole
+        SettingKey::ForcePole | SettingKey::WideForcePole | SettingKey::AccelerationPole | SettingKey::WideAccelerationPole
     )
 }
 

@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 
 use bead_model::design::{Capture, Description};
 use bead_model::settings::Settings;
-use bead_model::violation::Key;
+use bead_model::violation::SettingKey;
 use hertz_chain::{InputError, TomlFile};
 use serde::Serialize;
 use serde_json::Value;
@@ -56,7 +56,7 @@ pub fn derived(description: &Description) -> Result<Settings, InputError> {
     if rate != of_image {
         let what = format!("{rate} Hz, and the image samples at {of_image} Hz alone");
         let advice = format!("give {of_image}, or leave it out");
-        return Err(InputError::at(Key::SampleRate.path(), what, advice));
+        return Err(InputError::at(SettingKey::SampleRate.path(), what, advice));
     }
     Settings::new(description).map_err(|violation| refusal(description, violation))
 }
@@ -76,7 +76,7 @@ pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputE
     let (name, text) = (name.trim(), text.trim());
     let row = find(name)?;
     let value = match (row.key, text.parse::<u64>(), text.parse::<f64>()) {
-        (Key::Name, ..) => text.into(),
+        (SettingKey::Name, ..) => text.into(),
         (key, Ok(whole), _) if is_whole(key) => whole.into(),
         (_, _, Ok(number)) if number.is_finite() => number.into(),
         _ => Value::Null,
@@ -153,13 +153,16 @@ fn find(name: &str) -> Result<&'static KeyRow, InputError> {
     })
 }
 
-fn is_whole(key: Key) -> bool {
-    matches!(key, Key::Address | Key::SampleRate | Key::Behind | Key::Elsewhere)
+fn is_whole(key: SettingKey) -> bool {
+    matches!(
+        key,
+        SettingKey::Address | SettingKey::SampleRate | SettingKey::Behind | SettingKey::Elsewhere
+    )
 }
 
-fn kind(key: Key) -> &'static str {
+fn kind(key: SettingKey) -> &'static str {
     match key {
-        Key::Name => "up to 16 bytes of text without control characters",
+        SettingKey::Name => "up to 16 bytes of text without control characters",
         key if is_whole(key) => "a whole number",
         _ => "a number",
     }

@@ -1,18 +1,18 @@
 //! Values of settings by their keys.
 
 use bead_model::design::Description;
-use bead_model::violation::Key;
+use bead_model::violation::SettingKey;
 use serde_json::Value;
 
 /// The value of a setting.
-pub fn value(description: &Description, key: Key) -> Value {
+pub fn value(description: &Description, key: SettingKey) -> Value {
     // A struct of numbers and texts is always JSON.
     let all = serde_json::to_value(description).unwrap_or_default();
     all.pointer(&pointer(key)).cloned().unwrap_or_default()
 }
 
 /// Place of a setting in the JSON of a description.
-pub(crate) fn pointer(key: Key) -> String {
+pub(crate) fn pointer(key: SettingKey) -> String {
     format!("/{}", key.path().replace('.', "/"))
 }
 
