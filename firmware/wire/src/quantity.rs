@@ -118,4 +118,16 @@ mod tests {
             assert_eq!(unit.si(bits, rate), si, "{unit:?}, {bits}, {rate:?}");
         }
     }
+
+    #[test]
+    fn the_arrival_counts_from_the_first_scan_of_the_window_if_it_was_found() {
+        for (arrival, index) in [(0, None), (3 << 15, Some(11.5))] {
+            let shape = crate::message::Shape {
+                first_index: 10,
+                arrival: Samples::from_bits(arrival),
+                ..Default::default()
+            };
+            assert_eq!(shape.arrival_index(), index);
+        }
+    }
 }

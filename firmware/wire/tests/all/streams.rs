@@ -231,6 +231,7 @@ fn each_frame_follows_the_earlier_ones_as_its_boot_and_number_say() {
         decode(&mut decoder, &stream);
         assert_eq!(decoder.counters().first_sequence, Some(frames[0].1), "{what}");
         assert_eq!(decoder.counters().from_start(), frames[0].1 == 0, "{what}");
+        assert_eq!(decoder.counters().frames, frames.len() as u64, "{what}");
         let restarts = expected
             .iter()
             .filter(|arrival| matches!(arrival, Restart { .. }));
