@@ -30,7 +30,7 @@ use crate::reduced_chain::ReducedChain;
 use crate::scale::{INCOMING_MAX, POWERS_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::{Fine, Ringing};
-use crate::violation::{Bound, Coefficient, SettingKey, Violation};
+use crate::violation::{Bound, Coefficient, SettingKey as Key, Violation};
 
 /// Coefficients of both estimators in their formats.
 pub(crate) struct Coefficients {
@@ -156,12 +156,7 @@ impl FixedFormat {
 /// Bits of a coefficient; `key` is the setting that is blamed if its format does not hold it. Never inlined:
 /// it would be there seventeen times.
 #[inline(never)]
-fn hold(
-    format: FixedFormat,
-    key: SettingKey,
-    coefficient: Coefficient,
-    value: f64,
-) -> Result<i64, Violation> {
+fn hold(format: FixedFormat, key: Key, coefficient: Coefficient, value: f64) -> Result<i64, Violation> {
     format.exact(value).ok_or(Violation {
         key,
         bound: Bound::Format {
@@ -173,16 +168,12 @@ fn hold(
 }
 
 /// A coefficient in the signed format of its type.
-fn signed<F: LeEqU32>(
-    key: SettingKey,
-    coefficient: Coefficient,
-    value: f64,
-) -> Result<FixedI32<F>, Violation> {
+fn signed<F: LeEqU32>(key: Key, coefficient: Coefficient, value: f64) -> Result<FixedI32<F>, Violation> {
     hold(FixedFormat::signed(F::U32), key, coefficient, value).map(|bits| FixedI32::from_bits(bits as i32))
 }
 
 /// A coefficient that is a rate.
-fn rate(key: SettingKey, coefficient: Coefficient, value: f64) -> Result<Fine, Violation> {
+fn rate(key: Key, coefficient: Coefficient, value: f64) -> Result<Fine, Violation> {
     hold(FixedFormat::U16F16, key, coefficient, value).map(|bits| Fine::from_bits(bits as u32))
 }
 
@@ -215,58 +206,50 @@ impl Coefficients {
         use Coefficient as C;
         Ok(Self {
             observer: Observer {
-                start: signed(SettingKey::IntruderDamping, C::OldAcceleration, exact.start)?,
+                start: signed(Key::IntruderDamping, C::OldAcceleration, exact.start)?,
                 end: signed(
-                    SettingKey::IntruderDamping,
+                    Key::IntruderDamping,
                     C::NewAcceleration,
                     without(exact.end, scale.observer),
                 )?,
-                energy: signed(SettingKey::IntruderMass, C::EnergyByAcceleration, measured)?,
+                energy: signed(Key::IntruderMass, C::EnergyByAcceleration, measured)?,
             },
             chain: ReducedChain {
                 contact: signed(
-                    SettingKey::ContactStiffness,
+                    Key::ContactStiffness,
                     C::Contact,
                     without(exact.contact, scale.contact),
                 )?,
-                relaxation: signed(SettingKey::ContactRelaxation, C::Relaxation, exact.relaxation)?,
+                relaxation: signed(Key::ContactRelaxation, C::Relaxation, exact.relaxation)?,
                 incoming: signed(
-                    SettingKey::BeadMass,
+                    Key::BeadMass,
                     C::Incoming,
                     without(exact.incoming, scale.incoming),
                 )?,
-                stiffness: signed(SettingKey::IntruderStiffness, C::Stiffness, exact.stiffness)?,
-                damping: signed(SettingKey::IntruderDamping, C::Damping, exact.damping)?,
+                stiffness: signed(Key::IntruderStiffness, C::Stiffness, exact.stiffness)?,
+                damping: signed(Key::IntruderDamping, C::Damping, exact.damping)?,
                 intruder: signed(
-                    SettingKey::IntruderMass,
+                    Key::IntruderMass,
                     C::Intruder,
                     without(exact.intruder, scale.masses),
                 )?,
-                host: signed(SettingKey::BeadMass, C::Host, without(exact.host, scale.masses))?,
+                host: signed(Key::BeadMass, C::Host, without(exact.host, scale.masses))?,
                 gate: gate(&description.force),
-                energy: signed(SettingKey::IntruderDamping, C::EnergyByVelocity, predicted)?,
+                energy: signed(Key::IntruderDamping, C::EnergyByVelocity, predicted)?,
             },
-            incident: signed(SettingKey::ContactStiffness, C::Incident, exact.incident)?,
+            incident: signed(Key::ContactStiffness, C::Incident, exact.incident)?,
             ringing: Ringing {
-                frequency: rate(
-                    SettingKey::IntruderStiffness,
-                    C::RingFrequency,
-                    exact.ring_frequency,
-                )?,
+                frequency: rate(Key::IntruderStiffness, C::RingFrequency, exact.ring_frequency)?,
                 frequency_tolerance: nearest(capture.ring_frequency_tolerance),
-                decay: rate(SettingKey::IntruderDamping, C::RingDecay, exact.ring_decay)?,
+                decay: rate(Key::IntruderDamping, C::RingDecay, exact.ring_decay)?,
                 decay_tolerance: nearest(capture.ring_decay_tolerance),
             },
             company: Company {
                 behind: places,
                 elsewhere: description.company.elsewhere == 1,
-                stiffness: signed(SettingKey::CompanyStiffness, C::CompanyStiffness, stiffness)?,
-                damping: signed(SettingKey::CompanyDamping, C::CompanyDamping, damping)?,
-                ratio: signed(
-                    SettingKey::CompanyMass,
-                    C::CompanyRatio,
-                    without(ratio, scale.masses),
-                )?,
+                stiffness: signed(Key::CompanyStiffness, C::CompanyStiffness, stiffness)?,
+                damping: signed(Key::CompanyDamping, C::CompanyDamping, damping)?,
+                ratio: signed(Key::CompanyMass, C::CompanyRatio, without(ratio, scale.masses))?,
             },
             scale,
         })
@@ -286,9 +269,9 @@ fn gate(force: &SensorScale) -> SensedForce {
 pub(crate) fn sensor<F: LeEqU32>(
     scale: &SensorScale,
     dt: f64,
-    [sensitive, wide]: [SettingKey; 2],
+    [sensitive, wide]: [Key; 2],
 ) -> Result<Sensor<F>, Violation> {
-    let channel = |per_code: f64, pole: f64, delay: f64, unit: SettingKey| {
+    let channel = |per_code: f64, pole: f64, delay: f64, unit: Key| {
         let lag = if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 };
         let slope = per_code * (lag - delay) / (2.0 * dt);
         let format = FixedFormat::signed(F::U32);
@@ -413,14 +396,9 @@ mod tests {
         }
         let unsigned = [-1.0, 65_535.0, 65_536.0].map(|value| FixedFormat::U16F16.exact(value));
         assert_eq!(unsigned, [None, Some(0xFFFF_0000), None]);
-        let found = hold(
-            FixedFormat::signed(16),
-            SettingKey::BeadMass,
-            Coefficient::Host,
-            4e4,
-        );
+        let found = hold(FixedFormat::signed(16), Key::BeadMass, Coefficient::Host, 4e4);
         let expected = Violation {
-            key: SettingKey::BeadMass,
+            key: Key::BeadMass,
             bound: Bound::Format {
                 coefficient: Coefficient::Host,
                 value: 4e4,

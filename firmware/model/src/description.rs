@@ -9,7 +9,7 @@ use crate::capture::Capture;
 use crate::front_end::{FrontEnd, SensorScale};
 use crate::name::Name;
 use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
-use crate::violation::{Bound, SettingKey, Violation};
+use crate::violation::{Bound, SettingKey as Key, Violation};
 
 /// Address to which every bead listens.
 const EVERY_BEAD: u8 = 0xFF;
@@ -112,14 +112,14 @@ impl Description {
     /// # Errors
     /// The first setting outside its bound.
     pub(crate) fn check(&self) -> Result<(), Violation> {
-        require(self.name.is_text(), SettingKey::Name, Bound::Text)?;
-        require(self.address != EVERY_BEAD, SettingKey::Address, Bound::OneBead)?;
+        require(self.name.is_text(), Key::Name, Bound::Text)?;
+        require(self.address != EVERY_BEAD, Key::Address, Bound::OneBead)?;
         self.check_numbers()?;
         self.check_masses()?;
         let samples = self.physics().pulse_width(1.0) * f64::from(self.capture.sample_rate_hz);
         require(
             samples >= LEAST_WIDTH,
-            SettingKey::ContactStiffness,
+            Key::ContactStiffness,
             Bound::Width { samples },
         )
     }
@@ -136,48 +136,45 @@ impl Description {
             ..
         } = self;
         let positive = [
-            (SettingKey::BeadMass, bead.mass),
-            (SettingKey::IntruderMass, intruder.mass),
-            (SettingKey::IntruderStiffness, intruder.stiffness),
-            (SettingKey::IntruderDamping, intruder.damping),
-            (SettingKey::ContactStiffness, contact.stiffness),
-            (SettingKey::ForcePerCode, force.per_code),
-            (SettingKey::WideForcePerCode, force.wide_per_code),
-            (SettingKey::AccelerationPerCode, acceleration.per_code),
-            (SettingKey::WideAccelerationPerCode, acceleration.wide_per_code),
-            (SettingKey::SampleRate, capture.sample_rate_hz.into()),
-            (SettingKey::Threshold, capture.threshold),
+            (Key::BeadMass, bead.mass),
+            (Key::IntruderMass, intruder.mass),
+            (Key::IntruderStiffness, intruder.stiffness),
+            (Key::IntruderDamping, intruder.damping),
+            (Key::ContactStiffness, contact.stiffness),
+            (Key::ForcePerCode, force.per_code),
+            (Key::WideForcePerCode, force.wide_per_code),
+            (Key::AccelerationPerCode, acceleration.per_code),
+            (Key::WideAccelerationPerCode, acceleration.wide_per_code),
+            (Key::SampleRate, capture.sample_rate_hz.into()),
+            (Key::Threshold, capture.threshold),
         ];
         check_each(&positive, Bound::Positive, |value| value > 0.0)?;
         let not_negative = [
-            (SettingKey::ContactRelaxation, contact.relaxation),
-            (SettingKey::ForcePole, force.pole),
-            (SettingKey::WideForcePole, force.wide_pole),
-            (SettingKey::AccelerationPole, acceleration.pole),
-            (SettingKey::WideAccelerationPole, acceleration.wide_pole),
-            (SettingKey::CompanyMass, self.company.mass),
-            (SettingKey::CompanyStiffness, self.company.stiffness),
-            (SettingKey::CompanyDamping, self.company.damping),
-            (SettingKey::Lookback, capture.lookback),
-            (SettingKey::History, capture.history),
-            (SettingKey::Length, capture.length),
+            (Key::ContactRelaxation, contact.relaxation),
+            (Key::ForcePole, force.pole),
+            (Key::WideForcePole, force.wide_pole),
+            (Key::AccelerationPole, acceleration.pole),
+            (Key::WideAccelerationPole, acceleration.wide_pole),
+            (Key::CompanyMass, self.company.mass),
+            (Key::CompanyStiffness, self.company.stiffness),
+            (Key::CompanyDamping, self.company.damping),
+            (Key::Lookback, capture.lookback),
+            (Key::History, capture.history),
+            (Key::Length, capture.length),
         ];
         check_each(&not_negative, Bound::NotNegative, |value| value >= 0.0)?;
         check_ranges(
             &[
-                (SettingKey::ForceNoise, force.noise),
-                (SettingKey::AccelerationNoise, acceleration.noise),
+                (Key::ForceNoise, force.noise),
+                (Key::AccelerationNoise, acceleration.noise),
             ],
             [0.0, NOISE_MOST],
         )?;
         check_ranges(
             &[
-                (SettingKey::Disagreement, capture.disagreement),
-                (
-                    SettingKey::RingFrequencyTolerance,
-                    capture.ring_frequency_tolerance,
-                ),
-                (SettingKey::RingDecayTolerance, capture.ring_decay_tolerance),
+                (Key::Disagreement, capture.disagreement),
+                (Key::RingFrequencyTolerance, capture.ring_frequency_tolerance),
+                (Key::RingDecayTolerance, capture.ring_decay_tolerance),
             ],
             TOLERANCE,
         )
@@ -186,40 +183,32 @@ impl Description {
     /// Checks that each mass is a part of the one that it belongs to, and the intruders behind.
     fn check_masses(&self) -> Result<(), Violation> {
         let (bead, intruder) = (&self.bead, &self.intruder);
-        require(
-            intruder.mass < bead.mass,
-            SettingKey::IntruderMass,
-            Bound::BelowBead,
-        )?;
+        require(intruder.mass < bead.mass, Key::IntruderMass, Bound::BelowBead)?;
         let holds = (0.0..bead.mass - intruder.mass).contains(&bead.front_mass);
-        require(holds, SettingKey::FrontMass, Bound::BelowHost)?;
-        require(self.company.elsewhere <= 1, SettingKey::Elsewhere, Bound::Flag)?;
+        require(holds, Key::FrontMass, Bound::BelowHost)?;
+        require(self.company.elsewhere <= 1, Key::Elsewhere, Bound::Flag)?;
         let company = &self.company;
         let behind = company.places().ok_or(Violation {
-            key: SettingKey::Behind,
+            key: Key::Behind,
             bound: Bound::Places,
         })?;
         if behind == 0 {
             return Ok(());
         }
         let positive = [
-            (SettingKey::CompanyMass, company.mass),
-            (SettingKey::CompanyStiffness, company.stiffness),
-            (SettingKey::CompanyDamping, company.damping),
+            (Key::CompanyMass, company.mass),
+            (Key::CompanyStiffness, company.stiffness),
+            (Key::CompanyDamping, company.damping),
         ];
         check_each(&positive, Bound::Positive, |value| value > 0.0)?;
-        require(
-            company.mass < bead.mass,
-            SettingKey::CompanyMass,
-            Bound::BelowBead,
-        )
+        require(company.mass < bead.mass, Key::CompanyMass, Bound::BelowBead)
     }
 }
 
 /// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list,
 /// which takes 2 KiB of the image.
 #[inline(never)]
-fn check_each(values: &[(SettingKey, f64)], bound: Bound, holds: fn(f64) -> bool) -> Result<(), Violation> {
+fn check_each(values: &[(Key, f64)], bound: Bound, holds: fn(f64) -> bool) -> Result<(), Violation> {
     match values
         .iter()
         .find(|(_, value)| !(value.is_finite() && holds(*value)))
@@ -231,7 +220,7 @@ fn check_each(values: &[(SettingKey, f64)], bound: Bound, holds: fn(f64) -> bool
 
 /// Checks that each value is in a range.
 #[inline(never)]
-fn check_ranges(values: &[(SettingKey, f64)], [least, most]: [f64; 2]) -> Result<(), Violation> {
+fn check_ranges(values: &[(Key, f64)], [least, most]: [f64; 2]) -> Result<(), Violation> {
     match values.iter().find(|(_, value)| !(least..=most).contains(value)) {
         Some(&(key, _)) => Err(Violation {
             key,
@@ -242,7 +231,7 @@ fn check_ranges(values: &[(SettingKey, f64)], [least, most]: [f64; 2]) -> Result
 }
 
 /// Refuses the setting `key` unless its bound `holds`.
-pub(crate) fn require(holds: bool, key: SettingKey, bound: Bound) -> Result<(), Violation> {
+pub(crate) fn require(holds: bool, key: Key, bound: Bound) -> Result<(), Violation> {
     if holds {
         Ok(())
     } else {

@@ -6,7 +6,7 @@ use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::{BLOCK_MAX, VERSION};
-use bead_model::violation::{Bound, Coefficient, SettingKey};
+use bead_model::violation::{Bound, Coefficient, SettingKey as Key};
 use bead_model::{Settings, SettingsError, Violation};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
@@ -112,7 +112,7 @@ fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refus
         // Postcard writes the sixteen bytes of the name first.
         let body = [name, &body()[name.len()..]].concat();
         let expected = SettingsError::Invalid(Violation {
-            key: SettingKey::Name,
+            key: Key::Name,
             bound: Bound::Text,
         });
         let found = Settings::decode(&block(VERSION, &body));
@@ -120,8 +120,8 @@ fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refus
     }
 }
 
-/// SettingKey and bound that the paper's bead in company violates after a change.
-fn refused(change: impl FnOnce(&mut Description)) -> (SettingKey, Bound) {
+/// Key and bound that the paper's bead in company violates after a change.
+fn refused(change: impl FnOnce(&mut Description)) -> (Key, Bound) {
     let mut description = in_company();
     change(&mut description);
     let Violation { key, bound } = Settings::new(&description).unwrap_err();
@@ -131,37 +131,33 @@ fn refused(change: impl FnOnce(&mut Description)) -> (SettingKey, Bound) {
 type NumberOf = fn(&mut Description) -> &mut f64;
 
 /// Every number of a description that is above 0.
-const POSITIVE: [(SettingKey, NumberOf); 13] = [
-    (SettingKey::BeadMass, |one| &mut one.bead.mass),
-    (SettingKey::IntruderMass, |one| &mut one.intruder.mass),
-    (SettingKey::IntruderStiffness, |one| &mut one.intruder.stiffness),
-    (SettingKey::IntruderDamping, |one| &mut one.intruder.damping),
-    (SettingKey::ContactStiffness, |one| &mut one.contact.stiffness),
-    (SettingKey::ForcePerCode, |one| &mut one.force.per_code),
-    (SettingKey::WideForcePerCode, |one| &mut one.force.wide_per_code),
-    (SettingKey::AccelerationPerCode, |one| {
-        &mut one.acceleration.per_code
-    }),
-    (SettingKey::WideAccelerationPerCode, |one| {
+const POSITIVE: [(Key, NumberOf); 13] = [
+    (Key::BeadMass, |one| &mut one.bead.mass),
+    (Key::IntruderMass, |one| &mut one.intruder.mass),
+    (Key::IntruderStiffness, |one| &mut one.intruder.stiffness),
+    (Key::IntruderDamping, |one| &mut one.intruder.damping),
+    (Key::ContactStiffness, |one| &mut one.contact.stiffness),
+    (Key::ForcePerCode, |one| &mut one.force.per_code),
+    (Key::WideForcePerCode, |one| &mut one.force.wide_per_code),
+    (Key::AccelerationPerCode, |one| &mut one.acceleration.per_code),
+    (Key::WideAccelerationPerCode, |one| {
         &mut one.acceleration.wide_per_code
     }),
-    (SettingKey::Threshold, |one| &mut one.capture.threshold),
-    (SettingKey::CompanyMass, |one| &mut one.company.mass),
-    (SettingKey::CompanyStiffness, |one| &mut one.company.stiffness),
-    (SettingKey::CompanyDamping, |one| &mut one.company.damping),
+    (Key::Threshold, |one| &mut one.capture.threshold),
+    (Key::CompanyMass, |one| &mut one.company.mass),
+    (Key::CompanyStiffness, |one| &mut one.company.stiffness),
+    (Key::CompanyDamping, |one| &mut one.company.damping),
 ];
 /// Every number that is 0 or more.
-const NOT_NEGATIVE: [(SettingKey, NumberOf); 8] = [
-    (SettingKey::ContactRelaxation, |one| &mut one.contact.relaxation),
-    (SettingKey::ForcePole, |one| &mut one.force.pole),
-    (SettingKey::WideForcePole, |one| &mut one.force.wide_pole),
-    (SettingKey::AccelerationPole, |one| &mut one.acceleration.pole),
-    (SettingKey::WideAccelerationPole, |one| {
-        &mut one.acceleration.wide_pole
-    }),
-    (SettingKey::Lookback, |one| &mut one.capture.lookback),
-    (SettingKey::History, |one| &mut one.capture.history),
-    (SettingKey::Length, |one| &mut one.capture.length),
+const NOT_NEGATIVE: [(Key, NumberOf); 8] = [
+    (Key::ContactRelaxation, |one| &mut one.contact.relaxation),
+    (Key::ForcePole, |one| &mut one.force.pole),
+    (Key::WideForcePole, |one| &mut one.force.wide_pole),
+    (Key::AccelerationPole, |one| &mut one.acceleration.pole),
+    (Key::WideAccelerationPole, |one| &mut one.acceleration.wide_pole),
+    (Key::Lookback, |one| &mut one.capture.lookback),
+    (Key::History, |one| &mut one.capture.history),
+    (Key::Length, |one| &mut one.capture.length),
 ];
 
 #[test]
@@ -179,10 +175,7 @@ fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() 
         }
     }
     let found = paper().with(|one| one.capture.sample_rate_hz = 0).unwrap_err();
-    assert_eq!(
-        (found.key, found.bound),
-        (SettingKey::SampleRate, Bound::Positive)
-    );
+    assert_eq!((found.key, found.bound), (Key::SampleRate, Bound::Positive));
     assert_eq!(found.to_string(), "capture.sample_rate must be above 0");
 }
 
@@ -204,37 +197,33 @@ fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
 fn masses_address_places_flag_and_noise_have_their_limits() {
     type Change = fn(&mut Description);
     let host = |one: &Description| one.bead.mass - one.intruder.mass;
-    let refusals: [(Change, SettingKey, Bound); 8] = [
+    let refusals: [(Change, Key, Bound); 8] = [
         (
             |one| one.intruder.mass = one.bead.mass,
-            SettingKey::IntruderMass,
+            Key::IntruderMass,
             Bound::BelowBead,
         ),
         (
             |one| one.company.mass = one.bead.mass,
-            SettingKey::CompanyMass,
+            Key::CompanyMass,
             Bound::BelowBead,
         ),
         (
             |one| one.bead.front_mass = -1e-9,
-            SettingKey::FrontMass,
+            Key::FrontMass,
             Bound::BelowHost,
         ),
         (
             |one| one.bead.front_mass = one.bead.mass - one.intruder.mass,
-            SettingKey::FrontMass,
+            Key::FrontMass,
             Bound::BelowHost,
         ),
-        (|one| one.address = 255, SettingKey::Address, Bound::OneBead),
-        (|one| one.company.behind = 15, SettingKey::Behind, Bound::Places),
-        (
-            |one| one.company.elsewhere = 2,
-            SettingKey::Elsewhere,
-            Bound::Flag,
-        ),
+        (|one| one.address = 255, Key::Address, Bound::OneBead),
+        (|one| one.company.behind = 15, Key::Behind, Bound::Places),
+        (|one| one.company.elsewhere = 2, Key::Elsewhere, Bound::Flag),
         (
             |one| one.capture.threshold = 0.4 * one.force.per_code,
-            SettingKey::Threshold,
+            Key::Threshold,
             Bound::Codes,
         ),
     ];
@@ -245,9 +234,9 @@ fn masses_address_places_flag_and_noise_have_their_limits() {
     assert!(paper().with(|one| one.address = 254).is_ok());
     assert!(paper().with(|one| one.company.elsewhere = 1).is_ok());
     for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
-        assert_eq!(refused(|one| one.force.noise = noise).0, SettingKey::ForceNoise);
+        assert_eq!(refused(|one| one.force.noise = noise).0, Key::ForceNoise);
         let found = refused(|one| one.acceleration.noise = noise);
-        assert_eq!(found.0, SettingKey::AccelerationNoise);
+        assert_eq!(found.0, Key::AccelerationNoise);
     }
 }
 
@@ -255,22 +244,10 @@ fn masses_address_places_flag_and_noise_have_their_limits() {
 fn each_time_and_the_threshold_are_allowed_up_to_their_limits_and_not_beyond() {
     type Set = fn(&mut Capture, f64);
     // The paper's window has 160 scans of history and 672 in all.
-    let times: [(SettingKey, Set, [u32; 2]); 3] = [
-        (
-            SettingKey::History,
-            |capture, time| capture.history = time,
-            [128, 256],
-        ),
-        (
-            SettingKey::Length,
-            |capture, time| capture.length = time,
-            [161, 1024],
-        ),
-        (
-            SettingKey::Lookback,
-            |capture, time| capture.lookback = time,
-            [1, 159],
-        ),
+    let times: [(Key, Set, [u32; 2]); 3] = [
+        (Key::History, |capture, time| capture.history = time, [128, 256]),
+        (Key::Length, |capture, time| capture.length = time, [161, 1024]),
+        (Key::Lookback, |capture, time| capture.lookback = time, [1, 159]),
     ];
     for (key, set, [least, most]) in times {
         for samples in [0, least - 1, least, most, most + 1, 70_000] {
@@ -301,10 +278,7 @@ fn the_trigger_is_at_least_twice_the_gate() {
     let most = (26.0 / 256.0 / 6.0_f64).powi(2) - (1.0 / 256.0_f64).powi(2) / 12.0;
     assert!(with_noise(0.999 * most.sqrt()).is_ok());
     let found = with_noise(1.001 * most.sqrt()).unwrap_err();
-    assert_eq!(
-        (found.key, found.bound),
-        (SettingKey::Threshold, Bound::AboveNoise)
-    );
+    assert_eq!((found.key, found.bound), (Key::Threshold, Bound::AboveNoise));
 }
 
 #[test]
@@ -320,21 +294,13 @@ fn the_noise_of_the_front_end_makes_the_gate() {
 #[test]
 fn poles_and_units_have_their_limits() {
     for (number, key, unit) in [
-        (POSITIVE[5].1, SettingKey::ForcePole, SettingKey::ForcePerCode),
-        (
-            POSITIVE[6].1,
-            SettingKey::WideForcePole,
-            SettingKey::WideForcePerCode,
-        ),
-        (
-            POSITIVE[7].1,
-            SettingKey::AccelerationPole,
-            SettingKey::AccelerationPerCode,
-        ),
+        (POSITIVE[5].1, Key::ForcePole, Key::ForcePerCode),
+        (POSITIVE[6].1, Key::WideForcePole, Key::WideForcePerCode),
+        (POSITIVE[7].1, Key::AccelerationPole, Key::AccelerationPerCode),
         (
             POSITIVE[8].1,
-            SettingKey::WideAccelerationPole,
-            SettingKey::WideAccelerationPerCode,
+            Key::WideAccelerationPole,
+            Key::WideAccelerationPerCode,
         ),
     ] {
         let pole = NOT_NEGATIVE.iter().find(|(other, _)| *other == key).unwrap().1;
@@ -348,7 +314,7 @@ fn poles_and_units_have_their_limits() {
             assert_eq!(refused(|one| *pole(one) = pole_hz), (key, Bound::Pole));
         }
         // The codes of both channels, with their slopes, stay below the range of the sums.
-        let is_force = matches!(unit, SettingKey::ForcePerCode | SettingKey::WideForcePerCode);
+        let is_force = matches!(unit, Key::ForcePerCode | Key::WideForcePerCode);
         let (found, bound) = refused(|one| *number(one) = if is_force { 2.0 } else { 32.0 });
         assert!(matches!(bound, Bound::Unit { .. }), "{bound:?}");
         assert_eq!(found, unit);
@@ -373,10 +339,7 @@ fn poles_and_units_have_their_limits() {
     let most = f64::from(1 << (15 - powers)) / (1.0 + 9.0 / 70.0);
     assert!(small(0.999 * most).is_ok());
     let found = small(1.001 * most).unwrap_err();
-    assert_eq!(
-        (found.key, found.bound),
-        (SettingKey::WideForcePerCode, Bound::Reach)
-    );
+    assert_eq!((found.key, found.bound), (Key::WideForcePerCode, Bound::Reach));
 }
 
 #[test]
@@ -399,31 +362,31 @@ fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
         (
             POSITIVE[2].1,
             1e12,
-            SettingKey::IntruderStiffness,
+            Key::IntruderStiffness,
             Coefficient::Stiffness,
         ),
         (
             NOT_NEGATIVE[0].1,
             1e-12,
-            SettingKey::ContactRelaxation,
+            Key::ContactRelaxation,
             Coefficient::Relaxation,
         ),
         (
             POSITIVE[11].1,
             1e12,
-            SettingKey::CompanyStiffness,
+            Key::CompanyStiffness,
             Coefficient::CompanyStiffness,
         ),
         (
             POSITIVE[12].1,
             1e9,
-            SettingKey::CompanyDamping,
+            Key::CompanyDamping,
             Coefficient::CompanyDamping,
         ),
         (
             POSITIVE[10].1,
             0.999_99 * Bead::paper().mass,
-            SettingKey::CompanyMass,
+            Key::CompanyMass,
             Coefficient::CompanyRatio,
         ),
     ] {
@@ -438,12 +401,12 @@ fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
 #[test]
 fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
     type Limit = fn(&mut Capture) -> &mut f64;
-    let limits: [(SettingKey, Limit); 3] = [
-        (SettingKey::Disagreement, |capture| &mut capture.disagreement),
-        (SettingKey::RingFrequencyTolerance, |capture| {
+    let limits: [(Key, Limit); 3] = [
+        (Key::Disagreement, |capture| &mut capture.disagreement),
+        (Key::RingFrequencyTolerance, |capture| {
             &mut capture.ring_frequency_tolerance
         }),
-        (SettingKey::RingDecayTolerance, |capture| {
+        (Key::RingDecayTolerance, |capture| {
             &mut capture.ring_decay_tolerance
         }),
     ];
@@ -451,8 +414,8 @@ fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
         for (value, bits) in [(0.001, 66), (0.015, 983), (0.3, 19_661), (1e4, 655_360_000)] {
             let settings = paper().with(|one| *limit(&mut one.capture) = value).unwrap();
             let found = match key {
-                SettingKey::Disagreement => settings.disagreement,
-                SettingKey::RingDecayTolerance => settings.ringing.decay_tolerance,
+                Key::Disagreement => settings.disagreement,
+                Key::RingDecayTolerance => settings.ringing.decay_tolerance,
                 _ => settings.ringing.frequency_tolerance,
             };
             assert_eq!(found.to_bits(), bits, "{key:?} {value}");
