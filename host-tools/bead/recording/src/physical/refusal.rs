@@ -79,7 +79,10 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
 fn is_pole(key: SettingKey) -> bool {
     matches!(
         key,
-        SettingKey::ForcePole | SettingKey::WideForcePole | SettingKey::AccelerationPole | SettingKey::WideAccelerationPole
+        SettingKey::ForcePole
+            | SettingKey::WideForcePole
+            | SettingKey::AccelerationPole
+            | SettingKey::WideAccelerationPole
     )
 }
 
