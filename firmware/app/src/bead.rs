@@ -14,7 +14,7 @@ use crate::device::Device;
 use crate::exchange::Exchange;
 use crate::outbox::Outbox;
 use crate::settings::Loaded;
-use crate::shared::Shared;
+use crate::shared::SharedCell;
 
 /// Bytes for windows.
 pub const RING: usize = 62 * 1024;
@@ -24,14 +24,14 @@ pub struct BeadState<D> {
     pub(crate) device: D,
     /// Resets since power-up.
     pub(crate) boot: AtomicU32,
-    pub(crate) counters: Shared<BeadCounters>,
+    pub(crate) counters: SharedCell<BeadCounters>,
     /// Counts of what came in over the link.
-    pub(crate) link: Shared<Link>,
+    pub(crate) link: SharedCell<Link>,
     /// Counts of what was passed over and refused.
-    pub(crate) guard: Shared<Guard>,
+    pub(crate) guard: SharedCell<Guard>,
     pub(crate) outbox: Outbox,
     pub(crate) settings: Exchange,
-    pub(crate) windows: Shared<Windows<'static, RING>>,
+    pub(crate) windows: SharedCell<Windows<'static, RING>>,
     /// A window was closed.
     pub(crate) window_closed: Signal<CriticalSectionRawMutex, ()>,
     /// True while the detector is switched off.
@@ -39,7 +39,7 @@ pub struct BeadState<D> {
     /// The scan around which a host wants the window kept.
     pub(crate) wanted_scan: Signal<CriticalSectionRawMutex, u64>,
     pub(crate) raw_blocks_left: AtomicU32,
-    pub(crate) load: Shared<LoadCounter>,
+    pub(crate) load: SharedCell<LoadCounter>,
 }
 
 impl<D: Device> BeadState<D> {
@@ -48,17 +48,17 @@ impl<D: Device> BeadState<D> {
         Self {
             device,
             boot: AtomicU32::new(0),
-            counters: Shared::new(),
-            link: Shared::new(),
-            guard: Shared::new(),
+            counters: SharedCell::new(),
+            link: SharedCell::new(),
+            guard: SharedCell::new(),
             outbox: Outbox::new(),
             settings: Exchange::new(),
-            windows: Shared::new(),
+            windows: SharedCell::new(),
             window_closed: Signal::new(),
             disarmed: AtomicBool::new(false),
             wanted_scan: Signal::new(),
             raw_blocks_left: AtomicU32::new(0),
-            load: Shared::new(),
+            load: SharedCell::new(),
         }
     }
 

@@ -7,14 +7,14 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
 use crate::settings::Loaded;
-use crate::shared::Shared;
+use crate::shared::SharedCell;
 
 /// Settings in force, and those that are offered to the estimators.
 pub(crate) struct Exchange {
-    pub(crate) in_force: Shared<Loaded>,
+    pub(crate) in_force: SharedCell<Loaded>,
     /// Number of their changes; wraps.
     pub(crate) changes: AtomicU32,
-    pub(crate) offered: Shared<Loaded>,
+    pub(crate) offered: SharedCell<Loaded>,
     /// True while settings are offered. It is read for every block, and costs little.
     pub(crate) is_offered: AtomicBool,
     /// The estimators have taken the settings that were offered.
@@ -24,9 +24,9 @@ pub(crate) struct Exchange {
 impl Exchange {
     pub(crate) const fn new() -> Self {
         Self {
-            in_force: Shared::new(),
+            in_force: SharedCell::new(),
             changes: AtomicU32::new(0),
-            offered: Shared::new(),
+            offered: SharedCell::new(),
             is_offered: AtomicBool::new(false),
             taken: Signal::new(),
         }

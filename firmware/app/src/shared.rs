@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
 /// A value behind a lock that keeps interrupts waiting. It has none at first.
-pub(crate) struct Shared<T>(Mutex<CriticalSectionRawMutex, RefCell<Slot<T>>>);
+pub(crate) struct SharedCell<T>(Mutex<CriticalSectionRawMutex, RefCell<Slot<T>>>);
 
 // `Empty` has the tag 0: an empty one is all zeros, and takes no flash.
 #[repr(u32)]
@@ -15,7 +15,7 @@ enum Slot<T> {
     Full(T),
 }
 
-impl<T> Shared<T> {
+impl<T> SharedCell<T> {
     pub(crate) const fn new() -> Self {
         Self(Mutex::new(RefCell::new(Slot::Empty)))
     }
@@ -37,7 +37,7 @@ impl<T> Shared<T> {
     }
 }
 
-impl<T: Copy + Default> Shared<T> {
+impl<T: Copy + Default> SharedCell<T> {
     /// Changes the value, which is the default one at first.
     pub(crate) fn update(&self, change: impl FnOnce(&mut T)) {
         self.0.lock(|cell| {

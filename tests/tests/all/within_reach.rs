@@ -174,9 +174,13 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     requests.request(3.3, &Request::Status);
     let answered = requests.run();
     assert_eq!(answered.outcome.resets.len(), faults.len() + 1);
-    let source = |request| match answered.received.answered(request)[..] {
-        [Message::Status(status), ..] => (status.settings_source, status.armed),
-        _ => panic!("no status"),
+    let source = |request| {
+        let messages = answered.received.answered(request);
+        let status = messages.iter().find_map(|message| match message {
+            Message::Status(status) => Some((status.settings_source, status.armed)),
+            _ => None,
+        });
+        status.unwrap_or_else(|| panic!("no status: {messages:?}"))
     };
     assert_eq!(source(proven), (SettingsSource::Flash, true));
     // It looks for no strikes unasked.

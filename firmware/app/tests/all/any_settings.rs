@@ -6,7 +6,7 @@ use bead_wire::{Outcome, Request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
-use crate::bead::{Start, TestBead, block_of, status};
+use crate::bead::{StartState, TestBead, block_of, status};
 
 /// Signals at the sensors.
 struct Stimulus {
@@ -58,9 +58,9 @@ fn after_any_valid_settings_and_any_strikes_a_bead_is_disarmed_and_given_others_
         let settings = any_settings(&mut || random.next_u64());
         let stimulus = Stimulus::draw(&mut || random.next_u64());
         let mut noise = TestRng::from_seed(RngAlgorithm::ChaCha, &[random.next_u64() as u8; 32]);
-        let mut bead = TestBead::start(Start {
+        let mut bead = TestBead::start(StartState {
             probe: block_of(&settings),
-            ..Start::default()
+            ..StartState::default()
         });
         bead.running.signal = Box::new(move |index| stimulus.codes(index, noise.next_u64()));
         bead.run(0.08 + 0.12 * (random.next_u64() % 100) as f64 / 100.0);

@@ -86,7 +86,7 @@ pub(crate) struct FakeBoard(&'static Hardware);
 
 impl Device for FakeBoard {
     type Flash = SharedFlash;
-    type Line = FakeLine;
+    type Line = FakeLineTimer;
 
     const FIRMWARE: &'static str = "1.2.3";
     const GIT: &'static str = "0123456789ab";
@@ -137,9 +137,9 @@ impl Device for FakeBoard {
     }
 }
 
-pub(crate) struct FakeLine(&'static Hardware);
+pub(crate) struct FakeLineTimer(&'static Hardware);
 
-impl LineTimer for FakeLine {
+impl LineTimer for FakeLineTimer {
     fn count(&self) -> u32 {
         self.0.line_count()
     }
@@ -160,7 +160,7 @@ impl LineTimer for FakeLine {
 }
 
 /// State before a start.
-pub(crate) struct Start {
+pub(crate) struct StartState {
     pub(crate) flash: SharedFlash,
     pub(crate) probe: Vec<u8>,
     /// The record that the boot before left, and the cause of the reset.
@@ -169,7 +169,7 @@ pub(crate) struct Start {
     pub(crate) supply_is_good: bool,
 }
 
-impl Default for Start {
+impl Default for StartState {
     fn default() -> Self {
         Self {
             flash: SharedFlash(Rc::new(RefCell::new(PowerCutFlash::blank(2)))),
@@ -237,10 +237,10 @@ fn leak<T>(value: T) -> &'static mut T {
 
 impl TestBead {
     pub(crate) fn new() -> Self {
-        Self::start(Start::default())
+        Self::start(StartState::default())
     }
 
-    pub(crate) fn start(start: Start) -> Self {
+    pub(crate) fn start(start: StartState) -> Self {
         let hardware: &'static Hardware = leak(Hardware::default());
         hardware.supply_is_low.set(!start.supply_is_good);
         hardware.probe.set(start.probe.leak());
@@ -262,7 +262,7 @@ impl TestBead {
         bead.begin(boot, loaded, Windows::new(leak(WindowMemory::new()), false));
         bead.update(|c| c.health.supply_mv = 3300);
         bead.report_boot(boot, refused, []);
-        let line = FakeLine(hardware);
+        let line = FakeLineTimer(hardware);
         Self {
             commands: Commands::new(bead, boot, store, leak(WindowRecord::new())),
             decoder: RequestDecoder::new(),
@@ -290,7 +290,7 @@ impl TestBead {
     pub(crate) fn restart(self, reset_cause: u8) -> Self {
         let mut record = self.running.record;
         record.settings_written = self.running.hardware.settings_written.get();
-        Self::start(Start {
+        Self::start(StartState {
             flash: self.flash,
             probe: self.running.hardware.probe.get().to_vec(),
             record: Some(record),

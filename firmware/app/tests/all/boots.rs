@@ -5,7 +5,7 @@ use std::panic::catch_unwind;
 use bead_app::{BeadCounters, BootRecord, FramesWaiting, Progress};
 use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
 
-use crate::bead::{Start, TestBead, status};
+use crate::bead::{StartState, TestBead, status};
 
 /// Bits 31..24 of RCC_CSR (RM0090 section 7.3.21).
 const POWER_ON: u8 = 1 << 3;
@@ -25,10 +25,10 @@ fn after(ends: &[Option<FaultCause>]) -> BootRecord {
 }
 
 fn started(record: BootRecord, reset_cause: u8) -> TestBead {
-    TestBead::start(Start {
+    TestBead::start(StartState {
         record: record.sealed().checked(),
         reset_cause,
-        ..Start::default()
+        ..StartState::default()
     })
 }
 

@@ -4,7 +4,7 @@ use bead_store::{BURST, Secret, Store, Vault};
 use bead_testing::PowerCutFlash;
 use bead_wire::{FaultCause, Outcome, Request, Standing, Ticket};
 
-use crate::bead::{SECTOR, SharedFlash, Start, TestBead, status, windows_of, write};
+use crate::bead::{SECTOR, SharedFlash, StartState, TestBead, status, windows_of, write};
 
 const RANGE: std::ops::Range<u32> = 0..2 * SECTOR as u32;
 
@@ -20,7 +20,7 @@ fn store_with(counter: u64) -> PowerCutFlash<SECTOR> {
 
 /// A bead that has the key of sevens, and has let through requests up to `counter`.
 fn keyed(counter: u64) -> TestBead {
-    let start = Start::default();
+    let start = StartState::default();
     *start.flash.0.borrow_mut() = store_with(counter);
     TestBead::start(start)
 }
@@ -174,9 +174,9 @@ fn a_store_that_cannot_be_read_makes_no_keyed_bead_an_open_one_and_a_reboot_brin
     let mut bytes = store_with(0).bytes;
     bytes.rotate_left(SECTOR);
     bytes[..4].fill(0);
-    let start = Start {
+    let start = StartState {
         supply_is_good: false,
-        ..Start::default()
+        ..StartState::default()
     };
     start.flash.0.borrow_mut().bytes = bytes;
     let mut bead = TestBead::start(start);

@@ -16,7 +16,7 @@ fn count_at(index: u64) -> u32 {
 fn falls(offset: u64, apart: u64) -> Vec<u64> {
     let settings =
         bead_testing::paper_settings().with(|bead| bead.capture.length = bead.capture.history + 40e-5);
-    let mut bead = TestBead::start(crate::bead::Start {
+    let mut bead = TestBead::start(crate::bead::StartState {
         probe: crate::bead::block_of(&settings.expect("it is valid")),
         ..Default::default()
     });

@@ -7,7 +7,7 @@ use bead_wire::{
 };
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-use crate::bead::{SECTOR, Start, TestBead, block_of, status, windows_of, write};
+use crate::bead::{SECTOR, StartState, TestBead, block_of, status, windows_of, write};
 
 /// A block with other bytes where its header ends, and a checksum that holds.
 fn forged(change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
@@ -32,9 +32,9 @@ fn at_rate(rate: u32) -> Vec<u8> {
 
 /// A bead with this in the sector of the probe.
 fn probed(probe: Vec<u8>) -> TestBead {
-    TestBead::start(Start {
+    TestBead::start(StartState {
         probe,
-        ..Start::default()
+        ..StartState::default()
     })
 }
 
@@ -201,7 +201,7 @@ fn a_full_store_refuses_and_takes_more_after_a_reset() {
     let all = blocks.take_while(Result::is_ok).count();
     let (mut store, _) = Store::open(PowerCutFlash::<SECTOR>::blank(2), range);
     (3..all).for_each(|_| store.write(&windows_of(300)).expect("there is room"));
-    let start = Start::default();
+    let start = StartState::default();
     *start.flash.0.borrow_mut() = store.into_flash();
     let mut bead = TestBead::start(start);
     for length in 301..304 {
