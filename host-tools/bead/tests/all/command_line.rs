@@ -149,9 +149,5 @@ fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
     fs::set_permissions(&figures, fs::Permissions::from_mode(0o755)).unwrap();
     let found = run();
     assert_eq!(found.status.code(), Some(1));
-    assert_eq!(
-        found.stdout,
-        b"4:2C --out x y --help
-"
-    );
+    assert_eq!(found.stdout, b"4:2C --out x y --help\n");
 }

@@ -227,10 +227,8 @@ fn a_cable_that_is_pulled_for_a_second_and_a_lossy_line_cost_no_strike_nor_does_
         let said = said(&output);
         assert_says(&said, "went away");
         assert_says(&said, "is back");
-        assert!(
-            is_reset || said.contains("strikes fetched, 0 not to be had"),
-            "{said}"
-        );
+        let is_complete = said.contains("strikes fetched, 0 not to be had");
+        assert!(is_reset || is_complete, "{said}");
         assert_says(&done(output), ", fetched\n");
         let names = whole(&open(&folder));
         let expected = &bead.measured()[before..];
