@@ -176,7 +176,8 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     assert_eq!(answered.outcome.resets.len(), faults.len() + 1);
     let source = |request| {
         let messages = answered.received.answered(request);
-        let status = messages.iter().find_map(|message| match message {
+        // Frames of boots that lasted longer come before.
+        let status = messages.iter().rev().find_map(|message| match message {
             Message::Status(status) => Some((status.settings_source, status.armed)),
             _ => None,
         });
