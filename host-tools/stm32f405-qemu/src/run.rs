@@ -6,6 +6,7 @@
 //! carries everything between the two (see `exchange`). Nothing is left behind, and runs share nothing, so
 //! they may go in parallel.
 
+mod checks;
 mod error;
 mod folder;
 mod image;
@@ -31,9 +32,10 @@ pub use qemu::qemu_version;
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, RunDescription};
 use crate::given::{AnalogInput, Run};
-use crate::machine::{USARTS, pin};
+use crate::machine::USARTS;
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
+use checks::{TWELVE_BITS, check_pin, check_usart};
 use folder::RunFolder;
 use image::Image;
 use process::QemuJob;
@@ -247,19 +249,6 @@ impl Run {
         }
         Ok(())
     }
-}
-
-const TWELVE_BITS: &str = "codes of the 12-bit ADC are 0..=4095";
-
-fn check_pin(name: &str) -> Result<(), RunError> {
-    let unknown = || RunError::Input(format!("there is no pin {name:?}; pins are PA0 to PI15"));
-    pin(name).map(drop).ok_or_else(unknown)
-}
-
-fn check_usart(port: &str) -> Result<(), RunError> {
-    let all = USARTS.join(", ");
-    let unknown = || RunError::Input(format!("there is no USART {port:?}; give one of {all}"));
-    USARTS.contains(&port).then_some(()).ok_or_else(unknown)
 }
 
 /// Refuses a port at which QEMU's stub cannot listen. QEMU's own line on that comes when it has started.

@@ -21,5 +21,6 @@ pub mod strike;
 pub mod strike_report;
 #[cfg(test)]
 mod testing;
+mod traces;
 pub mod velocity;
 pub mod verdict;

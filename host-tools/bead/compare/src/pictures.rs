@@ -4,7 +4,7 @@
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::report::EnergyUnit;
-use crate::strike::{AbsorbedPoint, SensedPoint, Traces};
+use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
 
 /// Force, acceleration and absorbed energy of a strike over one time axis.
 pub(crate) fn strike_chart(traces: &Traces) -> Chart {

@@ -21,6 +21,7 @@ use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, replay};
 use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down};
 use crate::signal::{StrikeSignals, force_noise, least};
+use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
 use bead_recording::strikes::RecordedStrike;
 
 /// Goals for the two estimates against the full chain.
@@ -169,37 +170,6 @@ pub struct StrikeGoal {
     pub absorbed_measured: f64,
     /// For B.
     pub absorbed_predicted: f64,
-}
-
-/// A value of a sensor, its filter's pole removed, and the chain's at that time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SensedPoint {
-    /// Time since the striker hit, s.
-    pub(crate) time: f64,
-    pub(crate) sensed: f64,
-    pub(crate) simulated: f64,
-}
-
-/// An estimate of the absorbed energy, J, and the chain's at that time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct AbsorbedPoint {
-    /// Time since the striker hit, s.
-    pub(crate) time: f64,
-    pub(crate) estimate: f64,
-    pub(crate) chain: f64,
-}
-
-/// Curves of a strike; energies by A and by B.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Traces {
-    /// N.
-    pub(crate) force: Vec<SensedPoint>,
-    /// m/s², taken [`SCAN_SKEW`] after the force.
-    pub(crate) acceleration: Vec<SensedPoint>,
-    pub(crate) f64_samples: [Vec<AbsorbedPoint>; 2],
-    pub(crate) replay: [Vec<AbsorbedPoint>; 2],
-    /// From the device, at the ends of its chunks.
-    pub(crate) device: [Vec<AbsorbedPoint>; 2],
 }
 
 /// The first wave of at least this part of the highest one's height opens the window of the main wave.

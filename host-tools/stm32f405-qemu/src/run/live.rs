@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use super::checks::{TWELVE_BITS, check_pin, check_usart};
 use super::error::RunError;
 use super::image::Image;
 use super::log::Log;
 use super::process::{QemuJob, QemuProcess, StopReport};
 use super::sent;
-use super::{TWELVE_BITS, check_pin, check_usart};
 use crate::exchange::{Reached, TimeStep};
 use crate::given::{Inputs, Run};
 use crate::machine::USARTS;

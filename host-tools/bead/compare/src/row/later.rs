@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use serde::Serialize;
 
-use crate::strike::SensedPoint;
+use crate::traces::SensedPoint;
 
 /// Samples in a mean: odd.
 const SMOOTH: usize = 9;

@@ -9,7 +9,7 @@ use crate::row::compare::RowComparison;
 use crate::row::energy::{After, EnergyAlong};
 use crate::row::member::FeltStrike;
 use crate::row::strikes::BeadRow;
-use crate::strike::{SensedPoint, Traces};
+use crate::traces::{SensedPoint, Traces};
 
 /// Beads beyond the first and the last of the row whose force is shown as simulated.
 const BEYOND: usize = 2;

@@ -1,6 +1,6 @@
 //! `bead compare --reference`: a strike against the record of another instrument.
 
-use crate::cli::commands::compare::Arguments;
+use crate::cli::commands::compare_arguments::Arguments;
 use crate::cli::commands::compared::{made, publish};
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::sha256_of;

@@ -1,6 +1,6 @@
 //! `bead compare` of a recording of several beads: all of them and one simulation, side by side.
 
-use crate::cli::commands::compare::Arguments;
+use crate::cli::commands::compare_arguments::Arguments;
 use crate::cli::commands::compared::{
     draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
 };

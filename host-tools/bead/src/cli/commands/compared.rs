@@ -2,7 +2,7 @@
 
 use hertz_charts::Chart;
 
-use crate::cli::commands::compare::Arguments;
+use crate::cli::commands::compare_arguments::{Arguments, Velocity};
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance;
 use bead_compare::report::{Fact, Report, count};
@@ -10,25 +10,6 @@ use bead_compare::sensed::load_scenario;
 use bead_compare::velocity::{FittedVelocity, first_strikes, fit};
 use bead_compare::verdict::Echoes;
 use bead_recording::file::Part;
-
-/// The striker's velocity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Velocity {
-    /// The one that gives the recorded forces.
-    Fit,
-    /// In m/s.
-    Given(f64),
-}
-
-/// Parses a velocity, m/s, or `fit`.
-pub(super) fn velocity(text: &str) -> Result<Velocity, String> {
-    match text {
-        "fit" => Ok(Velocity::Fit),
-        _ => positive(text)
-            .map(Velocity::Given)
-            .map_err(|_| "give m/s, above 0, or fit".to_owned()),
-    }
-}
 
 /// Gives the striker the velocity that is wanted: of those that the forces of the beads tell, the first
 /// bead's.

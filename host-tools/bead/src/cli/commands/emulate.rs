@@ -9,6 +9,7 @@ use hertz_chain::Solution;
 use indicatif::ProgressBar;
 
 use crate::cli::beads::BeadNumbers;
+use crate::cli::commands::emulated::EmulatedBead;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::sha256_of;
@@ -269,16 +270,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct SeveralBeads {
     beads: Vec<EmulatedBead>,
-}
-
-/// A bead among several, as in the JSON.
-#[derive(Serialize, JsonSchema)]
-pub(crate) struct EmulatedBead {
-    pub(super) bead: usize,
-    pub(super) clock_ppm: f64,
-    pub(super) began_s: f64,
-    #[serde(flatten)]
-    pub(super) report: RunReport,
 }
 
 const WIDER_RANGES: &str =

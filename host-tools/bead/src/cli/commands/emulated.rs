@@ -1,7 +1,6 @@
 //! Tables of `bead emulate`: of one bead, and of several.
 
-use crate::cli::commands::emulate::EmulatedBead;
-use crate::cli::output;
+use crate::cli::commands::prelude::*;
 use bead_bench::run::{MeasuredStrike, RunReport};
 use bead_compare::report::{DASH, EnergyUnit, percent, signed};
 
@@ -103,6 +102,16 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
     row.push(output::either(strike.replay_identical, "identical", "differs"));
     row.push(output::either(flags.is_empty(), DASH, &flags));
     row
+}
+
+/// A bead among several, as in the JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct EmulatedBead {
+    pub(super) bead: usize,
+    pub(super) clock_ppm: f64,
+    pub(super) began_s: f64,
+    #[serde(flatten)]
+    pub(super) report: RunReport,
 }
 
 pub(super) fn table_of_several(beads: &[EmulatedBead]) -> String {

@@ -3,6 +3,7 @@
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
+mod compare_arguments;
 pub(crate) mod compare_reference;
 pub(crate) mod compare_row;
 mod compared;
@@ -14,6 +15,7 @@ pub(crate) mod fetch;
 pub(crate) mod figures;
 pub(crate) mod manual;
 pub(crate) mod optimise;
+mod prelude;
 pub(crate) mod proof;
 pub(crate) mod record;
 pub(crate) mod recover;
@@ -25,22 +27,3 @@ pub(crate) mod sweep;
 pub(crate) mod sweep_cluster;
 mod sweep_plot;
 pub(crate) mod sweep_work;
-
-/// Names that most commands use.
-mod prelude {
-    pub(super) use std::path::{Path, PathBuf};
-
-    pub(super) use anyhow::Context;
-    pub(super) use clap::Args;
-    pub(super) use hertz_chain::Scenario;
-    pub(super) use schemars::JsonSchema;
-    pub(super) use serde::Serialize;
-
-    pub(super) use crate::cli::failure::Failure;
-    pub(super) use crate::cli::interrupt;
-    pub(super) use crate::cli::output::{self, Format, positive};
-    pub(super) use crate::cli::place::{self, FileKind, Overwrite};
-    pub(super) use bead_recording::received::Received;
-    pub(super) use bead_recording::strikes::RecordedStrike;
-    pub(super) use bead_tables::whole::Target;
-}
