@@ -58,7 +58,8 @@ async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut 
     const LATE: &str = "a block was not taken in time";
     let (adc, channels) = converter.parts();
     let mut adc = Adc::new(adc);
-    supply::measure(&mut adc);
+    let supply_mv = supply::measure(&mut adc);
+    BEAD.update(|c| c.health.supply_mv = supply_mv);
     let mut scanning = Scanning::begin(adc, channels, outlet.filling, outlet.next);
     let mut index = clock.open() + 1;
     defmt::info!("acquiring from sample {=u64}, epoch {=u32}", index, outlet.epoch);

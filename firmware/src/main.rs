@@ -28,6 +28,7 @@ mod supply;
 mod sync;
 mod trace;
 mod transmit;
+mod watch;
 mod watchdog;
 
 use bead_app::Device as _;
@@ -137,5 +138,5 @@ fn start() {
     } else {
         estimate.spawn(estimate::idle().expect(ONCE));
     }
-    rest.spawn(watchdog::watch(p.IWDG, sampling).expect(ONCE));
+    rest.spawn(watch::watch(p.IWDG, sampling).expect(ONCE));
 }

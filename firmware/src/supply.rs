@@ -17,7 +17,6 @@ use embassy_stm32::pac::{PWR, RCC};
 use embassy_stm32::peripherals;
 use embassy_time::{Duration, block_for};
 
-use crate::board::BEAD;
 use crate::clocks::INTERNAL_HZ;
 
 /// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above
@@ -64,8 +63,8 @@ pub(crate) fn is_low() -> bool {
     PWR.csr1().read().pvdo()
 }
 
-/// Measures the supply with an ADC that is not scanning. Takes about 70 µs.
-pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) {
+/// Measures the supply, mV, with an ADC that is not scanning; 0 if it gives no code. Takes about 70 µs.
+pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) -> u16 {
     let mut reference = adc.enable_vrefint();
     // A tick is 10 µs, and of the last one only a part may be left.
     block_for(Duration::from_micros(VrefInt::start_time_us().into()) + Duration::from_ticks(1));
@@ -75,7 +74,7 @@ pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) {
         0 => 0,
         code => 3300 * u32::from(factory_reference()) / u32::from(code),
     };
-    BEAD.update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
+    supply_mv.try_into().unwrap_or(u16::MAX)
 }
 
 /// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it

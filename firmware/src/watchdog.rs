@@ -1,32 +1,7 @@
-//! Resets a bead that hangs.
-//!
-//! # Design
-//! Four times a second, at the lowest priority, this task checks whether the others make progress. It feeds
-//! the independent watchdog only if new samples have reached the estimators and a frame has left since it was
-//! last fed. A task of higher priority that never yields starves this task, and the watchdog resets the bead.
-//! A task that waits for ever is found here, and the panic names it.
-//!
-//! The watchdog runs from the first instructions on, at first with all the time that a start may need
-//! ([`begin`]). So a start that hangs ends too.
-//!
-//! Status frames leave once a second, the first at boot, so two feedings are at most 1.25 s apart. The
-//! watchdog's oscillator is rough (17 to 47 kHz, DocID022152 table 42): its 2 s are 1.4 to 3.8 s. So this
-//! task finds a wait before the watchdog resets.
+//! The independent watchdog, from the first instructions on.
 
-use bead_app::{BootRecord, Progress};
 use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
-use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peri, peripherals};
-use embassy_time::{Duration, Timer};
-
-use crate::board::BEAD;
-use crate::trace;
-
-const TIMEOUT_US: u32 = 2_000_000;
-const PERIOD: Duration = Duration::from_millis(250);
-/// Checks after which a boot has proven itself, its tasks of the lowest priority included: 1 s.
-const PROVEN: u32 = 4;
 
 /// Starts the watchdog with its longest time: 32.8 s, and 22 s at least. A start takes less between two
 /// feedings: 5 s for the supply, 0.1 s for the crystal; then each erase feeds it, of two sectors in 8 s at
@@ -41,25 +16,4 @@ pub(crate) fn begin() {
 /// Gives the start its long time once more.
 pub(crate) fn feed() {
     IWDG.kr().write(|w| w.set_key(Key::RESET));
-}
-
-/// Watches for ever. Without `sampling` there are no samples to wait for.
-#[embassy_executor::task]
-pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>, sampling: bool) -> ! {
-    // Fed first: the start has used up some of its long time, and a short one begins now.
-    feed();
-    let mut watchdog = IndependentWatchdog::new(watchdog, TIMEOUT_US);
-    watchdog.unleash();
-    let mut progress = Progress::new(sampling, BEAD.snapshot());
-    let mut checks = 0_u32;
-    loop {
-        Timer::after(PERIOD).await;
-        checks = checks.saturating_add(1);
-        if checks == PROVEN {
-            trace::change(BootRecord::prove);
-        }
-        if progress.check(BEAD.snapshot()) {
-            watchdog.pet();
-        }
-    }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::payload::reader;
+use crate::version::reader;
 
 /// Bytes between two delimiters that are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -18,8 +18,9 @@
 use crate::body::Body;
 use crate::cause::Cause;
 use crate::message::{Fetched, Kind, MAX_BODY, Message};
-use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, is_unreleased, open, seal};
+use crate::payload::{BufferTooSmall, CRC_LENGTH, open, seal};
 use crate::sequence::Arrival;
+use crate::version::{VERSION, is_unreleased};
 
 /// Version, kind, boot, sequence, sample index, address.
 const HEADER: usize = 1 + 1 + 1 + 4 + 8 + 1;

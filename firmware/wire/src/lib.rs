@@ -24,6 +24,7 @@ mod stuffing;
 mod table;
 mod text;
 mod unit;
+mod version;
 
 pub use body::{Body, Field, FieldDoc, FieldKind, Fields, Named, Value};
 pub use cause::{Cause, Reject, Rejected};
@@ -42,7 +43,7 @@ pub use message::strike::StrikeFlags;
 // Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
 pub use message::*;
 pub use names::named;
-pub use payload::{BufferTooSmall, VERSION, reader};
+pub use payload::BufferTooSmall;
 pub use quantity::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples};
 pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
 pub use request::{
@@ -52,3 +53,4 @@ pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};
 pub use text::{Block, BlockTooLong, BoundedBytes, Inner, MAX_BLOCK, Text};
 pub use unit::Unit;
+pub use version::{VERSION, reader};

@@ -10,25 +10,6 @@ use crate::stuffing;
 pub(crate) const CRC_LENGTH: usize = 4;
 pub(crate) const DELIMITER: u8 = 0;
 
-/// Version that this crate sends: the first byte of every frame and request. `docs/protocol.md` says what a
-/// version stands for. The next one is 4, because 2 and 3 were used up before the first
-/// release.
-pub const VERSION: u8 = 1;
-
-/// Returns `true` for a version that was used before the first release. Its frames are refused.
-pub(crate) const fn is_unreleased(version: u8) -> bool {
-    matches!(version, 2 | 3)
-}
-
-/// Names the program that reads frames of a version that this one refuses.
-pub const fn reader(version: u8) -> &'static str {
-    if is_unreleased(version) {
-        "`bead` of commit 710832c"
-    } else {
-        "the program that belongs to it"
-    }
-}
-
 /// The buffer of this number of bytes is too small. [`MAX_FRAME`](crate::MAX_FRAME) bytes are enough for
 /// every frame, [`MAX_REQUEST`](crate::MAX_REQUEST) bytes for every request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

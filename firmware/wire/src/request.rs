@@ -16,9 +16,10 @@ use serde::Serialize;
 use crate::body::{Field, FieldDoc};
 use crate::cause::{Cause, Rejected};
 use crate::deframer::Deframer;
-use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal, whole};
+use crate::payload::{BufferTooSmall, CRC_LENGTH, open, seal, whole};
 use crate::table::requests;
 use crate::text::{Block, Inner};
+use crate::version::VERSION;
 
 /// Version, kind, number, address.
 const HEADER: usize = 1 + 1 + 2 + 1;
