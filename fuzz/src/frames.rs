@@ -122,7 +122,7 @@ fn told(frame: &Frame) {
     assert_eq!(again["kind"], frame.message.kind().name());
     protobuf::message(frame, &frame.message);
     if let Message::Fetched(fetched) = &frame.message {
-        // What it carries may be anything.
+        // It may carry anything.
         let _ = fetched.message();
     }
     let mut buffer = [0; MAX_FRAME];

@@ -30,7 +30,7 @@ pub fn check(bytes: &[u8]) {
         assert!(read == bytes.len() && frames as usize <= bytes.len());
         if let Ok(recording) = Recording::open(path) {
             through(path, &recording);
-            // What has frames has them as a damaged recording too.
+            // Frames that are found in a sound recording are found in a damaged one too.
             assert!(recording.runs == 0 || Recording::salvage(path).is_ok());
         } else if let Ok(recording) = Recording::salvage(path) {
             through(path, &recording);

@@ -23,7 +23,7 @@ const SCANS_MOST: usize = 1500;
 /// A block that was accepted is not written as it was read, or the meter leaves its ranges, or its results
 /// depend on how scans are cut into calls.
 pub fn check(bytes: &[u8]) {
-    // What it holds then is another input's concern.
+    // Other inputs check what an accepted block holds.
     let _ = Settings::decode(bytes);
     let Some(length) = Settings::block_length(bytes).filter(|length| *length <= bytes.len()) else {
         return;
@@ -91,7 +91,7 @@ fn measured(settings: &Settings, bytes: &[u8]) {
             meter.process(settings, index, some.iter().copied(), &mut said);
             (index, rest) = (index + some.len() as u64, after);
         }
-        // What still waits is measured while quiet comes.
+        // Quiet scans let the bead measure the strikes that still wait.
         for _ in 0..12 {
             let quiet = [*scans.last().expect("there are scans"); 256];
             meter.process(settings, index, quiet, &mut said);

@@ -52,7 +52,7 @@ pub(crate) fn fuzz(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             .arg(&learned)
             .words(&format!("fuzz/corpus/{name} --"))
             .words(&format!("-max_total_time={seconds} -max_len={LONGEST} {LIMITS}"))
-            // What the readers note of a damaged file is nothing to read a million times.
+            // Nobody reads the notes about damaged files a million times.
             .words("-print_final_stats=1 -close_fd_mask=2")
             .arg(format!("-artifact_prefix={}/", found.display()))
             .env("CARGO_TARGET_DIR", &target.to_string_lossy());

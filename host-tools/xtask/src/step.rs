@@ -305,7 +305,7 @@ impl Steps {
         }
         for kept in [&output.stdout, &output.stderr] {
             let kept = String::from_utf8_lossy(kept);
-            // What cargo has made, it says to programs.
+            // Cargo tells programs in JSON what it has made. People need not read it.
             let lines = kept.lines().filter(|line| !line.starts_with(r#"{"reason":"#));
             lines.for_each(|line| eprintln!("{line}"));
         }

@@ -70,7 +70,7 @@ impl Conversation {
         let mut pieces = Vec::new();
         let mut take = |frame: Frame| match frame.message {
             Message::Raw(raw) => {
-                // What is more than that counts as lost.
+                // Further scans count as lost.
                 if pieces.len() < PIECES {
                     pieces.push(raw);
                 }
