@@ -94,8 +94,8 @@ mod region {
         ONCE.init(());
         let memory = &raw mut WINDOWS;
         // SAFETY: the symbol is the start of 64 KiB - 256 B of RAM, aligned to 64 KiB, that are reserved for
-        // this; any contents are a `WindowMemory`. This is the only reference to it, since `ONCE` is given away
-        // once.
+        // this; any contents are a `WindowMemory`. This is the only reference to it, since `ONCE` is given
+        // away once.
         unsafe { &mut *memory }
     }
 

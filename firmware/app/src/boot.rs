@@ -1,9 +1,9 @@
 //! The record that a boot ended by a fault leaves for the next boot, and the number of the boot.
 //!
 //! # Design
-//! The record lies in memory that a reset does not change. A checksum tells it from the random contents of RAM
-//! after power-up. The reset flag of a power-up is looked at as well, since RAM may survive a short loss of
-//! power.
+//! The record lies in memory that a reset does not change. A checksum tells it from the random contents of
+//! RAM after power-up. The reset flag of a power-up is looked at as well, since RAM may survive a short loss
+//! of power.
 
 use bead_crc::checksum_of;
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
@@ -121,8 +121,8 @@ impl BootRecord {
         }
     }
 
-    /// Counts the boot and takes what the one before left, if it `survived` the reset. `reset_cause` holds the
-    /// bits 31..24 of RCC_CSR. Gives the boot and the record to keep.
+    /// Counts the boot and takes what the one before left, if it `survived` the reset. `reset_cause` holds
+    /// the bits 31..24 of RCC_CSR. Gives the boot and the record to keep.
     pub fn begin(survived: Option<Self>, waiting: FramesWaiting, reset_cause: u8) -> (ThisBoot, Self) {
         const POWER_ON: u8 = 1 << 3;
         const WATCHDOG: u8 = 1 << 5;

@@ -1,8 +1,8 @@
 //! The strike meter over blocks of scans; its results become frames.
 //!
 //! # Design
-//! `bead-model` does the work. There are 2 ms for a block. Four blocks may be on their way, so a burst of work
-//! may take four times as long before a block is lost.
+//! `bead-model` does the work. There are 2 ms for a block. Four blocks may be on their way, so a burst of
+//! work may take four times as long before a block is lost.
 
 use bead_model::{Chunk, Meter, Origin, Settings, Sink};
 use bead_wire::{FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};

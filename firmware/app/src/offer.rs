@@ -18,9 +18,9 @@ use crate::settings::Loaded;
 const PATIENCE: u64 = 100 * MS;
 
 impl<D: Device> BeadState<D> {
-    /// Offers settings to the estimators. [`settings_taken`](Self::settings_taken) waits for them; a task that
-    /// waits does not hold the settings. A bead that its old settings kept from looking for strikes begins to,
-    /// and the other way round.
+    /// Offers settings to the estimators. [`settings_taken`](Self::settings_taken) waits for them; a task
+    /// that waits does not hold the settings. A bead that its old settings kept from looking for strikes
+    /// begins to, and the other way round.
     pub(crate) fn offer_settings(&self, loaded: Loaded) {
         let arm = loaded.arm();
         if arm != self.settings.arm() {

@@ -99,10 +99,10 @@ impl Loaded {
 const FAILED: u32 = 5;
 
 impl Loaded {
-    /// Finds the settings at start-up: in the store, in the sector `probe`, or built in. A block in flash that
-    /// fails its check is refused as a whole: the next settings in order are used, and a fault frame says so.
-    /// If five boots in a row have failed, those in flash are left alone: whatever they made the bead
-    /// do, it can be reached again.
+    /// Finds the settings at start-up: in the store, in the sector `probe`, or built in. A block in flash
+    /// that fails its check is refused as a whole: the next settings in order are used, and a fault frame
+    /// says so. If five boots in a row have failed, those in flash are left alone: whatever they made the
+    /// bead do, it can be reached again.
     pub fn find<F: NorFlash>(store: &mut Vault<F>, opened: Opened, probe: &[u8], failed: u32) -> Self {
         if failed >= FAILED {
             return Self {

@@ -389,10 +389,11 @@ impl Meter {
             Phase::Armed => {
                 let end = asked.map_or(new.end, |before| new.start + before);
                 let before = before_rise(settings, scans, new.start..end);
-                let found = match new.start + before == end {
+                let found = if new.start + before == end {
+                    asked.and_then(|_| self.take_asked(settings, index, new.start))
+                } else {
                     // The window starts with the history, which ends with the scan that triggers.
-                    false => Some((index + before as u64, Origin::Force)),
-                    true => asked.and_then(|_| self.take_asked(settings, index, new.start)),
+                    Some((index + before as u64, Origin::Force))
                 };
                 match found {
                     None => end,

@@ -146,8 +146,8 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies absorbed
-    /// and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
+    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies
+    /// absorbed and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
     fn closed(state: &mut ObserverState, mean: u64, close: impl FnOnce(&mut ObserverState)) -> [i64; 4] {
         let observer = Observer {
             start: I0F32::ZERO,

@@ -12,8 +12,8 @@
 //!
 //! **The header is frozen**, and so are the bodies of [`Identity`](crate::Identity) and
 //! [`Reply`](crate::Reply). A later version may change all other bodies, and may append fields to these two.
-//! A host can therefore always say which bead it hears and why it cannot read the rest, and a bead can always say
-//! that it does not understand its host.
+//! A host can therefore always say which bead it hears and why it cannot read the rest, and a bead can always
+//! say that it does not understand its host.
 
 use crate::body::Body;
 use crate::cause::Cause;

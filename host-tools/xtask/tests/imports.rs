@@ -267,7 +267,8 @@ fn circles_and_arrows_up_are_found_and_nothing_else() {
         ("b.rs", "fn f() { println!(\"{}\", crate::A::new()) }"),
     ];
     let up = [("main.rs", "mod a;\nstruct Top;"), ("a.rs", "use super::Top;")];
-    let cases: [(&[(&str, &str)], &[&str]); 3] = [
+    type Files<'a> = &'a [(&'a str, &'a str)];
+    let cases: [(Files<'_>, &[&str]); 3] = [
         (&sound, &[]),
         (
             &circle,

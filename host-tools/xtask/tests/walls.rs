@@ -4,7 +4,8 @@
 
 use std::process::Command;
 
-/// Crates that a wheel, a real board, a fuzz target or the host's tests of the bead build, with the crates that must not come with them.
+/// Crates that a wheel, a real board, a fuzz target or the host's tests of the bead build, with the crates
+/// that must not come with them.
 const WALLS: [(&str, &[&str]); 8] = [
     (
         "bead-app",

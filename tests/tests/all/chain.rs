@@ -140,8 +140,8 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     let scenario = row(2.7e-3, 0.0);
     let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
     let (ran, told) = assert_tells(&scenario, &solution);
-    // They are light, and leave one another alone: the paper's E(n), of rows with n intruders each, is that of
-    // the beads.
+    // They are light, and leave one another alone: the paper's E(n), of rows with n intruders each, is that
+    // of the beads.
     for after in &told.energy.after {
         let left = after.left;
         assert!((left.by_a - left.rows_of_n).abs() < 0.003, "{after:?}");

@@ -1,5 +1,5 @@
-//! Settings over the link: in force from the next strike on and after a reset, and never half there. The tests
-//! of `bead-app` have what is refused.
+//! Settings over the link: in force from the next strike on and after a reset, and never half there. The
+//! tests of `bead-app` have what is refused.
 
 use std::sync::LazyLock;
 

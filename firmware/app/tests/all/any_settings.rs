@@ -1,5 +1,5 @@
-//! Thousands of random valid settings, each with a random stimulus. After each the bead is told to look for no
-//! strikes, and answers in time.
+//! Thousands of random valid settings, each with a random stimulus. After each the bead is told to look for
+//! no strikes, and answers in time.
 
 use bead_testing::any_settings;
 use bead_wire::{Outcome, Request};

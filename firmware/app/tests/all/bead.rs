@@ -102,9 +102,12 @@ impl Device for FakeBoard {
 
     fn sleep(&self, periods: u64) -> impl Future<Output = ()> {
         let end = self.now() + periods;
-        std::future::poll_fn(move |_| match self.now() >= end {
-            true => Poll::Ready(()),
-            false => Poll::Pending,
+        std::future::poll_fn(move |_| {
+            if self.now() >= end {
+                Poll::Ready(())
+            } else {
+                Poll::Pending
+            }
         })
     }
 

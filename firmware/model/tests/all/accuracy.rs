@@ -15,7 +15,8 @@ const LEAD: f64 = 400.0;
 /// Spans of force (N) and acceleration (m/s²) that the paper's strike fits.
 const SPANS: [f64; 2] = [16.0, 500.0];
 
-/// A strike on the paper's chain: the codes that bead 8 samples, and the energy that its intruder absorbs, nJ.
+/// A strike on the paper's chain: the codes that bead 8 samples, and the energy that its intruder absorbs,
+/// nJ.
 struct SensedStrike {
     front_end: FrontEnd,
     capture: Capture,

@@ -9,8 +9,8 @@ body! {
         pub strikes_passed_over: u32,
         /// Strikes with the flag `sensor_still`.
         pub strikes_still: u32,
-        /// Number of boots in a row that ended in a fault within a second of their start. After five, the bead uses
-        /// the built-in settings.
+        /// Number of boots in a row that ended in a fault within a second of their start. After five, the
+        /// bead uses the built-in settings.
         pub boots_failed: u32,
         /// Settings that were not written, because flash is written only so often.
         pub refused_too_soon: u32,

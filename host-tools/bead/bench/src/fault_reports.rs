@@ -2,10 +2,10 @@
 //!
 //! # Design
 //! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. The
-//! expected reports therefore follow from the run, whose resets the emulator knows. Between two resets a report
-//! is required, or only allowed where a fault falls into the bead's start or close to another fault. A report
-//! that no fault explains is spurious; a required one that did not come is missing. Times are in s after the
-//! first scan.
+//! expected reports therefore follow from the run, whose resets the emulator knows. Between two resets a
+//! report is required, or only allowed where a fault falls into the bead's start or close to another fault. A
+//! report that no fault explains is spurious; a required one that did not come is missing. Times are in s
+//! after the first scan.
 
 use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::ResetCause;

@@ -1,11 +1,11 @@
 //! The sensing front end of a bead, from newtons and m/s² to 12-bit codes.
 //!
 //! # Design
-//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it. A channel is an
-//! amplifier (gain, offset), white noise in the sensor's unit, and a converter that samples at the scan rate,
-//! rounds to 12 bits and saturates at the rails. The low-pass is exact for a signal that is straight over half
-//! a microsecond. One scan converts the four channels one after the other, [`CONVERSION`] each, so the
-//! acceleration is held [`SCAN_SKEW`] after the force; a comparison with the simulation corrects for it.
+//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it. A channel is
+//! an amplifier (gain, offset), white noise in the sensor's unit, and a converter that samples at the scan
+//! rate, rounds to 12 bits and saturates at the rails. The low-pass is exact for a signal that is straight
+//! over half a microsecond. One scan converts the four channels one after the other, [`CONVERSION`] each, so
+//! the acceleration is held [`SCAN_SKEW`] after the force; a comparison with the simulation corrects for it.
 
 use bead_model::converter::CONVERSION;
 use bead_model::design::{self, SensorScale};
@@ -312,8 +312,8 @@ impl LowPass {
     /// Takes 0 as the next inputs, `steps` of them.
     fn rest(&mut self, steps: u32) {
         for _ in 0..steps {
-            // An output far below the least noise is 0. As a subnormal number it would never end, and cost most
-            // of the time.
+            // An output far below the least noise is 0. As a subnormal number it would never end, and cost
+            // most of the time.
             if self.input == 0.0 && self.output.abs() < 1e-30 {
                 self.output = 0.0;
                 return;

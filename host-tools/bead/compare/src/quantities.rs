@@ -3,8 +3,8 @@
 use crate::report::EnergyUnit;
 use crate::strike::{ShapeValues, StrikeComparison, StrikeValues};
 
-/// Places of the values of a quantity: by the device, by replay, by f64 from the same samples, and by the full
-/// chain. Each adds one source of error to the one after it.
+/// Places of the values of a quantity: by the device, by replay, by f64 from the same samples, and by the
+/// full chain. Each adds one source of error to the one after it.
 pub(super) const DEVICE: usize = 0;
 const F64_CHAIN: usize = 3;
 

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! The two share no clock and perhaps no calibration. For force and for acceleration, a delay is found where
-//! the cross-correlation is greatest, then between samples by the correlation; and a gain by least squares. All
-//! other values compare the two as they then lie over each other, at the bead's samples.
+//! the cross-correlation is greatest, then between samples by the correlation; and a gain by least squares.
+//! All other values compare the two as they then lie over each other, at the bead's samples.
 
 use serde::Serialize;
 

@@ -393,7 +393,8 @@ mod tests {
         }
     }
 
-    /// The fields of a body by name, with the bits that draw it. A group is preceded by a bit: 1 if it is there.
+    /// The fields of a body by name, with the bits that draw it. A group is preceded by a bit: 1 if it is
+    /// there.
     fn drawn(body: &dyn Fields) -> Vec<(String, u64)> {
         let mut all = Vec::new();
         body.each(&mut |field, value| match value {

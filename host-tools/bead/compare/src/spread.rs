@@ -1,8 +1,8 @@
 //! Several strikes against the simulation: mean and scatter of the deviations, with their uncertainty.
 //!
 //! # Design
-//! The mean says how far off the bead is, the root mean square how much noise adds. A goal is missed where the
-//! whole interval that holds the true value in 19 cases of 20 lies beyond it. The interval of the mean is
+//! The mean says how far off the bead is, the root mean square how much noise adds. A goal is missed where
+//! the whole interval that holds the true value in 19 cases of 20 lies beyond it. The interval of the mean is
 //! Student's; the lower end of that of the scatter comes from the chi-squared distribution (Wilson and
 //! Hilferty, PNAS 17, 684, 1931). A strike alone is held to the goal of the mean.
 

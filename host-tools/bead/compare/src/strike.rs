@@ -1,10 +1,10 @@
 //! Device, replay, f64 from the same samples and the full f64 chain, side by side.
 //!
 //! # Design
-//! Each step from the full chain to the device adds one source of error: first sampling, twelve bits, noise and
-//! the reduced chain, then fixed point. The last step, from replay to device, adds nothing: they must agree in
-//! every bit. The recording does not say when the striker hit. Each strike is placed at the time where its
-//! force fits the simulated force best; the acceleration was taken [`SCAN_SKEW`] later.
+//! Each step from the full chain to the device adds one source of error: first sampling, twelve bits, noise
+//! and the reduced chain, then fixed point. The last step, from replay to device, adds nothing: they must
+//! agree in every bit. The recording does not say when the striker hit. Each strike is placed at the time
+//! where its force fits the simulated force best; the acceleration was taken [`SCAN_SKEW`] later.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -114,7 +114,8 @@ impl StrikeComparison {
         self.alone = false;
     }
 
-    /// The strike and what is left of it without the simulation, as charts; `None` if its curves are not kept.
+    /// The strike and what is left of it without the simulation, as charts; `None` if its curves are not
+    /// kept.
     pub fn charts(&self) -> Option<[Chart; 2]> {
         let traces = self.traces.as_ref()?;
         Some([strike_chart(traces), residual_chart(traces)])
@@ -370,8 +371,8 @@ impl FullChain {
         });
     }
 
-    /// The curves of A and B from their energies after samples, and the chain's. The first sample of the force
-    /// is at `start`, s; A uses the acceleration, a skew later.
+    /// The curves of A and B from their energies after samples, and the chain's. The first sample of the
+    /// force is at `start`, s; A uses the acceleration, a skew later.
     fn absorbed(
         &self,
         start: f64,

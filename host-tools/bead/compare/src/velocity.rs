@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! The force of the first wave goes as v^(6/5) for elastic spheres, and nearly so with losses. The recorded
-//! force is held against the full chain's over the whole pulse by least squares, since its highest sample lies
-//! below the peak and noise lifts it. Where it is r times the simulated force, the chain is run again at
+//! force is held against the full chain's over the whole pulse by least squares, since its highest sample
+//! lies below the peak and noise lifts it. Where it is r times the simulated force, the chain is run again at
 //! v r^(5/6), until r is 1.
 //!
 //! Only the force is used, so A, which comes from the acceleration, and B, whose energy goes as v², can be

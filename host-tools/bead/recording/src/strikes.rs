@@ -11,8 +11,8 @@ use crate::fetched::FetchedFrames;
 use crate::frames::Frame;
 pub use crate::strike::{RecordedStrike, ScanCodes, WindowChunk};
 
-/// Settings that beads were given, by address, for boots whose settings frames are all lost; `None` stands for
-/// all other beads.
+/// Settings that beads were given, by address, for boots whose settings frames are all lost; `None` stands
+/// for all other beads.
 pub type GivenSettings = BTreeMap<Option<u8>, Settings>;
 
 /// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.

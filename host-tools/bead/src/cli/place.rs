@@ -134,8 +134,8 @@ pub(crate) fn target(
 /// [`make_directory`] when there is something to write.
 ///
 /// # Errors
-/// A file is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or its
-/// directory is a file, or can neither be written to nor made.
+/// A file is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or
+/// its directory is a file, or can neither be written to nor made.
 pub fn targets<N: AsRef<str>>(
     directory: &Path,
     files: impl IntoIterator<Item = (N, FileKind)>,

@@ -169,8 +169,8 @@ pub struct Model {
     intruders: Vec<HostedIntruder>,
     /// True if contact forces are clipped at zero.
     pub(crate) clipped: bool,
-    /// Displacement, m, and velocity, m/s, of each body at t = 0. Displacements would be zero if all bodies stood
-    /// in contact, the last bead at the wall.
+    /// Displacement, m, and velocity, m/s, of each body at t = 0. Displacements would be zero if all bodies
+    /// stood in contact, the last bead at the wall.
     pub(crate) starts: Vec<(f64, f64)>,
 }
 

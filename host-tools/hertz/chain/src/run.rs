@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! A [`Run`] holds the present state of a chain. It advances to a time, and each [`RunStep`] on the way can be
-//! observed. A step computes only the beads that the wave moves ([`crate::solver`]), so a pulse in a long
+//! A [`Run`] holds the present state of a chain. It advances to a time, and each [`RunStep`] on the way can
+//! be observed. A step computes only the beads that the wave moves ([`crate::solver`]), so a pulse in a long
 //! elastic chain costs as much for each bead as in a short one.
 
 use std::ops::{ControlFlow, Range};

@@ -1,10 +1,10 @@
 //! Arrivals of the wave at the beads of a row, and its speed from one to the next.
 //!
 //! # Design
-//! The wave arrives when the force rises through half of its height ([`bead_recording::arrival`]). Each strike
-//! is placed where the beads' differences from the simulation have the mean 0, so one bead alone has no
-//! arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the difference
-//! of the arrivals there.
+//! The wave arrives when the force rises through half of its height ([`bead_recording::arrival`]). Each
+//! strike is placed where the beads' differences from the simulation have the mean 0, so one bead alone has
+//! no arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the
+//! difference of the arrivals there.
 
 use serde::Serialize;
 

@@ -2,11 +2,11 @@
 //!
 //! # Design
 //! **E(n) = E(0) - Σ absorbed**: the energy that came to the first bead, less the energy that the first n
-//! intruders took, once by estimate A and once by B. E(0) is the first bead's own: the work of its force on the
-//! host of the reduced chain, over the main wave. (The law of a solitary wave between equal beads gives 13 %
-//! too little behind a host with 12 g.) It is the simulation's where samples are missing, where the force left
-//! the sensor's range, or under a static load. A host that did not record took what the simulation says. All
-//! energies are parts of E(0), so strikes of different speeds are averaged.
+//! intruders took, once by estimate A and once by B. E(0) is the first bead's own: the work of its force on
+//! the host of the reduced chain, over the main wave. (The law of a solitary wave between equal beads gives
+//! 13 % too little behind a host with 12 g.) It is the simulation's where samples are missing, where the
+//! force left the sensor's range, or under a static load. A host that did not record took what the simulation
+//! says. All energies are parts of E(0), so strikes of different speeds are averaged.
 //!
 //! The paper's E(n) compares the energies at the end of chains with n intruders and with none
 //! ([`energies_left`]); it is a column of its own. In a row of ten, later intruders send waves back: this

@@ -17,8 +17,8 @@ const SMOOTH: usize = 9;
 /// Greatest distance of the bead's wave from the simulated one, in samples.
 const NEAR: usize = 15;
 
-/// Conditions of a wave: its least height, as a part of the main one, and the part of its height that the force
-/// is below before and after it.
+/// Conditions of a wave: its least height, as a part of the main one, and the part of its height that the
+/// force is below before and after it.
 type Plain = [f64; 2];
 
 const SIMULATED: Plain = [5e-3, 0.5];

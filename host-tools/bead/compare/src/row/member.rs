@@ -146,8 +146,8 @@ impl ValueMean {
 }
 
 impl RowBead {
-    /// Reads what came from a bead and holds it against the chain. `fitted` is the striker's velocity in it, if
-    /// it was fitted.
+    /// Reads what came from a bead and holds it against the chain. `fitted` is the striker's velocity in it,
+    /// if it was fitted.
     pub(super) fn read(
         placed: &PlacedBead,
         chain: &RowChain,

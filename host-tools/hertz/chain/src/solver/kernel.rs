@@ -156,8 +156,8 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     finish(simd, work, lanes, length)
 }
 
-/// Stages after the first with a weight in a row: the first that acts on displacements alone, the first that has
-/// a weight in velocities too, and the end.
+/// Stages after the first with a weight in a row: the first that acts on displacements alone, the first that
+/// has a weight in velocities too, and the end.
 const SPANS: [[usize; 3]; STAGES] = {
     let mut spans = [[0; 3]; STAGES];
     let mut row = 0;
@@ -249,7 +249,8 @@ fn at_stage<S: Simd<f64s = f64x8>>(
     })
 }
 
-/// Computes the accelerations of all moving bodies and intruders at a stage, and the power that they dissipate.
+/// Computes the accelerations of all moving bodies and intruders at a stage, and the power that they
+/// dissipate.
 #[inline(always)]
 fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     simd: S,
@@ -359,7 +360,8 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     }
 }
 
-/// Adds the accelerations of a block of intruders relative to their hosts. A shared block has those of its bodies.
+/// Adds the accelerations of a block of intruders relative to their hosts. A shared block has those of its
+/// bodies.
 #[inline(always)]
 fn accelerate_guests<S: Simd<f64s = f64x8>>(
     simd: S,

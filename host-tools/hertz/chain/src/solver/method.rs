@@ -1,4 +1,5 @@
-//! The Runge-Kutta method with its dense output, as constants: loops over a row have the coefficients in place.
+//! The Runge-Kutta method with its dense output, as constants: loops over a row have the coefficients in
+//! place.
 
 use super::verner::{A, EMBEDDED, INSIDE, INSIDE_STAGES, MAIN, STAGES};
 use crate::tableau::{Square, nodes, spread, twice};

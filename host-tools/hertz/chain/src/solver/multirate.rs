@@ -292,7 +292,8 @@ impl Multirate {
         &self.under_way().expect("a slow step is under way").ends
     }
 
-    /// Energy dissipated in the slow part's contacts by the second time of [`Multirate::interpolate_ends`], J.
+    /// Energy dissipated in the slow part's contacts by the second time of [`Multirate::interpolate_ends`],
+    /// J.
     pub(super) fn lost(&self) -> f64 {
         self.under_way().map_or(0.0, |slow| slow.lost)
     }

@@ -169,7 +169,8 @@ impl Stepper {
         runs.map(|run| run[0] * BLOCK..((run[0] + run.len()) * BLOCK).min(self.lanes.bodies))
     }
 
-    /// Displacement and velocity of a body at `t`, which must be the time of the last [`Stepper::interpolate`].
+    /// Displacement and velocity of a body at `t`, which must be the time of the last
+    /// [`Stepper::interpolate`].
     #[inline]
     pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
         let lane = BLOCK + body;

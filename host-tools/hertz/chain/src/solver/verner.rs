@@ -187,8 +187,8 @@ pub(super) const EMBEDDED: &[(usize, f64)] = &[
 
 /// Stages with a weight in the dense output.
 pub(super) const INSIDE_STAGES: [usize; 14] = [0, 7, 8, 9, 10, 11, 12, 13, 14, 16, 17, 18, 19, 20];
-/// Weights of these stages at the part x of the step: Σ w[p] x^(p+2), and a multiple of x with which the output
-/// ends where the step does.
+/// Weights of these stages at the part x of the step: Σ w[p] x^(p+2), and a multiple of x with which the
+/// output ends where the step does.
 pub(super) const INSIDE: [[f64; 7]; 14] = [
     [
         -11.009172273099548,

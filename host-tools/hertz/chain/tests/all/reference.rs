@@ -5,10 +5,10 @@
 //! at worst, and this crate's within 1e-10, so the distances below are mostly the reference's.
 //!
 //! Some of its numbers were read off *samples* of its motion: peaks of force from the parabola through the
-//! greatest sample and its neighbours, widths between straight lines, greatest energies and accelerations from
-//! the samples as they are. The tests read them off the same samples of this crate's motion, every 0.1 µs in
-//! runs of up to 4 ms and every 0.2 µs in longer ones, and hold the summary against these to the error of
-//! sampling.
+//! greatest sample and its neighbours, widths between straight lines, greatest energies and accelerations
+//! from the samples as they are. The tests read them off the same samples of this crate's motion, every 0.1
+//! µs in runs of up to 4 ms and every 0.2 µs in longer ones, and hold the summary against these to the error
+//! of sampling.
 //!
 //! The last three contacts of the long chains carry a rising force when the run ends, and the peak of 10 µs
 //! that the reference lists there is none. The last pulse's width of some runs is likewise beyond the end.
