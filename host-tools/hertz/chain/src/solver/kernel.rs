@@ -29,41 +29,33 @@ pub(super) enum Task {
     Inner { stage: usize },
     /// The motion at the part `x` of the step; after all stages of the dense output.
     Interpolate { x: f64 },
-    /// Returns the greatest error of a velocity over step length and allowed error, NaN if a velocity is NaN.
+    /// Returns the greatest error of a velocity, over step length and allowed error; NaN if one is NaN.
     Error { tolerance: f64 },
     /// Computes this error for each block, into [`Work::errors`].
     Errors { tolerance: f64 },
 }
 
-/// A task, and the length of its step.
-struct KernelJob<'a> {
+/// One kind of task on one kind of vectors: a function of its own, with its own allocation of registers.
+struct KernelCall<'a, S, const KIND: u8> {
+    simd: S,
     work: &'a mut Work,
     lanes: &'a Lanes,
     task: Task,
     length: f64,
 }
 
-/// One kind of task on one kind of vectors: a function of its own, with its own allocation of registers.
-struct KernelCall<'a, S, const KIND: u8>(S, KernelJob<'a>);
-
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     let general = lanes.loaded || lanes.clipped;
-    let job = KernelJob {
-        work,
-        lanes,
-        task,
-        length,
-    };
     match task {
-        Task::Step if general => of_kind::<STEP_OF_ANY>(job),
-        Task::Step => of_kind::<STEP>(job),
-        Task::Cross { .. } => of_kind::<CROSS>(job),
-        Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(job),
-        Task::Inner { .. } => of_kind::<INNER>(job),
-        Task::Interpolate { .. } => of_kind::<INTERPOLATE>(job),
-        Task::Error { .. } => of_kind::<ERRS>(job),
-        Task::Errors { .. } => of_kind::<EACH>(job),
+        Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
+        Task::Step => of_kind::<STEP>(work, lanes, task, length),
+        Task::Cross { .. } => of_kind::<CROSS>(work, lanes, task, length),
+        Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(work, lanes, task, length),
+        Task::Inner { .. } => of_kind::<INNER>(work, lanes, task, length),
+        Task::Interpolate { .. } => of_kind::<INTERPOLATE>(work, lanes, task, length),
+        Task::Error { .. } => of_kind::<ERRS>(work, lanes, task, length),
+        Task::Errors { .. } => of_kind::<EACH>(work, lanes, task, length),
     }
 }
 
@@ -77,13 +69,24 @@ const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
 
-fn of_kind<const KIND: u8>(job: KernelJob<'_>) -> f64 {
+fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
+    macro_rules! call {
+        ($simd:expr) => {
+            KernelCall::<_, KIND> {
+                simd: $simd,
+                work,
+                lanes,
+                task,
+                length,
+            }
+        };
+    }
     match Arch::new() {
         #[cfg(target_arch = "x86_64")]
-        Arch::V4(simd) => simd.vectorize(KernelCall::<_, KIND>(simd, job)),
+        Arch::V4(simd) => simd.vectorize(call!(simd)),
         #[cfg(target_arch = "x86_64")]
-        Arch::V3(simd) => simd.vectorize(KernelCall::<_, KIND>(pulp::x86::V3_512b(simd), job)),
-        _ => KernelCall::<_, KIND>(pulp::Scalar512b, job).call(),
+        Arch::V3(simd) => simd.vectorize(call!(pulp::x86::V3_512b(simd))),
+        _ => call!(pulp::Scalar512b).call(),
     }
 }
 
@@ -92,13 +95,13 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, 
 
     #[inline(always)]
     fn call(self) -> f64 {
-        let Self(simd, job) = self;
-        let KernelJob {
+        let Self {
+            simd,
             work,
             lanes,
             task,
             length,
-        } = job;
+        } = self;
         match (KIND, task) {
             (STEP_OF_ANY, _) => step::<S, true>(simd, work, lanes, length),
             (STEP, _) => step::<S, false>(simd, work, lanes, length),
@@ -156,32 +159,40 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     finish(simd, work, lanes, length)
 }
 
-/// Stages after the first with a weight in a row: the first that acts on displacements alone, the first that
-/// has a weight in velocities too, and the end.
-const SPANS: [[usize; 3]; STAGES] = {
-    let mut spans = [[0; 3]; STAGES];
+/// Stages with a weight in the displacements of a row alone.
+const BENDS: [Range<usize>; STAGES] = terms(true);
+/// Stages after the first with a weight in a row's velocities.
+const WEIGHS: [Range<usize>; STAGES] = terms(false);
+
+/// Stages after the first with a weight in a row. `bends` selects those before the first that has a weight in
+/// velocities too, which act on displacements alone; otherwise the others.
+const fn terms(bends: bool) -> [Range<usize>; STAGES] {
+    let mut ranges = [const { 0..0 }; STAGES];
     let mut row = 0;
     while row < STAGES {
         let (mut from, mut split, mut end) = (STAGES, STAGES, 1);
         let mut stage = 1;
         while stage < STAGES {
             let weight = ROWS[row][stage];
-            if weight.velocity != 0.0 && split == STAGES {
-                split = stage;
-            }
-            if weight.velocity != 0.0 || weight.displacement != 0.0 {
-                from = if from < stage { from } else { stage };
+            let (speeds, bends) = (weight.velocity != 0.0, weight.displacement != 0.0);
+            if speeds || bends {
+                if from == STAGES {
+                    from = stage;
+                }
+                if speeds && split == STAGES {
+                    split = stage;
+                }
                 end = stage + 1;
             }
             stage += 1;
         }
         if from < end {
-            spans[row] = [from, split, end];
+            ranges[row] = if bends { from..split } else { split..end };
         }
         row += 1;
     }
-    spans
-};
+    ranges
+}
 
 /// Returns displacements and velocities of eight lanes at a stage, from those at the start.
 #[inline(always)]
@@ -194,16 +205,22 @@ fn moved<S: Simd<f64s = f64x8>>(
 ) -> (f64x8, f64x8) {
     let (u, v): (f64x8, f64x8) = (pulp::cast(u), pulp::cast(v));
     let weights = &ROWS[row];
+    let (once, twice) = (
+        simd.splat_f64s(weights[0].velocity),
+        simd.splat_f64s(weights[0].displacement),
+    );
     let rate: f64x8 = pulp::cast(rates[0]);
-    let mut once = simd.mul_f64s(simd.splat_f64s(weights[0].velocity), rate);
-    let mut twice = simd.mul_f64s(simd.splat_f64s(weights[0].displacement), rate);
+    let (mut once, mut twice) = (simd.mul_f64s(once, rate), simd.mul_f64s(twice, rate));
     // Two early stages have no weight in the velocities of later ones.
-    let [from, split, end] = SPANS[row];
-    for stage in from..split {
-        let weight = simd.splat_f64s(weights[stage].displacement);
-        twice = simd.add_f64s(twice, simd.mul_f64s(weight, pulp::cast(rates[stage])));
+    for stage in BENDS[row].clone() {
+        let bend = simd.mul_f64s(
+            simd.splat_f64s(weights[stage].displacement),
+            pulp::cast(rates[stage]),
+        );
+        twice = simd.add_f64s(twice, bend);
     }
-    for (weight, rate) in weights[split..end].iter().zip(&rates[split..end]) {
+    let terms = WEIGHS[row].clone();
+    for (weight, rate) in weights[terms.clone()].iter().zip(&rates[terms]) {
         let rate: f64x8 = pulp::cast(*rate);
         once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
         twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));
@@ -232,25 +249,6 @@ fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut LaneBlock, factor: f64, pa
     *sum = pulp::cast(simd.add_f64s(pulp::cast(*sum), part));
 }
 
-/// Displacements and velocities of a block at a stage, with the exact parts of contacts that open or close.
-#[inline(always)]
-fn at_stage<S: Simd<f64s = f64x8>>(
-    simd: S,
-    start: (LaneBlock, LaneBlock),
-    added: Option<(&[LaneBlock], &[LaneBlock])>,
-    (at, rates): (usize, &Rates),
-    row: usize,
-    length: f64,
-) -> (f64x8, f64x8) {
-    let (u, v) = moved(simd, start, rates, row, length);
-    added.map_or((u, v), |added| {
-        let plus = |sum, added: &[LaneBlock]| simd.add_f64s(sum, pulp::cast(added[at]));
-        (plus(u, added.0), plus(v, added.1))
-    })
-}
-
-/// Computes the accelerations of all moving bodies and intruders at a stage, and the power that they
-/// dissipate.
 #[inline(always)]
 fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     simd: S,
@@ -264,7 +262,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let counts = number < MAIN;
     let weight = if counts { length * quadrature(number) } else { 0.0 };
     let added = work.added.as_deref().filter(|_| !counts);
-    let added = added.map(|added| (blocks(&added.u), blocks(&added.v)));
     let mut powers = work.powers.as_deref_mut();
     let keeps_powers = powers.is_some();
     let length_of = lanes.len() / BLOCK;
@@ -280,8 +277,11 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let mut shared = (0, zero, zero);
     for &at in &work.active_guests {
         let seat = at - guests.blocks.start;
-        let start = (u_start[at], v_start[at]);
-        let (x, w) = at_stage(simd, start, added, (at, &rates[at]), number, length);
+        let (mut x, mut w) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
+        if let Some(added) = added {
+            x = simd.add_f64s(x, pulp::cast(blocks(&added.u)[at]));
+            w = simd.add_f64s(w, pulp::cast(blocks(&added.v)[at]));
+        }
         if guests.home.is_some() {
             shared = (at, x, w);
         }
@@ -314,8 +314,11 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
             if at < run.end + 1 {
                 let (mut u, mut v) = (shared.1, shared.2);
                 if at != shared.0 {
-                    let start = (u_start[at], v_start[at]);
-                    (u, v) = at_stage(simd, start, added, (at, &rates[at]), number, length);
+                    (u, v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
+                    if let Some(added) = added {
+                        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
+                        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
+                    }
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
@@ -373,12 +376,12 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
 ) {
     let inverse = blocks(&guests.inverse)[at - guests.blocks.start];
     let pulled = simd.mul_f64s(pull, pulp::cast(inverse));
-    let bodies = if is_shared {
-        rates[at][number]
+    let of_bodies = if is_shared {
+        pulp::cast(rates[at][number])
     } else {
-        [0.0; BLOCK]
+        simd.splat_f64s(0.0)
     };
-    let mut rate = simd.sub_f64s(pulp::cast(bodies), pulled);
+    let mut rate = simd.sub_f64s(of_bodies, pulled);
     for guest in guests.within(at) {
         let host = guests.hosts[guest];
         let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
@@ -392,8 +395,13 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
 #[inline(always)]
 fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) -> f64x8 {
     let overlap = simd.add_f64s(simd.sub_f64s(near, far), rest);
-    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
-    select(simd, simd.greater_than_f64s(overlap, zero), one, zero)
+    let zero = simd.splat_f64s(0.0);
+    select(
+        simd,
+        simd.greater_than_f64s(overlap, zero),
+        simd.splat_f64s(1.0),
+        zero,
+    )
 }
 
 /// Computes the end of the step. Returns the number of blocks with contacts that open or close.
@@ -442,9 +450,8 @@ fn errors<S: Simd<f64s = f64x8>>(
     simd: S,
     rates: &Rates,
     (from, to): (f64x8, f64x8),
-    (floor, part): (f64, f64),
+    (floor, part): (f64x8, f64x8),
 ) -> f64x8 {
-    let (floor, part) = (simd.splat_f64s(floor), simd.splat_f64s(part));
     let mut error = simd.splat_f64s(0.0);
     for &(stage, weight) in ERROR {
         let part = simd.mul_f64s(simd.splat_f64s(weight), pulp::cast(rates[stage]));
@@ -458,7 +465,10 @@ fn errors<S: Simd<f64s = f64x8>>(
 #[inline(always)]
 fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: f64) -> f64 {
     let zero = simd.splat_f64s(0.0);
-    let allowed = (0.01 * tolerance * lanes.speed, tolerance);
+    let allowed = (
+        simd.splat_f64s(0.01 * tolerance * lanes.speed),
+        simd.splat_f64s(tolerance),
+    );
     let (mut greatest, mut trace) = (zero, zero);
     let (start, end) = (&work.start, &work.end);
     let rates = all_rates(&work.rates);
@@ -476,7 +486,10 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
 
 #[inline(always)]
 fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, tolerance: f64) {
-    let allowed = (0.01 * tolerance * lanes.speed, tolerance);
+    let allowed = (
+        simd.splat_f64s(0.01 * tolerance * lanes.speed),
+        simd.splat_f64s(tolerance),
+    );
     let rates = all_rates(&work.rates);
     work.errors.resize(lanes.blocks, 0.0);
     for at in work.active.iter().flat_map(|run| run.start + 1..run.end + 1) {
