@@ -9,12 +9,8 @@ use bead_bench::emulation::Emulation;
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead_model::Settings;
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_recording::frames::{self, Frame};
-use bead_wire::Message;
-use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
-use crc::{CRC_32_ISO_HDLC, Crc};
+use bead_wire::{ANY, Counters, FaultCause, Key, MAX_REQUEST, Message, Request, Ticket, encode_request};
 use hertz_chain::{Scenario, Solution};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
@@ -33,41 +29,23 @@ pub fn workspace() -> &'static Path {
         .expect("tests/ lies in the workspace")
 }
 
-/// The scenario of the paper's strike.
-pub fn scenario() -> PathBuf {
-    workspace().join("docs/scenarios/paper-strike.toml")
-}
-
-/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in
-/// themselves.
+/// A scenario of `docs/scenarios`.
 ///
 /// # Panics
-/// There are none at that rate.
-pub fn settings_at(rate: u32) -> Settings {
-    let capture = Capture::default();
-    let slower = f64::from(capture.sample_rate_hz) / f64::from(rate);
-    let capture = Capture {
-        sample_rate_hz: rate,
-        history: slower * capture.history,
-        length: slower * capture.length,
-        ..capture
-    };
-    derive(&Bead::paper(), &FrontEnd::reference(), &capture).unwrap_or_else(|error| panic!("{error}"))
+/// It cannot be read; the message says why.
+pub fn scenario(name: &str) -> Scenario {
+    let file = workspace().join(format!("docs/scenarios/{name}.toml"));
+    load_scenario(&file)
+        .unwrap_or_else(|failure| panic!("{failure}"))
+        .0
 }
 
-/// The block of settings, as flash has it.
-pub fn block(settings: &Settings) -> Vec<u8> {
-    bead_testing::block_of(settings).block.bytes().to_vec()
-}
-
-/// The request to write this block.
+/// The motion of its chain until the intruders rest.
 ///
 /// # Panics
-/// It fits no frame.
-pub fn write(block: &[u8]) -> Request {
-    Request::WriteSettings {
-        block: block.try_into().expect("it fits a frame"),
-    }
+/// It cannot be computed; the message says why.
+pub fn solved(scenario: &Scenario) -> Solution {
+    simulate_with_ring_down(scenario).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// The flash image, as built.
@@ -83,15 +61,16 @@ pub fn image() -> PathBuf {
 /// # Panics
 /// Something that it needs is missing; the message says what.
 pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
-    let lead_in = LEAD_IN;
-    paper_at(
-        Timing {
-            lead_in,
-            strikes,
-            interval,
-        },
-        seed,
-    )
+    paper_at(timed(LEAD_IN, strikes, interval), seed)
+}
+
+/// So many strikes, `interval` seconds apart, after `lead_in` seconds of quiet.
+pub fn timed(lead_in: f64, strikes: u32, interval: f64) -> Timing {
+    Timing {
+        lead_in,
+        strikes,
+        interval,
+    }
 }
 
 /// As [`paper`], the first strike when `timing` says.
@@ -101,8 +80,8 @@ pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
 pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     // All tests of a program share the motion.
     static PAPER: LazyLock<(Scenario, Solution)> = LazyLock::new(|| {
-        let (scenario, _) = load_scenario(&scenario()).unwrap_or_else(|failure| panic!("{failure}"));
-        let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+        let scenario = scenario("paper-strike");
+        let solution = solved(&scenario);
         (scenario, solution)
     });
     let (scenario, solution) = &*PAPER;
@@ -146,6 +125,16 @@ impl RunFrames {
             Message::Fault(fault) => Some(fault),
             _ => None,
         })
+    }
+
+    /// Causes of the faults.
+    pub fn causes(&self) -> Vec<FaultCause> {
+        self.faults().map(|fault| fault.cause).collect()
+    }
+
+    /// Details of the faults.
+    pub fn details(&self) -> Vec<&str> {
+        self.faults().map(|fault| fault.detail.as_str()).collect()
     }
 
     /// The message that `of` takes from the last frame that has one.
@@ -206,10 +195,9 @@ impl RunFrames {
     /// There is not exactly one.
     pub fn answer(&self, request: u16) -> (bead_wire::Outcome, String) {
         let mut replies = self.replies(request);
-        let (_, reply) = replies
-            .next()
-            .unwrap_or_else(|| panic!("request {request} has no reply"));
-        assert!(replies.next().is_none(), "request {request} has one reply");
+        let (Some((_, reply)), None) = (replies.next(), replies.next()) else {
+            panic!("request {request} has one reply");
+        };
         (reply.outcome, reply.detail.as_str().to_owned())
     }
 
@@ -335,13 +323,4 @@ pub struct RequestsRun {
     pub rows: Vec<[u16; 4]>,
     /// The settings block that a probe had put into its flash.
     pub block: Vec<u8>,
-}
-
-/// A payload with its CRC, COBS and delimiters: what no program of ours would send.
-pub fn framed(payload: &[u8]) -> Vec<u8> {
-    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(payload);
-    let payload = [payload, &crc.to_le_bytes()].concat();
-    let mut encoded = vec![0; cobs::max_encoding_length(payload.len())];
-    let length = cobs::encode(&payload, &mut encoded);
-    [&[0], &encoded[..length], &[0]].concat()
 }

@@ -2,12 +2,14 @@
 
 mod collector;
 mod flash;
+mod request;
 mod settings;
 mod speaker;
 mod strike;
 
 pub use collector::Collector;
 pub use flash::{FlashFailure, PowerCutFlash};
-pub use settings::any_settings;
-pub use speaker::{Speaker, block_of, paper_settings};
+pub use request::{framed, write};
+pub use settings::{any_settings, block, block_of, paper_settings, settings_at};
+pub use speaker::Speaker;
 pub use strike::{fetched, one_sample_strike, xorshift};

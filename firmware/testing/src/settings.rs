@@ -1,7 +1,46 @@
-//! Settings at random.
+//! Settings of the paper's bead, at random, and as blocks.
 
 use bead_model::Settings;
-use bead_model::design::{Bead, Capture, Description, FrontEnd, Intruder, Neighbours};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Intruder, Neighbours, derive};
+use bead_model::settings::BLOCK_MAX;
+use bead_wire::Block;
+
+/// Settings of the paper's bead behind the reference front end.
+///
+/// # Panics
+/// Never: the coefficients of this bead are in range.
+pub fn paper_settings() -> Settings {
+    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default());
+    settings.expect("settings of the paper's bead")
+}
+
+/// The message with a settings block.
+pub fn block_of(settings: &Settings) -> bead_wire::Settings {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block).expect("a block fits BLOCK_MAX bytes");
+    let block = Block::try_from(&block[..length]).expect("a block fits a frame");
+    bead_wire::Settings { block }
+}
+
+/// The block of settings, as flash has it.
+pub fn block(settings: &Settings) -> Vec<u8> {
+    block_of(settings).block.bytes().to_vec()
+}
+
+/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in
+/// themselves.
+///
+/// # Panics
+/// There are none at that rate.
+pub fn settings_at(rate: u32) -> Settings {
+    let slower = 100_000.0 / f64::from(rate);
+    let settings = paper_settings().with(|bead| {
+        bead.capture.sample_rate_hz = rate;
+        bead.capture.history *= slower;
+        bead.capture.length *= slower;
+    });
+    settings.expect("settings at this rate")
+}
 
 /// Settings at random that a bead must take: every number that can be chosen, at the corners of its range and
 /// within it. `random` gives random bits.

@@ -2,13 +2,13 @@
 
 use std::mem;
 
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink};
 use bead_wire::{
-    Block, Header, Identity, MAX_FRAME, Message, Outcome, ReceivedRequest, Reply, RequestDecoder,
-    ResetCauses, Settings, Shape, Strike, Waveform, encode,
+    Header, Identity, MAX_FRAME, Message, Outcome, ReceivedRequest, Reply, RequestDecoder, ResetCauses,
+    Shape, Strike, Waveform, encode,
 };
+
+use crate::settings::block_of;
 
 /// A bead's end of a line. Its frames are numbered one after another.
 ///
@@ -106,23 +106,6 @@ impl Speaker {
         meter.process(settings, 1, scans, self);
         meter.strikes()
     }
-}
-
-/// Settings of the paper's bead behind the reference front end.
-///
-/// # Panics
-/// Never: the coefficients of this bead are in range.
-pub fn paper_settings() -> bead_model::Settings {
-    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default());
-    settings.expect("settings of the paper's bead")
-}
-
-/// The message with a settings block.
-pub fn block_of(settings: &bead_model::Settings) -> Settings {
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).expect("a block fits BLOCK_MAX bytes");
-    let block = Block::try_from(&block[..length]).expect("a block fits a frame");
-    Settings { block }
 }
 
 impl Sink for Speaker {

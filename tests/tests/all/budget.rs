@@ -4,7 +4,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_tests::{RunFrames, block, image, paper, workspace};
+use bead_testing::block;
+use bead_tests::{RunFrames, image, paper, workspace};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSymbol};
 

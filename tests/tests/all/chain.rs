@@ -7,11 +7,10 @@ use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
-use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::file::{About, Origin, Recording, State, Writer};
 use bead_recording::received::Received;
 use bead_tables::whole::Target;
-use bead_tests::{image, workspace};
+use bead_tests::{image, solved, timed};
 use hertz_chain::{Scenario, Solution};
 
 /// Within which the beads are switched on, s.
@@ -19,8 +18,7 @@ const START_SPREAD: f64 = 0.05;
 
 /// The paper's row of ten absorbers, with intruders of another mass, kg, and another relaxation, s.
 fn row(mass: f64, relaxation: f64) -> Scenario {
-    let file = workspace().join("docs/scenarios/ten-intruders.toml");
-    let (mut scenario, _) = load_scenario(&file).unwrap_or_else(|failure| panic!("{failure}"));
+    let mut scenario = bead_tests::scenario("ten-intruders");
     scenario.intruders[0].mass = mass;
     scenario.chain.relaxation = relaxation;
     scenario
@@ -28,11 +26,7 @@ fn row(mass: f64, relaxation: f64) -> Scenario {
 
 /// Runs these beads with crystals up to 100 ppm off.
 fn run(scenario: &Scenario, solution: &Solution, placed: &[Placed]) -> Vec<(Emulation, Ran)> {
-    let timing = Timing {
-        lead_in: 0.02 + START_SPREAD,
-        strikes: 1,
-        interval: 0.1,
-    };
+    let timing = timed(0.02 + START_SPREAD, 1, 0.1);
     let prepare = |placed| {
         let mut run = Emulation::place(
             scenario,
@@ -138,7 +132,7 @@ fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ra
 #[test]
 fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_of_cores() {
     let scenario = row(2.7e-3, 0.0);
-    let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+    let solution = solved(&scenario);
     let (ran, told) = assert_tells(&scenario, &solution);
     // They are light, and leave one another alone: the paper's E(n), of rows with n intruders each, is that
     // of the beads.
@@ -167,7 +161,7 @@ fn rows_of_heavier_intruders_and_of_spheres_that_lose_energy_tell_as_well() {
     for (mass, relaxation) in [(4.7e-3, 0.0), (4.7e-3, 4.2e-6), (12e-3, 4.2e-6)] {
         println!("{mass} kg, {relaxation} s");
         let scenario = row(mass, relaxation);
-        let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+        let solution = solved(&scenario);
         assert_tells(&scenario, &solution);
     }
 }

@@ -1,34 +1,20 @@
 //! Beads in a row of absorbers: each knows the intruders behind it. The scenario is that of the paper's Fig.
 //! 5.
 
-use std::path::PathBuf;
-
 use bead_bench::emulation::Emulation;
 use bead_compare::emulated::EmulatorReport;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
-use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::strikes::assemble;
-use bead_tests::{RunFrames, image, workspace};
+use bead_tests::{RunFrames, image, scenario, solved, timed};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 
 /// Hosts of the row.
 const HOSTS: std::ops::RangeInclusive<usize> = 7..=16;
 
-fn row() -> (Scenario, Solution) {
-    let file: PathBuf = workspace().join("docs/scenarios/ten-intruders.toml");
-    let (scenario, _) = load_scenario(&file).unwrap_or_else(|failure| panic!("{failure}"));
-    let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
-    (scenario, solution)
-}
-
 fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Option<u64>) -> Emulation {
-    let timing = Timing {
-        lead_in: 0.02,
-        strikes: 1,
-        interval: 0.1,
-    };
+    let timing = timed(0.02, 1, 0.1);
     Emulation::prepare(
         scenario,
         solution,
@@ -45,16 +31,10 @@ fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Optio
 fn measured(emulation: &Emulation) -> ([f64; 2], StrikeFlags, EmulatorReport) {
     let run = emulation.run().unwrap_or_else(|failure| panic!("{failure}"));
     let strikes = assemble(RunFrames::new(run.stream).frames, None);
-    assert_eq!(
-        strikes
-            .iter()
-            .filter_map(|strike| replay(strike).first_difference.clone())
-            .count(),
-        0
-    );
     let [strike] = &strikes[..] else {
         panic!("{} strikes", strikes.len())
     };
+    assert_eq!(replay(strike).first_difference, None);
     let truth = emulation.truth.truth.absorbed;
     let error = |energy: bead_wire::Energy| (energy.joules() / truth - 1.0) * 100.0;
     let errors = [
@@ -66,7 +46,8 @@ fn measured(emulation: &Emulation) -> ([f64; 2], StrikeFlags, EmulatorReport) {
 
 #[test]
 fn every_bead_of_the_row_measures_a_and_predicts_b_and_none_is_flagged() {
-    let (scenario, solution) = row();
+    let scenario = scenario("ten-intruders");
+    let solution = solved(&scenario);
     let mut worst = [0.0_f64; 2];
     for host in HOSTS {
         let (errors, flags, report) = measured(&emulation(&scenario, &solution, host, Some(1)));

@@ -8,9 +8,8 @@ use bead_compare::replay::replay;
 use bead_compare::sensed::Timing;
 use bead_recording::frames::Frame;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{RunFrames, paper_at};
-use bead_wire::Message;
-use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
+use bead_tests::{RunFrames, paper_at, timed};
+use bead_wire::{Energy, FaultCause, Health, Message, Standing, StrikeFlags};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
@@ -51,17 +50,6 @@ impl Survived {
         }
     }
 
-    fn causes(&self) -> Vec<FaultCause> {
-        self.received.faults().map(|fault| fault.cause).collect()
-    }
-
-    fn details(&self) -> Vec<&str> {
-        self.received
-            .faults()
-            .map(|fault| fault.detail.as_str())
-            .collect()
-    }
-
     /// Number of changes of the light.
     fn light(&self) -> u64 {
         let pin = self.outcome.pins.iter().find(|pin| pin.name == "PC13");
@@ -71,17 +59,12 @@ impl Survived {
     /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put
     /// in, A and B within their usual error.
     fn assert_last_strike_is_measured(&self) {
-        self.assert_last_strike_is_measured_with(StrikeFlags::NONE);
-    }
-
-    /// Checks that the last strike is measured with these flags.
-    fn assert_last_strike_is_measured_with(&self, flags: StrikeFlags) {
         let strike = self
             .strikes
             .last()
             .expect("the strike after the fault is measured");
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, flags);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
         let absorbed = self.run.truth.truth.absorbed;
         let off = |energy: Energy| energy.joules() / absorbed - 1.0;
         let (a, b) = (
@@ -131,13 +114,12 @@ fn sound() -> Health {
     }
 }
 
+/// A supply as it is anyway.
+const NONE: &str = "[[fault]]\nat = 0.14\nkind = \"supply\"\nvolts = 3.3\n";
+
 /// One strike at `at`, s after the first scan.
 fn strike_at(at: f64) -> Timing {
-    Timing {
-        lead_in: at,
-        strikes: 1,
-        interval: 0.1,
-    }
+    timed(at, 1, 0.1)
 }
 
 /// A fault at 50 ms that lasts for `duration`, and one strike 50 ms after its end.
@@ -161,16 +143,13 @@ fn crash(kind: &str, took: f64, flags: u8, cause: FaultCause, detail: &str) {
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
     assert_eq!(survived.strikes.len(), 1);
-    let told: Vec<_> = survived
-        .received
-        .faults()
-        .map(|fault| (fault.cause, fault.boot))
-        .collect();
+    let faults = survived.received.faults();
+    let told: Vec<_> = faults.map(|fault| (fault.cause, fault.boot)).collect();
     assert_eq!(told, [(cause, 0)], "{:?}", survived.outcome.log);
     assert!(
-        survived.details()[0].starts_with(detail),
+        survived.received.details()[0].starts_with(detail),
         "{:?}",
-        survived.details()
+        survived.received.details()
     );
     let boots = survived.received.boots();
     assert_eq!(boots.len(), 2, "{boots:?}");
@@ -187,7 +166,7 @@ fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_it
     assert_eq!((survived.outcome.overruns, survived.outcome.resets.len()), (1, 0));
     let status = survived.received.status();
     assert_eq!((status.overruns, status.epoch, status.strikes), (1, 1, 1));
-    assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
+    assert_eq!(survived.received.causes(), [FaultCause::AdcOverrun]);
     assert_eq!(survived.received.health(), sound());
     // Put out at first; one flash at once, one at 1 s.
     assert_eq!(survived.light(), 1 + 2 * 2);
@@ -195,15 +174,14 @@ fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_it
 
 #[test]
 fn a_strike_whose_window_an_overrun_cuts_has_no_result_and_is_counted() {
-    let timing = Timing {
-        lead_in: 0.05,
-        strikes: 2,
-        interval: 0.065,
-    };
+    let timing = timed(0.05, 2, 0.065);
     let survived = Survived::new(timing, "[[fault]]\nat = 0.0525\nkind = \"adc_overrun\"\n");
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
-    assert_eq!(survived.causes(), [FaultCause::AdcOverrun, FaultCause::StrikeCut]);
+    assert_eq!(
+        survived.received.causes(),
+        [FaultCause::AdcOverrun, FaultCause::StrikeCut]
+    );
     let measured: Vec<u32> = survived.strikes.iter().map(|strike| strike.said.strike).collect();
     assert_eq!(measured, [1], "strike 0 is the one that was cut");
     let gaps = survived
@@ -233,11 +211,6 @@ fn a_boot_that_a_fault_ends_is_told_by_the_next_and_a_later_strike_is_measured()
 
 #[test]
 fn a_fault_inside_a_log_statement_leaves_its_record_and_a_later_strike_is_measured() {
-    let timing = Timing {
-        lead_in: 0.05,
-        strikes: 2,
-        interval: 0.1,
-    };
     // The logger's own code becomes an undefined instruction, before the line of the first strike.
     let elf = fs::read(bead_tests::image()).unwrap();
     let elf = object::File::parse(&*elf).unwrap();
@@ -247,19 +220,15 @@ fn a_fault_inside_a_log_statement_leaves_its_record_and_a_later_strike_is_measur
         address: write.expect("the image logs").address() as u32 & !1,
         bytes: vec![0x00, 0xDE],
     };
-    let survived = Survived::poked(
-        timing,
-        "[[fault]]\nat = 0.14\nkind = \"supply\"\nvolts = 3.3\n",
-        vec![poke],
-    );
+    let survived = Survived::poked(timed(0.05, 2, 0.1), NONE, vec![poke]);
     assert_eq!(survived.outcome.resets.len(), 1);
     survived.assert_last_strike_is_measured();
-    assert_eq!(survived.causes(), [FaultCause::HardFault]);
+    assert_eq!(survived.received.causes(), [FaultCause::HardFault]);
     // UNDEFINSTR (PM0214 section 4.4.13).
     assert!(
-        survived.details()[0].starts_with("CFSR 0x00010000"),
+        survived.received.details()[0].starts_with("CFSR 0x00010000"),
         "{:?}",
-        survived.details()
+        survived.received.details()
     );
 }
 
@@ -273,7 +242,7 @@ fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured()
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
     // RAM that is noise is not taken for a trace.
-    assert_eq!(survived.causes(), []);
+    assert_eq!(survived.received.causes(), []);
     // The first frame after a reset.
     let opening = |frame: &&Frame| frame.header.sequence == 0;
     let boots = survived.received.frames.iter().filter(opening);
@@ -299,7 +268,7 @@ fn a_sensor_that_is_stuck_or_railed_is_told_once_when_it_begins_and_once_when_it
     let survived = Survived::new(strike_at(1.2), &faults.collect::<String>());
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
-    let causes = survived.causes();
+    let causes = survived.received.causes();
     let told: Vec<_> = causes
         .iter()
         .map(|cause| cause.name().unwrap_or_default())
@@ -322,13 +291,9 @@ fn a_sensor_that_is_stuck_or_railed_is_told_once_when_it_begins_and_once_when_it
 
 #[test]
 fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strikes() {
-    let timing = Timing {
-        lead_in: 0.01,
-        strikes: 2,
-        interval: 0.4,
-    };
+    let timing = timed(0.01, 2, 0.4);
     let survived = Survived::new(timing, "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n");
-    assert_eq!(survived.causes(), [FaultCause::AccelerationStuck]);
+    assert_eq!(survived.received.causes(), [FaultCause::AccelerationStuck]);
     let flags: Vec<StrikeFlags> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
     // A stuck accelerometer feels nothing absorbed.
     let after = StrikeFlags::SENSOR_FAULT.with(StrikeFlags::ESTIMATES_DIFFER);
@@ -345,14 +310,17 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
 #[test]
 fn a_supply_that_dips_is_told_and_one_above_the_limit_is_not() {
     let survived = condition("supply", 0.03, "volts = 2.9");
-    assert_eq!(survived.causes(), [FaultCause::SupplyLow, FaultCause::Recovered]);
+    assert_eq!(
+        survived.received.causes(),
+        [FaultCause::SupplyLow, FaultCause::Recovered]
+    );
     let expected = Health {
         supply_low: 1,
         ..sound()
     };
     assert_eq!(survived.received.health(), expected);
     let survived = condition("supply", 0.03, "volts = 3.0");
-    assert_eq!(survived.causes(), []);
+    assert_eq!(survived.received.causes(), []);
     assert_eq!(survived.received.health(), sound());
 }
 
@@ -362,7 +330,7 @@ fn the_supply_is_measured_whenever_acquisition_starts() {
                   [[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n";
     let survived = Survived::new(strike_at(0.112), faults);
     survived.assert_last_strike_is_measured();
-    assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
+    assert_eq!(survived.received.causes(), [FaultCause::AdcOverrun]);
     let measured = survived.received.health().supply_mv;
     // A code of 1680 stands for 2950.4 mV, and the next ones for 1.8 mV less or more.
     assert!(measured.abs_diff(2950) <= 2, "{measured} mV");
@@ -372,16 +340,15 @@ fn the_supply_is_measured_whenever_acquisition_starts() {
 fn a_port_that_stalls_costs_whole_strikes_that_are_counted_and_no_sample_and_a_later_one_is_measured() {
     // Eight strikes during the stall, more than there is room for; the ninth comes 10 ms after its end, the
     // tenth 60 ms.
-    let timing = Timing {
-        lead_in: 0.06,
-        strikes: 10,
-        interval: 0.05,
-    };
+    let timing = timed(0.06, 10, 0.05);
     let faults = "[[fault]]\nat = 0.05\nkind = \"uart_stall\"\nduration = 0.4\n";
     let survived = Survived::new(timing, faults);
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
-    assert_eq!((survived.causes(), survived.outcome.resets.len()), (vec![], 0));
+    assert_eq!(
+        (survived.received.causes(), survived.outcome.resets.len()),
+        (vec![], 0)
+    );
     let status = survived.received.status();
     assert_eq!(
         (status.strikes, status.overruns, status.blocks_dropped),
@@ -392,12 +359,8 @@ fn a_port_that_stalls_costs_whole_strikes_that_are_counted_and_no_sample_and_a_l
     assert_eq!(status.frames_dropped_queue_full, 0);
     assert!(passed_over > 0);
     assert_eq!(survived.strikes.len() + passed_over, 10);
-    assert!(
-        survived
-            .strikes
-            .iter()
-            .all(|strike| strike.scans.len() == usize::from(strike.said.samples))
-    );
+    let is_whole = |strike: &RecordedStrike| strike.scans.len() == usize::from(strike.said.samples);
+    assert!(survived.strikes.iter().all(is_whole));
 }
 
 #[test]
@@ -406,11 +369,11 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
     let survived = Survived::new(strike_at(1.6), faults);
     survived.assert_last_strike_is_measured();
     assert_eq!(survived.outcome.resets.len(), 1);
-    assert_eq!(survived.causes(), [FaultCause::Panic]);
+    assert_eq!(survived.received.causes(), [FaultCause::Panic]);
     assert!(
-        survived.details()[0].starts_with("transmission hangs (progress.rs:"),
+        survived.received.details()[0].starts_with("transmission hangs (progress.rs:"),
         "{:?}",
-        survived.details()
+        survived.received.details()
     );
     assert_eq!(survived.received.boots()[1], (1, SOFTWARE));
     // Frames that were made at 1 s, and could not leave: identity, settings, status, health, link, guard.
@@ -420,14 +383,9 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
 #[test]
 fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so() {
     // An overrun every 1 ms: no block of 2 ms is ever complete. The last comes at 1.6 s, after the reset.
-    let faults: String = (0..1550)
-        .map(|n| {
-            format!(
-                "[[fault]]\nat = {}\nkind = \"adc_overrun\"\n",
-                0.05 + 0.001 * f64::from(n)
-            )
-        })
-        .collect();
+    let at = |n| 0.05 + 0.001 * f64::from(n);
+    let fault = |n| format!("[[fault]]\nat = {}\nkind = \"adc_overrun\"\n", at(n));
+    let faults: String = (0..1550).map(fault).collect();
     let survived = Survived::new(strike_at(1.65), &faults);
     survived.assert_last_strike_is_measured();
     assert_eq!(survived.outcome.resets.len(), 1);
@@ -458,38 +416,16 @@ fn a_bead_whose_blocks_are_all_lost_gives_itself_up_though_samples_arrive() {
         address: give_back.expect("the image has it").address() as u32 & !1,
         bytes: vec![0x70, 0x47],
     };
-    let none = "[[fault]]\nat = 0.5\nkind = \"supply\"\nvolts = 3.3\n";
-    let survived = Survived::poked(strike_at(1.8), none, vec![poke]);
+    let survived = Survived::poked(strike_at(1.8), NONE, vec![poke]);
     survived.assert_last_strike_is_measured();
     let resets: Vec<_> = survived.outcome.resets.iter().map(|reset| reset.cause).collect();
     assert_eq!(resets, [ResetCause::Software]);
-    assert_eq!(survived.causes(), [FaultCause::BlockLost, FaultCause::Panic]);
-    let detail = survived.details()[1];
-    assert!(detail.starts_with("no samples arrive (progress.rs:"), "{detail}");
-}
-
-#[test]
-fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_measure() {
-    let run = paper_at(strike_at(0.02), Some(1));
-    let mut machine = run.machine();
-    let (_, block) = &mut machine.flash[0];
-    *block.last_mut().expect("a block is not empty") ^= 1;
-    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let survived = Survived {
-        rows: machine.stimulus,
-        received: RunFrames::new(outcome.uart.clone()),
-        strikes: assemble(RunFrames::new(outcome.uart.clone()).frames.clone(), None),
-        outcome,
-        run,
-    };
-    // The built-in bead is the paper's, and not the owner's.
-    survived.assert_last_strike_is_measured_with(StrikeFlags::SETTINGS_NOT_OWNERS);
-    assert_eq!(survived.causes(), [FaultCause::SettingsRefused]);
-    assert_eq!(survived.details(), ["wrong checksum"]);
     assert_eq!(
-        survived.received.status().settings_source,
-        SettingsSource::FlashRefused
+        survived.received.causes(),
+        [FaultCause::BlockLost, FaultCause::Panic]
     );
+    let detail = survived.received.details()[1];
+    assert!(detail.starts_with("no samples arrive (progress.rs:"), "{detail}");
 }
 
 #[test]
@@ -497,11 +433,7 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
     /// The stack's highest address, one past the region CCM of `memory.x`.
     const START: u32 = 0x1001_0000;
     let free = |pokes: Vec<Poke>| {
-        let survived = Survived::poked(
-            strike_at(0.02),
-            "[[fault]]\nat = 0.5\nkind = \"supply\"\nvolts = 3.3\n",
-            pokes,
-        );
+        let survived = Survived::poked(strike_at(0.02), NONE, pokes);
         survived.received.status().stack_free_min
     };
     // Words that the stack does not use at that time are written, down to this one and none of them further

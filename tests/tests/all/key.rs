@@ -6,7 +6,8 @@ use std::sync::LazyLock;
 use crate::store::{STORE_RANGE, StoreFlash};
 use bead_bench::emulation::Emulation;
 use bead_store::{BURST, Secret, Store, Vault};
-use bead_tests::{Requests, RequestsRun, block, paper, replied};
+use bead_testing::block;
+use bead_tests::{Requests, RequestsRun, paper, replied};
 use bead_wire::{Key, Message, Outcome, Request, Ticket};
 use stm32f405_qemu::{Fault, FaultKind};
 
@@ -79,7 +80,7 @@ fn write(length: u16) -> Request {
     let settings = QUIET
         .settings
         .with(|bead| bead.capture.length = f64::from(length) * 1e-5);
-    bead_tests::write(&block(&settings.unwrap_or_else(|error| panic!("{error}"))))
+    bead_testing::write(&block(&settings.unwrap_or_else(|error| panic!("{error}"))))
 }
 
 #[test]

@@ -6,7 +6,6 @@ mod company;
 mod faults;
 mod kept;
 mod key;
-mod link;
 mod live;
 mod requests;
 mod requests_at_a_socket;

@@ -13,9 +13,6 @@ use proptest::test_runner::{RngAlgorithm, TestRng};
 const RATE: u64 = 100_000;
 /// Bytes a second at 2 Mbaud, 8N1.
 const LINE: f64 = 200e3;
-/// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, which pulls the pin as well.
-const SOFTWARE: u8 = 1 << 4 | 1 << 2;
-
 /// Two strikes with no request.
 static QUIET: LazyLock<Vec<RecordedStrike>> = LazyLock::new(|| {
     let answered = Requests::new(&paper(2, 0.1, Some(1))).run();
@@ -72,7 +69,7 @@ fn rejected(link: &Link) -> u32 {
 #[test]
 fn a_flood_at_full_rate_changes_no_bit_and_a_request_behind_it_is_done() {
     // Whole in every way but that the kind is none: each is owed a reply.
-    let unknown = bead_tests::framed(&[bead_wire::VERSION, 99, 1, 0, ANY]).repeat(100);
+    let unknown = bead_testing::framed(&[bead_wire::VERSION, 99, 1, 0, ANY]).repeat(100);
     type Flood<'a> = &'a dyn Fn(&mut TestRng) -> Vec<u8>;
     // Requests are refused, or they are more than the receiver holds while it replies.
     let floods: [(Flood<'_>, std::ops::Range<u32>, bool); 4] = [
@@ -272,27 +269,6 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
     assert!((45..55).contains(&(100 * raw / (3 * RATE / 10))), "{raw}");
     assert_undisturbed(&answered);
     assert_eq!(answered.received.answer(0).0, Outcome::Done);
-}
-
-#[test]
-fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
-    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
-    requests.request(0.07, &Request::Reboot);
-    let answered = requests.run();
-    assert_eq!(answered.received.answer(0).0, Outcome::Done);
-    assert_eq!(answered.outcome.resets.len(), 1);
-    let boots = answered.received.boots();
-    assert_eq!((boots.len(), boots[1]), (2, (1, SOFTWARE)));
-    assert_eq!(
-        (
-            answered.received.counters.lost,
-            answered.received.counters.rejected.total()
-        ),
-        (0, 0)
-    );
-    assert_eq!(answered.received.faults().count(), 0);
-    assert_eq!(answered.received.health().frames_lost_by_reset, 0);
-    assert_eq!(assemble(answered.received.frames.clone(), None).len(), 2);
 }
 
 #[test]

@@ -11,7 +11,8 @@ use std::time::Duration;
 use bead::cli::Cli;
 use bead_bench::bridge::{Bridge, Door, serve};
 use bead_bench::emulation::Emulation;
-use bead_tests::{block, paper, settings_at};
+use bead_testing::{block, settings_at};
+use bead_tests::paper;
 use clap::Parser;
 
 /// A bead behind a socket, and a folder.

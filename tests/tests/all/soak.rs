@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use bead_bench::bridge::Bridge;
-use bead_compare::sensed::Timing;
 use bead_recording::frames::{FrameReader, Item};
 use bead_recording::strikes::Strikes;
-use bead_tests::paper_at;
+use bead_tests::{paper_at, timed};
 use bead_wire::{Message, Status, StrikeFlags};
 
 /// Length of the soak, s of the bead's time.
@@ -23,12 +22,7 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
         .and_then(|seconds| seconds.parse().ok());
     let seconds: f64 = given.unwrap_or(HOURS);
     // Two strikes, 4 s apart, again and again: the codes are a ring.
-    let timing = Timing {
-        lead_in: 0.5,
-        strikes: 2,
-        interval: 4.0,
-    };
-    let emulation = paper_at(timing, Some(1));
+    let emulation = paper_at(timed(0.5, 2, 4.0), Some(1));
     let ring = emulation.seconds();
     let settings = emulation.settings;
     let mut bridge = Bridge::new(&emulation, None).unwrap_or_else(|error| panic!("{error}"));

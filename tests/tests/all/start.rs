@@ -28,10 +28,6 @@ fn changes_of_flash(answered: &RequestsRun) -> Vec<u64> {
     operations.map(|operation| operation.at_ns).collect()
 }
 
-fn causes(answered: &RequestsRun) -> Vec<FaultCause> {
-    answered.received.faults().map(|fault| fault.cause).collect()
-}
-
 #[test]
 fn caches_and_prefetch_of_the_flash_are_on_while_samples_are_taken() {
     let answered = quiet().run();
@@ -150,7 +146,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     let erased = changes_of_flash(&answered);
     assert!(!erased.is_empty(), "the start erases");
     assert!(erased[0] > RISEN + GOOD, "after {} ms", erased[0] / MS);
-    assert_eq!(causes(&answered), [FaultCause::SettingsRefused]);
+    assert_eq!(answered.received.causes(), [FaultCause::SettingsRefused]);
     assert!(answered.received.status().samples > 0);
 }
 
@@ -167,11 +163,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
         matches!(operations[..], [one] if (one.address, one.erase) == (STORE, true)),
         "{operations:?}"
     );
-    let refused: Vec<_> = answered
-        .received
-        .faults()
-        .map(|fault| fault.detail.as_str())
-        .collect();
+    let refused = answered.received.details();
     assert_eq!(refused, ["what was stored is not whole, and was erased"]);
     assert_eq!(
         answered.outcome.resets,
@@ -208,7 +200,7 @@ fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
         assert_eq!(outcome, Outcome::FlashFailed);
         assert!(detail.contains("supply is below 2.93 V"), "{detail}");
     }
-    assert!(causes(&answered).contains(&FaultCause::SupplyLow));
+    assert!(answered.received.causes().contains(&FaultCause::SupplyLow));
     assert_eq!(answered.received.health().standing, Standing::SUPPLY_LOW);
     assert!(
         answered.received.status().uptime_ms < 5000,
@@ -233,7 +225,7 @@ fn a_crystal_that_never_starts_leaves_a_bead_that_answers_and_takes_no_samples()
         (answered.outcome.sampling, answered.outcome.resets.len()),
         (None, 0)
     );
-    assert_eq!(causes(&answered), [FaultCause::CrystalFailed]);
+    assert_eq!(answered.received.causes(), [FaultCause::CrystalFailed]);
     assert_eq!(answered.received.answer(0).0, Outcome::Done);
     assert_eq!(answered.received.answer(1).0, Outcome::Done);
     assert_eq!(answered.received.health().standing, Standing::CRYSTAL_FAILED);

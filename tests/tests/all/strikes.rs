@@ -3,7 +3,7 @@
 use bead_bench::emulation::Ran;
 use bead_compare::replay::replay;
 use bead_recording::strikes::assemble;
-use bead_tests::{LEAD_IN, RunFrames, paper};
+use bead_tests::{RunFrames, paper};
 use bead_wire::StrikeFlags;
 
 const RATE: f64 = 100e3;
@@ -61,38 +61,4 @@ fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
     );
     assert_eq!((report.overruns, report.resets), (0, 0));
     assert_eq!(report.unknown_registers, [""; 0]);
-}
-
-#[test]
-fn a_quiet_chain_gives_no_report_and_a_running_sample_count() {
-    let Ran { stream, report, .. } = paper(0, 0.1, Some(1)).run().unwrap();
-    let received = RunFrames::new(stream);
-    assert!(assemble(received.frames.clone(), None).is_empty());
-    let status = received.status();
-    assert_eq!((status.strikes, status.armed), (0, true));
-    assert!(status.samples as f64 > LEAD_IN * RATE && status.samples <= report.scans + 1);
-}
-
-#[test]
-fn a_second_without_strikes_leaves_the_core_asleep() {
-    let report = paper(0, 0.1, None).run().unwrap().report;
-    assert_eq!(report.instructions_per_sample.total, None);
-    let run = report.instructions_per_sample.run;
-    println!(
-        "idle: {:.1} % of the core",
-        run / report.instructions_available * 100.0
-    );
-    // The target of docs/budget.md, at any speed of the core, with the start-up in it.
-    assert!(run < 80.0, "{run}");
-}
-
-#[test]
-fn a_strike_leaves_a_quarter_of_the_core_free() {
-    let report = paper(1, 0.1, Some(1)).run().unwrap().report;
-    let per_sample = report.instructions_per_sample;
-    println!("{per_sample:?} of {}", report.instructions_available);
-    let (total, worst) = (per_sample.total.unwrap(), per_sample.worst_block.unwrap());
-    assert!(total > per_sample.observer.unwrap() + per_sample.reduced_chain.unwrap());
-    assert!(worst >= total);
-    assert!(worst < 0.75 * report.instructions_available);
 }

@@ -4,14 +4,12 @@ use std::path::{Path, PathBuf};
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_compare::front_end::AnalogFrontEnd;
-use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead_recording::clock::compare;
 use bead_recording::file::{About, Writer};
 use bead_recording::strikes::assemble;
 use bead_tables::whole::Target;
-use bead_tests::{RunFrames, image, paper_at};
-use bead_wire::Message;
-use bead_wire::Sync;
+use bead_tests::{RunFrames, image, paper_at, scenario, solved, timed};
+use bead_wire::{Message, Sync};
 use hertz_chain::{Scenario, Solution};
 
 /// Clocks of the sample timer in a second.
@@ -34,14 +32,7 @@ fn clocks(sync: &Sync) -> u64 {
 
 /// A quiet bead for `seconds`, with edges at these times in s since the first triggered scan.
 fn quiet(seconds: f64, at: &[f64]) -> Emulation {
-    let mut run = paper_at(
-        Timing {
-            lead_in: seconds,
-            strikes: 0,
-            interval: 1.0,
-        },
-        Some(1),
-    );
+    let mut run = paper_at(timed(seconds, 0, 1.0), Some(1));
     run.sync(at.to_vec());
     run
 }
@@ -95,14 +86,7 @@ fn edges_too_close_are_counted_and_a_later_one_is_told() {
 fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     // 100 kHz for a second, not in step with the samples.
     let storm: Vec<f64> = (0..100_000).map(|n| 0.05 + f64::from(n) * 1.000_7e-5).collect();
-    let mut run = paper_at(
-        Timing {
-            lead_in: 0.2,
-            strikes: 1,
-            interval: 0.1,
-        },
-        Some(1),
-    );
+    let mut run = paper_at(timed(0.2, 1, 0.1), Some(1));
     let Ran {
         stream: quiet,
         report: calm,
@@ -166,11 +150,7 @@ fn recorded(
     ppm: f64,
     early: f64,
 ) -> PathBuf {
-    let timing = Timing {
-        lead_in: early + 0.1,
-        strikes: 4,
-        interval: 1.0,
-    };
+    let timing = timed(early + 0.1, 4, 1.0);
     let placed = Placed {
         clock_ppm: ppm,
         ..Placed::alone(bead, Some(bead as u64))
@@ -199,9 +179,8 @@ fn recorded(
 
 #[test]
 fn two_beads_with_clocks_that_differ_tell_when_one_strike_reached_each() {
-    let file = bead_tests::workspace().join("docs/scenarios/ten-intruders.toml");
-    let (scenario, _) = load_scenario(&file).unwrap();
-    let solution = simulate_with_ring_down(&scenario).unwrap();
+    let scenario = scenario("ten-intruders");
+    let solution = solved(&scenario);
     let folder = tempfile::tempdir().unwrap();
     // Beads 7 and 10, 90 ppm apart: 0.3 ms over the run, three times what the wave takes from one to the
     // other.

@@ -5,33 +5,19 @@ use bead_bench::error::BenchError;
 use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
-use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead_model::design::Description;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{RunFrames, block, image, paper, workspace};
+use bead_testing::block;
+use bead_tests::{RunFrames, image, paper, scenario, solved, timed};
 use bead_wire::{FaultCause, StrikeFlags};
-use hertz_chain::{Scenario, Solution};
 
 /// No force rises by so many codes in this row.
 const DEAF: u16 = 4000;
 
-fn row() -> (Scenario, Solution) {
-    let file = workspace().join("docs/scenarios/ten-intruders.toml");
-    let (scenario, _) = load_scenario(&file).unwrap_or_else(|failure| panic!("{failure}"));
-    let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
-    (scenario, solution)
-}
-
 /// A bead whose threshold nothing reaches.
 fn deafen(emulation: &mut Emulation) {
-    change(emulation, |bead| {
-        bead.capture.threshold = f64::from(DEAF) * bead.force.per_code;
-    });
-}
-
-/// Gives the bead of a run other settings.
-fn change(emulation: &mut Emulation, change: impl FnOnce(&mut Description)) {
-    let settings = emulation.settings.with(change);
+    let settings = emulation
+        .settings
+        .with(|bead| bead.capture.threshold = f64::from(DEAF) * bead.force.per_code);
     emulation.settings = settings.unwrap_or_else(|error| panic!("{error}"));
     emulation.block = block(&emulation.settings);
 }
@@ -42,12 +28,9 @@ fn strikes(ran: &Ran) -> Vec<RecordedStrike> {
 
 #[test]
 fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
-    let (scenario, solution) = row();
-    let timing = Timing {
-        lead_in: 0.07,
-        strikes: 2,
-        interval: 0.05,
-    };
+    let scenario = scenario("ten-intruders");
+    let solution = solved(&scenario);
+    let timing = timed(0.07, 2, 0.05);
     let prepare = |placed: Placed| -> Result<Emulation, BenchError> {
         let (front_end, image) = (AnalogFrontEnd::default(), image());
         let mut run = Emulation::place(&scenario, &solution, placed, &front_end, timing, &image)?;
@@ -117,52 +100,6 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
     assert_eq!(again.stream, ran[1].1.stream);
 }
 
-/// When the bead let the line fall, in scans after the one that triggers a strike: of that strike and of the
-/// same one
-/// `apart` scans later. `quiet` scans more come before them.
-fn falls(run: &Emulation, quiet: usize, apart: usize) -> Vec<u64> {
-    let mut machine = run.machine();
-    let (rows, start) = (machine.stimulus.clone(), run.truth.starts[0] as usize);
-    machine.stimulus = [&rows[..quiet], &rows[..start + apart], &rows[start..]].concat();
-    machine.record_pins = true;
-    machine.count_instructions = false;
-    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let strikes = assemble(RunFrames::new(outcome.uart).frames, None);
-    let triggers: Vec<_> = strikes.iter().map(|strike| strike.said.trigger_index).collect();
-    assert!(matches!(triggers[..], [first, second] if second == first + apart as u64));
-    // The first scan has the index 1.
-    let first_ns = outcome.sampling.expect("it samples").first_ns;
-    let scan = |ns: u64| (ns - first_ns + 5_000) / 10_000 + 1;
-    let line = outcome.pins.iter().find(|pin| pin.name == "PB10");
-    let changes = line.map_or(&[][..], |pin| &pin.changes);
-    let falls = changes.iter().filter(|(_, high)| !high);
-    falls.map(|&(ns, _)| scan(ns) - triggers[0]).collect()
-}
-
-#[test]
-fn a_strike_that_follows_soon_takes_no_others_place_on_the_line_and_is_told_as_soon_as_that_is_free() {
-    let mut run = paper(1, 0.1, Some(1));
-    // Windows that end before the line falls.
-    change(&mut run, |bead| {
-        bead.capture.length = bead.capture.history + 40e-5
-    });
-    // Half a block later, the bead looks at other times.
-    for quiet in [0, 100] {
-        // The line is still high when the other strike is found, or low, or it is low when it would have to
-        // fall again.
-        for apart in [300, 500] {
-            assert_eq!(falls(&run, quiet, apart), [600], "{quiet} {apart}");
-        }
-        for apart in [650, 800] {
-            assert_eq!(
-                falls(&run, quiet, apart),
-                [600, apart as u64 + 600],
-                "{quiet} {apart}"
-            );
-        }
-    }
-}
-
 #[test]
 fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_costs_nothing() {
     let mut run = paper(2, 0.3, Some(1));
@@ -174,8 +111,7 @@ fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_c
     run.truth.line_low = touch.chain([[0.2, 0.9]]).collect();
     let ran = run.run().unwrap_or_else(|error| panic!("{error}"));
     let received = RunFrames::new(ran.stream.clone());
-    let faults: Vec<_> = received.faults().map(|fault| fault.cause).collect();
-    assert_eq!(faults, [FaultCause::TriggerLineLow]);
+    assert_eq!(received.causes(), [FaultCause::TriggerLineLow]);
     let said = |ran: &Ran| strikes(ran).iter().map(|strike| strike.said).collect::<Vec<_>>();
     // The fall itself is an edge like any other: what there is at 0.2 s is kept, and then never again.
     let (said, alone) = (said(&ran), said(&alone));

@@ -2,9 +2,9 @@
 //! `any_settings.rs` tries thousands on a model of it.
 
 use bead_model::Settings;
-use bead_recording::strikes::assemble;
-use bead_testing::any_settings;
-use bead_tests::{Requests, RequestsRun, SUPPLY_WAIT, block, paper, replied, write};
+use bead_recording::strikes::{RecordedStrike, assemble};
+use bead_testing::{any_settings, block, write};
+use bead_tests::{Requests, RequestsRun, paper, replied};
 use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -119,11 +119,8 @@ fn a_chain_struck_every_12_ms_leaves_a_bead_that_answers_and_measures_whole_stri
     );
     let strikes = assemble(answered.received.frames.clone(), None);
     assert!(strikes.len() > 30, "{}", strikes.len());
-    assert!(
-        strikes
-            .iter()
-            .all(|strike| strike.scans.len() == usize::from(strike.said.samples))
-    );
+    let is_whole = |strike: &RecordedStrike| strike.scans.len() == usize::from(strike.said.samples);
+    assert!(strikes.iter().all(is_whole));
     assert_eq!(status.frames_dropped_queue_full, 0);
     assert!(!status.armed);
 }
@@ -200,32 +197,5 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     assert_eq!(
         (status.settings_source, status.armed),
         (SettingsSource::Flash, true)
-    );
-}
-
-#[test]
-fn a_fault_whose_frame_never_left_is_told_with_each_identity_and_counted() {
-    let mut requests = struck(1.5, 0);
-    let first = requests.first_scan();
-    // The second comes while the image starts again, before a frame of that boot can leave.
-    let again = 0.05 + SUPPLY_WAIT + first + 0.0025;
-    requests.machine.faults = faults_of(&[(0.05, "panic"), (again, "hard_fault")]);
-    let answered = requests.run();
-    println!("first scan after {first} s; {:?}", answered.outcome.resets);
-    let told: Vec<_> = answered
-        .received
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::LastFault(last) => Some((frame.header.boot, last.faults, last.cause, last.boot)),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(answered.outcome.resets.len(), 2);
-    let newest = (2, 2, FaultCause::HardFault, 1);
-    assert_eq!(told.last(), Some(&newest), "{told:?}");
-    assert!(
-        told.iter().filter(|last| **last == newest).count() >= 2,
-        "it comes every second: {told:?}"
     );
 }

@@ -9,9 +9,8 @@ use std::fs;
 
 use bead_bench::emulation::Emulation;
 use bead_compare::replay::replay;
-use bead_compare::sensed::Timing;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{RunFrames, paper_at};
+use bead_tests::{RunFrames, paper_at, timed};
 use bead_wire::{FaultCause, StrikeFlags};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke};
@@ -23,12 +22,7 @@ const STARTING_NS: u64 = 10_000_000;
 
 /// A run with three strikes, the first 60 ms after the first scan.
 fn run() -> Emulation {
-    let timing = Timing {
-        lead_in: 0.06,
-        strikes: 3,
-        interval: 0.15,
-    };
-    paper_at(timing, Some(1))
+    paper_at(timed(0.06, 3, 0.15), Some(1))
 }
 
 /// Address and size in bytes of the variable whose name holds all of these.
@@ -128,8 +122,7 @@ fn samples_are_numbered_past_2_to_the_32() {
         (PAST..PAST + 1_000_000).contains(&last)
     });
     // The jump is a gap as any other: told, in a new epoch, no strike of which is lost.
-    let causes: Vec<_> = received.faults().map(|fault| fault.cause).collect();
-    assert_eq!(causes, [FaultCause::AdcOverrun]);
+    assert_eq!(received.causes(), [FaultCause::AdcOverrun]);
     let starts = emulation.truth.starts.clone();
     let strikes = assemble(received.frames, Some(emulation.settings));
     assert_measured(&emulation, &strikes);

@@ -1,12 +1,12 @@
 //! Thousands of random valid settings, each with a random stimulus. After each the bead is told to look for
 //! no strikes, and answers in time.
 
-use bead_testing::any_settings;
+use bead_testing::{any_settings, block};
 use bead_wire::{Outcome, Request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
-use crate::bead::{StartState, TestBead, block_of, status};
+use crate::bead::{TestBead, status};
 
 /// Signals at the sensors.
 struct Stimulus {
@@ -58,19 +58,12 @@ fn after_any_valid_settings_and_any_strikes_a_bead_is_disarmed_and_given_others_
         let settings = any_settings(&mut || random.next_u64());
         let stimulus = Stimulus::draw(&mut || random.next_u64());
         let mut noise = TestRng::from_seed(RngAlgorithm::ChaCha, &[random.next_u64() as u8; 32]);
-        let mut bead = TestBead::start(StartState {
-            probe: block_of(&settings),
-            ..StartState::default()
-        });
+        let mut bead = TestBead::probed(block(&settings));
         bead.running.signal = Box::new(move |index| stimulus.codes(index, noise.next_u64()));
         bead.run(0.08 + 0.12 * (random.next_u64() % 100) as f64 / 100.0);
         // Each reply comes within 0.3 s.
-        for request in [
-            Request::Disarm,
-            Request::EraseSettings,
-            Request::Arm,
-            Request::Disarm,
-        ] {
+        use Request::{Arm, Disarm, EraseSettings};
+        for request in [Disarm, EraseSettings, Arm, Disarm] {
             let asked = bead.running.index;
             assert_eq!(bead.outcome(&request), Outcome::Done, "{settings:?}");
             slowest = slowest.max(bead.running.index - asked);

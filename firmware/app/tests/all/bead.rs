@@ -11,11 +11,10 @@ use bead_app::{
     BeadState, BlockCodes, BootRecord, CLOCKS_PER_SAMPLE, Commands, Device, Estimation, FramesWaiting,
     LineTimer, Loaded, MS, SCANS_PER_BLOCK, ScanBlock, ThisBoot,
 };
-use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::{Meter, WindowRecord};
 use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use bead_store::{Opened, Store, Vault, WindowMemory, Windows};
-use bead_testing::{FlashFailure, PowerCutFlash, paper_settings};
+use bead_testing::{FlashFailure, PowerCutFlash, block, paper_settings};
 use bead_wire::{
     ANY, Decoder, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST, Message, Outcome,
     Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, encode_request,
@@ -176,7 +175,7 @@ impl Default for StartState {
     fn default() -> Self {
         Self {
             flash: SharedFlash(Rc::new(RefCell::new(PowerCutFlash::blank(2)))),
-            probe: block_of(&paper_settings()),
+            probe: block(&paper_settings()),
             record: None,
             reset_cause: 1 << 3,
             supply_is_good: true,
@@ -184,25 +183,10 @@ impl Default for StartState {
     }
 }
 
-pub(crate) fn block_of(settings: &Settings) -> Vec<u8> {
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).expect("a block fits");
-    block[..length].to_vec()
-}
-
 /// The paper's settings with windows of so many samples.
 pub(crate) fn windows_of(length: u16) -> Vec<u8> {
-    block_of(
-        &paper_settings()
-            .with(|bead| bead.capture.length = f64::from(length) * 1e-5)
-            .expect("it is valid"),
-    )
-}
-
-pub(crate) fn write(block: &[u8]) -> Request {
-    Request::WriteSettings {
-        block: block.try_into().expect("it fits a frame"),
-    }
+    let settings = paper_settings().with(|bead| bead.capture.length = f64::from(length) * 1e-5);
+    block(&settings.expect("it is valid"))
 }
 
 /// A bead that runs.
@@ -241,6 +225,14 @@ fn leak<T>(value: T) -> &'static mut T {
 impl TestBead {
     pub(crate) fn new() -> Self {
         Self::start(StartState::default())
+    }
+
+    /// A bead with this in the sector of the probe.
+    pub(crate) fn probed(probe: Vec<u8>) -> Self {
+        Self::start(StartState {
+            probe,
+            ..StartState::default()
+        })
     }
 
     pub(crate) fn start(start: StartState) -> Self {
@@ -332,19 +324,14 @@ impl TestBead {
         let bytes = encode_request(ANY, number, request, &mut buffer).expect("it fits");
         self.receive(bytes);
         for _ in 0..150 {
-            let messages: Vec<_> = self.running.frames[before..]
-                .iter()
-                .map(|(_, message)| message.clone())
-                .collect();
-            let reply = messages
-                .iter()
-                .position(|message| matches!(message, Message::Reply(_)));
-            if let Some(place) = reply {
-                let Message::Reply(reply) = messages[place].clone() else {
-                    unreachable!("it is one");
-                };
+            let frames = self.running.frames[before..].iter().map(|(_, message)| message);
+            let data = frames
+                .clone()
+                .take_while(|message| !matches!(message, Message::Reply(_)));
+            let data: Vec<_> = data.cloned().collect();
+            if let Some(Message::Reply(reply)) = frames.clone().nth(data.len()) {
                 assert_eq!(reply.request, number);
-                return (messages[..place].to_vec(), reply);
+                return (data, reply.clone());
             }
             self.running.take_block();
         }
@@ -459,21 +446,36 @@ impl RunningBead {
         self.strikes().split_off(before)
     }
 
+    /// Takes something from each message that was told.
+    pub(crate) fn told<T>(&self, of: impl FnMut(&Message) -> Option<T>) -> Vec<T> {
+        self.frames
+            .iter()
+            .map(|(_, message)| message)
+            .filter_map(of)
+            .collect()
+    }
+
     pub(crate) fn strikes(&self) -> Vec<Strike> {
-        let strikes = self.frames.iter().filter_map(|(_, message)| match message {
+        self.told(|message| match message {
             Message::Strike(strike) => Some(*strike),
             _ => None,
-        });
-        strikes.collect()
+        })
+    }
+
+    /// Number and outcome of each reply.
+    pub(crate) fn replies(&self) -> Vec<(u16, Outcome)> {
+        self.told(|message| match message {
+            Message::Reply(reply) => Some((reply.request, reply.outcome)),
+            _ => None,
+        })
     }
 
     /// Causes and details of the faults that were told.
     pub(crate) fn faults(&self) -> Vec<(FaultCause, String)> {
-        let faults = self.frames.iter().filter_map(|(_, message)| match message {
+        self.told(|message| match message {
             Message::Fault(fault) => Some((fault.cause, fault.detail.as_str().to_owned())),
             _ => None,
-        });
-        faults.collect()
+        })
     }
 
     pub(crate) fn causes(&self) -> Vec<FaultCause> {
@@ -482,14 +484,10 @@ impl RunningBead {
 
     /// The blocks of settings that were told, each once in a row.
     pub(crate) fn blocks(&self) -> Vec<Vec<u8>> {
-        let mut blocks: Vec<_> = self
-            .frames
-            .iter()
-            .filter_map(|(_, message)| match message {
-                Message::Settings(settings) => Some(settings.block.bytes().to_vec()),
-                _ => None,
-            })
-            .collect();
+        let mut blocks = self.told(|message| match message {
+            Message::Settings(settings) => Some(settings.block.bytes().to_vec()),
+            _ => None,
+        });
         blocks.dedup();
         blocks
     }

@@ -3,9 +3,9 @@
 use std::panic::catch_unwind;
 
 use bead_app::{BeadCounters, BootRecord, FramesWaiting, Progress};
-use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
+use bead_wire::{FaultCause, Message};
 
-use crate::bead::{StartState, TestBead, status};
+use crate::bead::{StartState, TestBead};
 
 /// Bits 31..24 of RCC_CSR (RM0090 section 7.3.21).
 const POWER_ON: u8 = 1 << 3;
@@ -77,30 +77,6 @@ fn a_reset_by_the_watchdog_is_a_fault_and_one_by_power_forgets_all() {
 }
 
 #[test]
-fn five_boots_that_fail_at_once_bring_the_built_in_settings_and_a_reboot_the_owners() {
-    let fails = Some(FaultCause::HardFault);
-    let mut bead = started(after(&[fails; 4]), SOFTWARE);
-    assert_eq!(status(&mut bead).0.settings_source, SettingsSource::Flash);
-    let mut record = after(&[fails; 4]);
-    record.end(4, FaultCause::HardFault, 0, "");
-    let mut bead = started(record, SOFTWARE);
-    bead.run(0.01);
-    assert_eq!(status(&mut bead).0.settings_source, SettingsSource::Rescue);
-    assert!(!status(&mut bead).0.armed, "it looks for no strikes unasked");
-    let refused = bead.running.faults().pop().expect("it is told");
-    assert_eq!(refused.0, FaultCause::SettingsRefused);
-    assert!(refused.1.starts_with("five boots in a row failed"), "{refused:?}");
-    let mut bead = bead.reboot(&Request::Reboot);
-    bead.run(0.01);
-    assert_eq!(bead.outcome(&Request::Identity), Outcome::Done);
-    let status = status(&mut bead).0;
-    assert_eq!(
-        (status.settings_source, status.armed),
-        (SettingsSource::Flash, true)
-    );
-}
-
-#[test]
 fn a_boot_that_is_proven_is_no_failed_one() {
     let fails = Some(FaultCause::HardFault);
     let mut record = after(&[fails; 4]);
@@ -120,30 +96,24 @@ fn a_task_that_hangs_is_named() {
         c.frames_sent += 1;
     }
     type Change = fn(&mut BeadCounters);
+    let estimates_nothing: Change = |c| {
+        gone_on(c);
+        c.blocks_estimated = 0;
+    };
+    let sends_nothing: Change = |c| {
+        gone_on(c);
+        c.frames_sent = 0;
+    };
+    let only_sends: Change = |c| {
+        c.overruns += 1;
+        c.frames_sent += 1;
+    };
     let cases: [(Change, Option<&str>); 6] = [
         (gone_on, None),
         (|c| c.frames_sent += 1, Some("acquisition hangs")),
-        (
-            |c| {
-                gone_on(c);
-                c.blocks_estimated = 0;
-            },
-            Some("estimation hangs"),
-        ),
-        (
-            |c| {
-                c.overruns += 1;
-                c.frames_sent += 1;
-            },
-            Some("no samples arrive"),
-        ),
-        (
-            |c| {
-                gone_on(c);
-                c.frames_sent = 0;
-            },
-            Some("transmission hangs"),
-        ),
+        (estimates_nothing, Some("estimation hangs")),
+        (sends_nothing, Some("transmission hangs")),
+        (only_sends, Some("no samples arrive")),
         (|c| c.overruns += 1, Some("no samples arrive")),
     ];
     for (change, hangs) in cases {

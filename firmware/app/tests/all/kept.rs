@@ -1,6 +1,6 @@
 //! Strikes that the bead keeps: fetched later, they are bit for bit what was sent first.
 
-use bead_wire::{Message, Outcome, Request};
+use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
 
 use crate::bead::TestBead;
 
@@ -27,14 +27,15 @@ fn strikes_are_listed_and_fetched_as_they_were_sent_until_newer_ones_take_their_
     assert_eq!(bead.outcome(&fetch(kept[0] - 1)), Outcome::NotKept);
     assert_eq!(bead.outcome(&fetch(40)), Outcome::NotKept);
     for strike in [kept[0], 39] {
-        let of_strike = |message: &&Message| match message {
-            Message::Waveform(waveform) => waveform.strike == strike,
-            Message::Strike(told) => told.strike == strike,
-            Message::Shape(shape) => shape.strike == strike,
-            _ => false,
-        };
-        let messages = bead.running.frames.iter().map(|(_, message)| message);
-        let sent: Vec<_> = messages.filter(of_strike).cloned().collect();
+        let sent = bead.running.told(|message| {
+            let of_strike = match message {
+                Message::Waveform(waveform) => waveform.strike == strike,
+                Message::Strike(told) => told.strike == strike,
+                Message::Shape(shape) => shape.strike == strike,
+                _ => false,
+            };
+            of_strike.then(|| message.clone())
+        });
         let (messages, reply) = bead.ask(&fetch(strike));
         assert_eq!(reply.outcome, Outcome::Done);
         let fetched = messages.iter().filter_map(|message| match message {
@@ -57,27 +58,14 @@ fn a_fetch_that_strikes_leave_no_room_for_is_told_to_come_again() {
         bead.running.strike();
     }
     let before = bead.running.index;
-    let bytes = {
-        let mut buffer = [0; bead_wire::MAX_REQUEST];
-        let fetch = Request::Fetch { boot: 0, strike: 0 };
-        bead_wire::encode_request(bead_wire::ANY, 77, &fetch, &mut buffer)
-            .expect("it fits")
-            .to_vec()
-    };
-    bead.receive(&bytes);
+    let mut buffer = [0; MAX_REQUEST];
+    let fetch = Request::Fetch { boot: 0, strike: 0 };
+    bead.receive(encode_request(ANY, 77, &fetch, &mut buffer).expect("it fits"));
     assert!(
         bead.running.index - before >= 50_000,
         "it waits for half a second"
     );
     bead.running.line_is_free = true;
     bead.run(0.2);
-    let replies = bead
-        .running
-        .frames
-        .iter()
-        .filter_map(|(_, message)| match message {
-            Message::Reply(reply) => Some((reply.request, reply.outcome)),
-            _ => None,
-        });
-    assert_eq!(replies.collect::<Vec<_>>(), [(77, Outcome::Busy)]);
+    assert_eq!(bead.running.replies(), [(77, Outcome::Busy)]);
 }

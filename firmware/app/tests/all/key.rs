@@ -1,10 +1,10 @@
 //! A bead with a key does what its owner signs, once and in time, and nothing else that changes its state.
 
 use bead_store::{BURST, Secret, Store, Vault};
-use bead_testing::PowerCutFlash;
+use bead_testing::{PowerCutFlash, write};
 use bead_wire::{FaultCause, Outcome, Request, Standing, Ticket};
 
-use crate::bead::{SECTOR, SharedFlash, StartState, TestBead, status, windows_of, write};
+use crate::bead::{SECTOR, SharedFlash, StartState, TestBead, status, windows_of};
 
 const RANGE: std::ops::Range<u32> = 0..2 * SECTOR as u32;
 
@@ -220,26 +220,14 @@ fn a_bead_that_cannot_write_flash_is_disarmed_and_reset_by_its_owner() {
 #[test]
 fn a_request_for_a_scan_is_refused_while_none_comes() {
     let mut bead = TestBead::new();
-    let keep = |index| Request::Keep { index };
+    let refused = |bead: &mut TestBead, index, why: &str| {
+        let said = bead.answer(&Request::Keep { index });
+        assert_eq!(said, (Outcome::OutOfRange, why.to_owned()));
+    };
     for index in [0, 7_000_000] {
-        let said = bead.answer(&keep(index));
-        assert_eq!(
-            said,
-            (
-                Outcome::OutOfRange,
-                "its scan has to come within a minute from now".into()
-            )
-        );
+        refused(&mut bead, index, "its scan has to come within a minute from now");
     }
-    bead.running
-        .bead
-        .update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
-    let said = bead.answer(&keep(1000));
-    assert_eq!(
-        said,
-        (
-            Outcome::OutOfRange,
-            "no scan comes: the crystal does not run".into()
-        )
-    );
+    let state = bead.running.bead;
+    state.update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
+    refused(&mut bead, 1000, "no scan comes: the crystal does not run");
 }

@@ -1,6 +1,7 @@
 //! The trigger line, and windows that a host asks for.
 
-use bead_wire::{FaultCause, Outcome, Request, StrikeFlags};
+use bead_testing::{block, paper_settings};
+use bead_wire::{Outcome, Request, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, struck};
 
@@ -14,20 +15,11 @@ fn count_at(index: u64) -> u32 {
 /// Scans after the first of two strikes at which the bead lets the line fall; the second comes `apart` scans
 /// later. Both begin `quiet` scans later than a block does.
 fn falls(offset: u64, apart: u64) -> Vec<u64> {
-    let settings =
-        bead_testing::paper_settings().with(|bead| bead.capture.length = bead.capture.history + 40e-5);
-    let mut bead = TestBead::start(crate::bead::StartState {
-        probe: crate::bead::block_of(&settings.expect("it is valid")),
-        ..Default::default()
-    });
+    let settings = paper_settings().with(|bead| bead.capture.length = bead.capture.history + 40e-5);
+    let mut bead = TestBead::probed(block(&settings.expect("it is valid")));
     let first = 1001 + offset;
-    bead.running.signal = Box::new(move |index| {
-        if index < first + apart / 2 {
-            struck(index, first)
-        } else {
-            struck(index, first + apart)
-        }
-    });
+    let start = move |index| first + if index < first + apart / 2 { 0 } else { apart };
+    bead.running.signal = Box::new(move |index| struck(index, start(index)));
     bead.run(0.04);
     let strikes = bead.running.strikes();
     assert_eq!(strikes.len(), 2);
@@ -79,15 +71,6 @@ fn a_fall_of_the_line_keeps_the_instant_that_it_tells_of_and_touch_does_not() {
         }
         assert_eq!(bead.running.causes(), []);
     }
-}
-
-#[test]
-fn a_line_that_is_held_low_is_told_once_and_costs_nothing() {
-    let mut bead = TestBead::new();
-    bead.running.hardware.line_is_low.set(true);
-    bead.run(0.3);
-    assert_eq!(bead.running.causes(), [FaultCause::TriggerLineLow]);
-    assert_eq!(bead.strike().len(), 1);
 }
 
 #[test]

@@ -1,20 +1,11 @@
 //! Requests are done or refused by name.
 
+use bead_testing::framed;
 use bead_wire::{
     ANY, Check, Link, MAX_REQUEST, Message, Outcome, Request, Standing, VERSION, encode_request,
 };
-use crc::{CRC_32_ISO_HDLC, Crc};
 
 use crate::bead::{TestBead, status, struck};
-
-/// A payload with its CRC, COBS and delimiters: what no program of ours would send.
-fn framed(payload: &[u8]) -> Vec<u8> {
-    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(payload);
-    let payload = [payload, &crc.to_le_bytes()].concat();
-    let mut encoded = vec![0; cobs::max_encoding_length(payload.len())];
-    let length = cobs::encode(&payload, &mut encoded);
-    [&[0], &encoded[..length], &[0]].concat()
-}
 
 #[test]
 fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happens() {
@@ -34,14 +25,6 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
     corrupt[3] ^= 1;
     bead.receive(&corrupt);
     bead.run(0.05);
-    let replies = bead
-        .running
-        .frames
-        .iter()
-        .filter_map(|(_, message)| match message {
-            Message::Reply(reply) => Some((reply.request, reply.outcome)),
-            _ => None,
-        });
     // A number that cannot be believed is not replied to.
     let expected = [
         Outcome::Version,
@@ -50,10 +33,7 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
         Outcome::Body,
         Outcome::Body,
     ];
-    assert_eq!(
-        replies.collect::<Vec<_>>(),
-        (1..).zip(expected).collect::<Vec<_>>()
-    );
+    assert!(bead.running.replies().into_iter().eq((1..).zip(expected)));
     let (status, _, link, _) = status(&mut bead);
     let expected = Link {
         bytes: link.bytes,
@@ -106,11 +86,11 @@ fn a_raw_stream_ends_when_asked_leaves_room_for_strikes_and_is_refused_if_it_is_
         (24_000..34_000).contains(&scans) && link.raw_dropped > 0,
         "{link:?}"
     );
-    let told = bead.running.frames.iter().map(|(_, message)| match message {
-        Message::Raw(raw) => raw.codes.len() as u64,
-        _ => 0,
+    let told = bead.running.told(|message| match message {
+        Message::Raw(raw) => Some(raw.codes.len() as u64),
+        _ => None,
     });
-    assert_eq!(told.sum::<u64>(), link.raw_sent);
+    assert_eq!(told.iter().sum::<u64>(), link.raw_sent);
     bead.run(0.1);
     assert_eq!(status(&mut bead).2.raw_sent, link.raw_sent);
     assert_eq!(bead.running.lost(), 0, "what is dropped of it takes no number");
@@ -134,16 +114,10 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
 #[test]
 fn a_self_test_passes_or_names_what_fails() {
     let mut bead = TestBead::new();
-    let checks = |messages: Vec<Message>| {
-        let checks = messages.into_iter().filter_map(|message| match message {
-            Message::SelfTest(test) if !test.passed => Some(test.check),
-            _ => None,
-        });
-        checks.collect::<Vec<_>>()
-    };
     let (messages, reply) = bead.ask(&Request::SelfTest);
     assert_eq!(reply.detail.as_str(), "8 of 8 checks passed");
-    assert_eq!(checks(messages), []);
+    let fails = |message: &Message| matches!(message, Message::SelfTest(test) if !test.passed);
+    assert!(!messages.iter().any(fails));
     bead.running.signal = Box::new(|index| {
         let [_, _, acceleration, wide] = crate::bead::quiet(index);
         [1000, 1000, acceleration, wide]
@@ -152,7 +126,11 @@ fn a_self_test_passes_or_names_what_fails() {
     bead.run(0.1);
     let (messages, reply) = bead.ask(&Request::SelfTest);
     assert_eq!(reply.detail.as_str(), "6 of 8 checks passed");
-    assert_eq!(checks(messages), [Check::Supply, Check::Force]);
+    let failed = messages.iter().filter_map(|message| match message {
+        Message::SelfTest(test) => (!test.passed).then_some(test.check),
+        _ => None,
+    });
+    assert!(failed.eq([Check::Supply, Check::Force]));
     let standing = Standing::SUPPLY_LOW.with(Standing::FORCE_STUCK);
     assert_eq!(status(&mut bead).1.standing, standing);
 }
@@ -177,17 +155,9 @@ fn frames_are_numbered_past_2_to_the_32_and_none_is_lost() {
     bead.running.bead.update(|c| c.frames = u32::MAX - 5);
     bead.running.frames.clear();
     bead.strike();
-    let numbers: Vec<_> = bead
-        .running
-        .frames
-        .iter()
-        .map(|(header, _)| header.sequence)
-        .collect();
-    assert!(
-        numbers
-            .iter()
-            .copied()
-            .eq((0..numbers.len() as u32).map(|n| (u32::MAX - 5).wrapping_add(n)))
-    );
+    let frames = bead.running.frames.iter();
+    let numbers: Vec<_> = frames.map(|(header, _)| header.sequence).collect();
+    assert_eq!(numbers[0], u32::MAX - 5);
+    assert!(numbers.is_sorted_by(|before, next| before.wrapping_add(1) == *next));
     assert!(numbers.len() > 10, "it wrapped");
 }

@@ -1,6 +1,6 @@
 //! Sensors and supply: what is wrong is told when it begins and when it is over, and flags strikes.
 
-use bead_wire::{FaultCause, Health, Standing, StrikeFlags};
+use bead_wire::{FaultCause, Health, Message, Standing, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, status, struck};
 
@@ -53,27 +53,6 @@ fn a_sensor_that_is_still_for_40_ms_is_not_stuck() {
 }
 
 #[test]
-fn a_sensor_that_stays_stuck_stands_in_the_health_frame_and_flags_strikes() {
-    let mut bead = TestBead::new();
-    assert!(!bead.strike()[0].flags.has(StrikeFlags::SENSOR_FAULT));
-    bead.running.signal = held(2, 1500, 0..u64::MAX);
-    bead.run(0.1);
-    let start = bead.running.index + 300;
-    bead.running.signal = Box::new(move |index| {
-        let [force, wide, ..] = struck(index, start);
-        [force, wide, 1500, 1500]
-    });
-    bead.run(0.05);
-    let strikes = bead.running.strikes();
-    assert!(
-        strikes[1].flags.has(StrikeFlags::SENSOR_FAULT),
-        "{:?}",
-        strikes[1]
-    );
-    assert_eq!(status(&mut bead).1.standing, Standing::ACCELERATION_STUCK);
-}
-
-#[test]
 fn a_sensor_that_stands_still_in_the_ring_down_flags_the_strike_and_is_counted() {
     for (still, flagged) in [(80, true), (150, true), (250, true), (10_000, false)] {
         let mut bead = TestBead::new();
@@ -123,15 +102,10 @@ fn a_window_that_a_gap_cuts_has_no_result_and_is_counted_and_the_gap_is_told() {
     bead.run(0.03);
     assert_eq!(bead.running.strikes(), []);
     assert_eq!(bead.running.causes(), [FaultCause::StrikeCut]);
-    let gaps: Vec<_> = bead
-        .running
-        .frames
-        .iter()
-        .filter_map(|(_, message)| match message {
-            bead_wire::Message::Gap(gap) => Some((gap.epoch, gap.first_index, gap.end_index)),
-            _ => None,
-        })
-        .collect();
+    let gaps = bead.running.told(|message| match message {
+        Message::Gap(gap) => Some((gap.epoch, gap.first_index, gap.end_index)),
+        _ => None,
+    });
     assert_eq!(gaps, [(1, 401, 1401)]);
     assert_eq!(status(&mut bead).1.strikes_cut, 1);
     assert_eq!(bead.strike()[0].strike, 1, "the cut one has a number");

@@ -1,13 +1,13 @@
 //! Settings over the link: in force from the next strike on and after a reset, and refused by name.
 
 use bead_store::Store;
-use bead_testing::{PowerCutFlash, paper_settings};
+use bead_testing::{PowerCutFlash, block, paper_settings, settings_at, write};
 use bead_wire::{
-    ANY, FaultCause, MAX_REQUEST, Message, Outcome, Request, SettingsSource, StrikeFlags, encode_request,
+    ANY, FaultCause, MAX_REQUEST, Outcome, Request, SettingsSource, StrikeFlags, encode_request,
 };
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-use crate::bead::{SECTOR, StartState, TestBead, block_of, status, windows_of, write};
+use crate::bead::{SECTOR, StartState, TestBead, status, windows_of};
 
 /// A block with other bytes where its header ends, and a checksum that holds.
 fn forged(change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
@@ -17,55 +17,6 @@ fn forged(change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes);
     bytes.extend(crc.to_le_bytes());
     bytes
-}
-
-/// A block for another sample rate, right in itself.
-fn at_rate(rate: u32) -> Vec<u8> {
-    let slower = 100_000.0 / f64::from(rate);
-    let settings = paper_settings().with(|bead| {
-        bead.capture.sample_rate_hz = rate;
-        bead.capture.history *= slower;
-        bead.capture.length *= slower;
-    });
-    block_of(&settings.expect("it is valid"))
-}
-
-/// A bead with this in the sector of the probe.
-fn probed(probe: Vec<u8>) -> TestBead {
-    TestBead::start(StartState {
-        probe,
-        ..StartState::default()
-    })
-}
-
-#[test]
-fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset_until_they_are_erased() {
-    let (mut bead, new) = (TestBead::new(), windows_of(300));
-    bead.run(0.01);
-    assert_eq!(bead.answer(&write(&new)), (Outcome::Done, String::new()));
-    assert_eq!(bead.strike()[0].samples, 300);
-    assert_eq!(bead.running.blocks(), [block_of(&paper_settings()), new.clone()]);
-    let mut bead = bead.reboot(&Request::Reboot);
-    assert_eq!(bead.strike()[0].samples, 300);
-    assert_eq!(status(&mut bead).0.settings_source, SettingsSource::Stored);
-    let said = bead.answer(&Request::EraseSettings);
-    assert_eq!(said, (Outcome::Done, "put into flash by a probe".into()));
-    assert_eq!(bead.strike()[0].samples, 672);
-    assert_eq!(bead.running.blocks(), [new, block_of(&paper_settings())]);
-    assert_eq!((bead.running.causes(), bead.running.lost()), (vec![], 0));
-}
-
-#[test]
-fn a_strike_that_is_measured_when_settings_are_written_keeps_its_own() {
-    let mut quiet = TestBead::new();
-    let expected = quiet.strike();
-    let mut bead = TestBead::new();
-    bead.running.signal = Box::new(|index| crate::bead::struck(index, 251));
-    bead.run(0.004);
-    assert_eq!(bead.outcome(&write(&windows_of(300))), Outcome::Done);
-    bead.run(0.05);
-    assert_eq!(bead.running.strikes(), expected);
-    assert_eq!(bead.strike()[0].samples, 300);
 }
 
 #[test]
@@ -117,21 +68,24 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
     }
     for rate in [50_000, 200_000] {
         let why = format!("settings for {rate} Hz; this image samples at 100000 Hz");
-        assert_eq!(bead.answer(&write(&at_rate(rate))), (Outcome::SampleRate, why));
+        assert_eq!(
+            bead.answer(&write(&block(&settings_at(rate)))),
+            (Outcome::SampleRate, why)
+        );
     }
     assert_eq!(bead.flash.0.borrow().bytes, flash);
     bead.ask(&Request::ReadSettings);
-    assert_eq!(bead.running.blocks(), [block_of(&paper_settings())]);
+    assert_eq!(bead.running.blocks(), [block(&paper_settings())]);
     assert_eq!(status(&mut bead).0.settings_source, SettingsSource::Flash);
 }
 
 #[test]
 fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_looks_for_strikes() {
-    let mut damaged = block_of(&paper_settings());
+    let mut damaged = block(&paper_settings());
     damaged[20] ^= 1;
     let later = forged(|bytes| bytes[4] = 7);
     let cases = [
-        (block_of(&paper_settings()), SettingsSource::Flash, None, true),
+        (block(&paper_settings()), SettingsSource::Flash, None, true),
         (vec![0xFF; 100], SettingsSource::BuiltIn, None, true),
         (
             damaged,
@@ -140,7 +94,7 @@ fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_l
             true,
         ),
         (
-            at_rate(50_000),
+            block(&settings_at(50_000)),
             SettingsSource::FlashRefused,
             Some("they are for another sample rate"),
             true,
@@ -153,7 +107,7 @@ fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_l
         ),
     ];
     for (probe, source, refused, armed) in cases {
-        let mut bead = probed(probe);
+        let mut bead = TestBead::probed(probe);
         bead.run(0.01);
         let expected: Vec<_> = refused
             .iter()
@@ -184,7 +138,7 @@ fn a_stored_block_that_this_image_does_not_know_stays_in_the_store_and_the_one_o
     let mut bead = bead.reboot(&Request::Reboot);
     bead.run(0.01);
     assert_eq!(bead.running.causes(), [FaultCause::SettingsRefused]);
-    assert_eq!(bead.running.blocks(), [block_of(&paper_settings())]);
+    assert_eq!(bead.running.blocks(), [block(&paper_settings())]);
     let status = status(&mut bead).0;
     assert_eq!(
         (status.settings_source, status.armed),
@@ -217,7 +171,7 @@ fn a_full_store_refuses_and_takes_more_after_a_reset() {
 
 #[test]
 fn without_a_block_of_a_probe_settings_are_stored_over_the_built_in_ones() {
-    let mut bead = probed(vec![0xFF; 100]);
+    let mut bead = TestBead::probed(vec![0xFF; 100]);
     assert_eq!(bead.outcome(&write(&windows_of(300))), Outcome::Done);
     let said = bead.answer(&Request::EraseSettings);
     assert_eq!(said, (Outcome::Done, "built in, as flash has none".into()));
@@ -227,11 +181,8 @@ fn without_a_block_of_a_probe_settings_are_stored_over_the_built_in_ones() {
 
 #[test]
 fn a_bead_answers_its_own_address_and_every_beads_and_says_it_in_its_frames() {
-    let mut bead = probed(block_of(
-        &paper_settings()
-            .with(|bead| bead.address = 7)
-            .expect("it is valid"),
-    ));
+    let settings = paper_settings().with(|bead| bead.address = 7);
+    let mut bead = TestBead::probed(block(&settings.expect("it is valid")));
     for (address, number) in [(7, 100), (8, 101), (ANY, 102)] {
         let mut buffer = [0; MAX_REQUEST];
         let request = encode_request(address, number, &Request::Identity, &mut buffer);
@@ -239,10 +190,9 @@ fn a_bead_answers_its_own_address_and_every_beads_and_says_it_in_its_frames() {
     }
     bead.run(0.1);
     let frames = &bead.running.frames;
-    let replies = frames.iter().filter_map(|(_, message)| match message {
-        Message::Reply(reply) => Some(reply.request),
-        _ => None,
-    });
-    assert_eq!(replies.collect::<Vec<_>>(), [100, 102]);
+    assert_eq!(
+        bead.running.replies(),
+        [100, 102].map(|number| (number, Outcome::Done))
+    );
     assert!(frames.iter().all(|(header, _)| header.address == 7));
 }
