@@ -1,13 +1,10 @@
 //! Recordings, whole and damaged, through every reader.
 
-use std::path::Path;
-
 use bead_compare::replay::replay;
 use bead_recording::clock::{self, CommonTime};
 use bead_recording::file::{Part, Recording};
 use bead_recording::frames::Item;
 use bead_recording::raw;
-use bead_recording::received::Received;
 
 use crate::file;
 
@@ -29,31 +26,27 @@ pub fn check(bytes: &[u8]) {
         .expect("a file can be read");
         assert!(read == bytes.len() && frames as usize <= bytes.len());
         if let Ok(recording) = Recording::open(path) {
-            through(path, &recording);
+            through(&recording);
             // Frames that are found in a sound recording are found in a damaged one too.
             assert!(recording.runs == 0 || Recording::salvage(path).is_ok());
         } else if let Ok(recording) = Recording::salvage(path) {
-            through(path, &recording);
+            through(&recording);
         }
         let _ = clock::compare(&[path.to_owned(), path.to_owned()]);
     });
 }
 
-fn through(path: &Path, recording: &Recording) {
+fn through(recording: &Recording) {
     assert!(recording.warning().is_none_or(|line| !line.contains('\n')));
     let mut frames = recording.frames().expect("it was opened before");
     let said: Vec<Item> = frames.by_ref().collect();
     let counters = *frames.counters();
     assert_eq!(counters.frames + counters.rejected.total(), said.len() as u64);
     CommonTime::of(recording).expect("it was opened before");
-    let received = Received {
-        path: path.to_owned(),
-        recording: recording.clone(),
-    };
     for part in [Part::Truth, Part::EmulatorReport] {
-        let _ = received.json::<serde_json::Value>(part);
+        let _ = recording.json::<serde_json::Value>(part);
     }
-    for one in received.each() {
+    for one in recording.each() {
         let strikes = one.strikes().expect("it was opened before");
         for (number, strike) in strikes.enumerate() {
             if number < REPLAYED {

@@ -8,7 +8,6 @@ use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
 use bead_recording::file::{About, Origin, Recording, State, Writer};
-use bead_recording::received::Received;
 use bead_tables::whole::Target;
 use bead_tests::{image, solved, timed};
 use hertz_chain::{Scenario, Solution};
@@ -65,7 +64,7 @@ fn record(path: &Path, ran: &[(Emulation, Ran)]) {
 
 /// Compares the recording as `bead compare` does.
 fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowComparison {
-    let received = Received::open(path).unwrap_or_else(|error| panic!("{error}"));
+    let received = Recording::open_named(path).unwrap_or_else(|error| panic!("{error}"));
     let chain = RowChain {
         scenario: scenario.clone(),
         solution: Arc::new(solution.clone()),

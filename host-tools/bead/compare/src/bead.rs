@@ -9,8 +9,7 @@ use crate::spread::{Deviations, Spread};
 use crate::strike::{FullChain, StrikeComparison};
 use crate::velocity::FittedVelocity;
 use crate::verdict::{Echoes, Soundness, failure};
-use bead_recording::file::{Part, RecordingError};
-use bead_recording::received::Received;
+use bead_recording::file::{Part, Recording, RecordingError};
 use bead_recording::strikes::RecordedStrike;
 
 /// Strikes that are kept at most. Means and verdicts are over all.
@@ -52,7 +51,7 @@ impl ComparedBead {
     /// # Errors
     /// The recording cannot be read.
     pub fn read(
-        received: &Received,
+        received: &Recording,
         chain: &FullChain,
         mut echoes: Echoes,
         fitted: Option<&FittedVelocity>,

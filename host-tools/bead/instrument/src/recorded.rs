@@ -6,8 +6,7 @@ use crate::choice::Choice;
 use crate::error::WaveformError;
 use crate::rows::{ACCELERATION_LATER, Rows};
 use crate::signals::Waveform;
-use bead_recording::file::RecordedBead;
-use bead_recording::received::Received;
+use bead_recording::file::{RecordedBead, Recording};
 use bead_recording::signal::Signal;
 
 /// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
@@ -16,8 +15,8 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
     if choice.names_a_column() || choice.rate_hz.is_some() {
         return unfit("is a recording and has its units; leave columns and --read rate out".to_owned());
     }
-    let mut received = Received::open(path)?;
-    let beads = &received.recording.beads;
+    let mut received = Recording::open_named(path)?;
+    let beads = &received.beads;
     if !beads.is_empty() {
         let places: Vec<_> = beads.iter().map(RecordedBead::place).collect();
         let Some(at) = places.iter().position(|place| Some(*place) == bead) else {

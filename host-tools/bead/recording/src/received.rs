@@ -1,13 +1,13 @@
-//! The frames and strikes of a recording, and the bead's last identity and status.
+//! The strikes of a recording, its JSON attachments, and the bead's last identity and status.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, Message, Status};
 
-use crate::file::{Part, Pieces, RecordedBead, Recording, RecordingError};
+use crate::file::{Part, Pieces, Recording, RecordingError};
 use crate::frames::{Frame, Frames, Item, Piece};
 use crate::note::note;
 use crate::raw;
@@ -18,24 +18,15 @@ use bead_tables::printable::beginning;
 /// Number of characters that are shown of an error in an attachment.
 const WHY_MOST: usize = 200;
 
-/// A recording and where it is.
-#[derive(Debug, Clone)]
-pub struct Received {
-    /// Path of the file.
-    pub path: PathBuf,
-    /// The recording.
-    pub recording: Recording,
-}
-
-impl Received {
-    /// Opens a recording. A line on standard error says what is missing in it.
+impl Recording {
+    /// Opens a recording that a user named. A line on standard error says what is missing in it.
     ///
     /// # Errors
-    /// The file cannot be read or is no recording.
-    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+    /// As [`open`](Self::open); the message says how to recover what another file holds.
+    pub fn open_named(path: &Path) -> Result<Self, RecordingError> {
         let shown = path.display();
-        let recording = Recording::open(path).map_err(|error| match error {
-            RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => RecordingError::Unfit(format!(
+        let recording = Self::open(path).map_err(|error| match error {
+            RecordingError::NotMcap(_) if Self::salvage(path).is_ok() => RecordingError::Unfit(format!(
                 "{shown} does not begin as a recording does, and its beginning may be damaged; try: bead recover {shown}"
             )),
             RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Unfit(format!(
@@ -46,27 +37,7 @@ impl Received {
         if let Some(warning) = recording.warning() {
             note(format_args!("{shown}: {warning}"));
         }
-        Ok(Self {
-            path: path.to_owned(),
-            recording,
-        })
-    }
-
-    /// The recording of one of its beads.
-    pub fn of(&self, bead: &RecordedBead) -> Self {
-        Self {
-            path: self.path.clone(),
-            recording: self.recording.of(bead),
-        }
-    }
-
-    /// The recordings of each of its beads, or this one if it is of one line.
-    pub fn each(&self) -> Vec<Self> {
-        let of = |recording| Self {
-            path: self.path.clone(),
-            recording,
-        };
-        self.recording.each().into_iter().map(of).collect()
+        Ok(recording)
     }
 
     /// The strikes with their samples and settings, one after another.
@@ -75,12 +46,12 @@ impl Received {
     /// The file cannot be read.
     pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
         let given = |parts: &BTreeMap<Part, Arc<[u8]>>| Settings::decode(parts.get(&Part::Settings)?).ok();
-        let beads = self.recording.beads.iter();
+        let beads = self.beads.iter();
         let parts = beads.map(|bead| (Some(bead.origin.address), &bead.parts));
-        let parts = parts.chain([(None, &self.recording.parts)]);
+        let parts = parts.chain([(None, &self.parts)]);
         let given = parts.filter_map(|(address, parts)| Some((address, given(parts)?)));
-        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), given.collect());
-        Ok(strikes.with_fetched(self.recording.fetched.clone()))
+        let strikes = Strikes::new(LastSaid::new(self.frames()?), given.collect());
+        Ok(strikes.with_fetched(self.fetched.clone()))
     }
 
     /// The error of a recording in whose frames no strike came.
@@ -103,7 +74,7 @@ impl Received {
     /// # Errors
     /// The part is there and is not what this version writes.
     pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, RecordingError> {
-        let Some(bytes) = self.recording.parts.get(&part) else {
+        let Some(bytes) = self.parts.get(&part) else {
             return Ok(None);
         };
         let value = serde_json::from_slice(bytes).map_err(|why| {

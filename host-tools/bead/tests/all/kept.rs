@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use crate::answering::AnsweringBead;
 use crate::program::{RunningProgram, TestFolder, assert_says, done, refused, said};
-use bead_recording::received::Received;
+use bead_recording::file::Recording;
 use bead_testing::{block_of, one_sample_strike, paper_settings};
 use bead_wire::{Codes, Kind, Message, Status};
 
@@ -184,12 +184,12 @@ fn record(folder: &Path, arguments: &str) -> RunningProgram {
     RunningProgram::start(folder, &record)
 }
 
-fn open(folder: &Path) -> Received {
-    Received::open(&folder.join("a.mcap")).unwrap()
+fn open(folder: &Path) -> Recording {
+    Recording::open_named(&folder.join("a.mcap")).unwrap()
 }
 
 /// The strikes of a recording, sorted; each is whole.
-fn whole(received: &Received) -> Vec<BootAndNumber> {
+fn whole(received: &Recording) -> Vec<BootAndNumber> {
     let strikes = received.strikes().unwrap();
     let names = strikes.map(|strike| {
         let (number, scans) = (strike.said.strike, &strike.scans);
@@ -271,11 +271,11 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     }
     let received = open(path);
     let ports = [(7, "unix:seven.sock"), (8, "unix:eight.sock")];
-    for (bead, (address, port)) in received.recording.beads.iter().zip(ports) {
+    for (bead, (address, port)) in received.beads.iter().zip(ports) {
         let origin = &bead.origin;
         assert_eq!((origin.address, origin.port.as_deref()), (address, Some(port)));
     }
-    assert_eq!(received.recording.beads.len(), 2);
+    assert_eq!(received.beads.len(), 2);
     for (bead, of) in [&seven, &eight].into_iter().zip(received.each()) {
         let names = whole(&of);
         // The recording has all from its first one on.
@@ -291,7 +291,7 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     let said = recorder.interrupt(0);
     assert_says(&said, "two beads have the address 7; give one of them another");
     assert_says(&said, "the others are");
-    assert_eq!(open(path).recording.beads.len(), 1);
+    assert_eq!(open(path).beads.len(), 1);
 }
 
 #[test]

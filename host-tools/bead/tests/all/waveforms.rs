@@ -8,7 +8,7 @@ use crate::first_strike::copy_scenario;
 use crate::program::{DATA, ROOT, SCENARIO, TestFolder, shell};
 use bead_compare::replay::replay;
 use bead_compare::sensed::{load_scenario, simulate_with_ring_down};
-use bead_recording::received::Received;
+use bead_recording::file::Recording;
 use bead_recording::signal::Signal;
 use bead_recording::strikes::RecordedStrike;
 use hound::{SampleFormat, WavSpec, WavWriter};
@@ -51,7 +51,7 @@ fn drop_rig(path: &Path, strike: &RecordedStrike) {
 }
 
 fn strikes(path: &Path) -> Vec<RecordedStrike> {
-    Received::open(path).unwrap().strikes().unwrap().collect()
+    Recording::open_named(path).unwrap().strikes().unwrap().collect()
 }
 
 #[test]

@@ -6,8 +6,7 @@ use hertz_chain::{Scenario, Solution};
 
 use crate::error::CompareError;
 use crate::sensed::simulate_with_ring_down;
-use bead_recording::file::Part;
-use bead_recording::received::Received;
+use bead_recording::file::{Part, Recording};
 
 /// A chain and its motion.
 #[derive(Clone)]
@@ -40,16 +39,16 @@ pub struct PlacedBead {
     /// Its place.
     pub bead: usize,
     /// Its frames.
-    pub received: Received,
+    pub received: Recording,
 }
 
 /// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
 /// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
 /// it.
-pub fn among(received: &Received, chain: &RowChain, text: &str) -> (Vec<PlacedBead>, Vec<String>) {
+pub fn among(received: &Recording, chain: &RowChain, text: &str) -> (Vec<PlacedBead>, Vec<String>) {
     let mut places: Vec<PlacedBead> = Vec::new();
     let mut notes = Vec::new();
-    for (bead, received) in received.recording.beads.iter().zip(received.each()) {
+    for (bead, received) in received.beads.iter().zip(received.each()) {
         let (address, at) = (bead.origin.address, bead.place());
         let own = bead.parts.get(&Part::Scenario);
         let why = if !chain.hosts.contains(&at) {

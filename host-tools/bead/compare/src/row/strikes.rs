@@ -9,7 +9,7 @@ use crate::row::chain::{PlacedBead, RowChain};
 use crate::row::member::{FeltStrike, RowBead};
 use crate::velocity::FittedVelocity;
 use bead_recording::clock::CommonTime;
-use bead_recording::received::Received;
+use bead_recording::file::Recording;
 
 /// Two beads' strikes are one if the striker hit within this time, s. A bead measures no two strikes within
 /// twice of it, and the host's time is within a millisecond for each.
@@ -30,12 +30,12 @@ impl BeadRow {
     /// # Errors
     /// The recording cannot be read.
     pub fn read(
-        received: &Received,
+        received: &Recording,
         beads: &[PlacedBead],
         chain: &RowChain,
         fitted: Option<&FittedVelocity>,
     ) -> Result<Self, CompareError> {
-        let time = CommonTime::of(&received.recording)?;
+        let time = CommonTime::of(&received)?;
         let members = beads
             .par_iter()
             .map(|placed| RowBead::read(placed, chain, &time, fitted));

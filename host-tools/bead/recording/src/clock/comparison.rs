@@ -9,9 +9,8 @@ use crate::arrival::rise;
 use crate::clock::alignment::{Alignment, PlacedEdges};
 use crate::clock::fit::Fit;
 use crate::clock::segments::{Boots, Segment, StrikePeak, Tracker};
-use crate::file::RecordingError;
+use crate::file::{Recording, RecordingError};
 use crate::json::hex;
-use crate::received::Received;
 use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
 
@@ -206,8 +205,8 @@ fn nothing_in_common(base: &Segment, reference: &RecordedBoot, recording: &[Vec<
 
 /// The boots of each bead in a recording, without those that have no receive times.
 fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
-    let received = Received::open(path)?;
-    let mut tracker = Tracker::of(&received.recording)?;
+    let received = Recording::open_named(path)?;
+    let mut tracker = Tracker::of(&received)?;
     find_fronts(&mut tracker.segments, received.strikes()?);
     let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
     for segment in tracker.segments {

@@ -17,7 +17,8 @@ use crate::strikes::{FetchedNames, StrikeName};
 /// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
-    path: PathBuf,
+    /// Path of the file.
+    pub path: PathBuf,
     /// Description of the recording.
     pub about: Arc<About>,
     /// Its attachments: those of all beads.

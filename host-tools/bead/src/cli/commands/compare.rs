@@ -43,8 +43,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let (page, overwrite) = (arguments.report.as_deref(), arguments.overwrite);
     let page = overwrite.optional(page, FileKind::Page, &arguments.inputs())?;
-    let mut received = Received::open(&arguments.recording)?;
-    let of_several = received.recording.beads.len() > 1;
+    let mut received = Recording::open_named(&arguments.recording)?;
+    let of_several = received.beads.len() > 1;
     let (only, row) = match &arguments.bead {
         Some(BeadNumbers::One(bead)) => (Some(*bead), false),
         Some(BeadNumbers::Several(beads)) => {
@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// `place` the one in the recording.
 fn compare(
     arguments: &Arguments,
-    received: &Received,
+    received: &Recording,
     (asked, place): (Option<usize>, Option<usize>),
     page: Option<Target>,
     figures: Option<Vec<Target>>,
@@ -151,8 +151,8 @@ fn compare(
 }
 
 /// Keeps the beads of these numbers alone.
-fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
-    let of_recording = &mut received.recording.beads;
+fn keep(received: &mut Recording, beads: &[usize]) -> Result<(), Failure> {
+    let of_recording = &mut received.beads;
     let places: Vec<usize> = of_recording.iter().map(RecordedBead::place).collect();
     if let Some(missing) = beads.iter().find(|bead| !places.contains(bead)) {
         let path = received.path.display();
@@ -167,8 +167,8 @@ fn keep(received: &mut Received, beads: &[usize]) -> Result<(), Failure> {
 
 /// The frames of the one bead that is compared, and its place if the recording knows it. Each bead of a row
 /// has a truth of its own.
-fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
-    let beads = &received.recording.beads;
+fn of_one_bead(received: Recording, asked: Option<usize>) -> Result<(Recording, Option<usize>), Failure> {
+    let beads = &received.beads;
     let places: Vec<usize> = beads.iter().map(RecordedBead::place).collect();
     if places.is_empty() {
         return Ok((received, None));

@@ -38,7 +38,7 @@ struct ReferenceFile {
 /// Compares a strike with `reference`. `bead` is its bead, if that is named.
 pub(super) fn run(
     arguments: &Arguments,
-    received: &Received,
+    received: &Recording,
     bead: Option<usize>,
     reference: &Path,
     page: Option<Target>,

@@ -19,7 +19,7 @@ pub(crate) struct RowReport<'a> {
     told: &'a RowComparison,
 }
 
-pub(super) fn run(received: &Received, arguments: &Arguments, page: Option<Target>) -> Result<(), Failure> {
+pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Target>) -> Result<(), Failure> {
     let figures = figures(arguments, ["row.svg", "row-details.svg"])?;
     let given = scenario(arguments.scenario.as_deref(), received)?;
     let (scenario, text) = (given.scenario.clone(), &given.text);

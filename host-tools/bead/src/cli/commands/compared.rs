@@ -16,7 +16,7 @@ use bead_recording::file::Part;
 pub(super) fn set_velocity<'a>(
     scenario: &mut Scenario,
     velocity: Option<Velocity>,
-    beads: impl IntoIterator<Item = (usize, &'a Received)>,
+    beads: impl IntoIterator<Item = (usize, &'a Recording)>,
 ) -> Result<Option<FittedVelocity>, Failure> {
     match velocity {
         None => return Ok(None),
@@ -89,9 +89,9 @@ impl GivenScenario {
 }
 
 /// The scenario that is given, or the one in the recording.
-pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<GivenScenario, Failure> {
+pub(super) fn scenario(given: Option<&Path>, received: &Recording) -> Result<GivenScenario, Failure> {
     let shown = received.path.display();
-    let carried = received.recording.parts.get(&Part::Scenario).map(|text| {
+    let carried = received.parts.get(&Part::Scenario).map(|text| {
         let text = String::from_utf8_lossy(text).into_owned();
         let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()));
         scenario.map(|scenario| (scenario, text))
@@ -126,7 +126,11 @@ pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<Give
 }
 
 /// Facts about a page, if one is written: how it was made, of a recording and of `compared`.
-pub(super) fn made(page: Option<&Target>, received: &Received, compared: Fact) -> Result<Vec<Fact>, Failure> {
+pub(super) fn made(
+    page: Option<&Target>,
+    received: &Recording,
+    compared: Fact,
+) -> Result<Vec<Fact>, Failure> {
     page.map_or(Ok(Vec::new()), |_| provenance::made(&received.path, compared))
 }
 
@@ -161,7 +165,7 @@ pub(super) fn draw(figures: &[Target], charts: [Chart; 2]) -> Result<(), Failure
 }
 
 /// The failure of a recording in whose frames no strike came.
-pub(super) fn no_strike(received: &Received) -> Failure {
+pub(super) fn no_strike(received: &Recording) -> Failure {
     match received.strikes() {
         Ok(mut strikes) => {
             strikes.by_ref().for_each(drop);

@@ -88,7 +88,7 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
             "standard input is an MCAP file, which is read from its end as well; give its name instead of -"
         );
     }
-    let recording = Received::open(path)?.recording;
+    let recording = Recording::open_named(path)?;
     let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
     print(arguments, path, recording.frames()?, &fits)?;

@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Opens all recordings before anything is written.
-fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
+fn open(paths: &[PathBuf]) -> Result<Vec<Recording>, Failure> {
     let mut seen = HashSet::new();
     let mut recordings = Vec::new();
     for path in paths {
@@ -96,14 +96,14 @@ fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
         if !seen.insert(place) {
             bail!(Input, "{shown} is given twice; its strikes would count twice");
         }
-        recordings.push(Received::open(path)?);
+        recordings.push(Recording::open_named(path)?);
     }
     Ok(recordings)
 }
 
 /// The recordings, counts of the written strikes, and the progress.
 struct Tally<'a> {
-    recordings: &'a [Received],
+    recordings: &'a [Recording],
     strikes: u64,
     samples: u64,
     /// Strikes without settings, whose samples have codes alone.

@@ -12,6 +12,6 @@ pub(super) use crate::cli::failure::Failure;
 pub(super) use crate::cli::interrupt;
 pub(super) use crate::cli::output::{self, Format, positive};
 pub(super) use crate::cli::place::{self, FileKind, Overwrite};
-pub(super) use bead_recording::received::Received;
+pub(super) use bead_recording::file::Recording;
 pub(super) use bead_recording::strikes::RecordedStrike;
 pub(super) use bead_tables::whole::Target;

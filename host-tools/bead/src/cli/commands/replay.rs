@@ -88,7 +88,7 @@ impl ReplayReport {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let received = Received::open(&arguments.recording)?;
+    let received = Recording::open_named(&arguments.recording)?;
     let mut recorded = received.strikes()?;
     let mut report = ReplayReport::default();
     for strike in recorded.by_ref() {
