@@ -404,16 +404,16 @@ mod tests {
 
     use super::*;
     use bead_testing::Speaker;
-    use bead_wire::{ReceivedRequest, RequestDecoder};
+    use bead_wire::ReceivedRequest;
 
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
 
-    /// Talks with beads on a line. Each request gets what `answer` makes of it.
+    /// Talks with beads on a line. `answer` lets them say what each request gets.
     fn talk<T>(
         asked: u8,
         patience: Duration,
-        mut answer: impl FnMut(&ReceivedRequest) -> Vec<u8> + Send,
+        mut answer: impl FnMut(&mut Speaker, &ReceivedRequest) + Send,
         talk: impl FnOnce(&mut Conversation) -> T,
     ) -> T {
         let folder = tempfile::tempdir().unwrap();
@@ -422,39 +422,20 @@ mod tests {
         thread::scope(|scope| {
             scope.spawn(move || {
                 let (mut stream, _) = listener.accept().unwrap();
-                let (mut decoder, mut buffer) = (RequestDecoder::new(), [0; 4096]);
+                let (mut beads, mut buffer) = (Speaker::default(), [0; 4096]);
                 while let Ok(length @ 1..) = stream.read(&mut buffer) {
-                    for &byte in &buffer[..length] {
-                        if let Some(Ok(heard)) = decoder.push(byte) {
-                            // A program that hung up meanwhile reads no more.
-                            let _ = stream.write_all(&answer(&heard));
-                        }
-                    }
+                    // A program that hung up meanwhile reads no more.
+                    let _ = stream.write_all(&beads.answer(&buffer[..length], &mut answer));
                 }
             });
             talk(&mut Conversation::open(&Address::Unix(path), 0, asked, patience).unwrap())
         })
     }
 
-    /// A bead whose next frame has this number.
-    fn bead(address: u8, sequence: u32) -> Speaker {
-        Speaker {
-            sequence,
-            ..Speaker::at(address)
-        }
-    }
-
-    fn reply(heard: &ReceivedRequest, outcome: Outcome) -> Message {
-        let reply = Reply {
-            request: heard.number,
-            outcome,
-            detail: "".into(),
-        };
-        reply.into()
-    }
-
-    fn done(heard: &ReceivedRequest, address: u8) -> Vec<u8> {
-        bead(address, 0).frame(0, &reply(heard, Outcome::Done))
+    /// Replies to a request from the bead with this address.
+    fn reply(line: &mut Speaker, address: u8, heard: &ReceivedRequest, outcome: Outcome) {
+        line.address = address;
+        line.reply(heard.number, outcome);
     }
 
     #[test]
@@ -462,7 +443,7 @@ mod tests {
         let error = talk(
             3,
             Duration::from_millis(50),
-            |heard| done(heard, 5),
+            |line, heard| reply(line, 5, heard, Outcome::Done),
             |bead| bead.request(&Request::Arm).unwrap_err(),
         );
         assert!(error.to_string().contains("no reply"), "{error}");
@@ -474,9 +455,11 @@ mod tests {
         let error = talk(
             ANY,
             LONG,
-            |heard| {
+            |line, heard| {
                 asked.lock().unwrap().push(heard.request.clone().unwrap());
-                [3, 5].map(|address| done(heard, address)).concat()
+                for address in [3, 5] {
+                    reply(line, address, heard, Outcome::Done);
+                }
             },
             |bead| {
                 assert_eq!(bead.request(&Request::ReadSettings).unwrap().address, 3);
@@ -489,22 +472,18 @@ mod tests {
 
     #[test]
     fn a_bead_without_the_key_among_others_does_not_say_that_none_has_it() {
-        let mut sequence = 0;
         let error = talk(
             ANY,
             LONG,
-            |heard| {
-                sequence += 10;
+            |line, heard| {
                 let is_signed = matches!(heard.request, Ok(Request::Signed { .. }));
                 let outcome = if is_signed { Outcome::Forged } else { Outcome::Done };
-                let answer = |address| {
-                    let mut bead = bead(address, sequence);
-                    bead.say(0, bead.identity());
-                    bead.say(0, bead_wire::Guard::default());
-                    bead.say(0, reply(heard, outcome));
-                    bead.bytes
-                };
-                [answer(5), answer(3)].concat()
+                for address in [5, 3] {
+                    line.address = address;
+                    line.say(0, line.identity());
+                    line.say(0, bead_wire::Guard::default());
+                    reply(line, address, heard, outcome);
+                }
             },
             |bead| bead.has_key(&Key::new([7; 16]).unwrap()).unwrap_err(),
         );

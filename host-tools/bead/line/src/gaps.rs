@@ -340,12 +340,9 @@ mod tests {
         }
 
         fn begins(&mut self, boot: u8, arrival: Arrival) {
-            let identity = Speaker {
-                boot: boot.into(),
-                ..Speaker::at(0)
-            };
-            let identity = identity.identity();
-            self.says(boot, arrival, identity);
+            let mut bead = Speaker::at(0);
+            bead.boot = boot.into();
+            self.says(boot, arrival, bead.identity());
             self.counts(boot, 0);
         }
 

@@ -506,42 +506,23 @@ impl StrikeNames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead as PaperBead, Capture, Description, FrontEnd, derive};
-    use bead_testing::{block_of, one_sample_strike as strike};
-    use bead_wire::{Block, Inner, Kind, Packed};
+    use bead_model::design::Description;
+    use bead_testing::{block_of, one_sample_strike as strike, paper_settings};
+    use bead_wire::{Block, Kind};
 
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
     const NEXT: Arrival = Arrival::Next { lost: 0 };
 
     fn settings(threshold: u32) -> Message {
-        let paper = derive(&PaperBead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         let change = |bead: &mut Description| {
             bead.capture.threshold = f64::from(threshold) * bead.force.per_code;
         };
-        block_of(&paper.with(change).unwrap()).into()
+        block_of(&paper_settings().with(change).unwrap()).into()
     }
 
-    fn fetched(boot: u32, number: u32, first_index: u64) -> [Message; 4] {
-        let [waveform, strike, shape] = strike(number, first_index);
-        let mut part = 0..;
-        [settings(50), waveform, strike, shape].map(|message| {
-            let mut packed = Packed::new();
-            packed.pack(0, boot as u8, &message).unwrap();
-            let (frame_kind, content) = packed.content();
-            let body = Inner::filled_by(|room| {
-                room[..content.len()].copy_from_slice(content);
-                content.len()
-            });
-            let fetched = Fetched {
-                boot,
-                strike: number,
-                part: part.next().unwrap(),
-                parts: 4,
-                frame_kind,
-                body,
-            };
-            fetched.into()
-        })
+    fn fetched(boot: u32, number: u32, first_index: u64) -> Vec<Message> {
+        let frames = [&[settings(50)][..], &strike(number, first_index)].concat();
+        bead_testing::fetched(boot, number, &frames)
     }
 
     /// Beads on a line that an assembly takes the frames of.

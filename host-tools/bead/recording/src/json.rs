@@ -113,8 +113,7 @@ pub fn hex(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
     use crate::frames::decode;
-    use bead_model::design::{Bead, Capture, FrontEnd, derive};
-    use bead_testing::{Speaker, block_of};
+    use bead_testing::{Speaker, block_of, paper_settings};
     use bead_wire::{
         Acceleration, Block, Body, Check, Codes, Energy, Force, Identity, Impulse, Kind, Raw, ResetCauses,
         Samples, SelfTest, Shape, Strike, StrikeFlags, Sync,
@@ -233,7 +232,7 @@ mod tests {
 
     #[test]
     fn settings_are_shown_as_quantities_and_a_block_that_is_none_says_why() {
-        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper_settings();
         let block = Block::try_from(&b"no block"[..]).unwrap();
         let shown = shown(&[block_of(&settings).into(), bead_wire::Settings { block }.into()]);
         assert_eq!(shown[0]["settings_raw"], serde_json::to_value(settings).unwrap());

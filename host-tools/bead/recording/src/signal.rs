@@ -68,8 +68,8 @@ fn values<F: LeEqU32, V: LeEqU32>(sensor: &Sensor<F>, codes: &[Pair], zero: Fixe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, Capture, FrontEnd, derive};
     use bead_model::{Window, WindowRecord};
+    use bead_testing::paper_settings;
 
     /// A pulse of `peak` newtons behind the reference front end, and an intruder that rings.
     fn scans(peak: f64) -> Vec<ScanCodes> {
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn the_signals_have_the_bits_that_the_bead_reports_peaks_and_momentum_of() {
-        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper_settings();
         for peak in [6.0, 100.0] {
             let scans = scans(peak);
             let signal = Signal::of(&scans, &settings).unwrap();
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_window_without_its_baseline_has_no_signal() {
-        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper_settings();
         assert_eq!(Signal::of(&scans(6.0)[..63], &settings), None);
     }
 }

@@ -176,18 +176,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_duration_is_a_positive_number_of_seconds() {
+    fn a_duration_is_above_zero_and_one_that_is_waited_for_a_day_at_most() {
         assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
         for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
             assert!(seconds(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn a_duration_that_is_waited_for_is_a_day_at_most() {
         assert_eq!(seconds_of_a_day("86400"), Ok(Duration::from_secs(86_400)));
-        for text in ["0", "86400.1", "1e19", "inf"] {
-            assert!(seconds_of_a_day(text).is_err(), "{text}");
-        }
+        assert!(seconds_of_a_day("86400.1").is_err());
     }
 }

@@ -246,87 +246,37 @@ mod tests {
 
     use super::*;
 
-    const REPLACE: Overwrite = Overwrite { overwrite: true };
-    const KEEP: Overwrite = Overwrite { overwrite: false };
-
-    fn why(result: Result<Target, Failure>) -> String {
-        result.unwrap_err().to_string()
-    }
-
     #[test]
-    fn an_output_takes_the_place_of_its_own_kind_only_and_only_if_told_to() {
+    fn a_file_is_of_the_kind_of_its_content_and_a_link_stays_a_link() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        let path = at("report.html");
-        assert!(!target(&path, FileKind::Page, &[], KEEP).unwrap().replaces());
-        fs::write(&path, "<!DOCTYPE html>").unwrap();
-        let said = why(target(&path, FileKind::Page, &[], KEEP));
-        assert!(
-            said.contains("is there already") && said.contains("--overwrite"),
-            "{said}"
-        );
-        assert!(target(&path, FileKind::Page, &[], REPLACE).unwrap().replaces());
-        // By what is in it, whatever its name is; by its name if that is all that tells.
+        let overwrite = Overwrite { overwrite: true };
+        let page = |name: &str| target(&at(name), FileKind::Page, &[&at("a.toml")], overwrite);
         for (content, other) in [
             (&b"\x89MCAP0\r\n"[..], "a recording"),
             (b"PAR1", "a Parquet file"),
             (b"\x7fELF", "a program"),
         ] {
-            fs::write(&path, content).unwrap();
-            let said = why(target(&path, FileKind::Page, &[], REPLACE));
+            fs::write(at("report.html"), content).unwrap();
+            let said = page("report.html").unwrap_err().to_string();
             assert!(
                 said.contains(&format!("is {other}, and a web page would")),
                 "{said}"
             );
         }
-        fs::write(at("a.toml"), "title = 1").unwrap();
-        let said = why(target(&at("a.toml"), FileKind::Text, &[], REPLACE));
-        assert!(said.contains("is a TOML file"), "{said}");
         // Nothing is lost with an empty file.
         fs::write(at("empty"), "").unwrap();
-        target(&at("empty"), FileKind::Page, &[], REPLACE).unwrap();
-    }
+        page("empty").unwrap();
 
-    #[test]
-    fn an_input_is_known_by_any_of_its_names_and_a_link_stays_a_link() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
         fs::write(at("a.toml"), "title = 1").unwrap();
-        symlink(at("a.toml"), at("link.toml")).unwrap();
-        symlink(at("nothing"), at("nowhere.toml")).unwrap();
-        let input = at("a.toml");
-        for name in ["a.toml", "link.toml", "./a.toml"] {
-            let said = why(target(&at(name), FileKind::Scenario, &[&input], REPLACE));
+        symlink(at("a.toml"), at("input")).unwrap();
+        for name in ["input", "./a.toml"] {
+            let said = page(name).unwrap_err().to_string();
             assert!(said.contains("is an input of this command"), "{said}");
         }
-        let said = why(target(&at("nowhere.toml"), FileKind::Scenario, &[], REPLACE));
-        assert!(said.contains("leads nowhere"), "{said}");
-        let linked = target(&at("link.toml"), FileKind::Scenario, &[], REPLACE).unwrap();
-        linked.write_bytes("title = 2").unwrap();
-        assert!(at("link.toml").is_symlink());
-        assert_eq!(fs::read_to_string(at("a.toml")).unwrap(), "title = 2");
-    }
-
-    #[test]
-    fn directories_devices_and_missing_folders_are_refused_before_the_work() {
-        let folder = tempfile::tempdir().unwrap();
-        for (path, part) in [
-            (folder.path().to_owned(), "is a directory"),
-            ("/dev/null".into(), "is a device"),
-            ("..".into(), "is no name of a file"),
-            (folder.path().join("no/such/file"), "is the directory there"),
-        ] {
-            let said = why(target(&path, FileKind::Text, &[], REPLACE));
-            assert!(said.contains(part), "{said}");
-        }
-        fs::write(folder.path().join("file"), "").unwrap();
-        let below = folder.path().join("file/below");
-        let said = targets(&below, [("a.svg", FileKind::Drawing)], &[], KEEP).unwrap_err();
-        assert!(said.to_string().contains("file is a file"), "{said}");
-        let new = folder.path().join("new/below");
-        let targets = targets(&new, [("a.svg", FileKind::Drawing)], &[], KEEP).unwrap();
-        assert!(!new.exists());
-        make_directory(&new).unwrap();
-        targets[0].write_bytes("<svg/>").unwrap();
+        symlink(at("empty"), at("link")).unwrap();
+        page("link").unwrap().write_bytes("<!DOCTYPE html>").unwrap();
+        assert!(at("link").is_symlink());
+        assert_eq!(fs::read_to_string(at("empty")).unwrap(), "<!DOCTYPE html>");
     }
 }

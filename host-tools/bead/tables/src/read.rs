@@ -234,7 +234,13 @@ impl CellForm {
         (form, Column::new(column.name(), kind))
     }
 
-    fn whole(self, value: i128) -> Cell {
+    /// The cell of a whole number, which the file stores with a sign.
+    fn whole(self, signed: impl Into<i128>, unsigned: impl Into<i128>) -> Cell {
+        let value = if self.is_unsigned {
+            unsigned.into()
+        } else {
+            signed.into()
+        };
         match (self.decimal, i64::try_from(value)) {
             (Some(one), _) => Cell::Number(value as f64 / one),
             (None, Ok(whole)) => Cell::Whole(whole),
@@ -309,23 +315,10 @@ impl Batches<'_> {
 fn cells(column: &mut ColumnReader, form: CellForm, rows: usize) -> Result<Vec<Cell>, ParquetError> {
     match column {
         ColumnReader::Int32ColumnReader(column) => values(column, form, rows, |value| {
-            let unsigned = i64::from(value.cast_unsigned());
-            Ok(form.whole(
-                if form.is_unsigned {
-                    unsigned
-                } else {
-                    i64::from(*value)
-                }
-                .into(),
-            ))
+            Ok(form.whole(*value, value.cast_unsigned()))
         }),
         ColumnReader::Int64ColumnReader(column) => values(column, form, rows, |value| {
-            let unsigned = i128::from(value.cast_unsigned());
-            Ok(form.whole(if form.is_unsigned {
-                unsigned
-            } else {
-                i128::from(*value)
-            }))
+            Ok(form.whole(*value, value.cast_unsigned()))
         }),
         ColumnReader::FloatColumnReader(column) => {
             values(column, form, rows, |value| Ok(Cell::Number(f64::from(*value))))

@@ -16,7 +16,7 @@ use std::thread;
 use crate::program::{DATA, PROGRAM, SCENARIO, TestFolder, refused, said, short_scenario};
 
 /// Every command that writes a file, with the name of the file.
-const WRITERS: [(&str, &str); 10] = [
+const WRITERS: [(&str, &str); 11] = [
     ("simulate s.toml --out disk/a.parquet", "a.parquet"),
     ("emulate s.toml --bead 8 --out disk", "bead-8.mcap"),
     ("recover x.mcap --out disk/a.mcap", "a.mcap"),
@@ -27,6 +27,7 @@ const WRITERS: [(&str, &str); 10] = [
     ("settings make --template disk/bead.toml", "bead.toml"),
     ("settings make b.toml --out disk/a.settings", "a.settings"),
     (SEARCH, "best.toml"),
+    ("sweep sweep.toml --out disk/a.parquet", "a.parquet"),
 ];
 const SEARCH: &str = "optimise short.toml --bead 7 --total-mass 0.01 --evaluations 400 --out disk/best.toml";
 
@@ -55,6 +56,8 @@ fn folder() -> TestFolder {
     fs::copy(SCENARIO, folder.join("s.toml")).unwrap();
     fs::copy(format!("{DATA}/recording-v1.mcap"), folder.join("x.mcap")).unwrap();
     folder.write("short.toml", short_scenario());
+    let sweep = "scenario = \"short.toml\"\n[[axis]]\nkey = \"striker.velocity\"\nvalues = [0.3, 0.4]\n";
+    folder.write("sweep.toml", sweep);
     folder.done("settings make --template b.toml");
     folder
 }

@@ -85,6 +85,7 @@ impl Folder {
                 path.display()
             ))
         };
+        let was_there = path.exists();
         fs::create_dir_all(path).map_err(cannot)?;
         // A program that was killed while it wrote the plan left an unfinished file.
         let is_other = |entry: &fs::DirEntry| !is_unfinished(&entry.file_name().to_string_lossy());
@@ -107,7 +108,12 @@ impl Folder {
         };
         let chunks = page.chunks;
         let text = toml::to_string(&page).expect("numbers and strings are TOML");
-        Target::new(path.join(PAGE)).replacing(true).write_bytes(text)?;
+        let written = Target::new(path.join(PAGE)).replacing(true).write_bytes(text);
+        if written.is_err() && !was_there {
+            // It is empty. The error of the plan says what matters.
+            let _ = fs::remove_dir(path);
+        }
+        written?;
         Ok(Self {
             path: path.to_owned(),
             plan,

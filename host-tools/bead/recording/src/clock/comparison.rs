@@ -285,8 +285,7 @@ fn arrivals(segment: &Segment, place: &RecordedBoot, reference: impl Fn(f64) -> 
 mod tests {
     use super::*;
     use crate::strikes::ScanCodes;
-    use bead_model::design::{Bead, Capture, FrontEnd, derive};
-    use bead_testing::one_sample_strike;
+    use bead_testing::{one_sample_strike, paper_settings};
     use bead_wire::Message;
 
     #[test]
@@ -301,7 +300,7 @@ mod tests {
                 wide: None,
             }
         };
-        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let settings = paper_settings();
         let strike = |nth_boot| RecordedStrike {
             nth_boot,
             scans: (0..672).map(scan).collect(),

@@ -526,13 +526,3 @@ fn each_bead_of_several_gives_back_its_own_bytes_times_and_attachments() {
     let addresses: BTreeSet<u8> = frames.iter().map(|frame| frame.header.address).collect();
     assert_eq!(addresses, BTreeSet::from([7, 8, 200]));
 }
-
-#[test]
-fn a_second_bead_with_the_same_address_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let target = Target::new(folder.path().join("two.mcap"));
-    let mut writer = Writer::create_for_several(&target, &about()).unwrap();
-    writer.join(&Origin::default()).unwrap();
-    let refused = writer.join(&Origin::default()).unwrap_err().to_string();
-    assert!(refused.contains("two beads have the address 0"), "{refused}");
-}

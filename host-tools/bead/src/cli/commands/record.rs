@@ -258,29 +258,11 @@ mod tests {
     fn the_clock_is_told_as_soon_as_it_can_be() {
         let mut live = Live::default();
         let mut sent = |second: u64| {
-            let identity = bead_wire::Identity {
-                firmware: "".into(),
-                git: "".into(),
-                uid: [0; 12],
-                boot: 0,
-                reset_cause: bead_wire::ResetCauses::NONE,
-                sample_rate_hz: 100_000,
-                channels: 2,
-            };
-            let frame = Frame {
-                version: bead_wire::VERSION,
-                header: bead_wire::Header {
-                    address: 0,
-                    boot: 0,
-                    sequence: second as u32,
-                    sample_index: 100_000 * second,
-                },
-                arrival: bead_wire::Arrival::Next { lost: 0 },
-                sample_rate_hz: Some(100_000),
-                // A bead that is fast by 50 ppm, and frames up to 30 us late.
-                received_ns: Some(second * 999_950_002 + second * 7919 % 30_011),
-                message: identity.into(),
-            };
+            let arrival = bead_wire::Arrival::Next { lost: 0 };
+            let mut frame = Frame::of(0, 0, arrival, bead_testing::Speaker::at(0).identity());
+            frame.header.sample_index = 100_000 * second;
+            // A bead that is fast by 50 ppm, and frames up to 30 us late.
+            frame.received_ns = Some(second * 999_950_002 + second * 7919 % 30_011);
             live.push(&frame);
             clock_lines(&live).collect::<String>()
         };
