@@ -109,14 +109,10 @@ mod tests {
         let read = |text: &str| text.parse::<Wanted>();
         assert_eq!(read("CH1:8.9N").unwrap().size, Some((Quantity::Force, 8.9)));
         assert_eq!(read("force_n").unwrap().size, None);
-        assert_eq!(
-            read("2:98m/s2").unwrap().column,
-            ColumnAddress::Either("2".to_owned())
-        );
-        assert_eq!(
-            read("name=2").unwrap().column,
-            ColumnAddress::Name("2".to_owned())
-        );
+        let two = "2".to_owned();
+        let (either, name) = (read("2:98m/s2").unwrap(), read("name=2").unwrap());
+        assert_eq!(either.column, ColumnAddress::Either(two.clone()));
+        assert_eq!(name.column, ColumnAddress::Name(two));
         assert!(read("CH1:8.9").unwrap_err().contains("is no unit"));
         assert!(read(":N").is_err());
     }

@@ -461,14 +461,12 @@ mod tests {
         for head in ["", "t (ms),v\n"] {
             is_the_ramp(table(head, row), &choice("1:ms", "2:0.2N"));
         }
-        is_the_ramp(
-            table("", &|_, v| format!("{:.0},{v:.1}\n", 10.0 * v)),
-            &untimed("1:0.2N"),
-        );
-        is_the_ramp(
-            table("", &|_, v| format!("{:.0},-1\n", 10.0 * v)),
-            &untimed("1:0.2N"),
-        );
+        let rows: [Row<'_>; 2] = [&|_, v| format!("{:.0},{v:.1}\n", 10.0 * v), &|_, v| {
+            format!("{:.0},-1\n", 10.0 * v)
+        }];
+        for row in rows {
+            is_the_ramp(table("", row), &untimed("1:0.2N"));
+        }
     }
 
     #[test]
@@ -481,24 +479,15 @@ mod tests {
             format!("time_s,force_n\n{}", lines.concat())
         };
         for (text, refusal) in [
-            (
-                one(12, "0.002,\n"),
-                "F: line 14 has no number for the force; a waveform has no gaps",
-            ),
+            (one(12, "0.002,\n"), "F: line 14 has no number for the force;"),
             (one(12, "0.002,nan\n"), "line 14 has no number"),
             (one(12, "0.002,1e999\n"), "line 14 has no number"),
             (one(12, "0.002,eight\n"), "line 14 has no number"),
-            (
-                one(12, "0.001,0.2\n"),
-                "F: time stands still at line 14, from 0.001 to 0.001 s",
-            ),
+            (one(12, "0.001,0.2\n"), "time stands still at line 14, from 0.001"),
             (one(12, "-1,0.2\n"), "time goes back at line 14"),
             (one(12, "2e-3,2e30\n"), "line 14 has 2.000e30 N for the force"),
             (one(29, "1e31,0.2\n"), "line 31 has 1.000e31 s for the time"),
-            (
-                one(12, ""),
-                "has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart",
-            ),
+            (one(12, ""), "has a gap from 0.001 to 0.003 s, where its lines"),
             ("p,q\n1,2\n".to_owned(), "no column of force"),
             ("time_s,force_n\n1,2\n2,3\n".to_owned(), "has 2 lines of numbers"),
             ("nothing\nat all\n".to_owned(), "no rows of numbers"),

@@ -33,6 +33,9 @@ const ATTEMPTS: u32 = 3;
 /// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a
 /// reply back for 20 ms, and a network may do so too.
 const OTHERS: Duration = Duration::from_millis(200);
+/// Time for a clock that runs slow, and a host that is busy, in which a signed request holds.
+const MARGIN: Duration = Duration::from_secs(5);
+
 /// An error of a conversation. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
@@ -181,18 +184,16 @@ impl Conversation {
     }
 
     fn signed(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
-        /// A clock that runs slow, and a host that is busy.
-        const MARGIN: Duration = Duration::from_secs(5);
-        let mut answer = self.sign_and_ask(request, key, MARGIN)?;
+        let mut answer = self.sign_and_ask(request, key)?;
         if matches!(answer.reply.outcome, Outcome::Replayed | Outcome::Late) {
             // Another host was faster, or the bead was reset meanwhile.
             self.identity = None;
-            answer = self.sign_and_ask(request, key, MARGIN)?;
+            answer = self.sign_and_ask(request, key)?;
         }
         Ok(answer)
     }
 
-    fn sign_and_ask(&mut self, request: &Request, key: &Key, margin: Duration) -> Result<Answer, LineError> {
+    fn sign_and_ask(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
         let identity = match &self.identity {
             Some(identity) => identity.clone(),
             None => {
@@ -209,7 +210,7 @@ impl Conversation {
             Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
             _ => None,
         })?;
-        let holds = self.patience * ATTEMPTS + margin;
+        let holds = self.patience * ATTEMPTS + MARGIN;
         let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
         let asked = self.asked;
         self.ask(request, |number, attempt| {

@@ -314,7 +314,7 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
 mod tests {
     use super::*;
     use bead_testing::{Speaker, one_sample_strike};
-    use bead_wire::{Kind, Reply, RequestDecoder, Status};
+    use bead_wire::{Body, Reply, RequestDecoder, Status};
 
     const NEXT: Arrival = Arrival::Next { lost: 0 };
     const RESTART: Arrival = Arrival::Restart { lost: 0 };
@@ -347,10 +347,8 @@ mod tests {
         }
 
         fn counts(&mut self, boot: u8, strikes: u32) {
-            let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
-                panic!("a status");
-            };
-            self.says(boot, NEXT, Message::Status(Status { strikes, ..status }));
+            let status = Status::draw(&mut || 0);
+            self.says(boot, NEXT, Status { strikes, ..status });
         }
 
         fn strike(&mut self, boot: u8, number: u32) {

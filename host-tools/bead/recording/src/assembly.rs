@@ -568,16 +568,13 @@ mod tests {
     }
 
     fn short(events: Vec<Event>) -> Vec<Short> {
-        let whole: Vec<bool> = events
-            .iter()
-            .filter(|event| !matches!(event, Event::Restart(_)))
-            .map(|event| matches!(event, Event::Whole(_)))
-            .collect();
-        let strikes = assembled(events).into_iter().map(|assembled| assembled.strike);
-        let strikes = whole.into_iter().zip(strikes);
-        strikes
-            .map(|(is_whole, strike)| (is_whole, strike.boot, strike.said.strike))
-            .collect()
+        let strikes = events.into_iter().filter_map(|event| match event {
+            Event::Restart(_) => None,
+            Event::Whole(assembled) => Some((true, assembled.strike)),
+            Event::Gap(assembled) => Some((false, assembled.strike)),
+        });
+        let short = |(is_whole, strike): (bool, RecordedStrike)| (is_whole, strike.boot, strike.said.strike);
+        strikes.map(short).collect()
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use bead_wire::{Arrival, Message};
 
-use crate::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
+use crate::file::{About, Finished, Recording, RecordingError, State, Writer};
 use crate::frames::Item;
 use crate::raw;
 use bead_tables::whole::Target;
@@ -132,13 +132,9 @@ pub fn recover_raw(file: &Path, target: &Target) -> Result<Recovered, RecordingE
     let writer = Writer::create(target, &about)?;
     let finished =
         writer.fill(|writer| raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item))))?;
-    let damage = Damage {
-        other: Some("it has raw bytes, without times of receipt".to_owned()),
-        ..Damage::default()
-    };
     Ok(Recovered {
         finished,
-        found: damage.to_string(),
+        found: "it has raw bytes, without times of receipt".to_owned(),
         runs_missing: 0,
         strikes_without_result: open.count(),
     })

@@ -33,7 +33,7 @@ impl LastStatuses {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::{Arrival, Kind};
+    use bead_wire::{Arrival, Body};
 
     #[test]
     fn of_each_boot_of_each_bead_the_last_status_counts() {
@@ -48,12 +48,9 @@ mod tests {
             (7, 0, 1700, 20),
             (7, 1, 2700, 300),
         ] {
-            let Message::Status(mut status) = Message::draw(Kind::Status, &mut || 0) else {
-                panic!("a status")
-            };
+            let mut status = Status::draw(&mut || 0);
             (status.uptime_ms, status.overruns) = (uptime_ms, overruns);
-            let message = Message::Status(status);
-            statuses.push(&Frame::of(address, boot, Arrival::Next { lost: 0 }, message));
+            statuses.push(&Frame::of(address, boot, Arrival::Next { lost: 0 }, status));
         }
         assert_eq!(statuses.sum(|status| status.overruns), 1 + 5 + 20 + 300);
     }

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use crate::program::{PROGRAM, SCENARIO, TestFolder, done, said};
 use bead_testing::{Speaker, xorshift};
-use bead_wire::{Kind, Message};
+use bead_wire::{Body, Kind, Message, Strike, Waveform};
 
 /// Addresses that a command may use, kB. Threads and libraries take some 300 MB of them, and hardly any
 /// memory.
@@ -74,10 +74,7 @@ fn fields_at_the_ends_of_their_ranges_are_read_by_every_command() {
 #[test]
 fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
     let mut random = xorshift(0x9E37_79B9_7F4A_7C15);
-    let [waveform, result] = [Kind::Waveform, Kind::Strike].map(|kind| Message::draw(kind, &mut random));
-    let (Message::Waveform(waveform), Message::Strike(result)) = (waveform, result) else {
-        panic!("a waveform and a strike");
-    };
+    let (waveform, result) = (Waveform::draw(&mut random), Strike::draw(&mut random));
     let mut stream = Speaker::at(1);
     // A strike of one number, again and again, with more waveforms than a window has samples; then numbers at
     // both sides of 2^32, and first indices near 2^64.

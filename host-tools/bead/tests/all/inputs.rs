@@ -23,6 +23,8 @@ use std::thread;
 use std::time::Duration;
 
 use crate::program::{PROGRAM, ROOT, assert_says};
+use bead_recording::physical::to_toml;
+use bead_testing::paper_settings;
 use clap::CommandFactory;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
@@ -114,6 +116,8 @@ fn fixture(folder: &Path) {
     wave("steers.csv", "time_s,force_n", &steers);
     // Behind a gap the times are later.
     wave("gap.csv", "time_s,force_n", &|n| line(n + 3 * i32::from(n > 20)));
+    let bead = to_toml(paper_settings().description()).replacen("damping = 12.0", "damping = 0", 1);
+    write("undamped.toml", bead.as_bytes());
     // Scenarios with one thing wrong.
     let scenario = fs::read_to_string(folder.join("s.toml")).unwrap();
     for (name, was, is) in [

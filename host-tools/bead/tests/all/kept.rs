@@ -13,7 +13,7 @@ use crate::answering::AnsweringBead;
 use crate::program::{RunningProgram, TestFolder, assert_says, done, refused, said};
 use bead_recording::file::Recording;
 use bead_testing::{block_of, one_sample_strike, paper_settings};
-use bead_wire::{Codes, Kind, Message, Status};
+use bead_wire::{Body, Codes, Message, Status};
 
 /// Time from strike to strike.
 const EVERY: Duration = Duration::from_millis(40);
@@ -91,10 +91,7 @@ impl StoringBead {
         self.introduced = Instant::now();
         self.bead.say_identity();
         self.bead.say_settings();
-        let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
-            panic!("a status");
-        };
-        let strikes = self.strikes;
+        let (strikes, status) = (self.strikes, Status::draw(&mut || 0));
         self.bead.say(Status { strikes, ..status });
         self.send();
     }

@@ -13,8 +13,8 @@ use crate::program::{
     self, PROGRAM, RunningProgram, TestFolder, assert_says, interruptible, names, refused, tcp,
 };
 use bead_recording::file::{Recording, State};
-use bead_testing::{Speaker, one_sample_strike};
-use bead_wire::{Acceleration, Codes, Energy, Force, Message, Strike, StrikeFlags, Waveform};
+use bead_testing::Speaker;
+use bead_wire::{Acceleration, Body, Codes, Energy, Force, Message, Strike, StrikeFlags, Waveform};
 use rustix::{pty, termios};
 
 /// A bead in its second boot, about to say the frame with this number.
@@ -35,18 +35,19 @@ fn identity(sequence: u32) -> Vec<u8> {
 }
 
 fn waveform(sequence: u32) -> Vec<u8> {
-    let [Message::Waveform(waveform), ..] = one_sample_strike(1, 1000) else {
-        panic!("a waveform");
+    let waveform = Waveform {
+        strike: 1,
+        first_index: 1000,
+        codes: Codes::pack((0..32).map(|code| [code, 4095 - code])).unwrap(),
+        ..Waveform::draw(&mut || 0)
     };
-    let codes = Codes::pack((0..32).map(|code| [code, 4095 - code])).unwrap();
-    frame(sequence, Waveform { codes, ..waveform })
+    frame(sequence, waveform)
 }
 
 fn strike(sequence: u32) -> Vec<u8> {
-    let [_, Message::Strike(strike), _] = one_sample_strike(1, 1000) else {
-        panic!("a strike");
-    };
     let strike = Strike {
+        strike: 1,
+        first_index: 1000,
         trigger_index: 1032,
         samples: 32,
         peak_force: Force::from_bits(3 << 15),
@@ -55,7 +56,7 @@ fn strike(sequence: u32) -> Vec<u8> {
         absorbed_measured: Energy::from_bits(830 << 24),
         absorbed_predicted: Energy::from_bits(812 << 24),
         flags: StrikeFlags::from_bits(0b10),
-        ..strike
+        ..Strike::draw(&mut || 0)
     };
     frame(sequence, strike)
 }

@@ -1,7 +1,7 @@
 //! `bead settings make` and `bead settings set`: from physical quantities to the settings of a bead.
 
 use crate::answering::{AnsweringBead, at_line};
-use crate::program::{SCENARIO, TestFolder, assert_says, done, refused, said};
+use crate::program::{SCENARIO, TestFolder, assert_says, done, said};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::name::Name;
@@ -43,22 +43,6 @@ fn a_bead_is_named_and_calibrated_from_a_file() {
     ));
     run("make bead-8.toml");
     assert_eq!(read("bead-8.settings"), paper_settings());
-}
-
-#[test]
-fn a_mistake_in_a_file_names_its_line_and_nothing_that_is_there_is_replaced() {
-    let folder = TestFolder::new();
-    folder.done("settings make --template bead.toml");
-    let text = folder.text("bead.toml");
-    let line = 1 + text.lines().position(|line| line.starts_with("damping")).unwrap();
-    folder.write("bad.toml", text.replacen("damping = 12.0", "damping = 0", 1));
-    let why = format!("bad.toml:{line}: intruder.damping: 0 is out of range");
-    folder.refused("settings make bad.toml", 2, &why);
-    folder.refused("settings write bad.toml --port unix:nowhere", 2, &why);
-    folder.done("settings make bead.toml");
-    folder.refused("settings make bead.toml", 2, "bead.settings is there already");
-    let onto_itself = folder.run("settings make bead.toml --out bead.toml --overwrite");
-    refused(&onto_itself, 2, "is an input of this command");
 }
 
 #[test]

@@ -285,14 +285,13 @@ fn arrivals(segment: &Segment, place: &RecordedBoot, reference: impl Fn(f64) -> 
 mod tests {
     use super::*;
     use crate::strikes::ScanCodes;
-    use bead_testing::{one_sample_strike, paper_settings};
-    use bead_wire::Message;
+    use bead_testing::paper_settings;
+    use bead_wire::{Body, Strike};
 
     #[test]
     fn the_front_of_a_strike_is_of_its_own_boot_also_after_a_power_cycle() {
-        let [_, Message::Strike(said), _] = one_sample_strike(7, 0) else {
-            panic!("a strike");
-        };
+        let strike = Strike::draw(&mut || 0);
+        let said = Strike { strike: 7, ..strike };
         let scan = |sample: u16| {
             let force = 6.0 * (-((f64::from(sample) - 300.0) / 20.0).powi(2)).exp();
             ScanCodes {

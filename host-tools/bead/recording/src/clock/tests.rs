@@ -6,8 +6,7 @@ use super::fit::median;
 use super::segments::*;
 use crate::frames::Frame;
 use crate::strikes::RecordedStrike;
-use bead_testing::one_sample_strike;
-use bead_wire::{Arrival, Health, Kind, Message};
+use bead_wire::{Arrival, Body, Health, Kind, Message, Strike};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -234,9 +233,7 @@ fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
     };
     let time = CommonTime::among(&[boot(7, 1), boot(8, 50), boot(7, 50)]);
     assert!(time.is_shared());
-    let [_, Message::Strike(said), _] = one_sample_strike(0, 0) else {
-        panic!("a strike");
-    };
+    let said = Strike::draw(&mut || 0);
     let at = |address: u8, nth_boot: Option<usize>| {
         let strike = RecordedStrike {
             nth_boot,

@@ -427,18 +427,13 @@ fn foreign(library: &str, topic: &str, metadata: &[(&str, &str)], data: &[&[u8]]
 }
 
 #[test]
-fn other_files_are_refused_by_what_they_are() {
+fn other_mcap_files_are_refused_by_what_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other");
     let refused = |bytes: &[u8]| {
         fs::write(&path, bytes).unwrap();
         Recording::open(&path).unwrap_err()
     };
-    assert!(matches!(refused(b""), RecordingError::Empty(_)));
-    assert!(matches!(
-        refused(b"time,force\n0,1\n"),
-        RecordingError::NotMcap(_)
-    ));
     let topic = format!("\u{1b}{}", "x".repeat(100_000));
     let message = refused(&foreign(&"y".repeat(100_000), &topic, &[], &[])).to_string();
     assert!(
@@ -454,11 +449,6 @@ fn other_files_are_refused_by_what_they_are() {
         message.contains(expected) && message.contains("use the program"),
         "{message}"
     );
-    fs::remove_file(&path).unwrap();
-    assert!(matches!(
-        Recording::open(&path),
-        Err(RecordingError::File { action: "read", .. })
-    ));
 }
 
 /// Three beads with addresses 7, 8 and 200, whose pieces come in turn.

@@ -274,22 +274,10 @@ mod tests {
             assert_eq!(found.lines().count(), 1);
         }
         let long = refused("\"left\"", &format!("\"{}\"", "µ".repeat(100_000)));
-        let expected = format!(
-            "bead.toml:{}: name: `{}…` is no name",
-            line("name ="),
-            "µ".repeat(32)
-        );
+        let (at, begin) = (line("name ="), "µ".repeat(32));
+        let expected = format!("bead.toml:{at}: name: `{begin}…` is no name");
         assert!(long.starts_with(&expected) && long.len() < 200, "{long}");
-        for wrong in [
-            "k",
-            "k=much",
-            "x=3",
-            "address=300",
-            "address=1.5",
-            "k=nan",
-            "=3",
-            "",
-        ] {
+        for wrong in "k|k=much|x=3|address=300|address=1.5|k=nan|=3|".split('|') {
             let error = set(&mut paper(), wrong).unwrap_err().to_string();
             assert_eq!(error.lines().count(), 1, "{error}");
         }
