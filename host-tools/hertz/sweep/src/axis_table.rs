@@ -33,17 +33,8 @@ pub(super) struct AxisTable {
     over: Option<Vec<AxisTable>>,
 }
 
-/// The points of an axis as a file describes them.
-enum AxisPoints<'a> {
-    /// Values of one key.
-    Key(Spacing<'a>),
-    /// Values of keys that change together.
-    Zip(&'a [AxisTable]),
-    /// A number of points that are drawn.
-    Drawn(Method, u64),
-}
-
 /// The values of one key as a file describes them.
+#[derive(Clone, Copy)]
 enum Spacing<'a> {
     List(&'a [Value]),
     Range([f64; 3]),
@@ -63,32 +54,26 @@ impl AxisTable {
     /// # Errors
     /// A key or a value is not one of a sweep; [`InputError`] without file and line.
     pub(super) fn axis(&self, at: &str) -> Result<SweepAxis, InputError> {
-        let description = self.description(at)?;
-        let (default_name, along, count) = match description {
-            AxisPoints::Key(spacing) => {
-                if self.name.is_some() {
-                    return refused(at, "an axis of one key is named by it", "leave the name out");
-                }
-                let (along, count) = self.along(at, &spacing)?;
-                if let Some(value) = along.twice() {
-                    return refused(
-                        at,
-                        format!("the value {value} is there twice"),
-                        "give each value once",
-                    );
-                }
-                let along = vec![along];
-                return Ok(SweepAxis {
-                    name: None,
-                    along,
-                    count,
-                });
-            }
-            AxisPoints::Zip(tables) => {
+        let is_key = self.key.is_some() || self.spacings().len() == 1;
+        let is_drawn = self.random.is_some() || self.quasirandom.is_some();
+        if !is_drawn && (self.over.is_some() || self.seed.is_some()) {
+            let advice = "give how many points to draw";
+            return refused(at, "over and seed belong to random or quasirandom", advice);
+        }
+        let (default_name, along, count) = match (is_key, &self.zip, self.random, self.quasirandom) {
+            (true, None, None, None) => return self.key_axis(at),
+            (false, Some(tables), None, None) => {
                 let (along, count) = zipped(at, tables)?;
                 ("zip", along, count)
             }
-            AxisPoints::Drawn(method, count) => ("sample", self.drawn(at, method, count)?, count),
+            (false, None, Some(count), None) => ("sample", self.drawn(at, Method::Random, count)?, count),
+            (false, None, None, Some(count)) => {
+                ("sample", self.drawn(at, Method::Quasirandom, count)?, count)
+            }
+            _ => {
+                let what = "it must have either a key with its values, or zip, or random, or quasirandom";
+                return refused(at, what, "give one of them");
+            }
         };
         let name = self.name.as_deref().unwrap_or(default_name);
         if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
@@ -99,37 +84,24 @@ impl AxisTable {
         Ok(SweepAxis { name, along, count })
     }
 
-    fn description(&self, at: &str) -> Result<AxisPoints<'_>, InputError> {
-        let spacing = self.spacing();
-        let is_key = spacing.len() == 1 || self.key.is_some();
-        let of_key = || match <[_; 1]>::try_from(spacing) {
-            Ok([spacing]) => Ok(AxisPoints::Key(spacing)),
-            Err(_) => refused(
-                at,
-                format!("{} needs its values, once", self.key.as_deref().unwrap_or("it")),
-                GIVE_VALUES,
-            ),
-        };
-        let is_drawn = self.random.is_some() || self.quasirandom.is_some();
-        if !is_drawn && (self.over.is_some() || self.seed.is_some()) {
-            let advice = "give how many points to draw";
-            return refused(at, "over and seed belong to random or quasirandom", advice);
+    fn key_axis(&self, at: &str) -> Result<SweepAxis, InputError> {
+        if self.name.is_some() {
+            return refused(at, "an axis of one key is named by it", "leave the name out");
         }
-        match (is_key, &self.zip, self.random, self.quasirandom) {
-            (true, None, None, None) => of_key(),
-            (false, Some(tables), None, None) => Ok(AxisPoints::Zip(tables)),
-            (false, None, Some(count), None) => Ok(AxisPoints::Drawn(Method::Random, count)),
-            (false, None, None, Some(count)) => Ok(AxisPoints::Drawn(Method::Quasirandom, count)),
-            _ => refused(
+        let (along, count) = self.along(at)?;
+        if let Some(value) = along.twice() {
+            return refused(
                 at,
-                "it must have either a key with its values, or zip, or random, or quasirandom",
-                "give one of them",
-            ),
+                format!("the value {value} is there twice"),
+                "give each value once",
+            );
         }
+        let (name, along) = (None, vec![along]);
+        Ok(SweepAxis { name, along, count })
     }
 
     /// All spacings that are given, of which one is right.
-    fn spacing(&self) -> Vec<Spacing<'_>> {
+    fn spacings(&self) -> Vec<Spacing<'_>> {
         let given = [
             self.values.as_deref().map(Spacing::List),
             self.range.map(Spacing::Range),
@@ -158,16 +130,18 @@ impl AxisTable {
                 "give a key such as striker.velocity",
             );
         };
-        ScenarioKey::parse(key).map_err(|error| InputError {
-            key: format!("{at}.key"),
-            ..error
-        })
+        let key_at = format!("{at}.key");
+        ScenarioKey::parse(key).map_err(|error| InputError { key: key_at, ..error })
     }
 
-    /// The values of the key, and their number.
-    fn along(&self, at: &str, spacing: &Spacing<'_>) -> Result<(Along, u64), InputError> {
+    /// The key with its values, and their number.
+    fn along(&self, at: &str) -> Result<(Along, u64), InputError> {
+        let [spacing] = self.spacings()[..] else {
+            let what = format!("{} needs its values, once", self.key.as_deref().unwrap_or("it"));
+            return refused(at, what, GIVE_VALUES);
+        };
         let key = self.key(at)?;
-        let (values, count) = match *spacing {
+        let (values, count) = match spacing {
             Spacing::List(list) => {
                 let at = format!("{at}.values");
                 let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
@@ -217,7 +191,7 @@ impl AxisTable {
         for (dimension, table) in tables.iter().enumerate() {
             let at = format!("{at}.over[{}]", dimension + 1);
             let key = table.key(&at)?;
-            let ([from, to], log) = match table.spacing()[..] {
+            let ([from, to], log) = match table.spacings()[..] {
                 [Spacing::Uniform(bounds)] => (bounds, false),
                 [Spacing::LogUniform(bounds)] => (bounds, true),
                 _ => {
@@ -253,11 +227,7 @@ fn zipped(at: &str, tables: &[AxisTable]) -> Result<(Vec<Along>, u64), InputErro
     let (mut all, mut first) = (Vec::new(), None);
     for (table, number) in tables.iter().zip(1..) {
         let at = format!("{at}.zip[{number}]");
-        let Ok([spacing]) = <[_; 1]>::try_from(table.spacing()) else {
-            let what = format!("{} needs its values, once", table.key(&at)?);
-            return refused(&at, what, GIVE_VALUES);
-        };
-        let (along, count) = table.along(&at, &spacing)?;
+        let (along, count) = table.along(&at)?;
         let first = *first.get_or_insert(count);
         if count != first {
             let what = format!("{count} values, and {first} for the key before it");
@@ -341,6 +311,7 @@ fn check_beads(
     }
 }
 
+/// Checks numbers of beads that are spaced evenly.
 fn check_spaced_beads(at: &str, key: &ScenarioKey, values: &Values, count: u64) -> Result<(), InputError> {
     let number = |place: u64| values.number(place).unwrap_or(f64::NAN);
     let (first, last) = (number(0), number(count - 1));

@@ -181,20 +181,16 @@ impl Definition {
         ] {
             let key = format!("outputs.{name}");
             if let Some(wrong) = of.iter().find(|n| **n < 1 || **n > most) {
-                let advice = format!("give numbers from 1 to {most}");
-                return Err(InputError::at(
-                    key,
+                let (what, advice) = (
                     format!("{wrong} is not in the chain"),
-                    advice,
-                ));
+                    format!("give numbers from 1 to {most}"),
+                );
+                return Err(InputError::at(key, what, advice));
             }
             let mut seen = HashSet::new();
             if let Some(twice) = of.iter().find(|n| !seen.insert(**n)) {
-                return Err(InputError::at(
-                    key,
-                    format!("{twice} is named twice"),
-                    "name it once",
-                ));
+                let what = format!("{twice} is named twice");
+                return Err(InputError::at(key, what, "name it once"));
             }
         }
         Ok(())
@@ -243,10 +239,8 @@ mod tests {
     fn a_plan_that_names_a_file_in_place_of_its_scenario_is_refused() {
         let text = "scenario = \"a.toml\"\n[[axis]]\nkey = \"striker.velocity\"\nvalues = [1.0]";
         let refused = Definition::from_toml(text, "plan.toml").unwrap_err().to_string();
-        assert_eq!(
-            refused,
-            "plan.toml:1: scenario: the name of a file, where its tables must be; make the plan anew"
-        );
+        let why = "plan.toml:1: scenario: the name of a file, where its tables must be; make the plan anew";
+        assert_eq!(refused, why);
     }
 
     #[test]
@@ -271,19 +265,12 @@ mod tests {
             "#,
         )
         .unwrap();
-        let axes = &definition.axes;
-        assert_eq!(
-            axes.iter().map(|axis| axis.count).collect::<Vec<_>>(),
-            [5, 7, 3, 10]
-        );
-        let index: Vec<_> = axes.iter().map(SweepAxis::index).collect();
-        let names = [
-            "intruder_1_stiffness_n_per_m",
-            "striker_velocity_mps",
-            "tuned",
-            "sample",
-        ];
-        assert_eq!(index, names);
+        let axes = definition
+            .axes
+            .iter()
+            .map(|axis| format!("{} {}", axis.index(), axis.count));
+        let expected = "intruder_1_stiffness_n_per_m 5, striker_velocity_mps 7, tuned 3, sample 10";
+        assert_eq!(axes.collect::<Vec<_>>().join(", "), expected);
         let again = Definition::from_toml(&definition.to_toml(), "again").unwrap();
         assert_eq!((&again, again.to_toml()), (&definition, definition.to_toml()));
     }
@@ -301,36 +288,12 @@ mod tests {
     }
 
     #[test]
-    fn spaces_and_lists_of_beads_are_whole() {
-        for sound in [
-            "key = \"chain.beads\"\nlogspace = [1, 1024, 11]",
-            "key = \"chain.beads\"\nlinspace = [16, 10, 3]",
-            "key = \"chain.beads\"\nvalues = [16.0, 12]",
-            "key = \"intruder.1.beads\"\nvalues = [8, [7, 8]]",
-        ] {
-            read(&format!("[[axis]]\n{sound}")).unwrap();
-        }
-    }
-
-    #[test]
-    fn the_contact_of_a_wall_that_an_axis_makes_can_be_asked_for() {
-        let wall = "[[axis]]\nzip = [{ key = \"wall.young\", values = [1e9] }, { key = \"wall.poisson\", values = [0.3] }]";
-        assert!(read(&format!("{wall}\n[outputs]\npeaks = [17]")).is_ok());
-        assert!(read(&format!("{wall}\n[outputs]\npeaks = [18]")).is_err());
-    }
-
-    #[test]
     fn of_many_keys_the_first_that_is_wrong_is_told() {
-        let keys = [
-            "duration",
-            "chain.young",
-            "chain.density",
-            "striker.velocity",
-            "striker.radius",
-        ];
+        let keys = "duration chain.young chain.density striker.velocity striker.radius";
+        let keys: Vec<_> = keys.split(' ').collect();
         for wrong in 0..keys.len() {
             let axis = |(place, key): (usize, &&str)| {
-                let end = if place == wrong || place == wrong + 2 {
+                let end = if [wrong, wrong + 2].contains(&place) {
                     "_"
                 } else {
                     ""
@@ -344,17 +307,20 @@ mod tests {
         }
     }
 
-    /// A table that the scenario may have and does not: each of its keys alone would not do.
+    /// The last two make a table that the scenario does not have, of which each key alone would not do.
     #[test]
-    fn keys_may_make_a_table_together() {
-        let young = "[[axis]]\nkey = \"wall.young\"\nvalues = [1e9, 2e9]\n";
-        let poisson = "[[axis]]\nkey = \"wall.poisson\"\nvalues = [0.3]";
-        assert!(read(&format!("{young}{poisson}")).is_ok());
-        let said = read(young).unwrap_err().to_string();
-        assert!(
-            said.contains("axis[1].key: wall.young: the key `poisson` is missing"),
-            "{said}"
-        );
+    fn beads_are_whole_and_keys_may_make_a_table_together() {
+        let young = "key = \"wall.young\"\nvalues = [1e9, 2e9]\n[[axis]]";
+        for sound in [
+            "key = \"chain.beads\"\nlogspace = [1, 1024, 11]",
+            "key = \"chain.beads\"\nlinspace = [16, 10, 3]",
+            "key = \"chain.beads\"\nvalues = [16.0, 12]",
+            "key = \"intruder.1.beads\"\nvalues = [8, [7, 8]]",
+            &format!("{young}\nkey = \"wall.poisson\"\nvalues = [0.3]"),
+            &format!("{young}\nkey = \"wall.poisson\"\nvalues = [0.3]\n[outputs]\npeaks = [17]"),
+        ] {
+            read(&format!("[[axis]]\n{sound}")).unwrap();
+        }
     }
 
     /// Lines of a file, parted by ` \n `, the defect, and the advice; `axis:` begins an axis.
@@ -387,6 +353,8 @@ axis: random = 10 => draws points over no key => over =
 axis: zip = [{ key = "duration", values = [1, 2] }, { key = "chain.young", values = [1] }] => axis[1].zip[2]: 1 values, and 2 => equally many
 axis: key = "duration" \n values = [1] \n [[axis]] \n key = "duration" \n values = [1] => sweep.toml:4: axis[2]: duration is swept twice => one axis
 axis: key = "duration" \n values = [1] \n [outputs] \n peaks = [99] => outputs.peaks: 99 is not in the chain => 1 to 16
+axis: key = "wall.young" \n values = [1e9] => axis[1].key: wall.young: the key `poisson` is missing => poisson
+axis: key = "wall.gap" \n values = [1] \n [outputs] \n peaks = [18] => outputs.peaks: 18 is not in the chain => 1 to 17
 axis: key = "duration" \n values = [1] \n [outputs] \n peak = [9] => outputs.peak: unknown key => did you mean `peaks`?
 "#;
 
@@ -398,11 +366,8 @@ axis: key = "duration" \n values = [1] \n [outputs] \n peak = [9] => outputs.pea
             };
             let axes = axes.replace("axis: ", "[[axis]]\n").replace(" \\n ", "\n");
             let error = read(&axes).unwrap_err().to_string();
-            assert!(
-                error.contains(defect) && error.contains(advice),
-                "{axes}: {error}"
-            );
-            assert_eq!(error.lines().count(), 1);
+            let is_told = error.contains(defect) && error.contains(advice);
+            assert!(is_told && error.lines().count() == 1, "{axes}: {error}");
         }
     }
 }

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 
 use hertz_chain::{ContactPeak, EnsembleOutcome};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use bead_tables::{Cell, Column, Kind};
 
 /// The results to keep.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SweepOutputs {
     /// Energy dissipated by all intruders at the end: in J, and as parts of the striker's and the injected
@@ -17,16 +17,12 @@ pub struct SweepOutputs {
     /// Energies at the end, J.
     pub energies: bool,
     /// Hosts whose intruders' dissipated energy is kept.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub intruders: Vec<usize>,
     /// Contacts whose greatest force is kept.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub peaks: Vec<usize>,
     /// Contacts whose time of the greatest force is kept.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub arrivals: Vec<usize>,
     /// Beads behind which the energy at the end is kept: in J, and as a part of the injected.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transmission: Vec<usize>,
 }
 
@@ -61,28 +57,14 @@ impl SweepOutputs {
             ];
             names.extend(energies.map(str::to_owned));
         }
-        let each = |of: &[usize], name: fn(usize) -> Vec<String>| {
-            of.iter().flat_map(|n| name(*n)).collect::<Vec<_>>()
-        };
-        names.extend(each(&self.intruders, |bead| {
-            vec![format!("bead_{bead}_intruder_dissipated_j")]
-        }));
-        names.extend(each(&self.peaks, |contact| {
-            vec![format!("contact_{contact}_peak_force_n")]
-        }));
-        names.extend(each(&self.arrivals, |contact| {
-            vec![format!("contact_{contact}_peak_time_s")]
-        }));
-        names.extend(each(&self.transmission, |bead| {
-            vec![
-                format!("behind_bead_{bead}_j"),
-                format!("behind_bead_{bead}_of_injected"),
-            ]
-        }));
-        names
-            .into_iter()
-            .map(|name| Column::new(name, Kind::Number))
-            .collect()
+        let [intruders, peaks, arrivals] = [&self.intruders, &self.peaks, &self.arrivals].map(|of| of.iter());
+        names.extend(intruders.map(|bead| format!("bead_{bead}_intruder_dissipated_j")));
+        names.extend(peaks.map(|contact| format!("contact_{contact}_peak_force_n")));
+        names.extend(arrivals.map(|contact| format!("contact_{contact}_peak_time_s")));
+        let behind = |bead: &usize| ["j", "of_injected"].map(|unit| format!("behind_bead_{bead}_{unit}"));
+        names.extend(self.transmission.iter().flat_map(behind));
+        let column = |name| Column::new(name, Kind::Number);
+        names.into_iter().map(column).collect()
     }
 
     /// Contacts whose greatest force must be found.
@@ -106,37 +88,23 @@ impl SweepOutputs {
             ]);
         }
         if self.energies {
-            let energies = end.energies();
-            cells.extend(
-                [
-                    injected,
-                    energies.striker,
-                    energies.chain,
-                    energies.intruders,
-                    energies.dissipated_contacts,
-                    energies.dissipated_intruders,
-                ]
-                .map(Cell::Number),
-            );
+            let at_end = end.energies();
+            let of_bodies = [injected, at_end.striker, at_end.chain, at_end.intruders];
+            let dissipated = [at_end.dissipated_contacts, at_end.dissipated_intruders];
+            cells.extend(of_bodies.into_iter().chain(dissipated).map(Cell::Number));
         }
-        cells.extend(
-            self.intruders
-                .iter()
-                .map(|bead| Cell::number(end.intruder_dissipated(*bead))),
-        );
+        let intruders = self.intruders.iter();
+        cells.extend(intruders.map(|bead| Cell::number(end.intruder_dissipated(*bead))));
         let peaks: HashMap<usize, &ContactPeak> =
             outcome.peaks().iter().map(|peak| (peak.contact, peak)).collect();
-        let peak = |contact: &usize| peaks.get(contact);
-        cells.extend(
-            self.peaks
-                .iter()
-                .map(|c| Cell::number(peak(c).map(|peak| peak.force))),
-        );
-        cells.extend(
-            self.arrivals
-                .iter()
-                .map(|c| Cell::number(peak(c).map(|peak| peak.time))),
-        );
+        let of_peaks = |contacts: &[usize], value: fn(&ContactPeak) -> f64| -> Vec<Cell> {
+            let peaks = contacts.iter().map(|contact| peaks.get(contact));
+            peaks
+                .map(|peak| Cell::number(peak.map(|peak| value(peak))))
+                .collect()
+        };
+        cells.extend(of_peaks(&self.peaks, |peak| peak.force));
+        cells.extend(of_peaks(&self.arrivals, |peak| peak.time));
         for bead in &self.transmission {
             let last = model.bodies() - 1;
             cells.extend(if *bead < last {

@@ -89,12 +89,8 @@ fn note(plan: &Plan, by: Option<&Side>, at: &[ChosenPlace]) -> String {
     let title = Some(plan.definition().title.clone()).filter(|title| !title.is_empty());
     let by = by.map(|by| format!("by {}", by.quantity.label()));
     let at = at.iter().map(|place| format!("at {}", place.label));
-    title
-        .into_iter()
-        .chain(by)
-        .chain(at)
-        .collect::<Vec<_>>()
-        .join("\n")
+    let lines: Vec<_> = title.into_iter().chain(by).chain(at).collect();
+    lines.join("\n")
 }
 
 fn curves(
@@ -238,15 +234,6 @@ mod tests {
         chart(path.path(), &view(words)).map_err(|error| error.to_string())
     }
 
-    fn drawn(points: &[i64], speeds_of: u64) -> Result<Chart, String> {
-        drawn_over(
-            points.iter().copied(),
-            &Cell::Number(1e-6),
-            &speeds(speeds_of),
-            "",
-        )
-    }
-
     /// A whole sweep with a result at each point, as a picture.
     fn svg(axes: &str, words: &str) -> String {
         let points = 0..plan(axes).points() as i64;
@@ -296,73 +283,51 @@ mod tests {
     fn the_place_that_at_took_is_told() {
         let axes = [&speeds(3), MASSES].concat();
         let curve = svg(&axes, "x=zip at=striker_velocity_mps=5");
-        assert_eq!(
-            curve.matches("at striker velocity = 1.2 m/s").count(),
-            2,
-            "note and description"
-        );
+        let told = curve.matches("at striker velocity = 1.2 m/s").count();
+        assert_eq!(told, 2, "note and description");
         let curve = svg(&axes, "by=striker_velocity_mps x=intruder_1_stiffness_n_per_m");
         assert!(!curve.contains("at striker"));
         let curve = svg(&axes, "x=striker_velocity_mps at=intruder_1_mass_kg=0");
         assert!(curve.contains(">at intruder 1 mass = 1 g (zip 0)<"), "{curve}");
-        let curve = svg(
-            &[BEADS, MASSES, &speeds(2)].concat(),
-            "at=intruder_1_beads=12 at=zip=2",
-        );
-        assert!(
-            curve.contains(">at intruder 1 beads = 12<") && curve.contains(">at zip = 2<"),
-            "{curve}"
-        );
+        let axes = [BEADS, MASSES, &speeds(2)].concat();
+        let curve = svg(&axes, "at=intruder_1_beads=12 at=zip=2");
+        for note in [">at intruder 1 beads = 12<", ">at zip = 2<"] {
+            assert!(curve.contains(note), "{curve}");
+        }
     }
+
+    /// Words for a sweep over speeds and masses, and the refusal.
+    const REFUSALS_OF_TWO: &str = "\
+at=zip=1 at=intruder_1_mass_kg=1 => another --at has chosen
+x=zip at=intruder_1_mass_kg=1 => --x is of an axis of which --at leaves one place
+y=zip at=zip=1 => --y is of an axis of which --at leaves one place
+by=zip at=zip=1 => --by is of an axis of which --at leaves one place
+at=zip=nan => the value must be a finite number
+at=zip=-inf => the value must be a finite number
+at=zip=1 at=striker_velocity_mps=1 => there is no axis left for --x; leave out an --at";
 
     #[test]
     fn what_does_not_fit_the_axes_is_refused_before_the_work() {
         let two = [&speeds(3), MASSES].concat();
         let one = "[[axis]]\nkey = \"duration\"\nvalues = [1e-3]\n";
-        let young = |count: u64| format!("[[axis]]\nkey = \"chain.young\"\nlinspace = [1e9, 2e9, {count}]\n");
-        for (axes, words, why) in [
-            (
-                &two[..],
-                "at=zip=1 at=intruder_1_mass_kg=1",
-                "another --at has chosen",
-            ),
-            (
-                &two,
-                "x=zip at=intruder_1_mass_kg=1",
-                "--x is of an axis of which --at leaves one place",
-            ),
-            (
-                &two,
-                "y=zip at=zip=1",
-                "--y is of an axis of which --at leaves one place",
-            ),
-            (
-                &two,
-                "by=zip at=zip=1",
-                "--by is of an axis of which --at leaves one place",
-            ),
-            (&two, "at=zip=nan", "the value must be a finite number"),
-            (&two, "at=zip=-inf", "the value must be a finite number"),
-            (
-                &two,
-                "at=zip=1 at=striker_velocity_mps=1",
-                "there is no axis left for --x; leave out an --at",
-            ),
-            (&speeds(3), "map=absorbed_j", "a map needs two axes of the sweep"),
+        let long = speeds(500_001) + "[[axis]]\nkey = \"chain.young\"\nlinspace = [1e9, 2e9, 2]\n";
+        for (axes, rows) in [
+            (&*two, REFUSALS_OF_TWO),
+            (&speeds(3), "map=absorbed_j => a map needs two axes of the sweep"),
             (
                 one,
-                "",
-                "each axis of this sweep has one value; name the column of one with --x",
+                " => each axis of this sweep has one value; name the column of one with --x",
             ),
-            (&speeds(1_000_001), "", "curves of 1000001 points are more"),
+            (&speeds(1_000_001), " => curves of 1000001 points are more"),
             (
-                &[speeds(500_001), young(2)].concat(),
-                "x=striker_velocity_mps by=chain_young_pa",
-                "curves of 1000002 points are more",
+                &long,
+                "x=striker_velocity_mps by=chain_young_pa => curves of 1000002 points are more",
             ),
         ] {
-            let found = checked(axes, words).unwrap_err();
-            assert!(found.contains(why), "{words}: {found}");
+            for (words, why) in rows.lines().map(|row| row.split_once("=> ").unwrap()) {
+                let found = checked(axes, words).unwrap_err();
+                assert!(found.contains(why), "{words}: {found}");
+            }
         }
         assert_eq!(checked(&speeds(1_000_000), ""), Ok(()));
         assert_eq!(checked(one, "x=duration_s"), Ok(()));
@@ -370,43 +335,23 @@ mod tests {
 
     #[test]
     fn a_table_has_the_points_of_its_sweep() {
-        assert!(drawn(&[0, 1, 2], 3).is_ok());
-        for (points, speeds, why) in [
-            (&[0, 1][..], 3, "has 2 rows, and its sweep 3 points"),
-            (
-                &[0, 1],
-                1_000_000_000_000,
-                "has 2 rows, and its sweep 1000000000000 points",
-            ),
-            (&[0, 1, 3], 3, "has a row of no point of its sweep"),
-            (&[0, 1, -1], 3, "has a row of no point of its sweep"),
-            (&[1, 0, 1], 3, "has point 1 twice, and so others are missing"),
+        let drawn = |points: &[i64], axes: &str| {
+            drawn_over(points.iter().copied(), &Cell::Number(1e-6), axes, "").err()
+        };
+        assert_eq!(drawn(&[0, 1, 2], &speeds(3)), None);
+        for (points, why) in [
+            (&[0, 1][..], "has 2 rows, and its sweep 3 points"),
+            (&[0, 1, 3], "has a row of no point of its sweep"),
+            (&[0, 1, -1], "has a row of no point of its sweep"),
+            (&[1, 0, 1], "has point 1 twice, and so others are missing"),
         ] {
-            assert_eq!(drawn(points, speeds).err().as_deref(), Some(why));
+            assert_eq!(drawn(points, &speeds(3)).as_deref(), Some(why));
         }
         let again = std::iter::repeat_n(0, MOST_POINTS + 2);
-        let axes = [
-            &speeds(2),
-            &speeds(MOST_POINTS as u64 / 2 + 1).replace("striker.velocity", "duration")[..],
-        ];
-        let why = drawn_over(
-            again,
-            &Cell::Number(1e-6),
-            &axes.concat(),
-            "at=striker_velocity_mps=0",
-        );
-        assert_eq!(
-            why.err().as_deref(),
-            Some("has points twice, and so others are missing")
-        );
-    }
-
-    #[test]
-    fn a_picture_of_no_values_is_refused() {
-        let why = drawn_over(0..3, &Cell::Null, &speeds(3), "").err().unwrap();
-        assert!(
-            why.starts_with("has no point with a value of absorbed_j; "),
-            "{why}"
-        );
+        let times = speeds(MOST_POINTS as u64 / 2 + 1).replace("striker.velocity", "duration");
+        let axes = speeds(2) + &times;
+        let why = drawn_over(again, &Cell::Number(1e-6), &axes, "at=striker_velocity_mps=0");
+        let expected = "has points twice, and so others are missing";
+        assert_eq!(why.err().as_deref(), Some(expected));
     }
 }

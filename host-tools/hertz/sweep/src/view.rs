@@ -74,6 +74,7 @@ impl View {
     pub(super) fn layout(&self, plan: &Plan) -> Result<ChartLayout, String> {
         let mut axes = OpenAxes::new(self, plan)?;
         let is_map = self.is_map(plan, &axes);
+        axes.needs_two = is_map;
         let x = axes.take(self.x.as_deref(), "--x", is_map)?;
         let form = if is_map {
             self.map_form(plan, &mut axes, &x)?
@@ -95,13 +96,11 @@ impl View {
     }
 
     fn map_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &AxisColumn) -> Result<ChartForm, String> {
-        axes.needs_two = true;
         let y = axes.take(self.y.as_deref(), "--y", false)?;
         if y.axis == x.axis {
             return Err("a map needs two axes of the sweep, and --x and --y are of one".to_owned());
         }
-        let value = self.map.as_deref().filter(|name| !name.is_empty());
-        let value = result(plan, value)?;
+        let value = result(plan, self.map.as_deref().filter(|name| !name.is_empty()))?;
         Ok(ChartForm::Map { y, value })
     }
 
@@ -141,6 +140,7 @@ struct OpenAxes<'a> {
     /// Number of axes with several places.
     several: usize,
     at: Vec<ChosenPlace>,
+    /// True for a map.
     needs_two: bool,
 }
 
@@ -167,17 +167,12 @@ impl<'a> OpenAxes<'a> {
             .collect();
         let several = open.len();
         open.retain(|axis| at.iter().all(|place| place.axis != *axis));
-        let needs_two = view.map.is_some()
-            || view
-                .y
-                .as_ref()
-                .is_some_and(|y| AxisColumn::find(plan, y).is_some());
         Ok(Self {
             plan,
             open,
             several,
             at,
-            needs_two,
+            needs_two: false,
         })
     }
 
