@@ -50,18 +50,13 @@ mod tests {
     #[test]
     fn links_stay_in_the_book_or_lead_to_the_repository() {
         let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-        std::fs::create_dir(from.path().join("images")).unwrap();
-        std::fs::write(from.path().join("images/a.svg"), "<svg/>").unwrap();
-        std::fs::write(
-            from.path().join("a.md"),
-            "[here](b.md#c) [there](../firmware/src/main.rs)",
-        )
-        .unwrap();
+        write(&from.path().join("images/a.svg"), b"<svg/>").unwrap();
+        let page = b"[here](b.md#c) [there](../firmware/src/main.rs)";
+        write(&from.path().join("a.md"), page).unwrap();
         gather(from.path(), to.path()).unwrap();
-        assert_eq!(
-            std::fs::read_to_string(to.path().join("a.md")).unwrap(),
-            format!("[here](b.md#c) [there]({SOURCE}firmware/src/main.rs)")
-        );
+        let page = std::fs::read_to_string(to.path().join("a.md")).unwrap();
+        let expected = format!("[here](b.md#c) [there]({SOURCE}firmware/src/main.rs)");
+        assert_eq!(page, expected);
         assert!(SOURCE.starts_with("https://") && to.path().join("images/a.svg").exists());
     }
 }

@@ -29,18 +29,3 @@ pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
     steps.run("scripts of faults", &line)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_number_of_scripts_is_refused_before_anything_is_built() {
-        let steps = Steps::start().unwrap();
-        for words in [&[][..], &["many"], &["3", "--sed", "1"], &["3", "--seed"]] {
-            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-            let stop = campaign(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
-            assert!(stop.message.starts_with("give how many"), "{}", stop.message);
-        }
-    }
-}

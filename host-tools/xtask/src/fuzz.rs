@@ -106,16 +106,4 @@ mod tests {
             assert_eq!(time(word), None, "{word}");
         }
     }
-
-    #[test]
-    fn what_is_no_target_and_no_time_is_refused_before_anything_is_built() {
-        let steps = Steps::start().unwrap();
-        let stop = fuzz(&steps, &[&"frame".to_owned()]).unwrap_err();
-        assert!(
-            stop.message
-                .starts_with("`frame` is no target and no time; give one of beads, "),
-            "{}",
-            stop.message
-        );
-    }
 }

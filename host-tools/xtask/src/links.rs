@@ -107,66 +107,38 @@ fn slugs(text: &str) -> impl Iterator<Item = String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::write;
 
-    fn site(pages: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
-        let dir = tempfile::tempdir().unwrap();
-        let root = dir.path().canonicalize().unwrap();
+    /// The number of links that are followed in these pages, or the complaint.
+    fn checked(pages: &[(&str, &str)]) -> Result<usize, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().canonicalize().unwrap();
         for (name, text) in pages {
-            let path = root.join(name);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
+            write(&root.join(name), text.as_bytes()).unwrap();
         }
-        (dir, root)
+        let complaint = |stop: Stop| stop.message.replace(&format!("{}/", root.display()), "");
+        check(&root).map_err(complaint)
     }
 
     #[test]
-    fn links_to_files_headings_and_the_web_hold() {
-        let (_dir, root) = site(&[
-            (
-                "README.md",
-                "[a](docs/a.md#the-heading-no-2) and [b](docs/) and ![p](docs/p.svg \"title\") [w](https://x.y)\n",
-            ),
-            (
-                "docs/a.md",
-                "# The heading, no. 2\n[up](../README.md) [here](#the-heading-no-2)\n",
-            ),
-            ("docs/p.svg", ""),
-        ]);
-        assert_eq!(check(&root).unwrap(), 5);
-    }
-
-    #[test]
-    fn a_missing_file_and_a_missing_heading_are_named_with_their_line() {
-        let (_dir, root) = site(&[("a.md", "# A\n\n[x](gone.md) [y](#gone)\n")]);
+    fn links_that_hold_are_counted_and_those_that_lead_nowhere_are_named_with_their_line() {
+        let readme = "[a](docs/a.md#the-heading-no-2) and [b](docs/) and ![p](docs/p.svg \"title\") [w](https://x.y)\n";
+        let page = "# The heading, no. 2\n[up](../README.md) [here](#the-heading-no-2)\n";
+        let pages = [("README.md", readme), ("docs/a.md", page), ("docs/p.svg", "")];
+        assert_eq!(checked(&pages), Ok(5));
+        // Code and build directories are left alone.
+        let code = ("a.md", "`v[0](gone.md)`\n```\n[x](gone.md)\n```\n");
+        let built = [("target/CACHEDIR.TAG", ""), ("target/other.md", "[x](gone.md)\n")];
+        assert_eq!(checked(&[code, built[0], built[1]]), Ok(0));
+        let lost = "links that lead nowhere:\na.md:3: #gone: no such heading\na.md:3: gone.md: no such file";
         assert_eq!(
-            check(&root).unwrap_err().message,
-            "links that lead nowhere:\na.md:3: #gone: no such heading\na.md:3: gone.md: no such file"
+            checked(&[("a.md", "# A\n\n[x](gone.md) [y](#gone)\n")]),
+            Err(lost.to_owned())
         );
-    }
-
-    #[test]
-    fn a_page_that_the_summary_does_not_list_is_named() {
-        let (_dir, root) = site(&[
-            ("docs/SUMMARY.md", "- [A](a.md)\n"),
-            ("docs/a.md", ""),
-            ("docs/b.md", ""),
-            ("README.md", ""),
-        ]);
-        let told = check(&root).unwrap_err().message;
-        assert!(
-            told.ends_with("docs/b.md: not in docs/SUMMARY.md") && !told.contains("a.md:"),
-            "{told}"
-        );
-    }
-
-    #[test]
-    fn code_and_build_directories_are_left_alone() {
-        let (_dir, root) = site(&[
-            ("a.md", "`v[0](gone.md)`\n```\n[x](gone.md)\n```\n"),
-            ("target/CACHEDIR.TAG", ""),
-            ("target/other.md", "[x](gone.md)\n"),
-        ]);
-        assert_eq!(check(&root).unwrap(), 0);
+        let summary = ("docs/SUMMARY.md", "- [A](a.md)\n");
+        let unlisted = "links that lead nowhere:\ndocs/b.md: not in docs/SUMMARY.md";
+        let pages = [summary, ("docs/a.md", ""), ("docs/b.md", ""), ("README.md", "")];
+        assert_eq!(checked(&pages), Err(unlisted.to_owned()));
     }
 
     #[test]
@@ -180,8 +152,8 @@ mod tests {
             "firmware/wire",
         ] {
             let program = read(&format!("{folder}/examples/library.rs"));
-            let code = program
-                .strip_prefix("//! The example of docs/library.md.\n\n")
+            let (_, code) = program
+                .split_once("//! The example of docs/library.md.\n\n")
                 .unwrap();
             assert!(page.contains(&format!("```rust\n{code}```")), "{folder}");
         }

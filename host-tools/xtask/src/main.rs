@@ -238,3 +238,35 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_that_no_task_knows_are_refused_before_anything_is_built() {
+        let steps = Steps::start().unwrap();
+        let fuzz = "`frame` is no target and no time; give one of beads, ";
+        let (campaign, mutants) = ("give how many", "give nothing, or one of model");
+        for (name, words, why) in [
+            ("fuzz", "frame", fuzz),
+            ("campaign", "", campaign),
+            ("campaign", "many", campaign),
+            ("campaign", "3 --sed 1", campaign),
+            ("campaign", "3 --seed", campaign),
+            ("mutants", "tests", mutants),
+            ("mutants", "store 1", mutants),
+            ("mutants", "store 4/4", mutants),
+            ("mutants", "store a/b", mutants),
+            ("mutants", "wire 0/2 x", mutants),
+        ] {
+            let task = TASKS.iter().find(|task| task.name == name).unwrap();
+            let TaskFunction::WithWords(run) = task.run else {
+                panic!("{name} takes no words");
+            };
+            let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
+            let stop = run(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
+            assert!(stop.message.starts_with(why), "{}", stop.message);
+        }
+    }
+}

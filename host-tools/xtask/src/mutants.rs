@@ -254,19 +254,4 @@ mod tests {
             assert_eq!(text.matches(from).count(), 1, "`{from}` in {file}");
         }
     }
-
-    #[test]
-    fn an_unknown_part_or_shard_is_refused_before_anything_is_built() {
-        let steps = Steps::start().unwrap();
-        for words in ["tests", "store 1", "store 4/4", "store a/b", "wire 0/2 x"] {
-            let words: Vec<String> = words.split(' ').map(str::to_owned).collect();
-            let stop = check(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
-            assert!(
-                stop.message.starts_with("give nothing, or one of model"),
-                "{}",
-                stop.message
-            );
-        }
-        assert!(is_shard("0/1") && is_shard("15/16"));
-    }
 }

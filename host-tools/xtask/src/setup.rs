@@ -143,7 +143,7 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
 const PACKAGE: &str = "--no-install-recommends qemu-system-arm";
 
 /// Package names of a simulated installation, by what apt would do with them.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Default)]
 struct AptPlan {
     installed: Vec<String>,
     upgraded: Vec<String>,
@@ -189,16 +189,11 @@ fn plan(steps: &Steps) -> Result<(AptPlan, String), Stop> {
     }
     let offers = output("apt-cache madison qemu-system-arm").unwrap_or_default();
     // " qemu-system-arm | 1:10.0.2 | http://deb.debian.org/debian bookworm-backports/main amd64 Packages"
-    let releases = offers.lines().filter_map(|offer| {
-        offer
-            .rsplit('|')
-            .next()?
-            .split_whitespace()
-            .nth(1)?
-            .split('/')
-            .next()
-    });
-    for release in releases {
+    let release = |offer: &'_ str| {
+        let place = offer.rsplit('|').next()?.split_whitespace().nth(1)?;
+        Some(place.split('/').next()?.to_owned())
+    };
+    for release in offers.lines().filter_map(release) {
         let option = format!("-t {release} ");
         let simulation = output(&simulate(&option).to_string()).map(|said| AptPlan::parse(&said));
         if let Some(plan) = simulation.filter(|plan| plan.removed.is_empty()) {
@@ -275,18 +270,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_order_by_number_and_not_by_letter() {
-        let debian =
-            Version::parse("QEMU emulator version 7.2.22 (Debian 1:7.2+dfsg-7+deb12u18+b3)\nCopyright")
-                .unwrap();
-        let trixie = Version::parse("QEMU emulator version 10.0.2").unwrap();
-        let jammy = Version::parse("QEMU emulator version 6.2.0 (Debian 1:6.2+dfsg-2ubuntu6)").unwrap();
-        assert_eq!(debian, QEMU_OLDEST);
-        assert!(jammy < QEMU_OLDEST && QEMU_OLDEST < trixie);
-        assert_eq!(Version::parse("no number here"), None);
-    }
-
-    #[test]
     fn a_plan_tells_new_packages_from_upgraded_and_removed_ones() {
         // As apt 2.6 simulates it.
         let plan = AptPlan::parse(
@@ -295,15 +278,7 @@ mod tests {
              Inst libc6 [2.36-9] (2.36-9+deb12u10 Debian:12.15/oldstable [amd64])\n\
              Conf qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n",
         );
-        let names = |name: &str| vec![name.to_owned()];
-        let [installed, upgraded, removed] = ["qemu-system-data", "libc6", "qemu-utils"].map(names);
-        assert_eq!(
-            plan,
-            AptPlan {
-                installed,
-                upgraded,
-                removed
-            }
-        );
+        let expected = [["qemu-system-data"], ["libc6"], ["qemu-utils"]];
+        assert_eq!([plan.installed, plan.upgraded, plan.removed], expected);
     }
 }

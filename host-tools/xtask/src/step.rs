@@ -37,11 +37,8 @@ impl Stop {
     }
 
     fn stopped() -> Self {
-        let message = "a step beside this one has failed".to_owned();
-        Stop {
-            message,
-            status: STOPPED,
-        }
+        let (message, status) = ("a step beside this one has failed".to_owned(), STOPPED);
+        Stop { message, status }
     }
 }
 
@@ -180,16 +177,13 @@ impl Steps {
     pub(crate) fn run(&self, title: &str, line: &CommandLine) -> Result<(), Stop> {
         let mut command = self.command(line)?;
         self.say(title, line);
-        let output = if self.beside {
-            command.output()
-        } else {
+        if !self.beside {
             command
                 .stdin(Stdio::inherit())
                 .stdout(Stdio::inherit())
-                .stderr(Stdio::inherit())
-                .output()
-        };
-        self.ended(title, line, output).map(drop)
+                .stderr(Stdio::inherit());
+        }
+        self.ended(title, line, command.output()).map(drop)
     }
 
     /// As [`Steps::run`]; gives what the command prints on standard output.
@@ -339,87 +333,50 @@ mod tests {
 
     #[test]
     fn a_printed_command_can_be_pasted_into_a_shell() {
-        let line = CommandLine::new("echo -n")
-            .env("FLAGS", "-D warnings")
-            .arg("it's a path")
-            .arg("");
-        assert_eq!(
-            line.to_string(),
-            r"FLAGS='-D warnings' echo -n 'it'\''s a path' ''"
-        );
-        let shell = Command::new("sh")
-            .arg("-c")
-            .arg(line.to_string())
-            .output()
-            .unwrap();
-        assert_eq!(String::from_utf8(shell.stdout).unwrap(), "it's a path ");
+        let line = CommandLine::new("echo -n").env("FLAGS", "-D warnings");
+        let line = line.arg("it's a path").arg("").to_string();
+        assert_eq!(line, r"FLAGS='-D warnings' echo -n 'it'\''s a path' ''");
+        let shell = CommandLine::new("sh -c").arg(line);
+        let printed = Steps::start().unwrap().read("a shell", &shell).unwrap();
+        assert_eq!(printed, "it's a path ");
     }
 
     #[test]
     fn the_status_of_a_failed_command_is_passed_on_but_cargos_is_one() {
         let steps = Steps::start().unwrap();
-        let stop = steps
-            .run("says no", &CommandLine::new("sh -c").arg("exit 2"))
-            .unwrap_err();
-        assert_eq!(stop.status, 2);
-        assert!(stop.message.contains("sh -c 'exit 2'"), "{}", stop.message);
-        let stop = steps
-            .run("no such subcommand", &CommandLine::new("cargo --no-such-option"))
-            .unwrap_err();
-        assert_eq!(stop.status, 1);
-        let stop = steps
-            .run("no such program", &CommandLine::new("no-such-program-here"))
-            .unwrap_err();
-        assert_eq!(stop.status, MISSING);
-    }
-
-    #[test]
-    fn what_a_command_prints_can_be_read() {
-        let steps = Steps::start().unwrap();
-        assert_eq!(
-            steps.read("says", &CommandLine::new("echo a b")).unwrap(),
-            "a b\n"
-        );
-        assert!(steps.read("fails", &CommandLine::new("sh -c false")).is_err());
+        for (line, status) in [
+            (CommandLine::new("sh -c").arg("exit 2"), 2),
+            (CommandLine::new("cargo --no-such-option"), 1),
+            (CommandLine::new("no-such-program-here"), MISSING),
+        ] {
+            let stop = steps.run("a step", &line).unwrap_err();
+            assert_eq!(stop.status, status, "{line}");
+            assert!(stop.message.contains(&line.to_string()), "{}", stop.message);
+        }
     }
 
     #[test]
     fn of_two_series_at_a_time_the_step_that_fails_is_named_and_ends_the_other() {
         let [good, bad] = ["sh -c true", "sh -c false"].map(CommandLine::new);
-        let series = |lines: [&CommandLine; 2]| {
-            let lines = lines.map(CommandLine::clone);
-            move |steps: &Steps| lines.iter().try_for_each(|line| steps.run("a step", line))
+        let passes = |steps: &Steps| steps.run("passes", &good);
+        let fails = |steps: &Steps| steps.run("fails", &bad).and_then(|()| steps.run("never", &good));
+        let after = |steps: &Steps| {
+            while !steps.failed.load(Ordering::Relaxed) {
+                std::thread::yield_now();
+            }
+            steps.run("never runs", &good)
         };
         let steps = || Steps::start().unwrap();
-        assert!(
-            steps()
-                .both(series([&good, &good]), series([&good, &good]))
-                .is_ok()
-        );
-        let fails = series([&bad, &good]);
-        for stop in [
-            steps().both(fails.clone(), series([&good, &good])),
-            steps().both(series([&good, &good]), fails),
+        steps().both(passes, passes).unwrap();
+        for ended in [
+            steps().both(fails, passes),
+            steps().both(passes, fails),
+            steps().both(fails, after),
         ] {
-            let stop = stop.unwrap_err();
+            let stop = ended.unwrap_err();
             assert!(stop.message.contains("sh -c false"), "{}", stop.message);
             assert_eq!(stop.status, 1);
         }
-        let steps = steps();
-        let first = |steps: &Steps| steps.run("fails", &bad);
-        let after = |beside: &Steps| {
-            while !beside.failed.load(Ordering::Relaxed) {
-                std::thread::yield_now();
-            }
-            beside.run("never runs", &good)
-        };
-        assert!(
-            steps
-                .both(first, after)
-                .unwrap_err()
-                .message
-                .contains("sh -c false")
-        );
     }
 
     #[test]

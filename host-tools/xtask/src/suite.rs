@@ -6,10 +6,12 @@
 //! lists the programs. The longest ones start first.
 
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use serde_json::Value;
 
 use crate::step::{CommandLine, Steps, Stop};
 
@@ -37,36 +39,29 @@ pub(crate) fn programs(told: &str) -> Vec<Job> {
 }
 
 fn program(artifact: &str) -> Option<Job> {
+    let artifact: Value = serde_json::from_str(artifact).ok()?;
     // The target says whether it has tests, the profile whether this program is them.
-    let profile = &artifact[artifact.find(r#""profile":"#)?..];
-    if !profile.contains(r#""test":true"#) {
+    if artifact["profile"]["test"] != true {
         return None;
     }
-    let executable = field(artifact, "executable")?;
-    let manifest = Path::new(field(artifact, "manifest_path")?);
-    let target = &artifact[artifact.find(r#""target":"#)?..];
-    let name = field(target, "name")?;
+    let executable = artifact["executable"].as_str()?;
+    let manifest = Path::new(artifact["manifest_path"].as_str()?);
     // "path+file:///…/host-tools#bead@0.1.0", or without a name if that is the folder's.
-    let (path, package) = field(artifact, "package_id")?.rsplit_once('#')?;
+    let (path, package) = artifact["package_id"].as_str()?.rsplit_once('#')?;
     let package = match package.split_once('@') {
         Some((package, _)) => package,
         None => path.rsplit_once('/')?.1,
     };
-    let which = match target {
-        _ if target.contains(r#""kind":["test"]"#) => format!("--test {name}"),
-        _ if target.contains(r#""kind":["bin"]"#) => format!("--bin {name}"),
+    let name = artifact["target"]["name"].as_str()?;
+    let which = match artifact["target"]["kind"][0].as_str() {
+        Some("test") => format!("--test {name}"),
+        Some("bin") => format!("--bin {name}"),
         _ => "--lib".to_owned(),
     };
     Some(Job {
         title: format!("cargo test --release -p {package} {which}"),
         line: CommandLine::program(executable).within(manifest.parent()?),
     })
-}
-
-/// Text of a field of a JSON object; `None` without the field.
-fn field<'a>(object: &'a str, name: &str) -> Option<&'a str> {
-    let start = object.find(&format!("\"{name}\":\""))? + name.len() + 4;
-    Some(&object[start..start + object[start..].find('"')?])
 }
 
 /// Runs all jobs, and gives the number of tests that passed.
@@ -82,10 +77,7 @@ pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
     let steps = steps.beside();
     let work = || {
         loop {
-            let job = queue
-                .lock()
-                .unwrap_or_else(|poisoned| poisoned.into_inner())
-                .next();
+            let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(Job { title, line }) = job else {
                 return Ok(());
             };
@@ -116,9 +108,8 @@ fn passes(printed: &str) -> usize {
     let results = printed
         .lines()
         .filter_map(|line| line.strip_prefix("test result: ok. "));
-    results
-        .filter_map(|rest| rest.split_once(" passed")?.0.parse::<usize>().ok())
-        .sum()
+    let counts = results.filter_map(|rest| rest.split_once(" passed")?.0.parse::<usize>().ok());
+    counts.sum()
 }
 
 #[cfg(test)]
@@ -128,7 +119,7 @@ mod tests {
     /// As cargo 1.95 prints it, on one line.
     fn artifact(id: &str, kind: &str, name: &str, test: bool) -> String {
         format!(
-            r#"{{"reason":"compiler-artifact","package_id":"path+file:///w/{id}","manifest_path":"/w/tests/Cargo.toml","target":{{"kind":["{kind}"],"crate_types":["bin"],"name":"{name}","src_path":"/w/tests/tests/key.rs","edition":"2024","test":true}},"profile":{{"opt_level":"3","test":{test}}},"features":[],"filenames":["/w/target/release/deps/{name}-1"],"executable":"/w/target/release/deps/{name}-1","fresh":true}}"#
+            r#"{{"reason":"compiler-artifact","package_id":"path+file:///w/{id}","manifest_path":"/w/tests/Cargo.toml","target":{{"kind":["{kind}"],"name":"{name}","test":true}},"profile":{{"opt_level":"3","test":{test}}},"executable":"/w/target/release/deps/{name}-1","fresh":true}}"#
         )
     }
 
@@ -142,19 +133,17 @@ mod tests {
             r#"{"reason":"build-finished","success":true}"#.to_owned(),
         ];
         let jobs = programs(&told.join("\n"));
-        let titles: Vec<_> = jobs.iter().map(|job| job.title.as_str()).collect();
-        assert_eq!(
-            titles,
-            [
-                "cargo test --release -p bead-tests --test key",
-                "cargo test --release -p xtask --bin xtask",
-                "cargo test --release -p absorber-bead --lib",
-            ]
-        );
-        assert_eq!(
-            jobs[0].line.to_string(),
-            "cd /w/tests && /w/target/release/deps/key-1"
-        );
+        let titles = jobs
+            .iter()
+            .filter_map(|job| job.title.strip_prefix("cargo test --release -p "));
+        let expected = [
+            "bead-tests --test key",
+            "xtask --bin xtask",
+            "absorber-bead --lib",
+        ];
+        assert_eq!(titles.collect::<Vec<_>>(), expected);
+        let line = jobs[0].line.to_string();
+        assert_eq!(line, "cd /w/tests && /w/target/release/deps/key-1");
     }
 
     #[test]
@@ -168,15 +157,11 @@ mod tests {
         assert_eq!(passed.unwrap(), 60);
         let folder = tempfile::tempdir().unwrap();
         let mark = folder.path().join("began");
-        let bad = job("exit 1");
-        let after = job(&format!("touch {}", mark.display()));
-        let mut jobs = vec![bad];
+        let mut jobs = vec![job("exit 1")];
         // Each worker may take one beside the first.
-        jobs.extend(vec![
-            job("sleep 0.5");
-            thread::available_parallelism().unwrap().get()
-        ]);
-        jobs.push(after);
+        let workers = thread::available_parallelism().unwrap().get();
+        jobs.extend(vec![job("sleep 0.5"); workers]);
+        jobs.push(job(&format!("touch {}", mark.display())));
         let stop = run(&Steps::start().unwrap(), jobs).unwrap_err();
         assert!(stop.message.contains("sh -c 'exit 1'"), "{}", stop.message);
         assert!(!mark.exists());

@@ -4,36 +4,26 @@
 
 use std::process::Command;
 
+/// Crates that come neither with recordings nor with comparisons.
+const NO_BENCH: &[&str] = &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"];
+/// Crates that the bead's application does without on the host.
+const NO_EXECUTOR: &[&str] = &[
+    "embassy-stm32",
+    "embassy-time",
+    "cortex-m",
+    "bead-testing",
+    "hertz-",
+];
+
 /// Crates that a wheel, a real board, a fuzz target or the host's tests of the bead build, with the crates
 /// that must not come with them.
 const WALLS: [(&str, &[&str]); 8] = [
-    (
-        "bead-app",
-        &[
-            "embassy-stm32",
-            "embassy-time",
-            "cortex-m",
-            "bead-testing",
-            "hertz-",
-        ],
-    ),
+    ("bead-app", NO_EXECUTOR),
     ("bead-tables", &["bead-", "hertz-", "stm32f405-qemu", "clap"]),
-    (
-        "bead-recording",
-        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
-    ),
-    (
-        "bead-line",
-        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
-    ),
-    (
-        "bead-instrument",
-        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
-    ),
-    (
-        "bead-compare",
-        &["absorber-bead", "bead-bench", "stm32f405-qemu", "clap"],
-    ),
+    ("bead-recording", NO_BENCH),
+    ("bead-line", NO_BENCH),
+    ("bead-instrument", NO_BENCH),
+    ("bead-compare", NO_BENCH),
     (
         "hertz-chain",
         &["bead-", "absorber-bead", "stm32f405-qemu", "clap"],
@@ -45,26 +35,14 @@ const WALLS: [(&str, &[&str]); 8] = [
 fn what_knows_no_emulator_builds_without_it() {
     for (package, forbidden) in WALLS {
         let tree = Command::new(env!("CARGO"))
-            .args([
-                "tree",
-                "--locked",
-                "--offline",
-                "--prefix",
-                "none",
-                "--edges",
-                "normal,build",
-            ])
+            .args("tree --locked --offline --prefix none --edges normal,build".split(' '))
             .args(["--format", "{p}", "--package", package])
             .output()
             .unwrap();
         let text = String::from_utf8(tree.stdout).unwrap();
         let mut names = text.lines().filter_map(|line| line.split(' ').next());
-        assert_eq!(
-            names.next(),
-            Some(package),
-            "{}",
-            String::from_utf8_lossy(&tree.stderr)
-        );
+        let said = String::from_utf8_lossy(&tree.stderr);
+        assert_eq!(names.next(), Some(package), "{said}");
         for name in names {
             let refused = forbidden.iter().find(|start| name.starts_with(**start));
             assert_eq!(refused, None, "{package} builds {name}");
