@@ -1,9 +1,8 @@
 //! How the time grows with the chain, for a pulse that crosses it.
 
-use std::time::Instant;
+use hertz_chain::{Accuracy, Scenario};
 
-use hertz_chain::{Accuracy, Run, Scenario};
-
+use crate::ours;
 use crate::report::Measurements;
 
 const ACCURACY: Accuracy = Accuracy::new(1e-10, 1.0);
@@ -17,24 +16,10 @@ fn scenario(beads: usize, relaxation: f64) -> Scenario {
     scenario
 }
 
-fn velocities(scenario: &Scenario) -> Vec<f64> {
-    let mut run = Run::new(scenario, ACCURACY).expect("the chain is sound");
-    run.to(scenario.duration).expect("it runs");
-    let snapshot = run.snapshot();
-    (0..=scenario.chain.beads)
-        .map(|body| snapshot.velocity(body))
-        .collect()
-}
-
 /// Least seconds to simulate a strike on a chain of so many beads until the pulse has crossed it.
 fn seconds(beads: usize, relaxation: f64, rounds: usize) -> f64 {
     let scenario = scenario(beads, relaxation);
-    let once = |_| {
-        let clock = Instant::now();
-        std::hint::black_box(velocities(&scenario));
-        clock.elapsed().as_secs_f64()
-    };
-    (0..rounds).map(once).fold(f64::INFINITY, f64::min)
+    ours::least_seconds(rounds, || ours::end(&scenario, ACCURACY))
 }
 
 /// The most memory that this process has had, in GB; none where the system does not tell.
@@ -62,7 +47,7 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     report.at_most(name, Some(milliseconds), 100.0, "ms");
     let mut huge = scenario(100_000, 4.2e-6);
     huge.duration = 1e-3;
-    std::hint::black_box(velocities(&huge));
+    std::hint::black_box(ours::end(&huge, ACCURACY));
     let name = "100,000 beads: greatest memory of the whole process";
     report.at_most(name, memory(), 1.0, "GB");
 }

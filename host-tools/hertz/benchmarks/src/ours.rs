@@ -1,6 +1,19 @@
 //! The simulator, as a user would run it for the same results that the other solvers give.
 
+use std::hint::black_box;
+use std::time::Instant;
+
 use hertz_chain::{Accuracy, Run, Scenario};
+
+/// Least seconds of several runs, as on a shared computer a single one may be disturbed.
+pub(crate) fn least_seconds<T>(runs: usize, run: impl Fn() -> T) -> f64 {
+    let once = |_| {
+        let clock = Instant::now();
+        black_box(run());
+        clock.elapsed().as_secs_f64()
+    };
+    (0..runs).map(once).fold(f64::INFINITY, f64::min)
+}
 
 /// Samples of a run.
 pub(crate) const SAMPLES: usize = 1000;

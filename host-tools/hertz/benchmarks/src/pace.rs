@@ -3,7 +3,6 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::Instant;
 
 use crate::cases::Case;
 use crate::report::Measurements;
@@ -21,18 +20,10 @@ pub(crate) fn print() {
     let accuracy = hertz_chain::Accuracy::new(1e-8, 1.0);
     let [a, b] = Case::scenarios().map(|(.., scenario)| scenario);
     let chains = ensemble::scenarios(CHAINS);
-    let least = |runs: usize, run: &dyn Fn()| {
-        let once = |_| {
-            let clock = Instant::now();
-            run();
-            clock.elapsed().as_secs_f64()
-        };
-        (0..runs).map(once).fold(f64::INFINITY, f64::min)
-    };
     let seconds = [
-        least(RUNS, &|| drop(std::hint::black_box(ours::end(&a, accuracy)))),
-        least(RUNS, &|| drop(std::hint::black_box(ours::end(&b, accuracy)))),
-        least(RUNS / 4, &|| drop(std::hint::black_box(ensemble::alone(&chains)))),
+        ours::least_seconds(RUNS, || ours::end(&a, accuracy)),
+        ours::least_seconds(RUNS, || ours::end(&b, accuracy)),
+        ours::least_seconds(RUNS / 4, || ensemble::alone(&chains)),
     ];
     println!("{}", seconds.map(|seconds| seconds.to_string()).join(" "));
 }

@@ -4,38 +4,28 @@ use std::path::Path;
 
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
-use crate::report::{Comparison, ErrorAndTime, Measurements, front};
-
-/// Colour and dashes of each solver, in the order of the legend.
-fn style(place: usize) -> (Ink, Mark) {
-    if place == 0 {
-        return (Ink::Curve(0), Mark::Line);
-    }
-    (Ink::Curve(place), Mark::Family(place))
-}
+use crate::report::{Comparison, ErrorAndTime, Foreign, Measurements, front};
 
 const ERRORS: (f64, f64) = (1e-12, 1e-4);
 
 fn panel(report: &Measurements, comparison: &Comparison) -> Panel {
     let own = comparison.rows.iter().map(|row| (&row.solver, &row.points));
+    let is_of_case = |row: &&Foreign| row.case == comparison.name && !comparison.sampled;
     let others = report
         .peers
         .iter()
-        .filter(|row| row.case == comparison.name && !comparison.sampled);
-    let others = others.map(|row| (&row.solver, &row.points));
+        .filter(is_of_case)
+        .map(|row| (&row.solver, &row.points));
     let shown = |(place, (solver, points)): (usize, (&String, &Vec<ErrorAndTime>))| {
-        let (ink, mark) = style(place);
-        let points: Vec<_> = front(points.clone())
-            .into_iter()
-            .map(|(error, s)| (error, 1e3 * s))
-            .collect();
+        let front = front(points.clone()).into_iter();
+        let points: Vec<_> = front.map(|(error, s)| (error, 1e3 * s)).collect();
         let inside = points
             .iter()
             .any(|(error, _)| (ERRORS.0..=ERRORS.1).contains(error));
         inside.then(|| Series {
             name: solver.clone(),
-            ink,
-            mark,
+            ink: Ink::Curve(place),
+            mark: Mark::Family(place),
             points,
         })
     };

@@ -143,9 +143,8 @@ impl Measurements {
         target: f64,
         unit: &'static str,
     ) {
-        self.goal(name.into(), value, (target, unit), "greater", |value| {
-            value >= target
-        });
+        let is_met = value.is_some_and(|value| value >= target);
+        self.goal(name.into(), value, (target, unit), ("greater", is_met));
     }
 
     /// Adds a number that is to be at most `target`; `None` where there is none.
@@ -156,9 +155,8 @@ impl Measurements {
         target: f64,
         unit: &'static str,
     ) {
-        self.goal(name.into(), value, (target, unit), "less", |value| {
-            value <= target
-        });
+        let is_met = value.is_some_and(|value| value <= target);
+        self.goal(name.into(), value, (target, unit), ("less", is_met));
     }
 
     fn goal(
@@ -166,17 +164,15 @@ impl Measurements {
         name: String,
         value: Option<f64>,
         (target, unit): (f64, &'static str),
-        better: &'static str,
-        is_met: impl Fn(f64) -> bool,
+        (better, is_met): (&'static str, bool),
     ) {
-        let verdict = if value.is_some_and(is_met) { "met" } else { "short" };
         self.targets.push(Goal {
             name,
             value,
             target,
             unit,
             better,
-            verdict,
+            verdict: if is_met { "met" } else { "short" },
         });
     }
 

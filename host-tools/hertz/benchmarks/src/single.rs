@@ -1,7 +1,5 @@
 //! One chain: the time that each solver takes for a given error.
 
-use std::time::Instant;
-
 use hertz_chain::{Accuracy, Model};
 
 use crate::cases::Case;
@@ -14,7 +12,6 @@ type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
 
 /// The simulator's name.
 const OURS: &str = "hertz-chain";
-const END_ONLY: &str = "end only";
 
 fn ours(case: &Case, accuracy: Accuracy, sampled: bool) -> Runner<'_> {
     Box::new(move || {
@@ -24,12 +21,6 @@ fn ours(case: &Case, accuracy: Accuracy, sampled: bool) -> Runner<'_> {
             ours::end(&case.scenario, accuracy)
         })
     })
-}
-
-fn time(run: &Runner<'_>) -> f64 {
-    let clock = Instant::now();
-    std::hint::black_box(run());
-    clock.elapsed().as_secs_f64()
 }
 
 /// Greatest error of a velocity, as a part of the greatest.
@@ -56,16 +47,14 @@ struct TimedSetting<'a> {
 
 /// All settings of a solver that give a result.
 struct TriedSettings<'a> {
-    solver: String,
+    solver: &'static str,
     fits: Vec<TimedSetting<'a>>,
 }
 
 impl<'a> TriedSettings<'a> {
-    fn new(solver: &str) -> Self {
-        Self {
-            solver: solver.to_owned(),
-            fits: Vec::new(),
-        }
+    fn new(solver: &'static str) -> Self {
+        let fits = Vec::new();
+        Self { solver, fits }
     }
 
     fn add(
@@ -79,7 +68,7 @@ impl<'a> TriedSettings<'a> {
             return;
         };
         if error < LARGEST {
-            let seconds = (0..3).map(|_| time(&run)).fold(f64::INFINITY, f64::min);
+            let seconds = ours::least_seconds(3, &run);
             self.fits.push(TimedSetting {
                 settings,
                 accuracy,
@@ -150,14 +139,14 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
     // One after another, so that whatever else the computer does hits all alike.
     for _ in 0..rounds {
         for fit in solvers.iter_mut().flat_map(|tried| &mut tried.fits) {
-            fit.seconds = fit.seconds.min(time(&fit.run));
+            fit.seconds = fit.seconds.min(ours::least_seconds(1, &fit.run));
         }
     }
     let row = |(tried, points): (TriedSettings<'_>, Vec<(f64, f64)>)| {
         let fits = tried.fits.into_iter();
         let best = fits.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
         SolverRow {
-            solver: tried.solver,
+            solver: tried.solver.to_owned(),
             milliseconds: best.as_ref().map(|fit| 1e3 * fit.seconds),
             error: best.as_ref().map(|fit| fit.error),
             accuracy: best.as_ref().and_then(|fit| fit.accuracy),
@@ -166,9 +155,9 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
         }
     };
     let what = if sampled {
-        format!("{SAMPLES} samples")
+        &*format!("{SAMPLES} samples")
     } else {
-        END_ONLY.to_owned()
+        "end only"
     };
     Comparison {
         name: case.name,

@@ -213,10 +213,8 @@ mod tests {
 
     #[test]
     fn what_stands_behind_a_caret_is_raised() {
-        assert_eq!(
-            pieces("F / V^(6/5) (N)"),
-            [("F / V", false), ("6/5", true), (" (N)", false)]
-        );
+        let expected = [("F / V", false), ("6/5", true), (" (N)", false)];
+        assert_eq!(pieces("F / V^(6/5) (N)"), expected);
         assert_eq!(pieces("10^(−3)"), [("10", false), ("−3", true)]);
         assert_eq!(pieces("a^(b"), [("a^(b", false)]);
     }
@@ -226,10 +224,7 @@ mod tests {
         let kept = "\t\n\r ~\u{7f}\u{d7ff}\u{e000}\u{fffd}\u{10000}\u{10ffff}";
         assert_eq!(escape(kept), kept);
         let all = "\0\u{8}a\u{b}\u{c}\u{e}\u{1f}<\u{fffe}\u{ffff}";
-        assert_eq!(
-            escape(all),
-            "\u{fffd}\u{fffd}a\u{fffd}\u{fffd}\u{fffd}\u{fffd}&lt;\u{fffd}\u{fffd}"
-        );
+        assert_eq!(escape(all).replace('\u{fffd}', "_"), "__a____&lt;__");
     }
 
     #[test]

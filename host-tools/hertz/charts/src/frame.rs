@@ -314,17 +314,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_ends_where_it_leaves_the_panel_and_begins_again_where_it_comes_back() {
-        let points = [(0.0, 0.0), (1.0, 2.0), (2.0, 0.0)];
-        let pieces = visible(&points, (0.0, 2.0), (0.0, 1.0));
-        assert_eq!(pieces, [[(0.0, 0.0), (0.5, 1.0)], [(1.5, 1.0), (2.0, 0.0)]]);
-    }
-
-    #[test]
-    fn a_point_that_is_no_number_is_a_gap() {
-        let points = [(0.0, 0.0), (1.0, 0.5), (2.0, f64::NAN), (3.0, 0.5), (4.0, 0.5)];
-        let pieces = visible(&points, (0.0, 4.0), (0.0, 1.0));
-        assert_eq!(pieces, [[(0.0, 0.0), (1.0, 0.5)], [(3.0, 0.5), (4.0, 0.5)]]);
+    fn a_line_ends_where_it_leaves_the_panel_and_at_a_point_that_is_no_number() {
+        let (inside, [one, other]) = ((0.0, 0.0), [(1.0, 0.5), (4.0, 0.5)]);
+        for (points, expected) in [
+            (vec![inside, one, other], vec![vec![inside, one, other]]),
+            (
+                vec![inside, (1.0, 2.0), (2.0, 0.0)],
+                vec![vec![inside, (0.5, 1.0)], vec![(1.5, 1.0), (2.0, 0.0)]],
+            ),
+            (
+                vec![inside, one, (2.0, f64::NAN), (3.0, 0.5), other],
+                vec![vec![inside, one], vec![(3.0, 0.5), other]],
+            ),
+        ] {
+            assert_eq!(visible(&points, (0.0, 4.0), (0.0, 1.0)), expected);
+        }
     }
 
     #[test]
@@ -338,11 +342,5 @@ mod tests {
         assert_eq!(of(&[0.7]), [0.7]);
         assert_eq!(of(&[none, 0.2]), [0.2]);
         assert!(of(&[none, 0.2, 0.3]).is_empty() && of(&[none]).is_empty());
-    }
-
-    #[test]
-    fn a_line_inside_is_one_piece() {
-        let points = [(0.0, 0.0), (1.0, 0.5), (2.0, 0.5), (3.0, 1.0)];
-        assert_eq!(visible(&points, (0.0, 3.0), (0.0, 1.0)), [points.to_vec()]);
     }
 }

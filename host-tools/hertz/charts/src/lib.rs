@@ -187,34 +187,29 @@ mod tests {
     #[test]
     fn every_colour_of_a_chart_has_a_light_and_a_dark_value() {
         let mut chart = chart();
-        let series = chart.panels[0].series[0].clone();
-        for (ink, mark) in [
-            (Ink::Chain, Mark::Broad),
-            (Ink::Measured, Mark::Dashed),
-            (Ink::Predicted, Mark::Rings),
-            (Ink::Sensed, Mark::Dots),
-            (Ink::Sensed, Mark::Discs),
-            (Ink::Guide, Mark::Dashed),
-        ]
-        .into_iter()
-        .chain((0..FAMILY).map(|index| (Ink::Curve(index), Mark::Family(index))))
-        .chain((0..FAMILY).map(|index| (Ink::Curve(index), Mark::Discs)))
-        {
-            chart.panels[0].series.push(Series {
+        let inks = [Ink::Chain, Ink::Measured, Ink::Predicted, Ink::Sensed, Ink::Guide];
+        let inks = inks.into_iter().chain((0..FAMILY).map(Ink::Curve));
+        for (place, ink) in inks.enumerate() {
+            let marks = [
+                Mark::Broad,
+                Mark::Family(place),
+                Mark::Dots,
+                Mark::Rings,
+                Mark::Discs,
+            ];
+            let series = chart.panels[0].series[0].clone();
+            let marked = marks.map(|mark| Series {
                 ink,
                 mark,
                 ..series.clone()
             });
+            chart.panels[0].series.extend(marked);
         }
-        let svg = chart.inline_svg().unwrap();
-        let sheet = style();
+        let (svg, sheet) = (chart.inline_svg().unwrap(), style());
         for attribute in ["fill=\"#", "stroke=\"#"] {
             for (at, _) in svg.match_indices(attribute) {
-                let literal = &svg[at..at + attribute.len() + 7].replace('"', "'");
-                assert!(
-                    sheet.contains(literal.as_str()),
-                    "{literal} is not in the style sheet"
-                );
+                let literal = svg[at..at + attribute.len() + 7].replace('"', "'");
+                assert!(sheet.contains(&literal), "{literal} is not in the style sheet");
             }
         }
     }
@@ -228,65 +223,52 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_panel_is_still_drawn() {
+    fn an_empty_panel_is_still_drawn_and_an_axis_without_extent_is_refused() {
         let mut chart = chart();
         chart.panels[0].series.clear();
         assert!(chart.inline_svg().unwrap().contains("</svg>"));
-    }
-
-    #[test]
-    fn an_axis_without_extent_is_refused() {
-        let mut chart = chart();
         chart.x.range = (1.0, 1.0);
         assert!(chart.inline_svg().is_err());
     }
 
-    #[test]
-    fn names_stay_within_the_picture_however_wide_the_numbers_are() {
-        for letters in 1..60 {
-            let mut chart = chart();
-            let one = Series {
-                name: "n".repeat(letters),
-                ..chart.panels[0].series[0].clone()
+    /// The right ends of these texts of 14 pixels; a text stands in the middle of its place or begins there.
+    fn ends(svg: &str, is_such: impl Fn(&str, &str) -> bool) -> Vec<f64> {
+        let end = |text: &str| {
+            let (attributes, text) = text.split_once('>')?;
+            let x = attributes.split("x=\"").nth(1)?.split('"').next()?;
+            let text = text.split('<').next().filter(|text| is_such(attributes, text))?;
+            let part = if attributes.contains("\"middle\"") {
+                0.5
+            } else {
+                1.0
             };
-            chart.panels[0] = Panel::new("energy (J)", vec![one; 4]).range(0.0, 2e-5);
-            let svg = chart.inline_svg().unwrap();
-            let names = svg
-                .split("<text")
-                .filter(|text| text.contains(&format!(">{}<", "n".repeat(letters))));
-            let ends = names.map(|text| {
-                let x = text.split("x=\"").nth(1).unwrap().split('"').next().unwrap();
-                x.parse::<f64>().unwrap() + canvas::width(&"n".repeat(letters), legend::NAMES)
-            });
-            let ends: Vec<f64> = ends.collect();
-            assert_eq!(ends.len(), 4);
-            assert!(
-                ends.iter().all(|end| *end <= f64::from(chart.width)),
-                "{letters}: {ends:?}"
-            );
-        }
+            Some(x.parse::<f64>().unwrap() + part * canvas::width(text, legend::NAMES))
+        };
+        svg.split("<text").skip(1).filter_map(end).collect()
     }
 
     #[test]
-    fn the_last_number_of_a_horizontal_axis_is_whole() {
+    fn names_and_the_last_number_of_an_axis_stay_within_the_picture() {
+        for letters in 1..60 {
+            let mut chart = chart();
+            let name = "n".repeat(letters);
+            let one = Series {
+                name: name.clone(),
+                ..chart.panels[0].series[0].clone()
+            };
+            chart.panels[0] = Panel::new("energy (J)", vec![one; 4]).range(0.0, 2e-5);
+            let ends = ends(&chart.inline_svg().unwrap(), |_, text| text == name);
+            let inside = ends.iter().all(|end| *end <= f64::from(WIDTH));
+            assert!(ends.len() == 4 && inside, "{letters}: {ends:?}");
+        }
         for range in [0.0..10.0, 100.0..100.025, 1e6..1e6 + 0.02, -0.000_025..0.0] {
             let mut chart = chart();
             chart.x = Axis::new("time (ms)", range.clone());
-            let svg = chart.inline_svg().unwrap();
-            let ends = svg.split("<text").skip(1).filter_map(|text| {
-                let (attributes, text) = text.split_once('>')?;
-                let x = attributes.split("x=\"").nth(1)?.split('"').next()?;
-                let half = 0.5 * canvas::width(text.split('<').next()?, 14.0);
-                attributes
-                    .contains("\"middle\"")
-                    .then(|| x.parse::<f64>().unwrap() + half)
+            let ends = ends(&chart.inline_svg().unwrap(), |place, _| {
+                place.contains("\"middle\"")
             });
-            let ends: Vec<f64> = ends.collect();
-            assert!(ends.len() > 4);
-            assert!(
-                ends.iter().all(|end| *end <= f64::from(WIDTH)),
-                "{range:?}: {ends:?}"
-            );
+            let inside = ends.iter().all(|end| *end <= f64::from(WIDTH));
+            assert!(ends.len() > 4 && inside, "{range:?}: {ends:?}");
         }
     }
 
@@ -297,10 +279,9 @@ mod tests {
         wide.y_label = "energy (J)".to_owned();
         chart.panels.push(wide);
         let frames = chart.frames();
-        let columns = |frame: &ChartFrame<'_>| frame.columns(860.0).left;
-        assert!(columns(&frames[0]) != columns(&frames[1]));
-        let svg = chart.inline_svg().unwrap();
-        let left = columns(&frames[0]).max(columns(&frames[1]));
+        let [one, other] = [0, 1].map(|panel| frames[panel].columns(860.0).left);
+        assert!(one != other);
+        let (svg, left) = (chart.inline_svg().unwrap(), one.max(other));
         assert!(svg.matches(&format!("points=\"{left:.2},")).count() >= 2, "{svg}");
     }
 }

@@ -89,9 +89,8 @@ impl Map {
         let (low, high) = self.range();
         let level = |value: f64| {
             let part = (value - low) / (high - low);
-            value
-                .is_finite()
-                .then(|| ((part * LEVELS as f64) as usize).min(LEVELS - 1))
+            let level = ((part * LEVELS as f64) as usize).min(LEVELS - 1);
+            value.is_finite().then_some(level)
         };
         let columns = self.x_edges.len().saturating_sub(1).max(1);
         for (row, edges) in self.values.chunks(columns).zip(self.y_edges.windows(2)) {
@@ -125,57 +124,53 @@ fn colour(level: usize) -> String {
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_ends_of_the_range_have_the_ends_of_the_colours() {
-        assert_eq!(
-            (colour(0).as_str(), colour(LEVELS - 1).as_str()),
-            ("#440154", "#fde725")
-        );
+    fn drawn(columns: usize, values: Vec<f64>, x: impl Fn(f64) -> f64) -> Vec<String> {
+        let edges = |cells: usize| (0..=cells).map(|edge| edge as f64).collect();
+        let map = Map {
+            label: String::new(),
+            x_edges: edges(columns),
+            y_edges: edges(values.len() / columns),
+            values,
+        };
+        let mut canvas = Canvas::default();
+        map.draw(&mut canvas, x, |y| 100.0 - 10.0 * y);
+        canvas
+            .into_svg()
+            .split("<rect ")
+            .skip(1)
+            .map(str::to_owned)
+            .collect()
     }
 
     #[test]
-    fn each_cell_is_where_its_edges_are_and_a_hole_stays_empty() {
-        let map = Map {
-            label: String::new(),
-            x_edges: vec![0.0, 1.0, 2.0, 3.0],
-            y_edges: vec![0.0, 1.0, 2.0],
-            values: vec![0.0, 0.0, 1.0, f64::NAN, 1.0, 0.0],
-        };
-        let mut canvas = Canvas::default();
-        map.draw(&mut canvas, |x| 10.0 * x, |y| 100.0 - 10.0 * y);
-        let svg = canvas.into_svg();
-        assert_eq!(svg.matches("<rect").count(), 4, "{svg}");
-        assert!(
-            svg.contains("x=\"0.00\" y=\"90.00\" width=\"20.00\" height=\"10.00\" fill=\"#440154\""),
-            "{svg}"
-        );
-        assert!(
-            svg.contains("x=\"10.00\" y=\"80.00\" width=\"10.00\" height=\"10.00\" fill=\"#fde725\""),
-            "{svg}"
-        );
+    fn each_cell_is_where_its_edges_are_in_the_colours_of_the_range_and_a_hole_stays_empty() {
+        let cells = drawn(3, vec![0.0, 0.0, 1.0, f64::NAN, 1.0, 0.0], |x| 10.0 * x);
+        assert_eq!(cells.len(), 4);
+        for (cell, expected) in [
+            (
+                0,
+                "x=\"0.00\" y=\"90.00\" width=\"20.00\" height=\"10.00\" fill=\"#440154\"",
+            ),
+            (
+                2,
+                "x=\"10.00\" y=\"80.00\" width=\"10.00\" height=\"10.00\" fill=\"#fde725\"",
+            ),
+        ] {
+            assert!(cells[cell].starts_with(expected), "{cells:?}");
+        }
     }
 
     #[test]
     fn cells_side_by_side_have_no_gap_between_them() {
-        let edges: Vec<f64> = (0..=300).map(f64::from).collect();
-        let map = Map {
-            label: String::new(),
-            x_edges: edges,
-            y_edges: vec![0.0, 1.0],
-            values: (0..300).map(f64::from).collect(),
-        };
-        let mut canvas = Canvas::default();
-        map.draw(&mut canvas, |x| 64.56 + 1.304 * x, |y| 10.0 * y);
-        let svg = canvas.into_svg();
-        let number = |rect: &str, key: &str| -> f64 {
-            let value = rect.split(key).nth(1).unwrap().split('"').next();
+        let cells = drawn(300, (0..300).map(f64::from).collect(), |x| 64.56 + 1.304 * x);
+        let number = |cell: &str, key: &str| -> f64 {
+            let value = cell.split(key).nth(1).unwrap().split('"').next();
             value.unwrap().parse().unwrap()
         };
-        let rects: Vec<_> = svg.split("<rect").skip(1).collect();
-        assert!(rects.len() > 100, "{svg}");
-        for pair in rects.windows(2) {
-            let end = number(pair[0], " x=\"") + number(pair[0], " width=\"");
-            assert!((number(pair[1], " x=\"") - end).abs() < 1e-9, "{pair:?}");
+        assert!(cells.len() > 100);
+        for pair in cells.windows(2) {
+            let end = number(&pair[0], "x=\"") + number(&pair[0], "width=\"");
+            assert!((number(&pair[1], "x=\"") - end).abs() < 1e-9, "{pair:?}");
         }
     }
 }

@@ -101,11 +101,8 @@ impl Ticks {
     fn log((low, high): (f64, f64), most: usize, inside: impl Fn(&f64) -> bool) -> Self {
         let decades = || low.floor() as i32..=high.ceil() as i32;
         let at = |digits: &[u8]| -> Vec<f64> {
-            let steps = |decade: i32| {
-                digits
-                    .iter()
-                    .map(move |&digit| f64::from(decade) + f64::from(digit).log10())
-            };
+            let step = |decade: i32, digit: &u8| f64::from(decade) + f64::from(*digit).log10();
+            let steps = |decade| digits.iter().map(move |digit| step(decade, digit));
             decades().flat_map(steps).filter(&inside).collect()
         };
         let mut major = DIGITS
@@ -117,11 +114,7 @@ impl Ticks {
                 let kept = decades().filter(|decade| decade % apart == 0).map(f64::from);
                 kept.filter(&inside).collect()
             });
-        let mut minor = if high - low < DECADES {
-            at(DIGITS[0])
-        } else {
-            at(&[1])
-        };
+        let mut minor = at(if high - low < DECADES { DIGITS[0] } else { &[1] });
         if major.len() < 2 {
             // Less than a decade without a round number: equal steps of the value do.
             let ends = (10_f64.powf(low), 10_f64.powf(high));
@@ -197,40 +190,49 @@ fn number(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn labels(scale: Scale, low: f64, high: f64, most: usize) -> String {
-        let ticks = Ticks::new(scale, (scale.place(low), scale.place(high)), most);
-        let labels: Vec<String> = ticks.major.into_iter().map(|(_, label)| label).collect();
-        labels.join(" ")
+    /// Scale, ends and number of an axis, and its labels.
+    const LABELS: &str = "\
+Linear 0 1 5: 0 0.2 0.4 0.6 0.8 1
+Linear -3 8 6: −2 0 2 4 6 8
+Linear 0 4e-6 5: 0 0.000001 0.000002 0.000003 0.000004
+Linear 0 8e-7 5: 0 2·10^(−7) 4·10^(−7) 6·10^(−7) 8·10^(−7)
+Linear -3e-20 1e-20 5: −3·10^(−20) −2·10^(−20) −1·10^(−20) 0 1·10^(−20)
+Linear 0 2e7 5: 0 0.5·10^(7) 1.0·10^(7) 1.5·10^(7) 2.0·10^(7)
+Linear 3.681e16 3.684e16 5: 3.681·10^(16) 3.682·10^(16) 3.683·10^(16) 3.684·10^(16)
+Linear -1e300 1e300 5: −1.0·10^(300) −0.5·10^(300) 0 0.5·10^(300) 1.0·10^(300)
+Linear 0 4e-300 5: 0 1·10^(−300) 2·10^(−300) 3·10^(−300) 4·10^(−300)
+Count -0.5 4.5 9: 0 1 2 3 4
+Count -0.5 0.5 9: 0
+Count -0.5 19.5 9: 0 5 10 15
+Log 27 105 9: 30 40 50 60 70 80 90 100
+Log 0.3 300 8: 0.3 1 3 10 30 100 300
+Log 1e-16 1e-3 6: 10^(−15) 10^(−12) 10^(−9) 10^(−6) 10^(−3)
+Log 101 149 5: 110 120 130 140
+Log 1e3 1e7 5: 10^(3) 10^(4) 10^(5) 10^(6) 10^(7)";
+
+    #[test]
+    fn an_axis_has_round_numbers_with_the_digits_that_its_steps_need() {
+        for (axis, expected) in LABELS.lines().map(|row| row.split_once(": ").unwrap()) {
+            let (name, numbers) = axis.split_once(' ').unwrap();
+            let scales = [Scale::Linear, Scale::Count, Scale::Log];
+            let scale = scales
+                .into_iter()
+                .find(|scale| format!("{scale:?}") == name)
+                .unwrap();
+            let numbers: Vec<f64> = numbers.split(' ').map(|number| number.parse().unwrap()).collect();
+            let ends = (scale.place(numbers[0]), scale.place(numbers[1]));
+            let ticks = Ticks::new(scale, ends, numbers[2] as usize);
+            let labels: Vec<String> = ticks.major.into_iter().map(|(_, label)| label).collect();
+            assert_eq!(labels.join(" "), expected, "{axis}");
+        }
     }
 
     #[test]
-    fn a_linear_axis_has_round_numbers_and_finer_ticks_between_them() {
-        assert_eq!(labels(Scale::Linear, 0.0, 1.0, 5), "0 0.2 0.4 0.6 0.8 1");
-        assert_eq!(labels(Scale::Linear, -3.0, 8.0, 6), "−2 0 2 4 6 8");
-        let ticks = Ticks::new(Scale::Linear, (0.0, 2.0), 2);
-        assert_eq!(ticks.minor.len(), 8);
-    }
-
-    #[test]
-    fn very_small_and_very_large_numbers_have_the_digits_that_their_steps_need() {
-        for (low, high, expected) in [
-            (0.0, 4e-6, "0 0.000001 0.000002 0.000003 0.000004"),
-            (0.0, 8e-7, "0 2·10^(−7) 4·10^(−7) 6·10^(−7) 8·10^(−7)"),
-            (-3e-20, 1e-20, "−3·10^(−20) −2·10^(−20) −1·10^(−20) 0 1·10^(−20)"),
-            (0.0, 2e7, "0 0.5·10^(7) 1.0·10^(7) 1.5·10^(7) 2.0·10^(7)"),
-            (
-                3.681e16,
-                3.684e16,
-                "3.681·10^(16) 3.682·10^(16) 3.683·10^(16) 3.684·10^(16)",
-            ),
-            (
-                -1e300,
-                1e300,
-                "−1.0·10^(300) −0.5·10^(300) 0 0.5·10^(300) 1.0·10^(300)",
-            ),
-            (0.0, 4e-300, "0 1·10^(−300) 2·10^(−300) 3·10^(−300) 4·10^(−300)"),
-        ] {
-            assert_eq!(labels(Scale::Linear, low, high, 5), expected);
+    fn finer_ticks_stand_between_the_numbers_and_are_whole_for_a_count() {
+        assert_eq!(Ticks::new(Scale::Linear, (0.0, 2.0), 2).minor.len(), 8);
+        for high in [4.5, 19.5, 199.5] {
+            let ticks = Ticks::new(Scale::Count, (-0.5, high), 9);
+            assert!(ticks.minor.iter().all(|place| place.fract() == 0.0), "{ticks:?}");
         }
     }
 
@@ -254,47 +256,12 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_of_a_count_has_whole_numbers_alone() {
-        assert_eq!(labels(Scale::Count, -0.5, 4.5, 9), "0 1 2 3 4");
-        assert_eq!(labels(Scale::Count, -0.5, 0.5, 9), "0");
-        assert_eq!(labels(Scale::Count, -0.5, 19.5, 9), "0 5 10 15");
-        for high in [4.5, 19.5, 199.5] {
-            let ticks = Ticks::new(Scale::Count, (-0.5, high), 9);
-            assert!(ticks.minor.iter().all(|place| place.fract() == 0.0), "{ticks:?}");
-        }
-    }
-
-    #[test]
     fn names_stand_at_their_places_and_are_thinned_out_where_they_are_many() {
         let names = ["8", "3 4", "12", "5", "6"].map(str::to_owned);
-        let of = |most: usize| -> Vec<(f64, String)> { Ticks::named(&names, (-0.5, 3.5), most).major };
-        let shown = |ticks: &[(f64, &str)]| -> Vec<(f64, String)> {
-            ticks
-                .iter()
-                .map(|(place, name)| (*place, (*name).to_owned()))
-                .collect()
-        };
-        assert_eq!(of(9), shown(&[(0.0, "8"), (1.0, "3 4"), (2.0, "12"), (3.0, "5")]));
-        assert_eq!(of(3), shown(&[(0.0, "8"), (2.0, "12")]));
-        assert_eq!(of(0), shown(&[(0.0, "8")]));
-    }
-
-    #[test]
-    fn a_logarithmic_axis_has_numbers_between_its_decades_where_there_is_room() {
-        assert_eq!(labels(Scale::Log, 27.0, 105.0, 9), "30 40 50 60 70 80 90 100");
-        assert_eq!(labels(Scale::Log, 0.3, 300.0, 8), "0.3 1 3 10 30 100 300");
-        assert_eq!(
-            labels(Scale::Log, 1e-16, 1e-3, 6),
-            "10^(−15) 10^(−12) 10^(−9) 10^(−6) 10^(−3)"
-        );
-        assert_eq!(labels(Scale::Log, 101.0, 149.0, 5), "110 120 130 140");
-    }
-
-    #[test]
-    fn numbers_of_one_axis_are_written_alike() {
-        assert_eq!(
-            labels(Scale::Log, 1e3, 1e7, 5),
-            "10^(3) 10^(4) 10^(5) 10^(6) 10^(7)"
-        );
+        for (most, expected) in [(9, "0: 8, 1: 3 4, 2: 12, 3: 5"), (3, "0: 8, 2: 12"), (0, "0: 8")] {
+            let ticks = Ticks::named(&names, (-0.5, 3.5), most).major;
+            let shown = ticks.iter().map(|(place, name)| format!("{place}: {name}"));
+            assert_eq!(shown.collect::<Vec<_>>().join(", "), expected);
+        }
     }
 }

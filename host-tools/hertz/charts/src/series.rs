@@ -76,23 +76,15 @@ pub(super) enum Stroke {
 
 impl Series {
     pub(super) fn stroke(&self) -> Stroke {
-        let line = |dashes| Stroke::Line { width: THIN, dashes };
+        let line = |width, dashes| Stroke::Line { width, dashes };
+        let filled = |glyph, radius| Stroke::Filled { glyph, radius };
         match self.mark {
-            Mark::Broad => Stroke::Line {
-                width: BROAD,
-                dashes: "",
-            },
-            Mark::Line => line(""),
-            Mark::Dashed => line("6 4"),
-            Mark::Family(place) => line(DASHES[place % DASHES.len()]),
-            Mark::Dots => Stroke::Filled {
-                glyph: Glyph::Disc,
-                radius: DOT,
-            },
-            Mark::Discs => Stroke::Filled {
-                glyph: self.glyph(),
-                radius: DISC,
-            },
+            Mark::Broad => line(BROAD, ""),
+            Mark::Line => line(THIN, ""),
+            Mark::Dashed => line(THIN, "6 4"),
+            Mark::Family(place) => line(THIN, DASHES[place % DASHES.len()]),
+            Mark::Dots => filled(Glyph::Disc, DOT),
+            Mark::Discs => filled(self.glyph(), DISC),
             Mark::Rings => Stroke::Ring {
                 radius: RING,
                 width: THIN,

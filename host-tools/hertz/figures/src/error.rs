@@ -22,7 +22,4 @@ pub enum Error {
     /// A simulation lacks what the figure shows.
     #[error("{0}")]
     Missing(String),
-    /// The chart cannot be drawn or written, such as an axis without extent.
-    #[error(transparent)]
-    Drawing(#[from] hertz_charts::Error),
 }
