@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::check::Check;
 use crate::error::Error;
 use crate::lab::Lab;
-use hertz_charts::Chart;
+use hertz_charts::{Axis, Chart, Panel};
 
 /// A figure that can be drawn.
 #[derive(Debug, Clone, Copy)]
@@ -33,11 +33,17 @@ pub struct Figure {
 impl Figure {
     /// A figure without animation.
     pub fn new(chart: Chart, checks: Vec<Check>) -> Self {
+        let frames = Vec::new();
         Self {
             chart,
             checks,
-            frames: Vec::new(),
+            frames,
         }
+    }
+
+    /// A figure of panels over one axis.
+    pub(crate) fn over(axis: Axis, panels: Vec<Panel>, checks: Vec<Check>) -> Self {
+        Self::new(Chart::new(axis, panels), checks)
     }
 }
 

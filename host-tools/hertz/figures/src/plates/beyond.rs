@@ -16,7 +16,7 @@ use crate::lab::{FigureRun, Lab};
 use crate::observe::{peak, ratio};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
-use hertz_charts::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Panel};
 
 plans! {
     "restitution": "rebound of two viscoelastic spheres against Kuwabara and Kono's theory";
@@ -45,11 +45,9 @@ fn rebound(lab: &Lab, alpha: f64, force: ContactForce) -> Result<(Collision, f64
 
 fn restitution(lab: &Lab) -> Result<Figure, Error> {
     let alphas = geometric(1e-3, 0.3, 21);
-    let simulated = |force| {
-        alphas
-            .iter()
-            .map(|&alpha| Ok((alpha, rebound(lab, alpha, force)?.1)))
-            .collect::<Result<Vec<(f64, f64)>, Error>>()
+    let simulated = |force| -> Result<Vec<(f64, f64)>, Error> {
+        let one = |&alpha: &f64| Ok((alpha, rebound(lab, alpha, force)?.1));
+        alphas.iter().map(one).collect()
     };
     let printed = simulated(ContactForce::Printed)?;
     let clipped = simulated(ContactForce::Clipped)?;
@@ -76,7 +74,7 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
     ];
     let panel = Panel::new("coefficient of restitution", curves);
     let axis = Axis::log("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3);
-    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
+    Ok(Figure::over(axis, vec![panel], checks))
 }
 
 fn solitary(lab: &Lab) -> Result<Figure, Error> {
@@ -123,7 +121,7 @@ fn solitary(lab: &Lab) -> Result<Figure, Error> {
     ];
     let panel = Panel::new("speed of the wave (m/s)", curves).log();
     let axis = Axis::log("highest force (N)", 0.3..300.0);
-    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
+    Ok(Figure::over(axis, vec![panel], checks))
 }
 
 fn scaling(lab: &Lab) -> Result<Figure, Error> {
@@ -174,7 +172,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
     ];
     let panel = Panel::new("F / V^(6/5) (N (s/m)^(6/5))", series);
     let axis = Axis::new("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0);
-    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
+    Ok(Figure::over(axis, vec![panel], checks))
 }
 
 /// One effort: evaluations, and the errors of the peak forces, of the energies, and of the energy balance.
@@ -256,5 +254,5 @@ fn convergence(_: &Lab) -> Result<Figure, Error> {
         panels.push(panel.height(200).over(axis));
     }
     let axis = Axis::log("evaluations", 3e3..2e4);
-    Ok(Figure::new(Chart::new(axis, panels), checks))
+    Ok(Figure::over(axis, panels, checks))
 }

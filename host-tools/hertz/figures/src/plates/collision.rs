@@ -10,7 +10,7 @@ use crate::lab::Lab;
 use crate::observe::{contact_time, peak};
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
-use hertz_charts::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Panel};
 
 const TWO: &str = "steel striker R 4.5 mm at 0.05 to 5 m/s on one free bead, τ = 0";
 
@@ -70,7 +70,7 @@ fn duration(lab: &Lab) -> Result<Figure, Error> {
         discs("simulated", 1, of(|met| met.time)),
     ];
     let panel = Panel::new("time of contact (ms)", curves).log();
-    Ok(Figure::new(Chart::new(speed_axis(), vec![panel]), checks))
+    Ok(Figure::over(speed_axis(), vec![panel], checks))
 }
 
 fn force(lab: &Lab) -> Result<Figure, Error> {
@@ -92,7 +92,7 @@ fn force(lab: &Lab) -> Result<Figure, Error> {
         discs("simulated", 1, by_speed(&met, |met| met.force)),
     ];
     let panel = Panel::new("highest force (N)", curves).log();
-    Ok(Figure::new(Chart::new(speed_axis(), vec![panel]), checks))
+    Ok(Figure::over(speed_axis(), vec![panel], checks))
 }
 
 /// Shares in %, one for each ratio of masses.
@@ -145,5 +145,5 @@ fn transfer(lab: &Lab) -> Result<Figure, Error> {
     ];
     let panel = Panel::new("energy handed over (%)", curves);
     let axis = Axis::log("striker's mass over a bead's", 0.02..20.0);
-    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
+    Ok(Figure::over(axis, vec![panel], checks))
 }

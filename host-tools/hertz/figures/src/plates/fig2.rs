@@ -131,10 +131,7 @@ fn acceleration(lab: &Lab) -> Result<Figure, Error> {
     ];
     let curves = vec![line("", 0, points), guide("", vec![(1.4, 0.0), (4.0, 0.0)])];
     let panel = Panel::new("intruder acceleration (m/s²)", curves);
-    Ok(Figure::new(
-        Chart::new(time_axis(1.4e-3..DURATION), vec![panel]),
-        checks,
-    ))
+    Ok(Figure::over(time_axis(1.4e-3..DURATION), vec![panel], checks))
 }
 
 fn energy(lab: &Lab) -> Result<Figure, Error> {
@@ -167,8 +164,5 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
         Panel::new("energy of the chain (µJ)", chain),
         Panel::new("intruder (µJ)", intruder),
     ];
-    Ok(Figure::new(
-        Chart::new(time_axis(0.5e-3..DURATION), panels),
-        checks,
-    ))
+    Ok(Figure::over(time_axis(0.5e-3..DURATION), panels, checks))
 }

@@ -3,6 +3,8 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use hertz_chain::{Energies, Snapshot};
+
 use crate::check::checks;
 use crate::curve::{guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;
@@ -10,7 +12,7 @@ use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, half_power, magnitudes, spectrum};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
-use hertz_charts::{Axis, Chart, Mark, Panel, Series};
+use hertz_charts::{Axis, Mark, Panel, Series};
 
 const HOST: usize = 8;
 const DURATION: f64 = 0.006;
@@ -39,9 +41,8 @@ fn run(lab: &Lab, stiffness: f64) -> Result<Arc<FigureRun>, Error> {
 
 /// How far the intruder runs ahead of its host, m.
 fn overshoot(run: &FigureRun) -> f64 {
-    greatest(&over_time(&run.solution, 0.0..DURATION, |at| {
-        at.intruder_displacement(HOST).unwrap_or(f64::NAN)
-    }))
+    let ahead = |at: &Snapshot<'_>| at.intruder_displacement(HOST).unwrap_or(f64::NAN);
+    greatest(&over_time(&run.solution, 0.0..DURATION, ahead))
 }
 
 fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
@@ -81,20 +82,14 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
     };
     let curves = vec![line("host", 0, of(false)), line("intruder", 1, of(true))];
     let panel = Panel::new("displacement (µm)", curves);
-    Ok(Figure::new(
-        Chart::new(time_axis(span.clone()), vec![panel]),
-        checks,
-    ))
+    Ok(Figure::over(time_axis(span.clone()), vec![panel], checks))
 }
 
 fn energy(lab: &Lab) -> Result<Figure, Error> {
     let plain = plain(lab)?;
     let span = 1.2e-3..4.5e-3;
-    let micro = |run: &FigureRun| {
-        over_time(&run.solution, span.clone(), |at| {
-            1e6 * at.energies().chain_as_printed
-        })
-    };
+    let of_chain = |at: &Snapshot<'_>| 1e6 * at.energies().chain_as_printed;
+    let micro = |run: &FigureRun| over_time(&run.solution, span.clone(), of_chain);
     let mut curves = vec![guide("no intruder", micro(&plain))];
     let mut losses = Vec::new();
     for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
@@ -105,10 +100,9 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
         losses.push(100.0 * run.summary.energy.dissipated_intruders / before);
     }
     let start = plain.summary.energy.striker_initial;
-    let share = |of: fn(hertz_chain::Energies) -> f64| {
-        over_time(&plain.solution, 0.0..0.4e-3, |at| {
-            100.0 * of(at.energies()) / start
-        })
+    let share = |of: fn(Energies) -> f64| {
+        let percent = |at: &Snapshot<'_>| 100.0 * of(at.energies()) / start;
+        over_time(&plain.solution, 0.0..0.4e-3, percent)
     };
     let shares = vec![
         line("chain", 4, share(|e| e.chain)),
@@ -124,7 +118,7 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
     let chain = Panel::new("energy of the chain (µJ)", curves).over(time_axis(span.clone()));
     let injection = Panel::new("of the striker's (%)", shares).height(180);
     let panels = vec![chain, injection.over(time_axis(0.0..0.4e-3))];
-    Ok(Figure::new(Chart::new(time_axis(span.clone()), panels), checks))
+    Ok(Figure::over(time_axis(span.clone()), panels, checks))
 }
 
 fn responses(lab: &Lab) -> Result<Figure, Error> {
@@ -157,5 +151,5 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
     let panel = Panel::new("response, pulse (relative)", curves);
     let panels = vec![panel.log().range(1e-2, 10.0)];
     let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
-    Ok(Figure::new(Chart::new(axis, panels), checks))
+    Ok(Figure::over(axis, panels, checks))
 }

@@ -92,12 +92,10 @@ pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Split>, Er
         .par_iter()
         .map(|intruder| {
             let scenario = with(strike(46, ELASTIC, SPLIT_DURATION), intruder.clone());
-            let split = lab.keep("split", &scenario, |run| {
-                run.solution.split(NEAR, FAR, &PulseSearch::default())
-            })?;
-            (*split)
-                .clone()
-                .ok_or_else(|| Error::Missing("no pulse passes contacts 10 and 25".to_owned()))
+            let split = |run: FigureRun| run.solution.split(NEAR, FAR, &PulseSearch::default());
+            let split = lab.keep("split", &scenario, split)?;
+            let missing = || Error::Missing("no pulse passes contacts 10 and 25".to_owned());
+            (*split).clone().ok_or_else(missing)
         })
         .collect()
 }
@@ -123,10 +121,10 @@ fn near_optimum(what: &str, stiffness: f64) -> Check {
 }
 
 fn closure(splits: &[Split]) -> Check {
-    let rest = splits
+    let rests = splits
         .iter()
-        .map(|split| split.rest.abs() / split.incident.energy)
-        .fold(0.0, f64::max);
+        .map(|split| split.rest.abs() / split.incident.energy);
+    let rest = rests.fold(0.0, f64::max);
     let what = "energy still between the contacts, of the incident";
     Check::at_most(what, "", rest, 2e-5)
 }
@@ -142,11 +140,11 @@ fn reflected(lab: &Lab) -> Result<Figure, Error> {
         closure(&splits),
     ];
     let panel = Panel::new("reflected (% of incident)", dotted("", 0, points).into());
-    Ok(Figure::new(by_stiffness(vec![panel]), checks))
+    Ok(Figure::over(by_stiffness(), vec![panel], checks))
 }
 
-fn by_stiffness(panels: Vec<Panel>) -> Chart {
-    Chart::new(Axis::log("stiffness k (N/m)", 1e3..1e7), panels)
+fn by_stiffness() -> Axis {
+    Axis::log("stiffness k (N/m)", 1e3..1e7)
 }
 
 fn transmitted(lab: &Lab) -> Result<Figure, Error> {
@@ -164,5 +162,5 @@ fn transmitted(lab: &Lab) -> Result<Figure, Error> {
         Panel::new("secondary (% of incident)", dotted("", 0, secondary).into()),
         Panel::new("main wave (% of incident)", dotted("", 1, main).into()),
     ];
-    Ok(Figure::new(by_stiffness(panels), checks))
+    Ok(Figure::over(by_stiffness(), panels, checks))
 }

@@ -3,14 +3,14 @@
 use hertz_chain::TransmissionFit;
 use rayon::prelude::*;
 
-use crate::check::checks;
+use crate::check::{Check, checks};
 use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
 use crate::observe::{extremes, last, least_growth};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
-use hertz_charts::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Panel};
 
 /// The caption counts the striker as sphere 1: seven spheres without intruders are six beads.
 const FIRST: usize = 7;
@@ -35,10 +35,8 @@ fn scenario(intruders: usize, mass: f64, speed: f64) -> hertz_chain::Scenario {
     // At τ = 0 a chain without intruders is the same at any speed but for its clock: t ~ V^(-1/5).
     let mut scenario = strike(BEADS, ELASTIC, DURATION * (SPEED / speed).powf(0.2));
     scenario.striker.velocity = speed;
-    with(
-        scenario,
-        intruder(FIRST..FIRST + intruders, mass, OPTIMUM, DAMPING),
-    )
+    let intruders = intruder(FIRST..FIRST + intruders, mass, OPTIMUM, DAMPING);
+    with(scenario, intruders)
 }
 
 /// (n, energy of the chain as printed over that without intruders) at the end of the run.
@@ -84,10 +82,7 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
     let named = curves.into_iter().zip(counts).enumerate();
     let series = named.map(|(place, (points, n))| line(format!("n = {n}"), place, points));
     let panel = Panel::new("energy of the chain (µJ)", series.collect()).named_at_end();
-    Ok(Figure::new(
-        Chart::new(time_axis(1e-3..DURATION), vec![panel]),
-        checks,
-    ))
+    Ok(Figure::over(time_axis(1e-3..DURATION), vec![panel], checks))
 }
 
 fn by_mass(lab: &Lab) -> Result<Figure, Error> {
@@ -115,14 +110,11 @@ fn by_mass(lab: &Lab) -> Result<Figure, Error> {
         "scatter of ln E about Tⁿ, 2.7 g": light.residual => at_most(0.003);
         "scatter at 20 g over that at 2.7 g": heaviest.residual / light.residual => at_least(10.0);
     ];
-    Ok(Figure::new(
-        by_count(Panel::new("energy left (%)", series).log()),
-        checks,
-    ))
+    Ok(by_count(Panel::new("energy left (%)", series).log(), checks))
 }
 
-fn by_count(panel: Panel) -> Chart {
-    Chart::new(Axis::new("intruders n", 0.0..MOST as f64), vec![panel])
+fn by_count(panel: Panel, checks: Vec<Check>) -> Figure {
+    Figure::over(Axis::new("intruders n", 0.0..MOST as f64), vec![panel], checks)
 }
 
 fn fit(points: &[(usize, f64)]) -> Result<TransmissionFit, Error> {
@@ -146,8 +138,5 @@ fn by_speed(lab: &Lab) -> Result<Figure, Error> {
         "least that ten intruders leave", "%":
             low => at_least(55.8), paper "ten intruders are enough to absorb the energy";
     ];
-    Ok(Figure::new(
-        by_count(Panel::new("energy left (%)", series)),
-        checks,
-    ))
+    Ok(by_count(Panel::new("energy left (%)", series), checks))
 }

@@ -15,7 +15,7 @@ use crate::observe::{
 };
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
-use hertz_charts::{Axis, Chart, Panel, Series};
+use hertz_charts::{Axis, Panel, Series};
 
 const FAR: usize = 30;
 const DURATION: f64 = 0.012;
@@ -98,10 +98,7 @@ fn forces(
     };
     let label = format!("force at contact {contact} (N)");
     let panel = Panel::new(label, named.map(curve).collect());
-    Ok(Figure::new(
-        Chart::new(time_axis(span.clone()), vec![panel]),
-        checks(&runs),
-    ))
+    Ok(Figure::over(time_axis(span.clone()), vec![panel], checks(&runs)))
 }
 
 fn far_spectrum(lab: &Lab, family: &StrikerFamily, checks: Checks) -> Result<Figure, Error> {
@@ -125,7 +122,7 @@ fn far_spectrum(lab: &Lab, family: &StrikerFamily, checks: Checks) -> Result<Fig
     }
     let panel = Panel::new("force spectrum (mN·s)", curves).log();
     let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
-    Ok(Figure::new(Chart::new(axis, vec![panel]), checks(&runs)))
+    Ok(Figure::over(axis, vec![panel], checks(&runs)))
 }
 
 fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {

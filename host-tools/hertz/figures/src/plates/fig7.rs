@@ -10,7 +10,7 @@ use crate::lab::{FigureRun, Lab};
 use crate::observe::{least_growth, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
-use hertz_charts::{Chart, Panel};
+use hertz_charts::Panel;
 
 const FAR: usize = 30;
 const DURATION: f64 = 0.012;
@@ -69,10 +69,7 @@ fn energy(lab: &Lab, which: usize) -> Result<Figure, Error> {
         guide("two bodies", vec![(0.0, binary), (until * 1e3, binary)]),
     ];
     let panel = Panel::new("of the striker's energy (%)", curves);
-    Ok(Figure::new(
-        Chart::new(time_axis(0.0..until), vec![panel]),
-        checks,
-    ))
+    Ok(Figure::over(time_axis(0.0..until), vec![panel], checks))
 }
 
 fn force(lab: &Lab, which: usize) -> Result<Figure, Error> {
@@ -99,5 +96,5 @@ fn force(lab: &Lab, which: usize) -> Result<Figure, Error> {
     };
     let points = force_over_time(&run.solution, &span, FAR);
     let panel = Panel::new("force at contact 30 (N)", vec![line("", 0, points)]);
-    Ok(Figure::new(Chart::new(time_axis(span), vec![panel]), checks))
+    Ok(Figure::over(time_axis(span), vec![panel], checks))
 }

@@ -13,7 +13,7 @@ use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, last, least_growth, ordinates, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, OPTIMUM, intruder};
-use hertz_charts::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Panel};
 
 const BY_MASS: &str = "46 beads, τ = 0, intruder k 10⁵ N/m, c 12 N·s/m in bead 15, m = 1, 3.7, 7.8 g";
 const BY_DAMPING: &str = "46 beads, τ = 0, intruder m 3.7 g, k 10⁵ N/m in bead 15, c = 4, 12, 36 N·s/m";
@@ -193,7 +193,7 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
         ]
     });
     let panel = Panel::new("displacement (µm)", curves);
-    Ok(Figure::new(Chart::new(time_axis(span), vec![panel]), checks))
+    Ok(Figure::over(time_axis(span), vec![panel], checks))
 }
 
 fn strongest(run: &FigureRun, contact: usize) -> Option<hertz_chain::Pulse> {
@@ -212,7 +212,7 @@ fn reflected(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
     let shares = sweep(lab, family)?;
     let checks = (family.reflected)(&shares);
     let panels = vec![small("reflected (% of incident)", 0, shares.reflected)];
-    Ok(Figure::new(Chart::new((family.axis)(), panels), checks))
+    Ok(Figure::over((family.axis)(), panels, checks))
 }
 
 fn transmitted(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
@@ -223,7 +223,7 @@ fn transmitted(lab: &Lab, family: &IntruderFamily) -> Result<Figure, Error> {
         small("main wave (% of incident)", 1, shares.main),
         small("absorbed (% of incident)", 2, shares.absorbed),
     ];
-    Ok(Figure::new(Chart::new((family.axis)(), panels), checks))
+    Ok(Figure::over((family.axis)(), panels, checks))
 }
 
 fn small(label: &str, place: usize, points: Vec<(f64, f64)>) -> Panel {

@@ -109,6 +109,6 @@ fn animation(lab: &Lab) -> Result<Figure, Error> {
     let axis = Axis::new("intruder's mass m (g)", 0.0..25.0);
     Ok(Figure {
         frames: frames.iter().map(|frame| frame.0.clone()).collect(),
-        ..Figure::new(Chart::new(axis, vec![panel]), checks)
+        ..Figure::over(axis, vec![panel], checks)
     })
 }

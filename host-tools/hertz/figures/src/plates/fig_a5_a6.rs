@@ -71,7 +71,7 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
         "loss of force, polymer ball's first pulse", "%": losses[3] => at_most(1.0);
         "loss of force, polymer ball's second pulse", "%": second => at_least(5.0);
     ];
-    Ok(Figure::new(Chart::new(time_axis(1.4e-3..3.4e-3), panels), checks))
+    Ok(Figure::over(time_axis(1.4e-3..3.4e-3), panels, checks))
 }
 
 const STRIKERS: &str = "45 beads, τ = 0, 0.45 m/s: steel balls of R 4.5, 6.5, 9.5 mm, and a polymer ball of R 19 mm, \
@@ -160,5 +160,5 @@ fn spectra(lab: &Lab) -> Result<Figure, Error> {
             ratio(far.to_vec()) => at_most(1.5), paper "nearly insensitive to modulus and mass";
         "the same over F^(1/6)": scaled(far, FAR) => at_most(1.001);
     ];
-    Ok(Figure::new(Chart::new(axis, panels), checks))
+    Ok(Figure::over(axis, panels, checks))
 }

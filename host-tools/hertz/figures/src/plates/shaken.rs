@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::lab::Lab;
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
-use hertz_charts::{Axis, Chart, Panel};
+use hertz_charts::{Axis, Panel};
 
 plans! {
     "A1": "transmissibility of the intruder, and its ring-down after a strike";
@@ -77,7 +77,7 @@ fn response(lab: &Lab) -> Result<Figure, Error> {
     let axis = Axis::new("frequency (Hz)", 100.0..2500.0);
     let curves = vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)];
     let panel = Panel::new("|h| = |û/Û|", curves).over(axis.clone());
-    Ok(Figure::new(Chart::new(axis, vec![panel, ring]), checks))
+    Ok(Figure::over(axis, vec![panel, ring], checks))
 }
 
 /// One bead alone, struck: it flies free and its intruder rings in it.
