@@ -13,16 +13,6 @@ type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
 /// The simulator's name.
 const OURS: &str = "hertz-chain";
 
-fn ours(case: &Case, accuracy: Accuracy, sampled: bool) -> Runner<'_> {
-    Box::new(move || {
-        Some(if sampled {
-            ours::samples(&case.scenario, accuracy)
-        } else {
-            ours::end(&case.scenario, accuracy)
-        })
-    })
-}
-
 /// Greatest error of a velocity, as a part of the greatest.
 const ALLOWED: f64 = 1e-9;
 /// Settings of a solver that go into the last rounds.
@@ -106,7 +96,9 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
         for longest_step in [1.0, 0.5] {
             let accuracy = Accuracy::new(tolerance, longest_step);
             let name = format!("tolerance {tolerance:.1e}, longest step {longest_step}");
-            own.add(name, Some(accuracy), ours(case, accuracy, sampled), &error_of);
+            let ours = if sampled { ours::samples } else { ours::end };
+            let run = Box::new(move || Some(ours(&case.scenario, accuracy)));
+            own.add(name, Some(accuracy), run, &error_of);
         }
     }
     let mut solvers = vec![own];

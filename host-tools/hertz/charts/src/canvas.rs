@@ -117,16 +117,10 @@ impl Canvas {
 
     /// A line through these points.
     pub(super) fn line(&mut self, points: &[(f64, f64)], ink: Ink, width: f64, dashes: &str) {
-        let mut path = String::new();
-        let mut last = String::new();
-        for (x, y) in points {
-            let point = format!("{x:.2},{y:.2}");
-            if point != last {
-                path.push_str(if path.is_empty() { "" } else { " " });
-                path.push_str(&point);
-                last = point;
-            }
-        }
+        let points = points.iter().map(|(x, y)| format!("{x:.2},{y:.2}"));
+        let mut points: Vec<String> = points.collect();
+        points.dedup();
+        let path = points.join(" ");
         let dashes = match dashes {
             "" => String::new(),
             dashes => format!(" stroke-dasharray=\"{dashes}\""),
@@ -179,25 +173,21 @@ impl Canvas {
         };
         // A third of the size: half the height of a figure.
         let down = 0.35 * size;
-        let mut spans = String::new();
-        let mut lifted = false;
+        let (up, small) = (0.38 * size, RAISED * size);
+        let (mut spans, mut lifted) = (String::new(), false);
         for (piece, raised) in pieces(text) {
             let piece = escape(piece);
-            let up = 0.38 * size;
-            let (shift, small) = match (lifted, raised) {
-                (false, true) => (
-                    format!(" dy=\"{:.2}\"", -up),
-                    format!(" font-size=\"{:.1}\"", RAISED * size),
-                ),
-                (true, false) => (format!(" dy=\"{up:.2}\""), String::new()),
-                _ => (String::new(), String::new()),
+            spans += &match (lifted, raised) {
+                (false, true) => {
+                    format!(
+                        "<tspan dy=\"{:.2}\" font-size=\"{small:.1}\">{piece}</tspan>",
+                        -up
+                    )
+                }
+                (true, false) => format!("<tspan dy=\"{up:.2}\">{piece}</tspan>"),
+                _ => piece,
             };
             lifted = raised;
-            if shift.is_empty() && small.is_empty() {
-                spans.push_str(&piece);
-            } else {
-                spans.push_str(&format!("<tspan{shift}{small}>{piece}</tspan>"));
-            }
         }
         self.push(format_args!(
             "<text x=\"{x:.2}\" y=\"{y:.2}\" dy=\"{down:.2}\" font-size=\"{size}\" font-family=\"sans-serif\" \

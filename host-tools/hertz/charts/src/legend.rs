@@ -48,13 +48,8 @@ impl<'a> Legend<'a> {
             let x = left + self.columns[place % self.columns.len()];
             let y = top + ROW * ((place / self.columns.len()) as f64 + 0.5);
             sample(canvas, series, (x, y));
-            canvas.text(
-                &series.name,
-                (x + SAMPLE + GAP, y),
-                NAMES,
-                Ink::Text,
-                Anchor::Start,
-            );
+            let name = (x + SAMPLE + GAP, y);
+            canvas.text(&series.name, name, NAMES, Ink::Text, Anchor::Start);
         }
     }
 }

@@ -124,10 +124,8 @@ impl Chart {
         // All axes begin where those with the widest numbers do, and names stand above them.
         let left = frames.iter().map(|frame| frame.columns(picture).left);
         let left = left.fold(0.0, f64::max);
-        frames
-            .into_iter()
-            .map(|frame| frame.named_from(left, picture))
-            .collect()
+        let named = frames.into_iter().map(|frame| frame.named_from(left, picture));
+        named.collect()
     }
 
     fn size(&self) -> (f64, f64) {
@@ -141,8 +139,9 @@ impl Chart {
         if !frames.iter().all(ChartFrame::has_extent) {
             return Err(Error::new(&self.description, "", "an axis has no extent"));
         }
+        let (left, right) = (0.0, size.0);
         let needed = frames.iter().map(|frame| frame.columns(size.0));
-        let columns = needed.reduce(|one, other| Columns {
+        let columns = needed.fold(Columns { left, right }, |one, other| Columns {
             left: one.left.max(other.left),
             right: one.right.min(other.right),
         });
@@ -150,11 +149,6 @@ impl Chart {
         canvas.fill(size, Ink::Paper);
         let mut top = MARGIN;
         for frame in &frames {
-            // There are columns if there is a frame.
-            let columns = columns.unwrap_or(Columns {
-                left: 0.0,
-                right: size.0,
-            });
             frame.draw(&mut canvas, top, columns);
             top += frame.height();
         }

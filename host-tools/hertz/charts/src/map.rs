@@ -2,7 +2,7 @@
 
 use super::canvas::{Anchor, Canvas};
 use super::ink::Ink;
-use super::scale::{Scale, Ticks};
+use super::scale::{Scale, Ticks, ends};
 
 /// Values over a grid of cells.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,10 +41,7 @@ const GAP: f64 = 5.0;
 impl Map {
     /// The least and the greatest value.
     fn range(&self) -> (f64, f64) {
-        let values = self.values.iter().filter(|value| value.is_finite());
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(*v), h.max(*v))
-        });
+        let (low, high) = ends(self.values.iter().copied());
         if low < high {
             (low, high)
         } else if low.is_finite() && low == high {
@@ -64,13 +61,8 @@ impl Map {
     /// Draws the bar below `top`.
     pub(super) fn draw_bar(&self, canvas: &mut Canvas, (left, right): (f64, f64), top: f64) {
         let (low, high) = self.range();
-        canvas.text(
-            &self.label,
-            (left, top + 0.5 * NUMBERS),
-            NUMBERS,
-            Ink::Text,
-            Anchor::Start,
-        );
+        let title = (left, top + 0.5 * NUMBERS);
+        canvas.text(&self.label, title, NUMBERS, Ink::Text, Anchor::Start);
         let (top, step) = (top + NUMBERS + GAP, (right - left) / LEVELS as f64);
         for level in 0..LEVELS {
             let from = left + level as f64 * step;

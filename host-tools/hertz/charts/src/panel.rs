@@ -3,7 +3,7 @@
 use std::ops::{Range, RangeInclusive};
 
 use super::map::Map;
-use super::scale::Scale;
+use super::scale::{Scale, ends};
 use super::series::Series;
 
 /// A horizontal axis.
@@ -149,16 +149,9 @@ impl Panel {
         if let Some((low, high)) = self.y_range {
             return (self.y_scale.place(low), self.y_scale.place(high));
         }
-        let values = self
-            .series
-            .iter()
-            .flat_map(|series| &series.points)
-            .filter(|(x, _)| (x_range.0..=x_range.1).contains(x))
-            .map(|(_, y)| self.y_scale.place(*y))
-            .filter(|y| y.is_finite());
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
-            (l.min(y), h.max(y))
-        });
+        let points = self.series.iter().flat_map(|series| &series.points);
+        let points = points.filter(|(x, _)| (x_range.0..=x_range.1).contains(x));
+        let (low, high) = ends(points.map(|(_, y)| self.y_scale.place(*y)));
         if low > high {
             return (-1.0, 1.0);
         }

@@ -24,6 +24,13 @@ impl Scale {
     }
 }
 
+/// The least and the greatest finite value; infinite, and the greater first, if there is none.
+pub(super) fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let wider = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
+    let finite = values.filter(|value| value.is_finite());
+    finite.fold((f64::INFINITY, f64::NEG_INFINITY), wider)
+}
+
 /// The ticks of an axis, as places on its scale.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Ticks {

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hertz_charts::{Axis, Chart, Ink, Map, Mark, Panel, Series};
 use resvg::tiny_skia::{Pixmap, PremultipliedColorU8, Transform};
@@ -24,10 +24,8 @@ fn assert_light(name: &str, svg: &str, colours: usize) {
         |pixel: &PremultipliedColorU8| [pixel.red(), pixel.green(), pixel.blue()].map(|value| value / 32);
     let seen: BTreeSet<[u8; 3]> = pixels.pixels().iter().map(coarse).collect();
     // Of a line in black on white only greys are seen.
-    let hues = seen
-        .iter()
-        .filter(|[red, green, blue]| red.abs_diff(*green) + green.abs_diff(*blue) > 1);
-    let hues = hues.count();
+    let is_hue = |[red, green, blue]: &&[u8; 3]| red.abs_diff(*green) + green.abs_diff(*blue) > 1;
+    let hues = seen.iter().filter(is_hue).count();
     assert!(hues >= colours, "{name}: {hues} hues, not {colours}");
 }
 
@@ -43,15 +41,8 @@ fn curve(number: usize, mark: Mark) -> Series {
 
 #[test]
 fn a_chart_and_a_map_keep_their_colours() {
-    let marks = [
-        Mark::Line,
-        Mark::Broad,
-        Mark::Dashed,
-        Mark::Dots,
-        Mark::Rings,
-        Mark::Discs,
-    ];
-    for mark in marks {
+    use Mark::{Broad, Dashed, Discs, Dots, Line, Rings};
+    for mark in [Line, Broad, Dashed, Dots, Rings, Discs] {
         let panel = Panel::new("y", vec![curve(0, mark), curve(1, mark)]);
         let chart = Chart::new(Axis::new("x", 0.0..50.0), vec![panel]);
         assert_light(&format!("{mark:?}"), &chart.standalone_svg().unwrap(), 2);
@@ -74,15 +65,11 @@ fn every_picture_of_the_docs_keeps_its_colours() {
     let files = std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path());
-    let pictures: Vec<_> = files
-        .filter(|path| path.extension().is_some_and(|end| end == "svg"))
-        .collect();
+    let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "svg");
+    let pictures: Vec<_> = files.filter(is_picture).collect();
     assert!(pictures.len() > 9);
     for path in pictures {
-        assert_light(
-            &path.display().to_string(),
-            &std::fs::read_to_string(&path).unwrap(),
-            2,
-        );
+        let svg = std::fs::read_to_string(&path).unwrap();
+        assert_light(&path.display().to_string(), &svg, 2);
     }
 }

@@ -94,13 +94,8 @@ impl Definition {
         load: impl FnOnce(&TomlFile<'_>, &Path) -> Result<Table, InputError>,
     ) -> Result<Self, InputError> {
         let file = TomlFile::parse(text, name)?;
-        let SweepFile {
-            title,
-            scenario,
-            outputs,
-            axis,
-        } = file.read()?;
-        let mut scenario = match scenario {
+        let content: SweepFile = file.read()?;
+        let mut scenario = match content.scenario {
             Base::File(path) => load(&file, &path)?,
             Base::Table(table) => table,
         };
@@ -110,13 +105,15 @@ impl Definition {
         let mut whole: Table = file.read()?;
         whole.insert("scenario".to_owned(), scenario.clone().into());
         let definition = Self {
-            title,
-            outputs,
+            title: content.title,
+            outputs: content.outputs,
             axes: Vec::new(),
             scenario,
             file: whole,
         };
-        definition.with_axes(&axis).map_err(|error| file.locate(error))
+        definition
+            .with_axes(&content.axis)
+            .map_err(|error| file.locate(error))
     }
 
     /// Adds the axes, and checks all of the sweep: each key is one of a scenario's, is there once, and takes
