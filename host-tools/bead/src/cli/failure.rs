@@ -19,8 +19,6 @@ use bead_line::conversation::LineError;
 use bead_line::key::KeyError;
 use bead_recording::file::RecordingError;
 use bead_tables::whole::WriteError;
-use hertz_sweep::folder::FolderError;
-use hertz_sweep::time_series::TimeSeriesError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -84,10 +82,8 @@ input_errors!(
     hertz_chain::InputError,
     hertz_chain::SimulateError,
     hertz_charts::Error,
-    FolderError,
     KeyError,
     RecordingError,
-    TimeSeriesError,
     WaveformError,
     WriteError
 );

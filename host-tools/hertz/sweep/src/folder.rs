@@ -10,29 +10,15 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use hertz_chain::{InputError, TomlFile, read_text};
+use anyhow::{Context, anyhow, bail};
+use hertz_chain::{TomlFile, read_text};
 use serde::{Deserialize, Serialize};
 
 use crate::compute::compute;
 use crate::definition::Definition;
 use crate::plan::Plan;
-use bead_tables::whole::{Target, WriteError, is_unfinished};
+use bead_tables::whole::{Target, is_unfinished};
 use bead_tables::{Cell, Reader, Writer};
-
-/// The folder of a sweep cannot be used. The message is one line.
-#[derive(Debug, thiserror::Error)]
-pub enum FolderError {
-    /// The plan is refused.
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// The content of the folder is not that of a plan.
-    #[error("{0}")]
-    Other(String),
-}
 
 /// A plan on disk.
 #[derive(Debug)]
@@ -66,38 +52,28 @@ impl Folder {
     ///
     /// # Errors
     /// It holds another plan or other files, or cannot be made.
-    pub fn create(path: &Path, plan: Plan, chunks: u64) -> Result<Self, FolderError> {
+    pub fn create(path: &Path, plan: Plan, chunks: u64) -> anyhow::Result<Self> {
+        let place = path.display();
         if path.join(PAGE).exists() {
             let there = Self::open(path)?;
             if there.plan.hash() == plan.hash() {
                 return Ok(there);
             }
-            return Err(FolderError::Other(format!(
-                "{} holds the parts of another sweep (plan {}, this is {}); give another place, or remove it",
-                path.display(),
-                short(there.plan.hash()),
-                short(plan.hash())
-            )));
+            let [other, this] = [&there.plan, &plan].map(|plan| short(plan.hash()));
+            bail!(
+                "{place} holds the parts of another sweep (plan {other}, this is {this}); give another place, or \
+                 remove it"
+            );
         }
-        let cannot = |error: std::io::Error| {
-            FolderError::Other(format!(
-                "cannot make the folder {}: {error}; give another place",
-                path.display()
-            ))
-        };
+        let cannot =
+            |error: std::io::Error| anyhow!("cannot make the folder {place}: {error}; give another place");
         let was_there = path.exists();
         fs::create_dir_all(path).map_err(cannot)?;
         // A program that was killed while it wrote the plan left an unfinished file.
         let is_other = |entry: &fs::DirEntry| !is_unfinished(&entry.file_name().to_string_lossy());
-        if fs::read_dir(path)
-            .map_err(cannot)?
-            .flatten()
-            .any(|entry| is_other(&entry))
-        {
-            return Err(FolderError::Other(format!(
-                "{} holds files that are not of a sweep; give another place",
-                path.display()
-            )));
+        let mut entries = fs::read_dir(path).map_err(cannot)?.flatten();
+        if entries.any(|entry| is_other(&entry)) {
+            bail!("{place} holds files that are not of a sweep; give another place");
         }
         let page = Page {
             plan: plan.hash().to_owned(),
@@ -125,35 +101,31 @@ impl Folder {
     ///
     /// # Errors
     /// It holds no plan, or one that was edited or made by another version.
-    pub fn open(path: &Path) -> Result<Self, FolderError> {
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
         let file = path.join(PAGE);
         if !file.exists() {
-            return Err(FolderError::Other(format!(
-                "{} holds no plan; make one with: bead sweep plan SWEEP.toml --dir {}",
-                path.display(),
-                path.display()
-            )));
+            let place = path.display();
+            bail!("{place} holds no plan; make one with: bead sweep plan SWEEP.toml --dir {place}");
         }
         let name = file.display().to_string();
         let text = read_text(&file, "a folder that bead sweep plan has made")?;
         let page: Page = TomlFile::parse(&text, &name)?.read()?;
         if page.made_by != PROGRAM {
-            return Err(FolderError::Other(format!(
+            bail!(
                 "{name} was made by {}, and this is {PROGRAM}, whose last digits may differ; make the plan anew",
                 page.made_by
-            )));
+            );
         }
         let plan = Plan::new(Definition::from_toml(&page.sweep, &name)?)?;
         if plan.hash() != page.plan || plan.points() != page.points {
-            return Err(FolderError::Other(format!(
-                "{name} was changed after it was made; make the plan anew from the sweep's file"
-            )));
+            bail!("{name} was changed after it was made; make the plan anew from the sweep's file");
         }
         if !(1..=plan.points().min(MOST_CHUNKS)).contains(&page.chunks) {
-            return Err(FolderError::Other(format!(
-                "{name} has {} points in {} chunks, and at most {MOST_CHUNKS} have a number; make the plan anew",
-                page.points, page.chunks
-            )));
+            let Page { points, chunks, .. } = page;
+            bail!(
+                "{name} has {points} points in {chunks} chunks, and at most {MOST_CHUNKS} have a number; make the \
+                 plan anew"
+            );
         }
         Ok(Self {
             path: path.to_owned(),
@@ -208,16 +180,16 @@ impl Folder {
     ///
     /// # Errors
     /// The file of its name is not this chunk of this plan.
-    pub fn finished(&self, chunk: u64) -> Result<bool, FolderError> {
+    pub fn finished(&self, chunk: u64) -> anyhow::Result<bool> {
         let path = self.part(chunk);
         if !path.exists() {
             return Ok(false);
         }
         let strange = |why: String| {
-            FolderError::Other(format!(
+            anyhow!(
                 "{} is not chunk {chunk} of this plan: {why}; move it away and run the chunk again",
                 path.display()
-            ))
+            )
         };
         let part = Reader::open(&path).map_err(|error| strange(format!("it {error}")))?;
         let plan = part.note("plan").unwrap_or_default();
@@ -244,7 +216,7 @@ impl Folder {
     ///
     /// # Errors
     /// As [`finished`](Self::finished).
-    pub fn missing(&self) -> Result<Vec<u64>, FolderError> {
+    pub fn missing(&self) -> anyhow::Result<Vec<u64>> {
         let mut missing = Vec::new();
         for chunk in 1..=self.chunks() {
             if !self.finished(chunk)? {
@@ -258,7 +230,7 @@ impl Folder {
     ///
     /// # Errors
     /// The part cannot be written; the finished ones stay.
-    pub fn run(&self, chunk: u64, progress: &(dyn Fn(f64) + Sync)) -> Result<(), FolderError> {
+    pub fn run(&self, chunk: u64, progress: &(dyn Fn(f64) + Sync)) -> anyhow::Result<()> {
         let target = Target::new(self.part(chunk)).replacing(true);
         let signature = self.signature(chunk);
         let notes = [("plan", self.plan.hash()), ("chunk", &signature)];
@@ -273,16 +245,16 @@ impl Folder {
     ///
     /// # Errors
     /// A chunk is missing or of another plan, or the file cannot be written.
-    pub fn merge(&self, target: &Target, progress: &dyn Fn(u64)) -> Result<Merged, FolderError> {
+    pub fn merge(&self, target: &Target, progress: &dyn Fn(u64)) -> anyhow::Result<Merged> {
         let missing = self.missing()?;
         if !missing.is_empty() {
-            return Err(FolderError::Other(format!(
+            bail!(
                 "{} of {} chunks are missing: {}; run them with: bead sweep run {}",
                 missing.len(),
                 self.chunks(),
                 ranges(&missing),
                 self.path.display()
-            )));
+            );
         }
         let definition = self.plan.definition().to_toml();
         let notes = [

@@ -6,31 +6,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use hertz_chain::{Model, Options, Run, Scenario, SimulateError, Snapshot, Snapshots, Summariser, Summary};
+use hertz_chain::{Model, Options, Run, Scenario, Snapshot, Snapshots, Summariser, Summary};
 
-use bead_tables::whole::{STANDARD_OUTPUT, Target, WriteError};
+use bead_tables::whole::{STANDARD_OUTPUT, Target};
 use bead_tables::{Cell, Column, Kind, Writer};
-
-/// A time series was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum TimeSeriesError {
-    /// The rate gives no second row, or too many.
-    #[error("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6")]
-    Rate {
-        /// Rows a second, Hz.
-        rate_hz: f64,
-        /// Rows in all.
-        rows: f64,
-        /// End of the simulation, s.
-        end: f64,
-    },
-    /// The scenario cannot be run.
-    #[error(transparent)]
-    Simulate(#[from] SimulateError),
-    /// The file cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-}
 
 /// The form of a file with a time series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,11 +106,11 @@ pub fn write(
     rate_hz: f64,
     form: TimeSeriesForm,
     target: &Target,
-) -> Result<Summary, TimeSeriesError> {
+) -> anyhow::Result<Summary> {
     let (clock, end) = (Instant::now(), scenario.duration);
     let rows = end * rate_hz;
     if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
-        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
+        anyhow::bail!("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6");
     }
     let mut run = Run::new(scenario, options.accuracy)?;
     run.check(end, options.accuracy.longest_step)?;
@@ -167,7 +146,7 @@ pub fn write(
             }
         })
         .map_err(|error| match ran {
-            Err(error) => TimeSeriesError::Simulate(error),
+            Err(error) => anyhow::Error::from(error),
             Ok(_) => error.into(),
         })?;
     let mut summary = summariser.summary(&mut run);
