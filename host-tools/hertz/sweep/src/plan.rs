@@ -92,7 +92,7 @@ impl Plan {
     }
 
     /// The place of a point on each axis.
-    fn places(&self, point: u64) -> Vec<u64> {
+    pub fn places(&self, point: u64) -> Vec<u64> {
         (0..self.strides.len())
             .map(|axis| self.place(point, axis))
             .collect()
