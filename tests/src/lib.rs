@@ -85,16 +85,9 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
         (scenario, solution)
     });
     let (scenario, solution) = &*PAPER;
-    Emulation::prepare(
-        scenario,
-        solution,
-        HOST,
-        &AnalogFrontEnd::default(),
-        seed,
-        timing,
-        &image(),
-    )
-    .unwrap_or_else(|failure| panic!("{failure}"))
+    let front_end = AnalogFrontEnd::default();
+    Emulation::prepare(scenario, solution, HOST, &front_end, seed, timing, &image())
+        .unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts

@@ -108,11 +108,8 @@ impl<D: Device> Commands<D> {
             }
             RequestStep::SelfTest => {
                 let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
-                let passed = checks - failed;
-                ReplyContent(
-                    Outcome::Done,
-                    Detail::new(format_args!("{passed} of {checks} checks passed")),
-                )
+                let line = format_args!("{} of {checks} checks passed", checks - failed);
+                ReplyContent(Outcome::Done, Detail::new(line))
             }
             RequestStep::Fetch(refetch) => fetch(bead, refetch).await,
             RequestStep::Reboot => {
@@ -151,10 +148,8 @@ impl<D: Device> Commands<D> {
             boot: self.boot.number,
             index: self.bead.snapshot().newest_index,
         };
-        let request = match self.lock.admit(address, number, request, now) {
-            Ok(request) => request,
-            Err(outcome) => return Err(self.not_let_through(outcome)),
-        };
+        let admitted = self.lock.admit(address, number, request, now);
+        let request = admitted.map_err(|outcome| self.not_let_through(outcome))?;
         if !signed {
             return Ok(request);
         }
@@ -230,10 +225,8 @@ impl<D: Device> Commands<D> {
             Request::Disarm => self.bead.arm(false),
             Request::SelfTest => return Ok(RequestStep::SelfTest),
             Request::Raw { duration_ms } if duration_ms > raw::MAX_MS => {
-                return Err(ReplyContent(
-                    Outcome::OutOfRange,
-                    Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
-                ));
+                let why = format_args!("a raw stream lasts {} ms at most", raw::MAX_MS);
+                return Err(ReplyContent(Outcome::OutOfRange, Detail::new(why)));
             }
             Request::Raw { duration_ms } => self.bead.start_raw(duration_ms),
             Request::ResetCounters => self.bead.reset_counters(),
@@ -249,20 +242,16 @@ impl<D: Device> Commands<D> {
             }
             Request::Keep { index } => {
                 let now = self.bead.snapshot();
-                if now.health.standing.has(Standing::CRYSTAL_FAILED) {
-                    return Err(ReplyContent(
-                        Outcome::OutOfRange,
-                        "no scan comes: the crystal does not run".into(),
-                    ));
-                }
                 let ahead = index.saturating_sub(now.newest_index);
-                if !(1..=MINUTE).contains(&ahead) {
-                    return Err(ReplyContent(
-                        Outcome::OutOfRange,
-                        "its scan has to come within a minute from now".into(),
-                    ));
-                }
-                self.bead.wanted_scan.signal(index);
+                let why = if now.health.standing.has(Standing::CRYSTAL_FAILED) {
+                    "no scan comes: the crystal does not run"
+                } else if !(1..=MINUTE).contains(&ahead) {
+                    "its scan has to come within a minute from now"
+                } else {
+                    self.bead.wanted_scan.signal(index);
+                    return Ok(RequestStep::Reply(ReplyContent::done()));
+                };
+                return Err(ReplyContent(Outcome::OutOfRange, why.into()));
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
@@ -341,16 +330,17 @@ fn too_soon(wait_ms: u64) -> ReplyContent {
 
 #[inline(never)]
 fn not_stored(error: StoreError) -> ReplyContent {
-    match error {
-        StoreError::Full => ReplyContent(
+    let (outcome, why) = match error {
+        StoreError::Full => (
             Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some".into(),
+            "no room in flash for another block; the next boot makes some",
         ),
-        StoreError::TooLong | StoreError::Flash => ReplyContent(
+        StoreError::TooLong | StoreError::Flash => (
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were".into(),
+            "what was written cannot be read back; the settings are what they were",
         ),
-    }
+    };
+    ReplyContent(outcome, why.into())
 }
 
 fn reply<D: Device>(bead: &BeadState<D>, request: u16, ReplyContent(outcome, detail): ReplyContent) {

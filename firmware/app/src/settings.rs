@@ -75,6 +75,9 @@ impl From<SettingsError> for RefusedSettings {
     }
 }
 
+/// Boots that may fail in a row with the same settings.
+const FAILED: u32 = 5;
+
 impl Loaded {
     /// Where they came from, for the log.
     pub fn origin(&self) -> &'static str {
@@ -93,12 +96,7 @@ impl Loaded {
     pub(crate) fn arm(&self) -> bool {
         !matches!(self.refused, Some(RefusedSettings::Foreign(_)))
     }
-}
 
-/// Boots that may fail in a row with the same settings.
-const FAILED: u32 = 5;
-
-impl Loaded {
     /// Finds the settings at start-up: in the store, in the sector `probe`, or built in. A block in flash
     /// that fails its check is refused as a whole: the next settings in order are used, and a fault frame
     /// says so. If five boots in a row have failed, those in flash are left alone: whatever they made the

@@ -23,18 +23,20 @@ fn row(mass: f64, relaxation: f64) -> Scenario {
     scenario
 }
 
+/// Hosts of the row.
+const HOSTS: [usize; 10] = [7, 8, 9, 10, 11, 12, 13, 14, 15, 16];
+
+fn placed() -> Vec<Placed> {
+    let placed = several::placed(&HOSTS, &Crystals::Spread(100.0), START_SPREAD, 1, true);
+    placed.unwrap_or_else(|failure| panic!("{failure}"))
+}
+
 /// Runs these beads with crystals up to 100 ppm off.
 fn run(scenario: &Scenario, solution: &Solution, placed: &[Placed]) -> Vec<(Emulation, Ran)> {
     let timing = timed(0.02 + START_SPREAD, 1, 0.1);
     let prepare = |placed| {
-        let mut run = Emulation::place(
-            scenario,
-            solution,
-            placed,
-            &AnalogFrontEnd::default(),
-            timing,
-            &image(),
-        )?;
+        let front_end = AnalogFrontEnd::default();
+        let mut run = Emulation::place(scenario, solution, placed, &front_end, timing, &image())?;
         // In step with no clock.
         run.sync((1..).map(|n| 0.100_371_9 * f64::from(n)));
         Ok(run)
@@ -78,10 +80,7 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
 /// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all
 /// replays identical. Gives the runs, and what comes of them.
 fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
-    let hosts: Vec<usize> = (7..=16).collect();
-    let placed = several::placed(&hosts, &Crystals::Spread(100.0), START_SPREAD, 1, true)
-        .unwrap_or_else(|failure| panic!("{failure}"));
-    let ran = run(scenario, solution, &placed);
+    let ran = run(scenario, solution, &placed());
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let path = folder.path().join("chain.mcap");
     record(&path, &ran);
@@ -90,13 +89,10 @@ fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ra
 
     let told = compared(&path, scenario, solution);
     assert_eq!((told.strikes, &told.notes[..]), (1, &[] as &[String]));
-    assert_eq!(told.beads.iter().map(|bead| bead.bead).collect::<Vec<_>>(), hosts);
+    assert!(told.beads.iter().map(|bead| bead.bead).eq(HOSTS));
     assert!(told.beads.iter().all(|bead| bead.replay_identical == Some(true)));
-    assert!(
-        told.beads
-            .iter()
-            .all(|bead| !bead.flags.contains(&"intruder_drifted"))
-    );
+    let drifted = |flags: &[&str]| flags.contains(&"intruder_drifted");
+    assert!(!told.beads.iter().any(|bead| drifted(&bead.flags)));
 
     let through = told.energy.after.iter().filter_map(|after| after.transmission);
     let through: Vec<[f64; 4]> = through
@@ -143,9 +139,7 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     let off = fit.map(|(by_a, rows)| (by_a.transmission - rows.transmission).abs());
     assert!(off.is_some_and(|off| off < 0.001), "{fit:?}");
     // One after another, and not all of them.
-    let hosts: Vec<usize> = (7..=16).collect();
-    let placed = several::placed(&hosts, &Crystals::Spread(100.0), START_SPREAD, 1, true)
-        .unwrap_or_else(|failure| panic!("{failure}"));
+    let placed = placed();
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let one = one.unwrap_or_else(|error| panic!("{error}"));
     let again = one.install(|| run(&scenario, &solution, &[placed[9], placed[0]]));

@@ -14,17 +14,9 @@ use hertz_chain::{Scenario, Solution};
 const HOSTS: std::ops::RangeInclusive<usize> = 7..=16;
 
 fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Option<u64>) -> Emulation {
-    let timing = timed(0.02, 1, 0.1);
-    Emulation::prepare(
-        scenario,
-        solution,
-        host,
-        &AnalogFrontEnd::default(),
-        noise,
-        timing,
-        &image(),
-    )
-    .unwrap_or_else(|failure| panic!("{failure}"))
+    let (front_end, timing) = (AnalogFrontEnd::default(), timed(0.02, 1, 0.1));
+    Emulation::prepare(scenario, solution, host, &front_end, noise, timing, &image())
+        .unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// Errors of A and B in per cent, the strike's flags, and what the run cost.

@@ -1,7 +1,5 @@
 //! A fault is survived, reported and counted, and a strike 50 ms later is measured.
 
-use std::fs;
-
 use bead_bench::emulation::Emulation;
 use bead_bench::faults::{self, Planned};
 use bead_compare::replay::replay;
@@ -10,8 +8,9 @@ use bead_recording::frames::Frame;
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{RunFrames, paper_at, timed};
 use bead_wire::{Energy, FaultCause, Health, Message, Standing, StrikeFlags};
-use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
+
+use crate::wraps::symbol;
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A
 /// reset from within pulls the pin as well.
@@ -114,6 +113,18 @@ fn sound() -> Health {
     }
 }
 
+/// Another instruction at the begin of a function of the image, ns after power-up.
+fn replaced(function: &str, at_ns: u64, instruction: [u8; 2]) -> Poke {
+    // The lowest bit of the address stands for Thumb.
+    let address = symbol(&[function]).0 & !1;
+    let bytes = instruction.to_vec();
+    Poke {
+        at_ns,
+        address,
+        bytes,
+    }
+}
+
 /// A supply as it is anyway.
 const NONE: &str = "[[fault]]\nat = 0.14\nkind = \"supply\"\nvolts = 3.3\n";
 
@@ -212,14 +223,7 @@ fn a_boot_that_a_fault_ends_is_told_by_the_next_and_a_later_strike_is_measured()
 #[test]
 fn a_fault_inside_a_log_statement_leaves_its_record_and_a_later_strike_is_measured() {
     // The logger's own code becomes an undefined instruction, before the line of the first strike.
-    let elf = fs::read(bead_tests::image()).unwrap();
-    let elf = object::File::parse(&*elf).unwrap();
-    let write = elf.symbols().find(|symbol| symbol.name() == Ok("_defmt_write"));
-    let poke = Poke {
-        at_ns: 70_000_000,
-        address: write.expect("the image logs").address() as u32 & !1,
-        bytes: vec![0x00, 0xDE],
-    };
+    let poke = replaced("_defmt_write", 70_000_000, [0x00, 0xDE]);
     let survived = Survived::poked(timed(0.05, 2, 0.1), NONE, vec![poke]);
     assert_eq!(survived.outcome.resets.len(), 1);
     survived.assert_last_strike_is_measured();
@@ -403,19 +407,7 @@ fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so(
 #[test]
 fn a_bead_whose_blocks_are_all_lost_gives_itself_up_though_samples_arrive() {
     // From 50 ms on no block is given back: the function for it becomes `bx lr`.
-    let elf = fs::read(bead_tests::image()).unwrap();
-    let elf = object::File::parse(&*elf).unwrap();
-    let mut symbols = elf.symbols();
-    let give_back = symbols.find(|symbol| {
-        symbol
-            .name()
-            .is_ok_and(|name| name.contains("8handover9give_back"))
-    });
-    let poke = Poke {
-        at_ns: 100_000_000,
-        address: give_back.expect("the image has it").address() as u32 & !1,
-        bytes: vec![0x70, 0x47],
-    };
+    let poke = replaced("8handover9give_back", 100_000_000, [0x70, 0x47]);
     let survived = Survived::poked(strike_at(1.8), NONE, vec![poke]);
     survived.assert_last_strike_is_measured();
     let resets: Vec<_> = survived.outcome.resets.iter().map(|reset| reset.cause).collect();

@@ -8,31 +8,31 @@ use bead_tests::paper;
 use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
 use stm32f405_qemu::{Inputs, Uart};
 
+/// Lets the bead's time go on, with these bytes at its port: the bytes that it sends.
+fn pass(bridge: &mut Bridge, bytes: &[u8], time: Duration) -> Vec<u8> {
+    let sent = bridge.pass(bytes, time);
+    sent.unwrap_or_else(|failure| panic!("{failure}"))
+}
+
 /// Asks a live bead once in `every` for its status, and gives how often the emulator was called for each
 /// request.
 fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec<u64> {
     let run = paper(1, 0.1, Some(1));
     let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));
-    let mut received = bridge
-        .pass(&[], Duration::from_secs(1))
-        .unwrap_or_else(|failure| panic!("{failure}"));
+    let mut received = pass(&mut bridge, &[], Duration::from_secs(1));
     let mut calls = Vec::new();
     let mut held = Vec::new();
     for number in 0..times {
         let mut buffer = [0; MAX_REQUEST];
         let request = encode_request(ANY, number, &Request::Status, &mut buffer)
             .unwrap_or_else(|error| panic!("{error}"));
-        received.extend(
-            bridge
-                .pass(request, every)
-                .unwrap_or_else(|failure| panic!("{failure}")),
-        );
+        received.extend(pass(&mut bridge, request, every));
         let (frames, _) = decode(&received);
-        let done = |message: &Message| matches!(message, Message::Reply(reply) if reply.request == number && reply.outcome == Outcome::Done);
-        assert!(
-            frames.iter().any(|frame| done(&frame.message)),
-            "request {number}"
-        );
+        let is_done = frames.iter().any(|frame| match &frame.message {
+            Message::Reply(reply) => (reply.request, reply.outcome) == (number, Outcome::Done),
+            _ => false,
+        });
+        assert!(is_done, "request {number}");
         // Bytes behind the last delimiter belong to the next frame.
         let end = received
             .iter()
@@ -68,11 +68,8 @@ fn a_live_bead_samples_by_its_own_crystal() {
         let request =
             encode_request(ANY, 7, &Request::Status, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
         let second = Duration::from_secs(1);
-        let received = [&[][..], &[], &[], &[], &[], request].map(|bytes| {
-            bridge
-                .pass(bytes, second)
-                .unwrap_or_else(|failure| panic!("{failure}"))
-        });
+        let pieces = [&[][..], &[], &[], &[], &[], request];
+        let received = pieces.map(|bytes| pass(&mut bridge, bytes, second));
         let (frames, _) = decode(&received.concat());
         let mut replies = frames
             .iter()

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bead_bench::emulation::{Emulation, Placed, Ran};
+use bead_bench::emulation::{Emulation, Placed};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_recording::clock::compare;
 use bead_recording::file::{About, Writer};
@@ -87,18 +87,10 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     // 100 kHz for a second, not in step with the samples.
     let storm: Vec<f64> = (0..100_000).map(|n| 0.05 + f64::from(n) * 1.000_7e-5).collect();
     let mut run = paper_at(timed(0.2, 1, 0.1), Some(1));
-    let Ran {
-        stream: quiet,
-        report: calm,
-        ..
-    } = run.run().unwrap();
+    let calm = run.run().unwrap();
     run.sync(storm.clone());
-    let Ran {
-        stream: noisy,
-        report: busy,
-        ..
-    } = run.run().unwrap();
-    let (quiet, noisy) = (RunFrames::new(quiet), RunFrames::new(noisy));
+    let busy = run.run().unwrap();
+    let (quiet, noisy) = (RunFrames::new(calm.stream), RunFrames::new(busy.stream));
     let edges = edges(&noisy);
     assert!((90..=101).contains(&edges.len()), "{}", edges.len());
     assert!(edges.last().unwrap().missed as usize >= edges.len() - 2);
@@ -117,10 +109,10 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     };
     assert_eq!(strikes(&quiet).len(), 1);
     assert_eq!(strikes(&quiet), strikes(&noisy));
-    assert_eq!((busy.overruns, noisy.counters.lost), (0, 0));
+    assert_eq!((busy.report.overruns, noisy.counters.lost), (0, 0));
     let status = noisy.status();
     assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
-    let cost = busy.instructions_per_sample.run - calm.instructions_per_sample.run;
+    let cost = busy.report.instructions_per_sample.run - calm.report.instructions_per_sample.run;
     println!("{cost:.1} instructions a sample for the storm");
     assert!(cost < 20.0, "{cost}");
 }
@@ -155,15 +147,9 @@ fn recorded(
         clock_ppm: ppm,
         ..Placed::alone(bead, Some(bead as u64))
     };
-    let mut run = Emulation::place(
-        scenario,
-        solution,
-        placed,
-        &AnalogFrontEnd::default(),
-        timing,
-        &image(),
-    )
-    .unwrap_or_else(|failure| panic!("{failure}"));
+    let front_end = AnalogFrontEnd::default();
+    let mut run = Emulation::place(scenario, solution, placed, &front_end, timing, &image())
+        .unwrap_or_else(|failure| panic!("{failure}"));
     // In step with neither clock.
     run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)));
     let ran = run.run().unwrap_or_else(|failure| panic!("{failure}"));

@@ -25,8 +25,8 @@ fn run() -> Emulation {
     paper_at(timed(0.06, 3, 0.15), Some(1))
 }
 
-/// Address and size in bytes of the variable whose name holds all of these.
-fn variable(parts: &[&str]) -> (u32, u32) {
+/// Address and size in bytes of the variable or function whose name holds all of these.
+pub(crate) fn symbol(parts: &[&str]) -> (u32, u32) {
     let elf = fs::read(bead_tests::image()).expect("the image is built");
     let elf = object::File::parse(&*elf).expect("it is an ELF file");
     let is = |name: &str| parts.iter().all(|part| name.contains(part));
@@ -45,7 +45,7 @@ fn written(
     value: u32,
     shows: impl Fn(&RunFrames) -> bool,
 ) -> (Emulation, Outcome, RunFrames) {
-    let (address, size) = variable(parts);
+    let (address, size) = symbol(parts);
     let words = (0..size / 4).map(|word| 4 * word);
     for offset in std::iter::once(today).chain(words.filter(|offset| *offset != today)) {
         let emulation = run();
