@@ -47,15 +47,15 @@ pub fn energies_left(scenario: &Scenario) -> Result<Vec<f64>, SimulateError> {
 }
 
 /// Least-squares line through ln E over n: E(n) = E(0) Tⁿ, the paper's E_{n+1} = T E_n.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct TransmissionFit {
     /// T, the part of the energy that each intruder transmits.
     pub transmission: f64,
-    /// Standard error of T, from the scatter about the line.
-    pub uncertainty: f64,
     /// E(0) of the line, in the unit of the energies.
     pub initial: f64,
+    /// Standard error of T, from the scatter about the line.
+    pub uncertainty: f64,
     /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom.
     pub residual: f64,
 }

@@ -33,7 +33,7 @@ pub struct EnergyAlong {
     /// After 0, 1 and all further intruders.
     pub after: Vec<After>,
     /// The line through ln E(n), of what was measured on end.
-    pub fit: FourSides<Option<TransmissionLine>>,
+    pub fit: FourSides<Option<TransmissionFit>>,
     /// Hosts between the first and the last that recorded which did not: there is no fit then.
     pub not_measured: Vec<usize>,
     /// Why there is no energy along the row, or why that of the wave is not the bead's own.
@@ -69,19 +69,6 @@ pub struct FourSides<V> {
 
 /// The part of the energy that an intruder lets pass.
 pub type Transmission = FourSides<Option<f64>>;
-
-/// E(n) = E(0) Tⁿ.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct TransmissionLine {
-    /// T.
-    pub transmission: f64,
-    /// E(0) of the line.
-    pub initial: f64,
-    /// Standard error of T, from the scatter about the line.
-    pub uncertainty: f64,
-    /// Root mean square of that scatter: how far from exponential the energies are.
-    pub residual: f64,
-}
 
 impl<V: Copy> FourSides<V> {
     /// Each of the four.
@@ -235,7 +222,7 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
 }
 
 /// The lines through what was measured, and which hosts between measured nothing.
-fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionLine>>, Vec<usize>) {
+fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionFit>>, Vec<usize>) {
     let is_measured = |one: &Taken| one.measured.is_some();
     let ends = (
         taken.iter().position(is_measured),
@@ -250,13 +237,7 @@ fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionLine>
     let stretch = &after[from..=to + 1];
     let fit = |side: usize| {
         let points: Vec<(usize, f64)> = stretch.iter().map(|one| (one.n, one.left.each()[side])).collect();
-        let fit = TransmissionFit::of(&points).filter(|_| side > 1 || gaps.is_empty())?;
-        Some(TransmissionLine {
-            transmission: fit.transmission,
-            initial: fit.initial,
-            uncertainty: fit.uncertainty,
-            residual: fit.residual,
-        })
+        TransmissionFit::of(&points).filter(|_| side > 1 || gaps.is_empty())
     };
     (FourSides::of(fit), gaps)
 }
@@ -267,7 +248,7 @@ mod tests {
 
     /// E(n) where hosts from bead 7 on each take a tenth of what came, and by B a thousandth of it more, as
     /// parts of what came to the first that recorded; those of which `measured` is false did not record.
-    fn energies(measured: &[bool]) -> (Vec<After>, FourSides<Option<TransmissionLine>>, Vec<usize>) {
+    fn energies(measured: &[bool]) -> (Vec<After>, FourSides<Option<TransmissionFit>>, Vec<usize>) {
         let first = measured.iter().position(|measured| *measured).unwrap();
         let power = |n: usize| 0.9_f64.powi(n as i32);
         let one = |(n, measured): (usize, &bool)| {

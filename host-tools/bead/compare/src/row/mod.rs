@@ -23,7 +23,7 @@ mod strikes;
 pub use arrivals::{Arrivals, BeadArrival, Speed};
 pub use chain::{PlacedBead, RowChain, among};
 pub use compare::{RowComparison, compare};
-pub use energy::{After, EnergyAlong, FourSides, Transmission, TransmissionLine};
+pub use energy::{After, EnergyAlong, FourSides, Transmission};
 pub use later::{LaterWave, Wave};
 pub use member::{BeadOfRow, DeviceAndChain, RowBead};
 pub use pictures::charts;

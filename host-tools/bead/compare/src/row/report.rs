@@ -1,5 +1,6 @@
 //! The report of a row.
 
+use hertz_chain::TransmissionFit;
 use hertz_charts::Chart;
 
 use crate::report::{
@@ -9,7 +10,7 @@ use crate::report::{
 use crate::row::arrivals::Speed;
 use crate::row::chain::RowChain;
 use crate::row::compare::RowComparison;
-use crate::row::energy::{After, EnergyAlong, TransmissionLine};
+use crate::row::energy::{After, EnergyAlong};
 use crate::row::later::Wave;
 use crate::row::member::{BeadOfRow, DeviceAndChain};
 use crate::row::pictures::charts;
@@ -74,7 +75,7 @@ impl ComparedRow<'_> {
             let worst = spreads.max_by(|a, b| a.mean.abs().total_cmp(&b.mean.abs()));
             worst.map_or(DASH.to_owned(), |worst| percent(worst.mean))
         };
-        let fit = |fit: Option<TransmissionLine>| {
+        let fit = |fit: Option<TransmissionFit>| {
             fit.map_or(DASH.to_owned(), |fit| format!("{:.5}", fit.transmission))
         };
         let rms = compared.arrivals.off_rms_s;
@@ -161,7 +162,6 @@ impl ComparedRow<'_> {
         Grid::new(&headings, compared.beads.iter().map(row))
     }
 
-    /// The losses of all beads together.
     fn totals(&self) -> Grid {
         let sum = |of: fn(&BeadOfRow) -> u64| self.compared.beads.iter().map(of).sum::<u64>().to_string();
         let beads = self.compared.beads.iter();
@@ -215,7 +215,6 @@ impl ComparedRow<'_> {
     }
 }
 
-/// The bead's value, and its deviation.
 fn pair(pair: Option<DeviceAndChain>, scale: f64, digits: usize) -> [GridCell; 2] {
     [
         GridCell::known(pair.map(|pair| number(pair.device * scale, digits))),
@@ -248,7 +247,7 @@ fn energy(energy: &EnergyAlong) -> Option<Chapter> {
     };
     let mut fit: Vec<GridCell> = vec!["Tⁿ".into()];
     fit.resize(6, "".into());
-    let shown = |fit: TransmissionLine| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
+    let shown = |fit: TransmissionFit| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
     fit.extend(energy.fit.each().map(|fit| GridCell::known(fit.map(shown))));
     // A narrow window has the two sides that are compared.
     let headings =
