@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use bead_bench::emulation::Emulation;
+use bead_bench::emulation::{Emulation, Placed};
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
@@ -86,8 +86,15 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     });
     let (scenario, solution) = &*PAPER;
     let front_end = AnalogFrontEnd::default();
-    Emulation::prepare(scenario, solution, HOST, &front_end, seed, timing, &image())
-        .unwrap_or_else(|failure| panic!("{failure}"))
+    Emulation::place(
+        scenario,
+        solution,
+        Placed::alone(HOST, seed),
+        &front_end,
+        timing,
+        &image(),
+    )
+    .unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts

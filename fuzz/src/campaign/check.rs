@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use bead_bench::emulation::{Emulation, Ran};
+use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::faults::{Planned, PlannedKind};
 use bead_bench::image::find_image;
 use bead_bench::run::RunReport;
@@ -64,12 +64,11 @@ pub fn check(bench: &CampaignBench, script: &Script) -> Result<usize, String> {
 }
 
 fn check_unguarded(bench: &CampaignBench, script: &Script) -> Result<usize, String> {
-    let emulation = Emulation::prepare(
+    let emulation = Emulation::place(
         &bench.scenario,
         &bench.solution,
-        BEAD,
+        Placed::alone(BEAD, Some(script.seed)),
         &AnalogFrontEnd::default(),
-        Some(script.seed),
         script.timing(),
         &bench.image,
     );

@@ -1,7 +1,7 @@
 //! Beads in a row of absorbers: each knows the intruders behind it. The scenario is that of the paper's Fig.
 //! 5.
 
-use bead_bench::emulation::Emulation;
+use bead_bench::emulation::{Emulation, Placed};
 use bead_compare::emulated::EmulatorReport;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
@@ -15,7 +15,8 @@ const HOSTS: std::ops::RangeInclusive<usize> = 7..=16;
 
 fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Option<u64>) -> Emulation {
     let (front_end, timing) = (AnalogFrontEnd::default(), timed(0.02, 1, 0.1));
-    Emulation::prepare(scenario, solution, host, &front_end, noise, timing, &image())
+    let placed = Placed::alone(host, noise);
+    Emulation::place(scenario, solution, placed, &front_end, timing, &image())
         .unwrap_or_else(|failure| panic!("{failure}"))
 }
 

@@ -51,7 +51,6 @@ const UNREAD: usize = 1 << 20;
 /// An image whose time passes on demand.
 pub struct Bridge {
     live: Live,
-    /// Codes at the converter.
     codes: Playback,
     /// End of the codes that the image has, in ns since power-up; `None` before it samples.
     codes_until_ns: Option<u64>,
@@ -255,7 +254,6 @@ impl Drop for Door {
     }
 }
 
-/// Advice for an address that cannot be listened at.
 fn advice(address: &Address, error: &io::Error) -> String {
     match (address, error.kind()) {
         (Address::Unix(path), io::ErrorKind::AddrInUse) => {
@@ -314,10 +312,8 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
     Ok(())
 }
 
-/// A program that is connected.
 struct Program {
     stream: Box<dyn ProgramStream>,
-    /// Bytes that it has not read yet.
     unread: VecDeque<u8>,
     /// Instant at which it last read something.
     read: Instant,

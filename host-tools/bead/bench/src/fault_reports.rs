@@ -16,7 +16,6 @@ use crate::several::joined;
 use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
 use bead_recording::frames::FrameReader;
 
-/// A fault that the bead reported.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FaultReport {
     /// The time when its frame had left, s.
@@ -32,7 +31,6 @@ pub(crate) struct FaultLog {
     pub(crate) resets: Vec<(f64, ResetCause)>,
     /// The end of the run, s.
     pub(crate) end: f64,
-    /// The reported faults, in the order of their frames.
     pub(crate) reports: Vec<FaultReport>,
     /// The times when the results of strikes had left, s.
     pub(crate) results: Vec<f64>,
@@ -41,16 +39,15 @@ pub(crate) struct FaultLog {
 impl FaultLog {
     pub(crate) fn of(ran: &Ran) -> Self {
         let seconds = |ns: f64| (ns - ran.first_scan_ns as f64) * 1e-9;
+        let resets = ran.resets.iter();
         let mut log = Self {
-            resets: Vec::new(),
+            resets: resets
+                .map(|reset| (seconds(reset.at_ns as f64), reset.cause))
+                .collect(),
             end: seconds(ran.report.virtual_seconds * 1e9),
             reports: Vec::new(),
             results: Vec::new(),
         };
-        let resets = ran.resets.iter();
-        log.resets = resets
-            .map(|reset| (seconds(reset.at_ns as f64), reset.cause))
-            .collect();
         let (mut reader, mut frames) = (FrameReader::default(), Vec::new());
         for (at_ns, piece) in ran.pieces(0) {
             reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
@@ -71,10 +68,8 @@ impl FaultLog {
     }
 }
 
-/// Outcome of an injected fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FaultOutcome {
-    /// The bead reported it.
     Reported,
     /// No report, and none was required: another fault hid it, it was too short, or the run ended.
     Excused,
@@ -82,10 +77,8 @@ pub(crate) enum FaultOutcome {
     Missing,
 }
 
-/// The result of the check.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct CheckedFaults {
-    /// The outcome of each fault, in their order.
     pub(crate) outcomes: Vec<FaultOutcome>,
     /// Faults of the bead, a line each: reports that are missing or spurious, and resets that did not come or
     /// that no fault explains.
@@ -149,9 +142,7 @@ pub(crate) fn check_reports(
         for &fault in &due.faults {
             outcomes[fault] = match outcomes[fault] {
                 FaultOutcome::Excused if came => FaultOutcome::Reported,
-                FaultOutcome::Excused | FaultOutcome::Reported if !came && due.required => {
-                    FaultOutcome::Missing
-                }
+                _ if !came && due.required => FaultOutcome::Missing,
                 outcome => outcome,
             };
         }
@@ -162,14 +153,14 @@ pub(crate) fn check_reports(
     for at in spurious {
         let FaultReport { at, cause, detail } = &log.reports[at];
         let cause = cause.name().unwrap_or("a cause without a name");
-        let line = format!("{cause} ({detail}) was reported at {at:.4} s, and nothing provoked it");
-        wrong.push(line);
+        wrong.push(format!(
+            "{cause} ({detail}) was reported at {at:.4} s, and nothing provoked it"
+        ));
     }
     wrong.extend(run.lost(starts, &log.results));
     CheckedFaults { outcomes, wrong }
 }
 
-/// A report that is required, or allowed.
 #[derive(Debug)]
 struct ExpectedReport {
     /// The causes, one of which it has.
@@ -179,7 +170,6 @@ struct ExpectedReport {
     from: f64,
     until: f64,
     required: bool,
-    /// The faults that it is about.
     faults: Vec<usize>,
 }
 
@@ -222,7 +212,6 @@ fn match_reports(due: &[ExpectedReport], reported: &[FaultReport]) -> (Vec<bool>
     (came, spurious)
 }
 
-/// A boot.
 #[derive(Debug, Clone, Copy)]
 struct BootSpan {
     began: f64,
@@ -235,7 +224,6 @@ struct BootSpan {
     end: f64,
 }
 
-/// A run with its faults.
 struct FaultyRun<'a> {
     faults: &'a [Planned],
     resets: &'a [(f64, ResetCause)],
@@ -354,12 +342,9 @@ impl<'a> FaultyRun<'a> {
             PlannedKind::PowerCut => cause == ResetCause::PowerCut && (fault.at - at).abs() < within,
             PlannedKind::Hang => cause == ResetCause::Watchdog && in_time,
             PlannedKind::UartStall => {
-                let silent = self
-                    .stalls
-                    .iter()
-                    .map(|[from, to]| to.min(at) - from.max(boot.began));
-                let silent = silent.fold(0.0, f64::max) >= GIVEN_UP[0];
-                cause == ResetCause::Software && silent && fault.at < at && fault.end() > boot.began
+                let silent = |[from, to]: &[f64; 2]| to.min(at) - from.max(boot.began) >= GIVEN_UP[0];
+                let meets = fault.at < at && fault.end() > boot.began;
+                cause == ResetCause::Software && meets && self.stalls.iter().any(silent)
             }
             kind => crashes(kind) && cause == ResetCause::Software && in_time,
         }
@@ -373,8 +358,9 @@ impl<'a> FaultyRun<'a> {
             let faults = all.filter(|&fault| self.explains(&self.faults[fault], boot, at, cause));
             let faults: Vec<usize> = faults.collect();
             if faults.is_empty() {
-                let line = format!("the bead was reset at {at:.4} s ({cause:?}), and nothing explains it");
-                wrong.push(line);
+                wrong.push(format!(
+                    "the bead was reset at {at:.4} s ({cause:?}), and nothing explains it"
+                ));
                 continue;
             }
             if cause == ResetCause::PowerCut {
@@ -400,7 +386,6 @@ impl<'a> FaultyRun<'a> {
         }
     }
 
-    /// Faults that had to end in a reset, and did not.
     fn missing_resets(&self, wrong: &mut Vec<String>) {
         for fault in self.faults {
             let Some(within) = reset_within(fault.kind) else {
@@ -576,7 +561,6 @@ fn stalls(faults: &[Planned]) -> Vec<[f64; 2]> {
     joined(stalls.map(|fault| [fault.at, fault.end()]).collect())
 }
 
-/// Intervals in which the emulator's supply is low.
 fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
     let (mut low, mut since) = (Vec::new(), None);
     for (at, volts) in supply(faults) {
@@ -717,10 +701,10 @@ mod tests {
     fn a_hang_ends_in_two_seconds_unless_the_run_does() {
         assert_wrong("hang 0.5", &[], &[], &[]);
         let (reset, reported) = ((1.9, ResetCause::Watchdog), (1.96, Watchdog, ""));
-        let late = run("hang 0.01", &[reset], &[reported], Vec::new());
-        assert_eq!(
-            (late.wrong, late.outcomes),
-            (vec![], vec![FaultOutcome::Reported])
+        let CheckedFaults { outcomes, wrong } = run("hang 0.01", &[reset], &[reported], Vec::new());
+        assert!(
+            wrong.is_empty() && outcomes == [FaultOutcome::Reported],
+            "{wrong:?} {outcomes:?}"
         );
     }
 

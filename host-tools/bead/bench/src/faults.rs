@@ -73,7 +73,6 @@ pub const KINDS: [(&str, PlannedKind); 13] = [
 
 /// Supply voltages at which the part works, V (DocID022152, general operating conditions).
 const VOLTS: RangeInclusive<f64> = 1.8..=3.6;
-/// A good supply, V.
 const GOOD_VOLTS: f64 = 3.3;
 /// Threshold of the bead's detector of a low supply, V (`firmware/app/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
@@ -94,16 +93,18 @@ impl PlannedKind {
         found.map_or("", |(name, _)| name)
     }
 
-    /// True if the fault has a duration.
     fn lasts(self) -> bool {
-        self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
+        self.sensor().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
 
-    /// For the fault of a sensor, the columns of the stimulus that it changes: those of both gains.
-    fn columns(self) -> Option<Range<usize>> {
+    /// For the fault of a sensor: the columns of the stimulus that it changes, which are those of both gains,
+    /// and the cause under which a bead reports it if it lasts long enough.
+    fn sensor(self) -> Option<(Range<usize>, FaultCause)> {
         match self {
-            Self::ForceStuck | Self::ForceRailed => Some(0..2),
-            Self::AccelerationStuck | Self::AccelerationRailed => Some(2..4),
+            Self::ForceStuck => Some((0..2, FaultCause::ForceStuck)),
+            Self::ForceRailed => Some((0..2, FaultCause::ForceRailed)),
+            Self::AccelerationStuck => Some((2..4, FaultCause::AccelerationStuck)),
+            Self::AccelerationRailed => Some((2..4, FaultCause::AccelerationRailed)),
             _ => None,
         }
     }
@@ -151,13 +152,7 @@ impl Planned {
 
     /// Cause under which a bead reports the fault of a sensor that lasts long enough.
     pub fn sensor_cause(&self) -> Option<FaultCause> {
-        match self.kind {
-            PlannedKind::ForceStuck => Some(FaultCause::ForceStuck),
-            PlannedKind::AccelerationStuck => Some(FaultCause::AccelerationStuck),
-            PlannedKind::ForceRailed => Some(FaultCause::ForceRailed),
-            PlannedKind::AccelerationRailed => Some(FaultCause::AccelerationRailed),
-            _ => None,
-        }
+        self.kind.sensor().map(|(_, cause)| cause)
     }
 
     /// True if the fault ends in a reset.
@@ -176,7 +171,7 @@ impl Planned {
             PlannedKind::Supply => FOUND + FRAME,
             PlannedKind::Hang => WATCHDOG + START,
             PlannedKind::UartStall => self.duration.unwrap_or(0.0) + START,
-            kind if kind.columns().is_some() => FOUND + FRAME,
+            kind if kind.sensor().is_some() => FOUND + FRAME,
             _ => START,
         }
     }
@@ -206,15 +201,11 @@ impl Planned {
         })
     }
 
-    /// Changes the codes of a sensor for as long as its fault lasts.
     fn change(&self, columns: Range<usize>, stimulus: &mut [[u16; 4]]) {
         let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
         let affected = stimulus.iter_mut().skip(rows(self.at));
-        let is_railed = matches!(
-            self.kind,
-            PlannedKind::ForceRailed | PlannedKind::AccelerationRailed
-        );
-        let mut codes = is_railed.then_some([CODES - 1; 4]);
+        let railed = [PlannedKind::ForceRailed, PlannedKind::AccelerationRailed];
+        let mut codes = railed.contains(&self.kind).then_some([CODES - 1; 4]);
         for row in affected.take(self.duration.map_or(usize::MAX, rows)) {
             let codes = codes.get_or_insert(*row);
             row[columns.clone()].copy_from_slice(&codes[columns.clone()]);
@@ -225,12 +216,11 @@ impl Planned {
 /// Makes faults happen in a run. Of faults of one sensor that overlap, the last one counts.
 pub fn provoke(faults: &[Planned], run: &mut Run) {
     for fault in faults {
-        if let Some(columns) = fault.kind.columns() {
+        if let Some((columns, _)) = fault.kind.sensor() {
             fault.change(columns, &mut run.stimulus);
         }
-        let injected = fault.injected();
-        let injected = injected.map(|kind| Fault::after_first_scan(ns(fault.at), kind));
-        run.faults.extend(injected);
+        let inject = |kind| Fault::after_first_scan(ns(fault.at), kind);
+        run.faults.extend(fault.injected().map(inject));
     }
     run.faults.extend(supply(faults).into_iter().map(|(at, volts)| {
         let millivolts = (volts * 1e3).round() as u32;
@@ -242,8 +232,7 @@ pub fn provoke(faults: &[Planned], run: &mut Run) {
 /// faults that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a
 /// good supply if none does.
 pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
-    let supplies = faults.iter().filter(|fault| fault.kind == PlannedKind::Supply);
-    let mut faults: Vec<_> = supplies.collect();
+    let mut faults = Vec::from_iter(faults.iter().filter(|fault| fault.kind == PlannedKind::Supply));
     faults.sort_by(|a, b| a.at.total_cmp(&b.at));
     let mut times: Vec<_> = faults.iter().flat_map(|fault| [fault.at, fault.end()]).collect();
     times.retain(|time| time.is_finite());
@@ -258,7 +247,6 @@ pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
     times.into_iter().map(at).collect()
 }
 
-/// A time in ns.
 fn ns(seconds: f64) -> u64 {
     (seconds * 1e9) as u64
 }
@@ -285,7 +273,6 @@ pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
     Ok(planned)
 }
 
-/// The file as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FaultFile {
@@ -310,9 +297,10 @@ fn entries(file: &TomlFile<'_>) -> Result<Vec<FaultTable>, InputError> {
             key if key.starts_with("fault[") => return error,
             _ => (error.what.as_str(), "faults are tables [[fault]]"),
         };
+        let (what, advice) = (what.to_owned(), advice.to_owned());
         InputError {
-            what: what.to_owned(),
-            advice: advice.to_owned(),
+            what,
+            advice,
             ..error
         }
     })?;

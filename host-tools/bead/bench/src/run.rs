@@ -146,10 +146,9 @@ impl MeasuredStrike {
             sample_index: strike.said.trigger_index,
             device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
-            truth: None,
-            given: None,
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
+            ..Self::default()
         }
     }
 }
@@ -174,21 +173,17 @@ impl RunReport {
             // The bead must have noticed what the converter saw.
             overruns: measured.overruns.max(statuses.sum(|status| status.overruns)),
             resets: measured.resets,
-            strikes: Vec::new(),
-            echoes: Vec::new(),
             strikes_passed_over: passed_over(&frames),
-            gaps: Vec::new(),
             hidden: hidden(&emulation.faults, &truth.starts),
             provoked: provoked(&emulation.faults, &outcomes),
-            faults: Vec::new(),
             wrong,
-            health: None,
             instructions_per_sample: measured.instructions_per_sample,
             instructions_available: measured.instructions_available,
             saturated: measured.saturated,
             unknown_registers: measured.unknown_registers,
             recording,
             played: emulation.waveform.is_some(),
+            ..Self::default()
         };
         for frame in &frames {
             match &frame.message {
@@ -212,11 +207,10 @@ impl RunReport {
             let mut measured = MeasuredStrike::of(&strike);
             if let Some(waveform) = &emulation.waveform {
                 measured.given = begun.filter(|_| is_known).map(|begun| {
+                    let rate = f64::from(emulation.settings.sample_rate_hz);
                     let first = strike.said.first_index as f64 - truth.starts[begun];
-                    let window = [first, first + f64::from(strike.said.samples)];
-                    let [from, to] =
-                        window.map(|sample| sample / f64::from(emulation.settings.sample_rate_hz));
-                    GivenEstimates::of(waveform, &emulation.settings, from..to)
+                    let window = first / rate..(first + f64::from(strike.said.samples)) / rate;
+                    GivenEstimates::of(waveform, &emulation.settings, window)
                 });
                 report.strikes.push(measured);
             } else if is_echo {
@@ -386,20 +380,15 @@ mod tests {
             ..MeasuredStrike::default()
         };
         let says = |lost, overruns, resets, strikes| {
-            let frames = FrameCounts {
-                lost,
-                ..FrameCounts::default()
-            };
-            let report = RunReport {
-                frames,
+            let mut report = RunReport {
                 overruns,
                 resets,
                 strikes,
                 ..RunReport::default()
             };
-            report
-                .verdict(1)
-                .map_or_else(|why| why.to_string(), |()| "passed".to_owned())
+            report.frames.lost = lost;
+            let passed = |()| "passed".to_owned();
+            report.verdict(1).map_or_else(|why| why.to_string(), passed)
         };
         assert_eq!(says(0, 0, 0, vec![strike(None)]), "passed");
         assert!(says(1, 2, 3, vec![strike(Some("strike 0: x"))]).starts_with("replay differs"));

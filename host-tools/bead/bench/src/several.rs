@@ -244,21 +244,15 @@ mod tests {
     }
 
     #[test]
-    fn beads_too_far_behind_for_an_address_are_counted() {
+    fn beads_too_far_behind_for_an_address_are_counted_and_each_has_a_crystal() {
         assert_eq!(each(&[200, 254], &[0.0]).unwrap(), [(200, 0.0), (254, 0.0)]);
         assert_eq!(each(&[200, 255], &[0.0]).unwrap(), [(1, 0.0), (2, 0.0)]);
         let many: Vec<usize> = (1..=255).collect();
         assert!(each(&many, &[0.0]).unwrap_err().contains("254 addresses"));
-    }
-
-    #[test]
-    fn there_is_a_crystal_for_each_bead_or_one_for_all() {
         let beads = [7, 8, 9];
         assert_eq!(each(&beads, &[20.0]).unwrap(), [(7, 20.0), (8, 20.0), (9, 20.0)]);
-        assert_eq!(
-            each(&beads, &[1.0, 2.0, 3.0]).unwrap(),
-            [(7, 1.0), (8, 2.0), (9, 3.0)]
-        );
+        let crystals = [1.0, 2.0, 3.0];
+        assert_eq!(each(&beads, &crystals).unwrap(), [(7, 1.0), (8, 2.0), (9, 3.0)]);
         let refused = each(&beads, &[1.0, 2.0]).unwrap_err();
         assert!(refused.contains("2 crystals for 3 beads"), "{refused}");
     }

@@ -26,13 +26,6 @@ const SYNC_LEAST: f64 = 0.02;
 const START_SPREAD_MOST: f64 = 60.0;
 /// Paces of a bead that listens.
 const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
-/// Units of the spans, and examples: force, wide force, acceleration, wide acceleration.
-const SPANS: [&str; 4] = [
-    "N, such as 16.0",
-    "N, such as 256.0",
-    "m/s², such as 500.0",
-    "m/s², such as 8000.0",
-];
 /// Greatest `shift`.
 const SHIFT_MOST: u8 = 10;
 
@@ -121,49 +114,59 @@ impl FrontEndTable {
         let mut front_end = self.sensors.front_end();
         let AnalogFrontEnd { force, acceleration } = &mut front_end;
         let spans = [
-            (&mut force.sensitive, "force_span", self.force_span),
-            (&mut force.wide, "wide_force_span", self.wide_force_span),
+            (&mut force.sensitive, "force_span", "N, such as 16.0"),
+            (&mut force.wide, "wide_force_span", "N, such as 256.0"),
             (
                 &mut acceleration.sensitive,
                 "acceleration_span",
-                self.acceleration_span,
+                "m/s², such as 500.0",
             ),
             (
                 &mut acceleration.wide,
                 "wide_acceleration_span",
-                self.wide_acceleration_span,
+                "m/s², such as 8000.0",
             ),
         ];
-        for ((channel, key, span), unit) in spans.into_iter().zip(SPANS) {
-            if let Some(span) = span {
-                let (holds, advice) = (
-                    span.is_finite() && span > 0.0,
-                    format!("give more than 0, in {unit}"),
-                );
-                ensure(holds, "front_end", key, span, advice)?;
-                *channel = channel.with_span(span);
-            }
+        let forces = [self.force_span, self.wide_force_span];
+        let accelerations = [self.acceleration_span, self.wide_acceleration_span];
+        for ((channel, key, unit), span) in spans.into_iter().zip(forces.into_iter().chain(accelerations)) {
+            let Some(span) = span else { continue };
+            let holds = span.is_finite() && span > 0.0;
+            ensure(
+                holds,
+                "front_end",
+                key,
+                span,
+                format!("give more than 0, in {unit}"),
+            )?;
+            *channel = channel.with_span(span);
         }
-        let advice = ["N rms, such as 0.005", "m/s² rms, such as 0.05"];
         let noises = [
-            (force, "force_noise", self.force_noise),
-            (acceleration, "acceleration_noise", self.acceleration_noise),
+            (force, "force_noise", self.force_noise, "N rms, such as 0.005"),
+            (
+                acceleration,
+                "acceleration_noise",
+                self.acceleration_noise,
+                "m/s² rms, such as 0.05",
+            ),
         ];
-        for ((sensor, key, rms), unit) in noises.into_iter().zip(advice) {
-            if let Some(rms) = rms {
-                let holds = rms.is_finite() && rms >= 0.0;
-                ensure(holds, "front_end", key, rms, format!("give 0 or more, in {unit}"))?;
-                sensor.sensitive.noise_rms = rms;
-                // The sensor's own noise is in both channels.
-                sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
-            }
+        for (sensor, key, rms, unit) in noises {
+            let Some(rms) = rms else { continue };
+            let holds = rms.is_finite() && rms >= 0.0;
+            ensure(holds, "front_end", key, rms, format!("give 0 or more, in {unit}"))?;
+            sensor.sensitive.noise_rms = rms;
+            // The sensor's own noise is in both channels.
+            sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
         }
         if let Some(hz) = self.pole {
-            let (holds, advice) = (
-                hz.is_finite() && hz >= 0.0,
+            let holds = hz.is_finite() && hz >= 0.0;
+            ensure(
+                holds,
+                "front_end",
+                "pole",
+                hz,
                 "give Hz, such as 40e3, or 0 for none",
-            );
-            ensure(holds, "front_end", "pole", hz, advice)?;
+            )?;
             for channel in front_end.channels_mut() {
                 channel.pole_hz = (hz > 0.0).then_some(hz);
             }
@@ -239,10 +242,8 @@ fn ensure(
     value: f64,
     advice: impl Into<String>,
 ) -> Result<(), InputError> {
-    let refused = || {
-        let (key, what) = (format!("{table}.{key}"), format!("{value} is out of range"));
-        InputError::at(key, what, advice)
-    };
+    let what = format!("{value} is out of range");
+    let refused = || InputError::at(format!("{table}.{key}"), what, advice);
     holds.then_some(()).ok_or_else(refused)
 }
 

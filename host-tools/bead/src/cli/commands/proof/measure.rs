@@ -7,7 +7,7 @@ use crate::cli::beads::one_bead;
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::command;
 use bead_bench::accuracy::EstimateErrors;
-use bead_bench::emulation::Emulation;
+use bead_bench::emulation::{Emulation, Placed};
 use bead_bench::error::BenchError;
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
@@ -92,8 +92,8 @@ impl Prepared<'_> {
             strikes,
             interval: INTERVAL.max(1.1 * solution.end()),
         };
-        let (bead, seed) = (self.common.bead, Some(self.common.seed));
-        let run = Emulation::prepare(scenario, solution, bead, front_end, seed, timing, &self.image)?;
+        let placed = Placed::alone(self.common.bead, Some(self.common.seed));
+        let run = Emulation::place(scenario, solution, placed, front_end, timing, &self.image)?;
         let frames = run.run()?.whole()?.frames;
         Ok(EstimateErrors::of(&run, frames))
     }
