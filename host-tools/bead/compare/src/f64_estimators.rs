@@ -69,10 +69,10 @@ pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f
     let held = &held(bead, neighbours);
     let step = 1.0 / rate_hz / SUBSTEPS as f64;
     let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
-    let mut state = ReducedState::default();
+    let mut state = [0.0; WORK + 1];
     let mut energies = Vec::with_capacity(force.len());
     for i in 0..force.len() as isize {
-        energies.push([state.0[ENERGY], state.0[WORK]]);
+        energies.push([state[ENERGY], state[WORK]]);
         let points = [at(i - 1), at(i), at(i + 1), at(i + 2)];
         for substep in 0..SUBSTEPS {
             let phase = substep as f64 / SUBSTEPS as f64;
@@ -111,22 +111,14 @@ fn held(bead: &Bead, neighbours: &Neighbours) -> Held {
     })
 }
 
-#[derive(Clone, Copy, Default)]
-struct ReducedState([f64; WORK + 1]);
+type ReducedState = [f64; WORK + 1];
 
-impl ReducedState {
-    fn plus(&self, scale: f64, rate: &Self) -> Self {
-        let mut sum = *self;
-        for (value, rate) in sum.0.iter_mut().zip(rate.0) {
-            *value += scale * rate;
-        }
-        sum
-    }
+fn plus(state: &ReducedState, scale: f64, rate: &ReducedState) -> ReducedState {
+    std::array::from_fn(|value| state[value] + scale * rate[value])
 }
 
-fn rate(bead: &Bead, held: &Held, state: &ReducedState, incoming: f64) -> ReducedState {
-    let y = &state.0;
-    let mut rate = ReducedState::default();
+fn rate(bead: &Bead, held: &Held, y: &ReducedState, incoming: f64) -> ReducedState {
+    let mut rate = [0.0; WORK + 1];
     let mut push = incoming;
     for body in 0..BODIES {
         let velocity = BODIES + body;
@@ -134,21 +126,21 @@ fn rate(bead: &Bead, held: &Held, state: &ReducedState, incoming: f64) -> Reduce
             BODIES => 0.0,
             next => contact_force(bead, y[body] - y[next], y[velocity] - y[velocity + 1]),
         };
-        rate.0[body] = y[velocity];
+        rate[body] = y[velocity];
         let (displacement, relative) = (INTRUDERS + body, INTRUDERS + BODIES + body);
         match held[body] {
             Some(intruder) => {
                 let spring = intruder.stiffness * y[displacement] + intruder.damping * y[relative];
-                rate.0[velocity] = (push - outgoing + spring) / (bead.mass - intruder.mass);
-                rate.0[displacement] = y[relative];
-                rate.0[relative] = -spring / intruder.mass - rate.0[velocity];
+                rate[velocity] = (push - outgoing + spring) / (bead.mass - intruder.mass);
+                rate[displacement] = y[relative];
+                rate[relative] = -spring / intruder.mass - rate[velocity];
             }
-            None => rate.0[velocity] = (push - outgoing) / bead.mass,
+            None => rate[velocity] = (push - outgoing) / bead.mass,
         }
         push = outgoing;
     }
-    rate.0[ENERGY] = bead.damping * y[INTRUDERS + BODIES].powi(2);
-    rate.0[WORK] = incoming * y[BODIES];
+    rate[ENERGY] = bead.damping * y[INTRUDERS + BODIES].powi(2);
+    rate[WORK] = incoming * y[BODIES];
     rate
 }
 
@@ -168,14 +160,13 @@ fn runge_kutta(
     [start, middle, end]: [f64; 3],
 ) -> ReducedState {
     let k1 = rate(bead, held, state, start);
-    let k2 = rate(bead, held, &state.plus(0.5 * step, &k1), middle);
-    let k3 = rate(bead, held, &state.plus(0.5 * step, &k2), middle);
-    let k4 = rate(bead, held, &state.plus(step, &k3), end);
-    state
-        .plus(step / 6.0, &k1)
-        .plus(step / 3.0, &k2)
-        .plus(step / 3.0, &k3)
-        .plus(step / 6.0, &k4)
+    let k2 = rate(bead, held, &plus(state, 0.5 * step, &k1), middle);
+    let k3 = rate(bead, held, &plus(state, 0.5 * step, &k2), middle);
+    let k4 = rate(bead, held, &plus(state, step, &k3), end);
+    let parts = [(6.0, k1), (3.0, k2), (3.0, k3), (6.0, k4)];
+    parts
+        .iter()
+        .fold(*state, |sum, (part, rate)| plus(&sum, step / part, rate))
 }
 
 #[cfg(test)]

@@ -174,18 +174,16 @@ fn aligned(
         (reference.begin()..=reference.end()).contains(&time)
     };
     let overlap: Vec<usize> = (0..bead.len()).filter(inside).collect();
-    let square = |samples: &mut dyn Iterator<Item = f64>| samples.map(|value| value * value).sum::<f64>();
-    let whole = square(&mut bead.iter().copied());
-    let covered = square(&mut overlap.iter().map(|sample| bead[*sample]));
-    if covered < COVERED * whole || overlap.len() < 8 {
+    let own: Vec<f64> = overlap.iter().map(|sample| bead[*sample]).collect();
+    let (whole, square_own) = (product(bead, bead), product(&own, &own));
+    if square_own < COVERED * whole || overlap.len() < 8 {
         return Err(format!(
             "the reference's {name} reaches over {:.0} % of the energy of the bead's, and {:.0} % are needed; is it a longer \
              record of the same strike?",
-            100.0 * covered / whole,
+            100.0 * square_own / whole,
             100.0 * COVERED
         ));
     }
-    let own: Vec<f64> = overlap.iter().map(|sample| bead[*sample]).collect();
     // The bead sees no faster than from sample to sample.
     let at = |shift: f64, reference: &mut Trace| -> Vec<f64> {
         let mut value = |sample: &usize| reference.around(*sample as f64 / rate + shift, 1.0 / rate);
@@ -196,8 +194,7 @@ fn aligned(
         -correlation(&own, &at(shift, &mut reference.clone())).abs()
     });
     let other = at(shift, &mut reference);
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let (square_own, square_other) = (product(&own, &own), product(&other, &other));
+    let square_other = product(&other, &other);
     if square_other == 0.0 || square_own == 0.0 {
         return Err(format!(
             "the {name} of the reference or of the bead is 0 all the time"
@@ -256,10 +253,7 @@ fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
     for (sample, value) in resampled[pulse.len()..][..count].iter_mut().enumerate() {
         *value = reference.around(begin + sample as f64 / rate, 1.0 / rate);
     }
-    let match_at = |lag: usize| -> f64 {
-        let along = resampled[lag..].iter().zip(pulse);
-        along.map(|(other, own)| other * own).sum::<f64>().abs()
-    };
+    let match_at = |lag: usize| product(&resampled[lag..], pulse).abs();
     // The pulse's energy up to each of its samples. Where the reference does not reach over it, nothing can
     // be said.
     let mut energy = vec![0.0];
@@ -287,19 +281,20 @@ fn greatest(values: &[f64]) -> usize {
     (0..values.len()).max_by(order).unwrap_or(0)
 }
 
-/// Pearson's coefficient.
+/// Σ a b.
+fn product(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(a, b)| a * b).sum()
+}
+
+/// Pearson's coefficient; 0 where one of the two is constant.
 fn correlation(one: &[f64], other: &[f64]) -> f64 {
-    let count = one.len() as f64;
-    let [mean, other_mean] = [one, other].map(|values| values.iter().sum::<f64>() / count);
-    let (mut both, mut square, mut other_square) = (0.0, 0.0, 0.0);
-    for (a, b) in one.iter().zip(other) {
-        let (a, b) = (a - mean, b - other_mean);
-        both += a * b;
-        square += a * a;
-        other_square += b * b;
-    }
-    if square * other_square > 0.0 {
-        both / (square * other_square).sqrt()
+    let [one, other] = [one, other].map(|values| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|value| value - mean).collect::<Vec<f64>>()
+    });
+    let squares = product(&one, &one) * product(&other, &other);
+    if squares > 0.0 {
+        product(&one, &other) / squares.sqrt()
     } else {
         0.0
     }
@@ -318,33 +313,23 @@ fn summit(values: &[f64]) -> (f64, f64) {
         below.unwrap_or(top.saturating_sub(1)),
         above.unwrap_or((top + 1).min(last)),
     );
-    // Sums of powers of the place relative to the top, and of the values.
-    let (mut s, mut v) = ([0.0; 5], [0.0; 3]);
-    for (at, value) in (from..).zip(&values[from..=to]) {
-        let x = at as f64 - top as f64;
-        s.iter_mut()
-            .zip(0..)
-            .for_each(|(sum, power)| *sum += x.powi(power));
-        v.iter_mut()
-            .zip(0..)
-            .for_each(|(sum, power)| *sum += value * x.powi(power));
-    }
-    // Cramer's rule for value = a + b x + c x².
-    let determinant = |m: [[f64; 3]; 3]| -> f64 {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
+    // About the middle the sums of odd powers are 0, and value = a + b x + c x² has its solution at once.
+    let middle = 0.5 * (from + to) as f64;
+    let sum = |of: fn(f64, f64) -> f64| -> f64 {
+        let places = (from..).map(|at| at as f64 - middle);
+        places
+            .zip(&values[from..=to])
+            .map(|(x, value)| of(x, *value))
+            .sum()
     };
-    let matrix = [[s[0], s[1], s[2]], [s[1], s[2], s[3]], [s[2], s[3], s[4]]];
-    let of = |column: usize| {
-        let mut matrix = matrix;
-        (0..3).for_each(|row| matrix[row][column] = v[row]);
-        determinant(matrix)
-    };
-    let whole = determinant(matrix);
-    let [a, b, c] = [of(0), of(1), of(2)].map(|part| part / whole);
+    let [s0, s2, s4] = [sum(|_, _| 1.0), sum(|x, _| x * x), sum(|x, _| x.powi(4))];
+    let [v0, v1, v2] = [sum(|_, v| v), sum(|x, v| x * v), sum(|x, v| x * x * v)];
+    let (b, c) = (v1 / s2, (s0 * v2 - s2 * v0) / (s0 * s4 - s2 * s2));
+    let a = (v0 - c * s2) / s0;
     let place = -b / (2.0 * c);
-    if place.is_finite() && place.abs() <= (to - from) as f64 && c * sign < 0.0 {
-        (top as f64 + place, a + 0.5 * b * place)
+    let is_near = (middle + place - top as f64).abs() <= (to - from) as f64;
+    if place.is_finite() && is_near && c * sign < 0.0 {
+        (middle + place, a + 0.5 * b * place)
     } else {
         (top as f64, values[top])
     }

@@ -91,9 +91,8 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
 fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> Option<String> {
     // The first sample after which a hundredth is absorbed. Before, there are few bits in which to differ.
     let last = energies.last().map_or((0, 0), |(a, b)| (a.bits(), b.bits()));
-    let start = energies
-        .iter()
-        .position(|(measured, predicted)| measured.bits() > last.0 / 100 && predicted.bits() > last.1 / 100);
+    let is_more = |(a, b): &(Energy, Energy)| a.bits() > last.0 / 100 && b.bits() > last.1 / 100;
+    let start = energies.iter().position(is_more);
     let mut before = 0;
     strike.chunks.iter().find_map(|chunk| {
         let agreed = std::mem::replace(&mut before, chunk.end);
@@ -108,12 +107,8 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
             bits: i128::from(energy.bits()),
             si: Some((energy.joules(), "J")),
         });
-        let from_the_start = start.is_none_or(|start| agreed <= start);
-        let why = if from_the_start {
-            FROM_THE_START
-        } else {
-            FROM_SOMEWHERE
-        };
+        let is_early = start.is_none_or(|start| agreed <= start);
+        let why = if is_early { FROM_THE_START } else { FROM_SOMEWHERE };
         Some(format!("{what} at sample index {index}: {}; {why}", apart(pair)))
     })
 }
@@ -145,7 +140,7 @@ fn apart([device, replay]: [FieldNumber; 2]) -> String {
         Some((value, unit)) => format!("{who} {value:.9e} {unit} ({:#x})", number.bits),
         None => format!("{who} {} ({:#x})", number.bits, number.bits),
     };
-    let shown = format!("{}, {}", shown("device", device), shown("replay", replay));
+    let shown = [shown("device", device), shown("replay", replay)].join(", ");
     if [device.bits, replay.bits].contains(&ABSENT) {
         return shown;
     }
@@ -181,10 +176,11 @@ fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, FieldNumber)> {
             Value::Text(_) | Value::Bytes(_) => return,
         };
         let si = match field.kind {
-            FieldKind::Quantity(unit) => i64::try_from(bits)
-                .ok()
-                .and_then(|bits| unit.si(bits, rate))
-                .map(|value| (value, unit.symbol)),
+            FieldKind::Quantity(unit) => {
+                let bits = i64::try_from(bits).ok();
+                bits.and_then(|bits| unit.si(bits, rate))
+                    .map(|value| (value, unit.symbol))
+            }
             _ => None,
         };
         all.push((field.name.into(), FieldNumber { bits, si }));
@@ -237,11 +233,12 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
     let start = &strike.scans[..length.min(strike.scans.len())];
     let force = |codes: &&ScanCodes| codes.sensitive[0];
     let [lowest, highest] = [start.iter().min_by_key(force)?, start.iter().max_by_key(force)?];
-    if force(&highest) - force(&lowest) < settings.window.threshold {
-        Some(quiet)
+    let is_quiet = force(&highest) - force(&lowest) < settings.window.threshold;
+    Some(if is_quiet {
+        quiet
     } else {
-        Some(std::slice::from_ref(highest))
-    }
+        std::slice::from_ref(highest)
+    })
 }
 
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
@@ -260,9 +257,8 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let first = strike.said.first_index - before;
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, codes) in (0..).zip(stream) {
-        let fired = meter.strikes();
-        meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut output);
-        let index = first.wrapping_add(offset);
+        let (fired, index) = (meter.strikes(), first + offset);
+        meter.process(&settings, index, [codes.scan()], &mut output);
         if meter.strikes() > fired && index != trigger {
             return Some(format!(
                 "strike {number}: the detector fires at sample index {index}, the device's at {trigger}"
@@ -275,11 +271,9 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         ));
     };
     (said.strike, shape.strike) = (number, number);
-    let cut_otherwise = || {
-        let differ = output.chunks != strike.chunks;
-        differ.then(|| "the chunks are cut otherwise".to_owned())
-    };
-    let what = differs_in_results(strike, &said, &shape).or_else(cut_otherwise)?;
+    let is_cut_otherwise = output.chunks != strike.chunks;
+    let what = differs_in_results(strike, &said, &shape)
+        .or_else(|| is_cut_otherwise.then(|| "the chunks are cut otherwise".to_owned()))?;
     Some(format!("strike {number}, as a stream: {what}"))
 }
 
@@ -287,7 +281,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
 mod tests {
     use super::*;
     use crate::testing::{recorded_after, recorded_strike};
-    use bead_wire::{Body, Codes, Force, Samples, Waveform};
+    use bead_wire::{Body, Force, Fraction, Samples, Waveform};
 
     #[test]
     fn a_strike_right_after_the_start_replays_to_the_same_bits() {
@@ -393,58 +387,21 @@ mod tests {
         }
     }
 
-    /// The fields of a body by name, with the bits that draw it. A group is preceded by a bit: 1 if it is
-    /// there.
-    fn drawn(body: &dyn Fields) -> Vec<(String, u64)> {
-        let mut all = Vec::new();
-        body.each(&mut |field, value| match value {
-            Value::Integer(bits) => all.push((field.name.into(), bits as u64)),
-            Value::Group(group) => {
-                all.push((field.name.into(), u64::from(group.is_some())));
-                all.extend(group.map(drawn).unwrap_or_default());
-            }
-            Value::Text(_) | Value::Bytes(_) => {}
-        });
-        all
-    }
-
-    /// A body with the lowest bit of one of its fields turned, and the name of that field.
-    fn turned<B: Body + Fields>(body: &B, field: usize) -> Option<(B, String)> {
-        let mut bits = drawn(body);
-        let (name, turned) = bits.get_mut(field)?;
-        *turned ^= 1;
-        let name = name.clone();
-        let mut bits = bits.into_iter().map(|(_, bits)| bits);
-        Some((B::draw(&mut || bits.next().unwrap_or(0)), name))
-    }
-
     #[test]
-    fn one_unit_of_any_field_of_strike_and_shape_is_found_by_name() {
-        let good = recorded_strike();
-        let said = (0..).map_while(|field| turned(&good.said, field));
-        let shape = (0..).map_while(|field| turned(&good.shape.unwrap(), field));
-        let strikes = said.map(|(said, name)| (RecordedStrike { said, ..good.clone() }, name));
-        let shapes = shape.map(|(shape, name)| {
-            let shape = Some(shape);
-            (
-                RecordedStrike {
-                    shape,
-                    ..good.clone()
-                },
-                name,
-            )
+    fn a_field_of_a_group_is_found_by_name_and_so_is_a_missing_group() {
+        let what = changed(|strike| {
+            let gains = strike.shape.as_mut().unwrap().force_gains.as_mut().unwrap();
+            gains.uncertainty = Fraction::from_bits(gains.uncertainty.bits() ^ 1);
         });
-        // The number of the strike names it, and the window is replayed with its own index and length.
-        let own = ["strike", "first_index", "samples"];
-        let found = strikes
-            .chain(shapes)
-            .filter(|(_, name)| !own.contains(&&name[..]));
-        let found: Vec<_> = found.collect();
-        assert!(found.len() > 15);
-        for (strike, name) in found {
-            let what = replay(&strike).first_difference.unwrap();
-            assert!(what.contains(&name), "{name}: {what}");
-        }
+        assert!(
+            what.contains("force_gains.uncertainty of the shape frame: device"),
+            "{what}"
+        );
+        let what = changed(|strike| strike.shape.as_mut().unwrap().force_gains = None);
+        assert!(
+            what.contains("force_gains of the shape frame: device has none, replay "),
+            "{what}"
+        );
     }
 
     #[test]
@@ -481,26 +438,22 @@ mod tests {
 
     #[test]
     fn an_index_that_no_bead_reaches_is_refused() {
-        let changes: [fn(&mut Strike, u64); 3] = [
+        let changes: [fn(&mut Strike, u64); 2] = [
             |said, index| said.first_index = index,
             |said, index| said.trigger_index = index,
-            |said, index| {
-                said.trigger_index = index;
-                said.flags = said.flags.with(StrikeFlags::FROM_OUTSIDE);
-            },
         ];
         for change in changes {
-            // At the end of the numbers a window, its history or its last sample lies behind them.
-            for before_end in [0, 1, 31, 160, 671, 672, 1000, i64::MAX as u64] {
+            for before_end in [0, i64::MAX as u64] {
                 let index = u64::MAX - before_end;
                 let refused = format!("its sample index {index} is none that a bead reaches");
-                let what = changed(|strike| change(&mut strike.said, index));
-                assert!(what.contains(&refused), "{what}");
-                // Nor is the place of what is missing told.
-                changed(|strike| {
-                    change(&mut strike.said, index);
-                    strike.scans.truncate(632);
-                });
+                // The place of missing samples is not told either.
+                for scans in [632, 672] {
+                    let what = changed(|strike| {
+                        change(&mut strike.said, index);
+                        strike.scans.truncate(scans);
+                    });
+                    assert!(what.contains(&refused), "{what}");
+                }
             }
             let what = changed(|strike| change(&mut strike.said, INDEX_MOST));
             assert!(!what.contains("none that a bead reaches"), "{what}");
@@ -512,17 +465,9 @@ mod tests {
         let mut strike = recorded_strike();
         strike.scans.clear();
         strike.chunks.clear();
-        let empty = Waveform {
-            strike: 0,
-            first_index: strike.said.first_index,
-            codes: Codes::default(),
-            wide: Codes::default(),
-            absorbed_measured: Energy::from_bits(0),
-            absorbed_predicted: Energy::from_bits(0),
-        };
-        strike.push(&empty);
+        strike.push(&Waveform::draw(&mut || 0));
         assert_eq!((strike.scans.len(), strike.chunks.len()), (0, 0));
-        // Also one of no samples at all is replayed.
+        // A window of no samples at all is replayed, too.
         strike.said.samples = 0;
         assert!(!replay(&strike).identical());
     }

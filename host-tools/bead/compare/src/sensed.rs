@@ -263,8 +263,8 @@ pub struct Sensed {
     long: f64,
     /// Start and end of the strike that was asked for last, s.
     last: Range<f64>,
-    force: Option<SensorSignal>,
-    acceleration: Option<SensorSignal>,
+    /// Force and acceleration.
+    signals: [Option<SensorSignal>; 2],
 }
 
 impl Sensed {
@@ -285,14 +285,12 @@ impl Sensed {
     }
 
     fn of(signals: [Option<SensorSignal>; 2], long: f64, timing: Timing) -> Self {
-        let [force, acceleration] = signals;
         Self {
             timing,
             clock_rate: 1.0,
             long,
             last: 0.0..0.0,
-            force,
-            acceleration,
+            signals,
         }
     }
 
@@ -338,19 +336,21 @@ impl Sensed {
         self.last = start..start + self.long.min(most);
         Some(time - start)
     }
+
+    fn felt(&mut self, sensor: usize, time: f64) -> f64 {
+        let since = self.since_start(time / self.clock_rate);
+        let signal = self.signals[sensor].as_mut().zip(since);
+        signal.map_or(0.0, |(signal, since)| signal.at(since))
+    }
 }
 
 impl SensorStimulus for Sensed {
     fn force(&mut self, time: f64) -> f64 {
-        let since = self.since_start(time / self.clock_rate);
-        let felt = since.zip(self.force.as_mut());
-        felt.map_or(0.0, |(since, force)| force.at(since))
+        self.felt(0, time)
     }
 
     fn acceleration(&mut self, time: f64) -> f64 {
-        let since = self.since_start(time / self.clock_rate);
-        let felt = since.zip(self.acceleration.as_mut());
-        felt.map_or(0.0, |(since, acceleration)| acceleration.at(since))
+        self.felt(1, time)
     }
 
     fn silent_until(&self, time: f64) -> f64 {

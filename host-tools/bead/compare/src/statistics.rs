@@ -5,19 +5,17 @@ use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
 use crate::pictures::{curve, wide};
 use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::report::{Chapter, DASH, EnergyUnit, Grid, GridCell, percent_within};
-use crate::spread::{Spread, mean_uncertainty};
+use crate::spread::{RunningMean, Spread, mean_uncertainty};
 use crate::strike::StrikeComparison;
 
-/// Bars of a histogram.
 const BINS: usize = 12;
 /// Strikes that the history shows; of more, every second, third and so on.
 const SHOWN: usize = 2000;
 
-/// Mean and extent of some values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Distribution {
     mean: f64,
-    /// Standard deviation, from the values themselves: n - 1.
+    /// Standard deviation, by n - 1.
     deviation: f64,
     least: f64,
     greatest: f64,
@@ -26,15 +24,11 @@ struct Distribution {
 impl Distribution {
     /// None for fewer than two values.
     fn of(values: &[f64]) -> Option<Self> {
-        if values.len() < 2 {
-            return None;
-        }
-        let count = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        let mut running = RunningMean::default();
+        values.iter().for_each(|value| running.push(*value));
         Some(Self {
-            mean,
-            deviation: (squares / (count - 1.0)).sqrt(),
+            mean: running.mean,
+            deviation: running.scatter()?,
             least: values.iter().copied().fold(f64::INFINITY, f64::min),
             greatest: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
         })
@@ -67,12 +61,10 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Opti
     let headings =
         format!("all {count} strikes | mean | spread | ~least | ~greatest | mean off by | #values");
     let table = Grid::new(&headings, rows);
-    let section = || {
-        Chapter::new(format!("All {count} strikes"))
-            .text(text)
-            .table(table)
-    };
-    (count > 1).then(|| section().chart(history(strikes)))
+    let section = Chapter::new(format!("All {count} strikes"))
+        .text(text)
+        .table(table);
+    (count > 1).then(|| section.chart(history(strikes)))
 }
 
 fn row(
@@ -108,7 +100,6 @@ fn row(
     ])
 }
 
-/// The deviations of both estimates, strike by strike.
 fn history(strikes: &[StrikeComparison]) -> Chart {
     let every = strikes.len().div_ceil(SHOWN);
     let series = |name: &str, ink, mark, of: fn(&StrikeComparison) -> f64| {

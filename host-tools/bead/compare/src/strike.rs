@@ -51,7 +51,6 @@ impl StrikeValues {
         }
     }
 
-    /// Relative to `truth`.
     fn relative_to(&self, truth: &Self) -> Self {
         let off = |of: fn(&Self) -> f64| of(self) / of(truth) - 1.0;
         Self {
@@ -102,7 +101,6 @@ pub struct StrikeComparison {
     /// the chain is under a load, which the reduced one is not.
     #[serde(skip)]
     pub(crate) incident: Option<f64>,
-    /// The curves of the figures.
     #[serde(skip)]
     pub(crate) traces: Option<Traces>,
 }
@@ -184,7 +182,6 @@ pub struct FullChain {
     physics: Bead,
     neighbours: Neighbours,
     solution: Arc<Solution>,
-    /// The true results of a strike.
     pub(crate) truth: Truth,
     /// The main wave at its incoming contact.
     pub(crate) pulse: Option<Pulse>,
@@ -221,17 +218,19 @@ impl FullChain {
         let pulse = main_wave(&pulses, load, capture.length - capture.history);
         let summary = || {
             let peaks = solution.summary().peak_force;
-            let highest = peaks.iter().find(|peak| peak.contact == bead);
-            highest.map_or((0.0, 0.0), |peak| (peak.force - load, peak.time))
+            peaks
+                .iter()
+                .find(|peak| peak.contact == bead)
+                .map(|peak| (peak.force, peak.time))
         };
-        let peak = pulse.map_or_else(summary, |pulse| (pulse.force - load, pulse.time));
+        let peak = pulse.map(|pulse| (pulse.force, pulse.time)).or_else(summary);
         Ok(Self {
             bead,
             physics,
             neighbours: neighbours_of(solution, bead),
             truth,
             pulse,
-            peak,
+            peak: peak.map_or((0.0, 0.0), |(force, time)| (force - load, time)),
             load,
             force: solution.force_beyond_curve(bead),
             acceleration: acceleration.expect("a bead without an intruder was refused"),
@@ -255,16 +254,12 @@ impl FullChain {
     pub(crate) fn front(&self) -> f64 {
         let mut force = during(&self.force);
         let (highest, time) = self.peak;
-        let half = 0.5 * highest;
         let (mut below, mut above) = (self.pulse.map_or(0.0, |pulse| pulse.from), time);
         // By halves, to the last bit or so: the force only rises there.
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
-            if force(middle) < half {
-                below = middle;
-            } else {
-                above = middle;
-            }
+            let is_below = force(middle) < 0.5 * highest;
+            *(if is_below { &mut below } else { &mut above }) = middle;
         }
         above
     }
@@ -399,10 +394,11 @@ impl FullChain {
     /// The shape of a strike whose window has its first and its last sample at these times, s.
     fn shape(&self, said: &bead_wire::Shape, rate_hz: u32, times: Range<f64>) -> Option<ShapeComparison> {
         let Bead {
-            mass, intruder_mass, ..
-        } = self.physics;
-        let Bead {
-            stiffness, damping, ..
+            mass,
+            intruder_mass,
+            stiffness,
+            damping,
+            ..
         } = self.physics;
         let reduced = intruder_mass * (mass - intruder_mass) / mass;
         let decay = 0.5 * damping / reduced;
@@ -425,16 +421,15 @@ impl FullChain {
     /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
     /// simulated force is least.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
-        let order = |&a: &usize, &b: &usize| force[a].total_cmp(&force[b]);
-        let peak = (0..force.len()).max_by(order).unwrap_or(0);
+        let peak = (0..force.len())
+            .max_by(|&a, &b| force[a].total_cmp(&force[b]))
+            .unwrap_or(0);
         // The pulse and what follows at once. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
             let mut simulated = during(&self.force);
-            let off = near
-                .clone()
-                .map(|i| force[i] - simulated(start + i as f64 / rate));
-            off.map(|off| off.powi(2)).sum()
+            let off = |i: usize| force[i] - simulated(start + i as f64 / rate);
+            near.clone().map(off).map(|off| off.powi(2)).sum()
         };
         let guess = self.peak.1 - peak as f64 / rate;
         least(guess - 2.0 / rate, guess + 2.0 / rate, distance)
@@ -492,7 +487,6 @@ mod tests {
 
     static PAPER: LazyLock<FullChain> = LazyLock::new(|| FullChain::run(&Scenario::paper(), 8).unwrap());
 
-    /// The greatest distance of two curves.
     fn worst(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
         pairs.map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
     }

@@ -73,17 +73,17 @@ impl ComparedStrikes<'_> {
         let identical = strikes.iter().filter(|strike| strike.replay_identical).count();
         let gone = self.compared.counters.lost + self.compared.counters.rejected.total();
         let frames = self.compared.counters.frames + self.compared.counters.lost;
-        let (mut measured, mut predicted) =
-            ("A, measured by the acceleration", "B, predicted from the force");
-        if self.compared.strikes.len() > 1 {
-            (measured, predicted) = (
+        let [measured, predicted] = if strikes.len() > 1 {
+            [
                 "A, measured: mean of all strikes",
                 "B, predicted: mean of all strikes",
-            );
-        }
+            ]
+        } else {
+            ["A, measured by the acceleration", "B, predicted from the force"]
+        };
         let [a, b] = self.compared.spread.each_ref().map(|spread| percent(spread.mean));
         let absorbed = energy(strike.f64_chain.absorbed_measured);
-        let identical = format!("{identical} of {}", self.compared.strikes.len());
+        let identical = format!("{identical} of {}", strikes.len());
         let tiles = [
             (absorbed, "absorbed, by the full simulation"),
             (a, measured),
@@ -128,18 +128,14 @@ impl ComparedStrikes<'_> {
 
     /// The reason why a strike among many is shown in full.
     fn shown_as(&self, at: usize) -> &'static str {
-        if self.compared.strikes.len() <= IN_FULL {
-            ""
-        } else if !self.compared.strikes[at].replay_identical {
-            ", whose replay differs"
-        } else if self.worst() == Some(at) {
-            ", the furthest off"
-        } else {
-            ""
+        let many = self.compared.strikes.len() > IN_FULL;
+        match &self.compared.strikes[at] {
+            strike if many && !strike.replay_identical => ", whose replay differs",
+            _ if many && self.worst() == Some(at) => ", the furthest off",
+            _ => "",
         }
     }
 
-    /// The places of the strikes that are shown in full.
     fn in_full(&self) -> BTreeSet<usize> {
         let strikes = &self.compared.strikes;
         if strikes.len() <= IN_FULL {
@@ -158,7 +154,6 @@ impl ComparedStrikes<'_> {
         (0..self.compared.strikes.len()).max_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
-    /// A line for each strike.
     fn lines(&self) -> Grid {
         let line = |strike: &StrikeComparison| {
             let off = strike.deviation;
@@ -244,9 +239,13 @@ impl ComparedStrikes<'_> {
             ("force noise before the strike", noise)
         });
         let Counters {
-            frames, bytes, lost, ..
+            frames,
+            bytes,
+            lost,
+            rejected,
+            ..
         } = self.compared.counters;
-        let refused = self.compared.counters.rejected.total();
+        let refused = rejected.total();
         let frames = format!("{frames} received in {bytes} bytes, {lost} lost, {refused} refused");
         noise.into_iter().chain([("frames", frames)]).collect()
     }
@@ -298,7 +297,6 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     Grid::new(headings, rows)
 }
 
-/// The instructions that a sample costs.
 fn cost(emulator: &EmulatorReport) -> Chapter {
     let available = emulator.instructions_available;
     let rows = emulator.instructions_per_sample.rows().into_iter();
@@ -325,9 +323,13 @@ fn of_identity(identity: &Identity) -> Vec<Fact> {
     let boot = format!("{}, reset by {}", identity.boot, causes.join(", "));
     let firmware = format!("{} ({})", identity.firmware, identity.git);
     let sampling = format!("{channels} channels at {rate} Hz");
-    let mut facts = vec![("firmware", firmware), ("device", hex(&identity.uid))];
-    facts.extend([("boot", boot), ("sampling", sampling)]);
-    facts
+    let device = hex(&identity.uid);
+    vec![
+        ("firmware", firmware),
+        ("device", device),
+        ("boot", boot),
+        ("sampling", sampling),
+    ]
 }
 
 fn of_settings(settings: &Settings) -> Vec<Fact> {
@@ -358,9 +360,11 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
         bead.contact_stiffness,
         bead.relaxation * 1e6,
     );
-    let mut facts = vec![("settings: bead", physics), ("window", window)];
-    facts.push(("resolution", resolution));
-    facts
+    vec![
+        ("settings: bead", physics),
+        ("window", window),
+        ("resolution", resolution),
+    ]
 }
 
 fn of_status(status: &Status) -> Vec<Fact> {
@@ -396,16 +400,16 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
         emulator.resets,
         emulator.overruns
     );
-    let registers = emulator.unknown_registers.join(", ");
-    let none = registers.is_empty();
-    let registers = if none {
-        "none touched".to_owned()
-    } else {
-        registers
+    let registers = match &emulator.unknown_registers[..] {
+        [] => "none touched".to_owned(),
+        touched => touched.join(", "),
     };
-    let mut facts = vec![("image", emulator.image.clone()), ("emulator", run)];
-    facts.push(("registers without a model", registers));
-    facts
+    let image = emulator.image.clone();
+    vec![
+        ("image", image),
+        ("emulator", run),
+        ("registers without a model", registers),
+    ]
 }
 
 #[cfg(test)]
@@ -446,7 +450,6 @@ mod tests {
         [report.page().unwrap(), report.terminal()]
     }
 
-    /// The first line with these words.
     fn line<'a>(text: &'a str, words: &str) -> &'a str {
         let line = text.lines().find(|line| line.contains(words));
         line.unwrap_or_else(|| panic!("{words}: {text}"))

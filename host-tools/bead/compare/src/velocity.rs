@@ -14,7 +14,7 @@ use hertz_chain::Scenario;
 use serde::Serialize;
 
 use crate::error::CompareError;
-use crate::spread::mean_uncertainty;
+use crate::spread::{RunningMean, mean_uncertainty};
 use crate::strike::FullChain;
 use crate::verdict::Echoes;
 use bead_recording::strikes::RecordedStrike;
@@ -88,15 +88,13 @@ pub fn fit(
                     .to_owned(),
             ));
         }
-        let count = ratios.len() as f64;
-        let mean = ratios.iter().map(|(ratio, _)| ratio).sum::<f64>() / count;
+        let mut running = RunningMean::default();
+        ratios.iter().for_each(|(ratio, _)| running.push(*ratio));
+        let (mean, scatter) = (running.mean, running.scatter());
         if (mean - 1.0).abs() > MET {
             scenario.striker.velocity = velocity * mean.clamp(0.1, 10.0).powf(EXPONENT);
             continue;
         }
-        let squares: f64 = ratios.iter().map(|(ratio, _)| (ratio - mean).powi(2)).sum();
-        let free = ratios.len() - 1;
-        let scatter = (free > 0).then(|| (squares / free as f64).sqrt());
         let within = match scatter {
             Some(scatter) => mean_uncertainty(scatter, ratios.len()),
             // Of one strike: from what is left of its noise.
@@ -117,7 +115,6 @@ pub fn fit(
     )))
 }
 
-/// Those that are near the median.
 fn alike(ratios: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut sorted: Vec<f64> = ratios.iter().map(|(ratio, _)| *ratio).collect();
     sorted.sort_by(f64::total_cmp);

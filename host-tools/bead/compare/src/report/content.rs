@@ -88,17 +88,14 @@ pub(crate) struct Grid {
     pub(crate) rows: Vec<Vec<GridCell>>,
 }
 
-/// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct GridColumn {
     pub(super) name: String,
     pub(super) medium: Medium,
 }
 
-/// A cell of a table.
 #[derive(Debug, Clone)]
 pub(crate) enum GridCell {
-    /// A value.
     Text(String),
     /// A value, and whether it is within its goal.
     Judged(String, bool),
@@ -109,7 +106,6 @@ pub(crate) enum GridCell {
 }
 
 impl Chapter {
-    /// A section without content.
     pub(crate) fn new(heading: impl Into<String>) -> Self {
         Self {
             heading: heading.into(),
@@ -117,7 +113,6 @@ impl Chapter {
         }
     }
 
-    /// This section with more content.
     pub(crate) fn with(mut self, content: impl IntoIterator<Item = Passage>) -> Self {
         self.content.extend(content);
         self
@@ -170,12 +165,10 @@ impl Grid {
         }
     }
 
-    /// This table for these renderers.
     pub(crate) fn on(self, medium: Medium) -> Self {
         Self { medium, ..self }
     }
 
-    /// This table with its rows in a group.
     pub(crate) fn group(self, name: impl Into<String>) -> Self {
         let group = Some(name.into());
         Self { group, ..self }

@@ -45,8 +45,8 @@ impl Report {
 
 impl<'a> OpenGrid<'a> {
     fn of(table: &'a Grid) -> Self {
-        let is_shown = |column: &&GridColumn| column.medium.is_terminal();
-        let columns: Vec<&GridColumn> = table.columns.iter().filter(is_shown).collect();
+        let columns = table.columns.iter().filter(|column| column.medium.is_terminal());
+        let columns: Vec<&GridColumn> = columns.collect();
         let mut heads: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
         let named = table.group.as_ref().filter(|group| !group.is_empty());
         let mut rows: Vec<Vec<String>> = named.map(|group| vec![group.clone()]).into_iter().collect();

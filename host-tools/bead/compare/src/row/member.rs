@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::bead::{ComparedBead, STRIKES_MOST};
 use crate::error::CompareError;
+use crate::row::arrivals::mean;
 use crate::row::chain::{PlacedBead, RowChain};
 use crate::row::later::{LaterWave, later_wave};
 use crate::spread::Spread;
@@ -40,9 +41,8 @@ pub(crate) struct FeltStrike {
     pub(super) rise: Option<f64>,
     /// `rise` on the time of [`FeltStrike::traces`].
     pub(super) rise_drawn: Option<f64>,
-    /// The strongest wave after the main one.
     pub(super) later: Option<LaterWave>,
-    /// StrikeValues of the sensors, and the chain's beside them.
+    /// Curves of the sensors, and the chain's beside them.
     pub(super) traces: Option<Traces>,
 }
 
@@ -52,7 +52,6 @@ pub struct RowBead {
     pub bead: usize,
     /// The chain around it.
     pub chain: FullChain,
-    /// Its strikes.
     pub(crate) felt: Vec<FeltStrike>,
     /// Its window at the first of them.
     pub window: Option<WindowSettings>,
@@ -123,26 +122,10 @@ pub struct BeadOfRow {
     pub failure: Option<String>,
 }
 
-/// A mean, value by value.
-#[derive(Clone, Copy, Default)]
-struct ValueMean {
-    sum: f64,
-    count: f64,
-}
-
-impl ValueMean {
-    fn extend(&mut self, value: Option<f64>) {
-        self.sum += value.unwrap_or(0.0);
-        self.count += f64::from(u8::from(value.is_some()));
-    }
-
-    fn beside(&self, f64_chain: Option<f64>) -> Option<DeviceAndChain> {
-        let f64_chain = f64_chain.filter(|_| self.count > 0.0)?;
-        Some(DeviceAndChain {
-            device: self.sum / self.count,
-            f64_chain,
-        })
-    }
+/// The mean of the bead's values beside the chain's; `None` where either is missing.
+fn beside(values: &[f64], f64_chain: Option<f64>) -> Option<DeviceAndChain> {
+    let device = mean(values)?;
+    f64_chain.map(|f64_chain| DeviceAndChain { device, f64_chain })
 }
 
 impl RowBead {
@@ -157,7 +140,7 @@ impl RowBead {
         let PlacedBead { bead, received } = placed;
         let echoes = Echoes::of(&chain.scenario, received.json(Part::Truth)?);
         let chain = FullChain::of(&chain.scenario, &chain.solution, *bead)?;
-        let mut means = [ValueMean::default(); 5];
+        let mut all: [Vec<f64>; 5] = Default::default();
         let (mut felt, mut flags) = (Vec::new(), BTreeSet::new());
         let (mut address, mut drawn) = (0, 0);
         let each = |strike: &RecordedStrike, comparison: &mut StrikeComparison| {
@@ -170,10 +153,9 @@ impl RowBead {
                 Some(device.absorbed_measured),
                 Some(device.absorbed_predicted),
             ];
-            means
-                .iter_mut()
+            all.iter_mut()
                 .zip(values)
-                .for_each(|(mean, value)| mean.extend(value));
+                .for_each(|(all, value)| all.extend(value));
             flags.extend(&comparison.flags);
             if felt.len() < STRIKES_MOST {
                 let mut one = FeltStrike::of(strike, comparison, &chain, time);
@@ -184,17 +166,17 @@ impl RowBead {
         };
         let compared = ComparedBead::read(received, &chain, echoes, fitted, each)?;
         let (soundness, count, truth) = (compared.soundness, compared.count, chain.truth);
-        let [peak_force, width, incident, measured, predicted] = means;
+        let [peak_force, width, incident, measured, predicted] = &all;
         let of_row = BeadOfRow {
             bead: *bead,
             address,
             strikes: count,
             strikes_left_out: count - felt.len(),
-            peak_force: peak_force.beside(Some(truth.peak_force)),
-            width: width.beside(chain.pulse.and_then(|pulse| pulse.fwhm)),
-            incident: incident.beside(chain.incident()),
-            absorbed_measured: measured.beside(Some(truth.absorbed)),
-            absorbed_predicted: predicted.beside(Some(truth.absorbed)),
+            peak_force: beside(peak_force, Some(truth.peak_force)),
+            width: beside(width, chain.pulse.and_then(|pulse| pulse.fwhm)),
+            incident: beside(incident, chain.incident()),
+            absorbed_measured: beside(measured, Some(truth.absorbed)),
+            absorbed_predicted: beside(predicted, Some(truth.absorbed)),
             later_wave: felt.iter().find_map(|felt: &FeltStrike| felt.later),
             spread: compared.spread.into_iter().filter(|_| count > 0).collect(),
             flags: flags.into_iter().collect(),

@@ -18,7 +18,6 @@ const HIGH: f64 = 1.9;
 /// Before the first arrival and after the last, s.
 const BEFORE: f64 = 0.35e-3;
 const AFTER: f64 = 1.4e-3;
-/// Points of a simulated curve.
 const POINTS: usize = 400;
 
 /// The force at each place over time with E(n), and the acceleration at each place over time with T of each
@@ -121,7 +120,6 @@ impl DrawnQuantity {
     }
 }
 
-/// The simulated curves of these beads.
 fn simulated(
     row: &BeadRow,
     chain: &RowChain,
@@ -140,7 +138,6 @@ fn simulated(
     beads.filter_map(of).collect()
 }
 
-/// The first place of the row and the last.
 fn ends(row: &BeadRow) -> [usize; 2] {
     let beads = || row.members.iter().map(|member| member.bead);
     [beads().min().unwrap_or(1), beads().max().unwrap_or(1)]

@@ -1,7 +1,5 @@
 //! The strikes of a row of beads: the ones of several beads that are one.
 
-use std::cmp::Ordering;
-
 use rayon::prelude::*;
 
 use crate::error::CompareError;
@@ -88,7 +86,6 @@ impl BeadRow {
     }
 }
 
-/// A strike at a bead.
 #[derive(Debug, Clone, Copy)]
 struct StrikeAtBead {
     /// When the striker hit, s, if that is known.
@@ -119,15 +116,8 @@ fn together(members: &[RowBead]) -> Vec<Vec<Option<usize>>> {
 fn grouped(mut all: Vec<StrikeAtBead>, beads: usize) -> Vec<Vec<Option<usize>>> {
     all.sort_by(|a, b| {
         let [a_time, b_time] = [a, b].map(|strike| strike.struck.unwrap_or(f64::INFINITY));
-        let ids = |strike: &StrikeAtBead| (strike.number, strike.place, strike.at);
-        let by_number = || {
-            if a.struck.is_none() {
-                ids(a).cmp(&ids(b))
-            } else {
-                Ordering::Equal
-            }
-        };
-        a_time.total_cmp(&b_time).then_with(by_number)
+        let [a, b] = [a, b].map(|strike| (strike.number, strike.place, strike.at));
+        a_time.total_cmp(&b_time).then(a.cmp(&b))
     });
     let mut strikes: Vec<Vec<Option<usize>>> = Vec::new();
     let mut first: Option<StrikeAtBead> = None;
