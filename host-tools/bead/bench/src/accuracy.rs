@@ -52,10 +52,8 @@ impl EstimateErrors {
             let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
             ((squares / errors.len() as f64).sqrt(), worst.unwrap_or(f64::NAN))
         };
-        let (a, b) = (
-            of(|strike| strike.absorbed_measured),
-            of(|strike| strike.absorbed_predicted),
-        );
+        let a = of(|strike| strike.absorbed_measured);
+        let b = of(|strike| strike.absorbed_predicted);
         let flags = measured.iter().map(|strike| strike.flags);
         Self {
             strikes: measured.len(),

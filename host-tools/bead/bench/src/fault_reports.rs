@@ -449,9 +449,11 @@ impl<'a> FaultyRun<'a> {
                 let noticed = from.max(boot.latest);
                 let lasts = to - noticed >= NOTICED;
                 if since > OVER[0] {
+                    let meets =
+                        |fault: &Planned| fault.at < to && fault.end() > from && fault.cause().is_some();
                     let faults = self
                         .of_kind(PlannedKind::Supply)
-                        .filter(|(_, fault)| fault.at < to && fault.end() > from && fault.cause().is_some());
+                        .filter(|(_, fault)| meets(fault));
                     let faults = faults.map(|(index, _)| index).collect();
                     let (times, sure) = ([from, noticed + NOTICED], lasts && since > OVER[1]);
                     due.push(self.expected(boot, FaultCause::SupplyLow, times, sure, faults));

@@ -12,7 +12,6 @@ use crate::error::BenchError;
 /// The image as `cargo xtask build` leaves it in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 
-/// The image that this program carries.
 static CARRIED: OnceLock<&'static [u8]> = OnceLock::new();
 /// The carried image in a file without a name, for QEMU.
 static OPENED: OnceLock<File> = OnceLock::new();
@@ -50,10 +49,8 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     let here = env::current_dir().unwrap_or_default();
     let built_with = program.ancestors().map(|folder| folder.join(IMAGE));
     let above = here.ancestors().map(|folder| folder.join("target").join(IMAGE));
-    let is_image = |path: &PathBuf| {
-        path.metadata()
-            .is_ok_and(|found| found.is_file() && found.len() > 0)
-    };
+    let is_whole = |found: std::fs::Metadata| found.is_file() && found.len() > 0;
+    let is_image = |path: &PathBuf| path.metadata().is_ok_and(is_whole);
     match built_with.chain(above).find(is_image) {
         Some(path) => Ok(path),
         None => carried(),
@@ -101,12 +98,7 @@ pub fn shown(image: &Path) -> String {
 
 /// The name of an image without its folder: a recording holds nothing of the computer that made it.
 pub(crate) fn file_name(image: &Path) -> String {
-    let name = |path: &Path| {
-        path.file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
-    };
+    let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
     named(image, name)
 }
 

@@ -29,7 +29,6 @@ impl Playback {
         self.taken
     }
 
-    /// The next `count` codes.
     pub(super) fn take(&mut self, count: u64) -> Vec<[u16; 4]> {
         let length = self.rows.len() as u64;
         let mut taken = Vec::with_capacity(count as usize);

@@ -233,10 +233,10 @@ impl RunReport {
     /// # Errors
     /// The gravest check that failed, in one line.
     pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
-        let mut differences = self
+        if let Some(what) = self
             .measured()
-            .filter_map(|strike| strike.first_difference.as_ref());
-        if let Some(what) = differences.next() {
+            .find_map(|strike| strike.first_difference.as_ref())
+        {
             bail!("replay differs: {what}");
         }
         if !self.provoked.is_empty() {
@@ -331,7 +331,6 @@ fn passed_over(frames: &[Frame]) -> u64 {
     before + last.1
 }
 
-/// Checks the reports of the faults of a run.
 fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
     if emulation.faults.is_empty() {
         return CheckedFaults::default();

@@ -26,7 +26,6 @@ const SYNC_LEAST: f64 = 0.02;
 const START_SPREAD_MOST: f64 = 60.0;
 /// Paces of a bead that listens.
 const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
-/// Greatest `shift`.
 const SHIFT_MOST: u8 = 10;
 
 /// The tables of the bench. Each may be missing.
@@ -234,7 +233,6 @@ impl ClockTable {
     }
 }
 
-/// Refuses the value of a key that does not hold.
 fn ensure(
     holds: bool,
     table: &str,

@@ -85,19 +85,14 @@ impl ComparedBead {
             }
         }
         if compared.strikes.len() > 1 || fitted.is_some() {
-            compared
-                .strikes
-                .iter_mut()
-                .for_each(StrikeComparison::join_others);
+            let strikes = compared.strikes.iter_mut();
+            strikes.for_each(StrikeComparison::join_others);
         }
         let frames = recorded.frames();
         compared.spread = deviations.spread();
         compared.soundness = Soundness::of(frames, compared.emulator.as_ref());
-        let spread = if compared.count > 0 {
-            &compared.spread[..]
-        } else {
-            &[]
-        };
+        let is_struck = compared.count > 0;
+        let spread = if is_struck { &compared.spread[..] } else { &[] };
         compared.failure = failure(compared.first_difference.as_deref(), &compared.soundness, spread);
         compared.counters = *frames.counters();
         (compared.identity, compared.status) = (frames.identity.clone(), frames.status);

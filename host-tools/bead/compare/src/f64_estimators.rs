@@ -44,21 +44,19 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
     let mut displacement = quasi_static * acceleration.first().copied().unwrap_or(0.0);
     let mut energy = 0.0;
     let mut previous: Option<(f64, f64)> = None;
-    acceleration
-        .iter()
-        .map(|&a| {
-            if let Some((a_old, _)) = previous {
-                displacement = decay * displacement + quasi_static * (old * a_old + new * a);
-            }
-            let velocity = -(bead.intruder_mass * a + bead.stiffness * displacement) / bead.damping;
-            let power = bead.damping * velocity * velocity;
-            if let Some((_, power_old)) = previous {
-                energy += 0.5 * period * (power_old + power);
-            }
-            previous = Some((a, power));
-            energy
-        })
-        .collect()
+    let after = |&a: &f64| {
+        if let Some((a_old, _)) = previous {
+            displacement = decay * displacement + quasi_static * (old * a_old + new * a);
+        }
+        let velocity = -(bead.intruder_mass * a + bead.stiffness * displacement) / bead.damping;
+        let power = bead.damping * velocity * velocity;
+        if let Some((_, power_old)) = previous {
+            energy += 0.5 * period * (power_old + power);
+        }
+        previous = Some((a, power));
+        energy
+    };
+    acceleration.iter().map(after).collect()
 }
 
 /// Estimate B: energy absorbed since the first sample, and work that the force at the host's incoming contact
@@ -101,7 +99,6 @@ const INTRUDERS: usize = 2 * BODIES;
 const ENERGY: usize = 4 * BODIES;
 const WORK: usize = ENERGY + 1;
 
-/// The intruder of each body.
 type Held = [Option<Intruder>; BODIES];
 
 fn held(bead: &Bead, neighbours: &Neighbours) -> Held {
@@ -197,7 +194,6 @@ mod tests {
         (bead, force, acceleration, truth)
     }
 
-    /// Errors of A and of B, by their last energies.
     fn error_a(bead: &Bead, acceleration: &[f64], truth: f64) -> f64 {
         measured(bead, acceleration, RATE).last().unwrap() / truth - 1.0
     }

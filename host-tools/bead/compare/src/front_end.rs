@@ -340,7 +340,6 @@ mod tests {
         (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
     }
 
-    /// Values of force and acceleration by the codes at the high gain.
     fn values(front_end: &AnalogFrontEnd, sine: Sine, scans: usize, seed: Option<u64>) -> [Vec<f64>; 2] {
         let codes = front_end.digitise(&sine, scans, seed).scans;
         let force = codes.iter().map(|c| front_end.force.sensitive.value(c[0]));

@@ -160,7 +160,6 @@ mod tests {
         (waveform, settings, truth)
     }
 
-    /// By how much A and B are off.
     fn off(waveform: &Waveform, settings: &Settings, truth: Truth) -> [f64; 2] {
         let given = GivenEstimates::around_its_peak(waveform, settings);
         [given.absorbed_measured, given.absorbed_predicted].map(|joule| joule.unwrap() / truth.absorbed - 1.0)

@@ -80,7 +80,6 @@ pub(crate) fn residual_chart(traces: &Traces) -> Chart {
     wide(description, time_axis(ends(force, |point| point.time)), panels)
 }
 
-/// A chart that fills a page.
 pub(crate) fn wide(description: &str, x: Axis, panels: Vec<Panel>) -> Chart {
     Chart {
         description: description.to_owned(),

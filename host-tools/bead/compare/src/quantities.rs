@@ -16,7 +16,6 @@ enum ValueField {
 }
 use ValueField::{OfAll, OfShape};
 
-/// A quantity of a strike.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StrikeQuantity {
     name: &'static str,
@@ -24,7 +23,6 @@ pub(super) struct StrikeQuantity {
     unit: &'static str,
     /// Number of the unit in the SI unit.
     scale: f64,
-    /// Digits behind the point.
     pub(super) digits: usize,
     field: ValueField,
 }
@@ -97,18 +95,14 @@ impl StrikeQuantity {
 
     /// The name with the unit, and the number of this unit in the SI unit. Energies are shown in `energies`.
     pub(super) fn shown_in(&self, energies: EnergyUnit) -> (String, f64) {
-        let is_energy = self.unit == J;
-        let own = (self.unit, self.scale);
-        let (unit, scale) = if is_energy {
-            (energies.symbol, energies.scale)
-        } else {
-            own
+        let (unit, scale) = match self.unit {
+            J => (energies.symbol, energies.scale),
+            unit => (unit, self.scale),
         };
         (format!("{} ({unit})", self.name), scale)
     }
 }
 
-/// The unit of the energies of these strikes.
 pub(super) fn energy_unit(strikes: &[StrikeComparison]) -> EnergyUnit {
     let sides = strikes
         .iter()

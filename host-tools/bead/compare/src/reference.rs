@@ -202,15 +202,13 @@ fn aligned(
     }
     let gain = product(&own, &other) / square_other;
     let both = overlap.iter().zip(own.iter().zip(&other));
-    let points = both.map(|(sample, (bead, other))| AlignedPoint {
+    let points = Vec::from_iter(both.map(|(sample, (bead, other))| AlignedPoint {
         time: first + *sample as f64 / rate,
         bead: *bead,
         reference: gain * other,
-    });
-    let points: Vec<_> = points.collect();
-    let rest = points.iter().map(|point| (point.bead - point.reference).powi(2));
-    let rest: f64 = rest.sum();
-    let residual_rms = (rest / points.len() as f64).sqrt();
+    }));
+    let squares = points.iter().map(|point| (point.bead - point.reference).powi(2));
+    let residual_rms = (squares.sum::<f64>() / points.len() as f64).sqrt();
     let [(bead_top, bead_height), (top, height)] = [&own, &other].map(|values| summit(values));
     let skipped = overlap[0] as f64;
     let time = |sample: f64| first + (skipped + sample) / rate;
@@ -266,14 +264,12 @@ fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
     };
     let lags = 0..count + pulse.len();
     let too_short = !lags.clone().any(|lag| covers(&lag));
-    let mut best = (0, f64::NEG_INFINITY);
-    for lag in lags.filter(|lag| too_short || covers(lag)) {
-        let found = match_at(lag);
-        if found > best.1 {
-            best = (lag, found);
-        }
-    }
-    begin + (best.0 as f64 - pulse.len() as f64 - from as f64) / rate
+    let matches = lags
+        .filter(|lag| too_short || covers(lag))
+        .map(|lag| (lag, match_at(lag)));
+    let better = |best: (usize, f64), next: (usize, f64)| if next.1 > best.1 { next } else { best };
+    let (best, _) = matches.fold((0, f64::NEG_INFINITY), better);
+    begin + (best as f64 - pulse.len() as f64 - from as f64) / rate
 }
 
 fn greatest(values: &[f64]) -> usize {
@@ -281,7 +277,6 @@ fn greatest(values: &[f64]) -> usize {
     (0..values.len()).max_by(order).unwrap_or(0)
 }
 
-/// Σ a b.
 fn product(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(a, b)| a * b).sum()
 }

@@ -73,11 +73,7 @@ impl ComparedReference<'_> {
             .flat_map(|(_, absorbed)| [Some(absorbed.bead), absorbed.reference]);
         let unit = EnergyUnit::of(energies.flatten());
         let rows = estimates.map(|(name, absorbed)| absorbed_row(name, absorbed, unit));
-        let bits = if self.failure.is_none() {
-            "identical"
-        } else {
-            "differ"
-        };
+        let bits = self.failure.map_or("identical", |_| "differ");
         let bits = vec![vec!["bits of device and replay".into(), bits.into()]];
         let text = "The reference’s energies are those of the same estimators in floating point on the reference’s values, \
                     without the gain.";
@@ -103,11 +99,9 @@ fn rows(aligned: &AlignedQuantity, unit: &str) -> Vec<Vec<GridCell>> {
         let digits = (4.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
         number(value, digits)
     };
-    let is_force = unit == "N";
-    let square = if is_force {
-        "energy ∫F² dt (N²·s)"
-    } else {
-        "energy ∫a² dt (m²/s³)"
+    let square = match unit {
+        "N" => "energy ∫F² dt (N²·s)",
+        _ => "energy ∫a² dt (m²/s³)",
     };
     let sides = |name: String, sides: &BothSides| {
         let [bead, reference] = [sides.bead, sides.reference].map(shown);

@@ -198,7 +198,6 @@ fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> 
     differs("strike", &device, said, rate).or_else(|| differs("shape", &strike.shape?, shape, rate))
 }
 
-/// Chunks and results that a meter gave.
 #[derive(Default)]
 struct MeterOutput {
     chunks: Vec<WindowChunk>,
@@ -368,7 +367,6 @@ mod tests {
         }
     }
 
-    /// The first difference of the test's strike and its replay, after a change.
     fn changed(change: impl Fn(&mut RecordedStrike)) -> String {
         let mut strike = recorded_strike();
         change(&mut strike);

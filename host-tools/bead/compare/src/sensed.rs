@@ -263,7 +263,7 @@ pub struct Sensed {
     long: f64,
     /// Start and end of the strike that was asked for last, s.
     last: Range<f64>,
-    /// Force and acceleration.
+    /// Of force and acceleration.
     signals: [Option<SensorSignal>; 2],
 }
 

@@ -70,13 +70,9 @@ fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F
     let differences = shared.map(|at| wides[at] - values[at]);
     let differences: Vec<f64> = differences.filter(|difference| difference.is_finite()).collect();
     let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
-    let value = |at: usize| {
-        let is_sensitive = believable(at) || wides[at].is_nan();
-        if is_sensitive {
-            values[at]
-        } else {
-            wides[at] - offset
-        }
+    let value = |at: usize| match wides[at] - offset {
+        wide if !believable(at) && !wide.is_nan() => wide,
+        _ => values[at],
     };
     (0..scans.len()).map(value).collect()
 }

@@ -58,10 +58,8 @@ pub fn first_strikes(
     strikes: impl Iterator<Item = RecordedStrike>,
     mut echoes: Echoes,
 ) -> Vec<RecordedStrike> {
-    strikes
-        .filter(|strike| !echoes.has(strike))
-        .take(STRIKES_MOST)
-        .collect()
+    let own = strikes.filter(|strike| !echoes.has(strike));
+    own.take(STRIKES_MOST).collect()
 }
 
 /// Finds the velocity of the scenario's striker, from strikes at bead `bead`.

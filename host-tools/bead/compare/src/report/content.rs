@@ -13,7 +13,6 @@ pub const DASH: &str = "–";
 pub struct Report {
     /// The subject, in one line above the heading.
     pub(crate) above: String,
-    /// The heading and the page's title.
     pub(crate) title: String,
     /// The good news, or the reason of the failure.
     pub(crate) verdict: Result<&'static str, String>,
@@ -33,7 +32,6 @@ pub(crate) struct Chapter {
 /// A piece of a section. All but lines and tables are for the page alone.
 #[derive(Debug)]
 pub(crate) enum Passage {
-    /// A paragraph.
     Text(String),
     /// A paragraph about something that failed.
     Failure(String),
@@ -45,16 +43,13 @@ pub(crate) enum Passage {
     Chart(Box<Chart>),
     /// Text that keeps its lines, such as a scenario.
     Verbatim(String),
-    /// Content that a summary opens.
     Folded {
         summary: &'static str,
-        /// True if it is open at first.
         open: bool,
         content: Vec<Passage>,
     },
 }
 
-/// The renderers that show something.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Medium {
     Both,
@@ -130,7 +125,6 @@ impl Chapter {
         self.with([Passage::Chart(Box::new(chart))])
     }
 
-    /// This section with a line, if there is one.
     pub(crate) fn line(self, line: Option<String>) -> Self {
         self.with(line.map(Passage::Line))
     }
@@ -203,7 +197,6 @@ impl GridCell {
         Self::judged(text, met)
     }
 
-    /// A value, or a dash.
     pub(crate) fn known(text: Option<String>) -> Self {
         Self::Text(text.unwrap_or_else(|| DASH.to_owned()))
     }

@@ -199,17 +199,9 @@ fn cell(cell: &GridCell, column: Option<&GridColumn>) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hertz_charts::{Axis, Ink, Mark, Panel, Series};
 
     #[test]
     fn a_page_needs_nothing_from_outside_and_escapes_its_text() {
-        let curve = Series {
-            name: "<curve>".to_owned(),
-            ink: Ink::Chain,
-            mark: Mark::Line,
-            points: vec![(0.0, 0.0), (1.0, 1.0)],
-        };
-        let chart = Chart::new(Axis::new("<x>", 0.0..1.0), vec![Panel::new("<y>", vec![curve])]);
         let table = Grid::new(
             "<a> | <b>",
             [vec!["<c>".into(), GridCell::judged("<d>", Some(true))]],
@@ -224,26 +216,23 @@ mod tests {
                     .text("<text>")
                     .with([Passage::Failure("<failure>".to_owned())])
                     .with([Passage::List(vec!["<line>".to_owned()])])
-                    .table(table.group("<group>"))
-                    .chart(chart),
+                    .table(table.group("<group>")),
                 Chapter::facts("facts", [("name", "<fact>".to_owned())]),
                 Chapter::scenario("title = \"<scenario>\""),
             ],
         };
         let page = report.page().unwrap();
-        for outside in ["<script", "<link", "<img", "src=", "@import", "url("] {
+        for outside in ["<script", "<link", "<img", "src=", "@import", "url(", "http"] {
             assert!(!page.contains(outside), "{outside}");
         }
-        let namespaces = page.matches("http://www.w3.org/2000/svg").count();
-        assert_eq!(page.matches("http").count(), namespaces);
         for text in [
             "above", "title", "why", "1", "tile", "heading", "text", "failure", "line", "group", "b", "c",
-            "d", "x", "y", "curve", "fact", "scenario",
+            "d", "fact", "scenario",
         ] {
             let escaped = format!("&lt;{text}&gt;");
             assert!(page.contains(&escaped), "{text} is missing");
         }
-        for raw in ["<why>", "<title><", "<c>", "<fact>", "<scenario>", "<curve>"] {
+        for raw in ["<why>", "<title><", "<c>", "<fact>", "<scenario>"] {
             assert!(!page.contains(raw), "{raw} is not escaped");
         }
     }

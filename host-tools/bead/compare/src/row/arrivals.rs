@@ -69,10 +69,8 @@ impl Arrivals {
         };
         let strikes: Vec<_> = row.strikes.iter().map(strike).collect();
         let off = |place: usize| -> Vec<f64> {
-            let off = strikes
-                .iter()
-                .map(|(zero, rises)| Some(rises[place]? - (*zero)? - fronts[place]));
-            off.flatten().collect()
+            let off = |(zero, rises): &(Option<f64>, Vec<_>)| Some(rises[place]? - (*zero)? - fronts[place]);
+            strikes.iter().filter_map(off).collect()
         };
         let off: Vec<Vec<f64>> = (0..members.len()).map(off).collect();
         let all: Vec<f64> = off.iter().flatten().copied().collect();
@@ -88,13 +86,10 @@ impl Arrivals {
         };
         let speed = |place: usize| {
             let (from, to) = (members[place].bead, members[place + 1].bead);
-            let length: f64 = (from..to)
-                .map(|bead| 2.0 * chain.solution.model().radius(bead))
-                .sum();
-            let times = strikes
-                .iter()
-                .map(|(_, rises)| Some(rises[place + 1]? - rises[place]?));
-            let times: Vec<f64> = times.flatten().collect();
+            let diameter = |bead| 2.0 * chain.solution.model().radius(bead);
+            let length: f64 = (from..to).map(diameter).sum();
+            let took = |(_, rises): &(_, Vec<Option<f64>>)| Some(rises[place + 1]? - rises[place]?);
+            let times: Vec<f64> = strikes.iter().filter_map(took).collect();
             Some(Speed {
                 from,
                 to,
@@ -133,9 +128,8 @@ impl Arrivals {
                 format!("bead {bead} has no strike with all its samples: its arrival is not known")
             }
         };
-        felt.filter(|member| self.at(member.bead).is_none())
-            .map(note)
-            .collect()
+        let off = felt.filter(|member| self.at(member.bead).is_none());
+        off.map(note).collect()
     }
 }
 

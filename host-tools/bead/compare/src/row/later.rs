@@ -70,7 +70,6 @@ pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
     })
 }
 
-/// The place of the highest value in a range.
 fn highest(values: &[f64], mut range: Range<usize>) -> Option<usize> {
     let first = range.next()?;
     let higher = |best: usize, at: usize| if values[at] > values[best] { at } else { best };
@@ -83,7 +82,6 @@ fn strongest(values: &[f64], main: usize, plain: Plain) -> Option<usize> {
     later.into_iter().max_by(|a, b| values[*a].total_cmp(&values[*b]))
 }
 
-/// The places of the tops of the waves after the main one.
 fn waves(values: &[f64], main: usize, [height, fall]: Plain) -> Vec<usize> {
     let least = height * values[main];
     let mut waves = Vec::new();

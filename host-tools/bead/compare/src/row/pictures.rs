@@ -90,15 +90,11 @@ impl DrawnQuantity {
         let named = self.simulated.iter().position(|(bead, _)| is_member(*bead));
         let mut series = Vec::new();
         for (number, (bead, points)) in self.simulated.iter().enumerate() {
-            let name = if number == named.unwrap_or(0) {
-                "simulated"
-            } else {
-                ""
-            };
+            let is_named = number == named.unwrap_or(0);
+            let name = if is_named { "simulated" } else { "" };
             let mark = if is_member(*bead) { Mark::Broad } else { Mark::Line };
-            let points = points
-                .iter()
-                .map(|(time, value)| (time * 1e3, *bead as f64 + self.scale * value));
+            let at = |(time, value): &(f64, f64)| (time * 1e3, *bead as f64 + self.scale * value);
+            let points = points.iter().map(at);
             series.push(curve(name, Ink::Chain, mark, points));
         }
         let mut name = "sensed by the beads";

@@ -34,10 +34,8 @@ impl BeadRow {
         fitted: Option<&FittedVelocity>,
     ) -> Result<Self, CompareError> {
         let time = CommonTime::of(&received)?;
-        let members = beads
-            .par_iter()
-            .map(|placed| RowBead::read(placed, chain, &time, fitted));
-        let members: Vec<_> = members.collect();
+        let read = |placed| RowBead::read(placed, chain, &time, fitted);
+        let members: Vec<_> = beads.par_iter().map(read).collect();
         let members = members.into_iter().collect::<Result<Vec<_>, _>>()?;
         let strikes = together(&members);
         Ok(Self { members, strikes })
@@ -72,14 +70,11 @@ impl BeadRow {
         });
         let of = |(place, member): (usize, &RowBead)| {
             let felt = self.strikes.iter().filter(|strike| strike[place].is_some());
-            let felt = felt.count();
-            let bead = member.bead;
-            let never =
-                || format!("bead {bead} never saw a strike: what its intruder took is the simulation's");
-            match felt {
-                0 => Some(never()),
-                _ => (felt < all).then(|| format!("bead {bead} has {felt} of {all} strikes")),
-            }
+            let (bead, felt) = (member.bead, felt.count());
+            (felt < all).then(|| match felt {
+                0 => format!("bead {bead} never saw a strike: what its intruder took is the simulation's"),
+                _ => format!("bead {bead} has {felt} of {all} strikes"),
+            })
         };
         let missed = self.members.iter().enumerate().filter_map(of);
         apart.into_iter().chain(missed).collect()
