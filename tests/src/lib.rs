@@ -64,7 +64,7 @@ pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
     paper_at(timed(LEAD_IN, strikes, interval), seed)
 }
 
-/// So many strikes, `interval` seconds apart, after `lead_in` seconds of quiet.
+/// A number of strikes, `interval` seconds apart, after `lead_in` seconds of quiet.
 pub fn timed(lead_in: f64, strikes: u32, interval: f64) -> Timing {
     Timing {
         lead_in,
