@@ -12,7 +12,7 @@ use std::path::Path;
 use bead_fuzz::line::{from_cobs, mended, to_cobs};
 use bead_fuzz::strikes::short_window;
 use bead_model::settings::BLOCK_MAX;
-use bead_recording::file::{About, Origin, Part, Writer};
+use bead_recording::file::{About, Part, RecordingOrigin, RecordingWriter};
 use bead_recording::physical::to_toml;
 use bead_tables::whole::Target;
 use bead_testing::{Speaker, paper_settings, xorshift};
@@ -63,15 +63,15 @@ fn recording(beads: &[u8]) -> Vec<u8> {
     let received = Some(1_700_000_000_000_000_000);
     let mut writer;
     if let [bead] = beads {
-        writer = Writer::create(&target, &about).unwrap();
+        writer = RecordingWriter::create(&target, &about).unwrap();
         writer.attach(Part::Truth, b"{}").unwrap();
         writer.write(&strike(*bead), received, drop).unwrap();
     } else {
-        writer = Writer::create_for_several(&target, &about).unwrap();
+        writer = RecordingWriter::create_for_several(&target, &about).unwrap();
         for &address in beads {
-            let origin = Origin {
+            let origin = RecordingOrigin {
                 address,
-                ..Origin::default()
+                ..RecordingOrigin::default()
             };
             let lane = writer.join(&origin).unwrap();
             writer

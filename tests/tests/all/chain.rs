@@ -7,7 +7,7 @@ use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::several::{self, Crystals};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
-use bead_recording::file::{About, Origin, Recording, State, Writer};
+use bead_recording::file::{About, Recording, RecordingOrigin, RecordingWriter, State};
 use bead_tables::whole::Target;
 use bead_tests::{image, solved, timed};
 use hertz_chain::{Scenario, Solution};
@@ -46,15 +46,15 @@ fn run(scenario: &Scenario, solution: &Solution, placed: &[Placed]) -> Vec<(Emul
 
 /// Records them as `bead emulate` does.
 fn record(path: &Path, ran: &[(Emulation, Ran)]) {
-    let mut writer = Writer::create_for_several(&Target::new(path), &About::default())
+    let mut writer = RecordingWriter::create_for_several(&Target::new(path), &About::default())
         .unwrap_or_else(|error| panic!("{error}"));
     let lanes: Vec<_> = ran
         .iter()
         .map(|(emulation, ran)| {
-            let origin = Origin {
+            let origin = RecordingOrigin {
                 address: emulation.settings.description().address,
                 bead: Some(emulation.truth.bead),
-                ..Origin::default()
+                ..RecordingOrigin::default()
             };
             let lane = writer.join(&origin).unwrap_or_else(|error| panic!("{error}"));
             (lane, ran, emulation.truth.began)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bead_bench::emulation::{Emulation, Placed};
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_recording::clock::compare;
-use bead_recording::file::{About, Writer};
+use bead_recording::file::{About, RecordingWriter};
 use bead_recording::strikes::assemble;
 use bead_tables::whole::Target;
 use bead_tests::{RunFrames, image, paper_at, scenario, solved, timed};
@@ -156,7 +156,8 @@ fn recorded(
     assert_eq!((ran.report.overruns, ran.report.resets), (0, 0));
     assert_eq!(ran.report.unmodelled, [""; 0]);
     let path = folder.join(format!("bead-{bead}.mcap"));
-    let mut writer = Writer::create(&Target::new(&path), &About::default()).expect("the folder is ours");
+    let mut writer =
+        RecordingWriter::create(&Target::new(&path), &About::default()).expect("the folder is ours");
     let zero = 1_700_000_000_000_000_000 - (early * 1e9) as u64;
     ran.write(&mut writer, zero).expect("the disk has room");
     writer.finish().expect("the disk has room");

@@ -20,7 +20,7 @@ use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
 use bead_compare::front_end::{AnalogFrontEnd, Digitised, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
 use bead_instrument::Waveform;
-use bead_recording::file::{RecordingError, Writer};
+use bead_recording::file::{RecordingError, RecordingWriter};
 use bead_recording::frames::{self, Frame};
 use bead_recording::physical::refusal;
 
@@ -82,7 +82,7 @@ impl Ran {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+    pub fn write(&self, writer: &mut RecordingWriter, zero_ns: u64) -> Result<(), RecordingError> {
         self.pieces(zero_ns)
             .try_for_each(|(at, run)| writer.write(run, Some(at), |_| {}))
     }

@@ -10,7 +10,7 @@ use crate::emulation::{Emulation, Ran};
 use crate::error::BenchError;
 use crate::several;
 use bead_compare::front_end::SAMPLE_RATE_HZ;
-use bead_recording::file::{About, Origin, Part, RecordingError, Writer};
+use bead_recording::file::{About, Part, RecordingError, RecordingOrigin, RecordingWriter};
 use bead_tables::whole::Target;
 
 /// Writes everything that belongs to a run to one recording, with notes by name, and returns its path.
@@ -44,8 +44,8 @@ pub fn write(
     }
     let scenario = (Part::Scenario, scenario.as_bytes());
     let written = match (ran, &parts[..]) {
-        ([(emulation, ran)], [[settings, others @ ..]]) if !of_several => Writer::create(target, &about)
-            .and_then(|writer| {
+        ([(emulation, ran)], [[settings, others @ ..]]) if !of_several => {
+            RecordingWriter::create(target, &about).and_then(|writer| {
                 writer.fill(|writer| {
                     writer.attach(settings.0, &settings.1)?;
                     writer.attach(scenario.0, scenario.1)?;
@@ -54,13 +54,14 @@ pub fn write(
                     }
                     ran.write(writer, (emulation.truth.began * 1e9).round() as u64)
                 })
-            }),
-        _ => Writer::create_for_several(target, &about).and_then(|writer| {
+            })
+        }
+        _ => RecordingWriter::create_for_several(target, &about).and_then(|writer| {
             writer.fill(|writer| {
                 writer.attach(scenario.0, scenario.1)?;
                 let mut of_beads = Vec::new();
                 for ((emulation, ran), parts) in ran.iter().zip(&parts) {
-                    let bead = writer.join(&Origin {
+                    let bead = writer.join(&RecordingOrigin {
                         address: emulation.settings.description().address,
                         bead: Some(emulation.truth.bead),
                         port: None,

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::emulation::{Emulation, Placed, Ran};
 use crate::error::BenchError;
-use bead_recording::file::{BeadIndex, RecordingError, Writer};
+use bead_recording::file::{BeadIndex, RecordingError, RecordingWriter};
 
 /// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,7 +188,7 @@ fn deaf_to_line(strike: &Strike, history: u16) -> Range<f64> {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(ran: &[(BeadIndex, &Ran, f64)], writer: &mut Writer) -> Result<(), RecordingError> {
+pub fn write(ran: &[(BeadIndex, &Ran, f64)], writer: &mut RecordingWriter) -> Result<(), RecordingError> {
     let mut pieces: Vec<_> = ran
         .iter()
         .flat_map(|(bead, ran, began)| {

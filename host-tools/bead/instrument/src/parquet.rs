@@ -7,7 +7,7 @@ use crate::columns::{ColumnHeader, Picks, few, pick};
 use crate::error::WaveformError;
 use crate::rows::{Rows, StrikeFilter};
 use crate::signals::Waveform;
-use bead_tables::{Batch, Cell, Kind, ReadError, Reader};
+use bead_tables::{Batch, Cell, CellKind, ReadError, Reader};
 
 /// Reads a Parquet file, some rows at a time.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
@@ -80,9 +80,9 @@ fn columns(path: &Path, reader: &Reader, choice: &Choice) -> Result<Picks, Wavef
             unit: reader.time_unit(place).map(str::to_owned),
         };
         match column.kind {
-            Kind::Whole | Kind::Number => headers.push(header),
-            Kind::Other => others.push(header),
-            Kind::Text => {}
+            CellKind::Whole | CellKind::Number => headers.push(header),
+            CellKind::Other => others.push(header),
+            CellKind::Text => {}
         }
     }
     let also = (!others.is_empty()).then(|| {
@@ -240,7 +240,7 @@ mod tests {
         is_near(top, 25.0 * 50e-6, 1e-9);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frame.parquet");
-        let columns = [("time_s", Kind::Number), ("force_n", Kind::Number)];
+        let columns = [("time_s", CellKind::Number), ("force_n", CellKind::Number)];
         let columns = columns.map(|(name, kind)| Column::new(name, kind));
         let mut file = File::create(&path).unwrap();
         let mut writer = Writer::parquet(&mut file, "frame", &columns, &[]).unwrap();

@@ -23,7 +23,7 @@ use crate::listener::{End, Listener, PortBytes, QUEUE, Shared};
 use crate::port::{Address, Port};
 use bead_recording::assembly::Assembled;
 use bead_recording::clock::Live;
-use bead_recording::file::{About, BeadIndex, Origin, RecordingError, Writer};
+use bead_recording::file::{About, BeadIndex, RecordingError, RecordingOrigin, RecordingWriter};
 use bead_recording::frames::{Frame, FrameReader, Item};
 use bead_tables::whole::Target;
 
@@ -34,7 +34,7 @@ const UNKNOWN_MOST: usize = 64 << 10;
 
 /// Options of a recording.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct RecorderOptions {
     /// Bits a second of serial ports.
     pub baud: u32,
     /// Time after which the recording ends.
@@ -48,7 +48,7 @@ pub struct Options {
 }
 
 /// Watches a recording while it runs.
-pub trait Observer {
+pub trait RecorderObserver {
     /// Takes a strike or a fault of a bead. A fetched strike has the header of a strike frame of its boot.
     fn message(&mut self, frame: &Frame, received_ns: u64, is_fetched: bool);
 
@@ -149,8 +149,8 @@ impl RecordedSource {
 
 /// A recording that runs.
 pub struct Recorder<'a> {
-    options: Options,
-    writer: Writer,
+    options: RecorderOptions,
+    writer: RecordingWriter,
     files: Vec<PathBuf>,
     sources: Vec<RecordedSource>,
     clocks: Live,
@@ -161,7 +161,7 @@ pub struct Recorder<'a> {
     /// By port and address.
     gaps: BTreeMap<(usize, u8), Gaps>,
     from_the_future: Option<String>,
-    observer: &'a mut dyn Observer,
+    observer: &'a mut dyn RecorderObserver,
     /// Takes lines for people, also from the threads of the ports.
     note: &'a (dyn Fn(String) + Sync),
 }
@@ -174,9 +174,9 @@ impl<'a> Recorder<'a> {
     pub fn new(
         target: &Target,
         addresses: &[Address],
-        options: Options,
+        options: RecorderOptions,
         notes: BTreeMap<String, String>,
-        observer: &'a mut dyn Observer,
+        observer: &'a mut dyn RecorderObserver,
         note: &'a (dyn Fn(String) + Sync),
     ) -> Result<Self, RecordingError> {
         let opened = Instant::now();
@@ -192,8 +192,8 @@ impl<'a> Recorder<'a> {
             ..About::default()
         };
         let create = match addresses {
-            [_] => Writer::create,
-            _ => Writer::create_for_several,
+            [_] => RecordingWriter::create,
+            _ => RecordingWriter::create_for_several,
         };
         Ok(Self {
             options,
@@ -337,11 +337,11 @@ impl<'a> Recorder<'a> {
         from.keep(bytes, received_ns);
         let Some(address) = from.bead else { return Ok(()) };
         let before = std::mem::take(&mut from.before);
-        let origin = Origin {
+        let origin = RecordingOrigin {
             address,
             port: Some(from.address.to_string()),
             clock: Some("host".to_owned()),
-            ..Origin::default()
+            ..RecordingOrigin::default()
         };
         match self.writer.join(&origin) {
             Ok(writer) => from.writer = Some(writer),

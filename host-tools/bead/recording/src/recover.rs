@@ -5,7 +5,7 @@ use std::path::Path;
 
 use bead_wire::{Arrival, Message};
 
-use crate::file::{About, Finished, Recording, RecordingError, State, Writer};
+use crate::file::{About, Finished, Recording, RecordingError, RecordingWriter, State};
 use crate::frames::Item;
 use crate::raw;
 use bead_tables::whole::Target;
@@ -85,9 +85,9 @@ pub fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Reco
     let mut open = OpenStrikes::default();
     let several = !recording.beads.is_empty();
     let writer = if several {
-        Writer::create_for_several(target, &about)?
+        RecordingWriter::create_for_several(target, &about)?
     } else {
-        Writer::create(target, &about)?
+        RecordingWriter::create(target, &about)?
     };
     let finished = writer.fill(|writer| {
         for (part, data) in &recording.parts {
@@ -129,7 +129,7 @@ pub fn recover_raw(file: &Path, target: &Target) -> Result<Recovered, RecordingE
         ..About::default()
     };
     let mut open = OpenStrikes::default();
-    let writer = Writer::create(target, &about)?;
+    let writer = RecordingWriter::create(target, &about)?;
     let finished =
         writer.fill(|writer| raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item))))?;
     Ok(Recovered {

@@ -14,5 +14,5 @@ pub mod whole;
 mod write;
 
 pub use read::{Batch, ReadError, Reader};
-pub use table::{Cell, Column, Kind};
+pub use table::{Cell, CellKind, Column};
 pub use write::Writer;

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! Flat columns of whole numbers, floats, decimals in whole numbers, times and text become [`Cell`]s; other
-//! columns keep their name and have [`Kind::Other`]. Sizes that a file declares are compared with its length
-//! before memory is reserved, and the library's panics on damaged files become errors.
+//! columns keep their name and have [`CellKind::Other`]. Sizes that a file declares are compared with its
+//! length before memory is reserved, and the library's panics on damaged files become errors.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -19,7 +19,7 @@ use parquet::schema::types::ColumnDescriptor;
 
 use crate::guarded::guarded;
 use crate::printable::{beginning, one_line};
-use crate::table::{Cell, Column, Kind};
+use crate::table::{Cell, CellKind, Column};
 
 /// Rows of a [`Batch`] at most, and its cells where a table has many columns.
 const BATCH_ROWS: usize = 1 << 14;
@@ -224,12 +224,12 @@ impl CellForm {
         };
         let is_half = column.logical_type_ref() == Some(&LogicalType::Float16);
         let kind = match column.physical_type() {
-            _ if column.max_rep_level() > 0 => Kind::Other,
-            Type::INT32 | Type::INT64 if form.decimal.is_some() => Kind::Number,
-            Type::INT32 | Type::INT64 => Kind::Whole,
-            Type::FLOAT | Type::DOUBLE => Kind::Number,
-            Type::BYTE_ARRAY if form.decimal.is_none() && !is_half => Kind::Text,
-            _ => Kind::Other,
+            _ if column.max_rep_level() > 0 => CellKind::Other,
+            Type::INT32 | Type::INT64 if form.decimal.is_some() => CellKind::Number,
+            Type::INT32 | Type::INT64 => CellKind::Whole,
+            Type::FLOAT | Type::DOUBLE => CellKind::Number,
+            Type::BYTE_ARRAY if form.decimal.is_none() && !is_half => CellKind::Text,
+            _ => CellKind::Other,
         };
         (form, Column::new(column.name(), kind))
     }
@@ -414,7 +414,11 @@ mod tests {
 
     #[test]
     fn a_wide_and_long_table_is_read_as_it_was_written() {
-        let columns = [("n", Kind::Whole), ("x_m", Kind::Number), ("t", Kind::Text)];
+        let columns = [
+            ("n", CellKind::Whole),
+            ("x_m", CellKind::Number),
+            ("t", CellKind::Text),
+        ];
         let columns = columns.map(|(name, kind)| Column::new(name, kind));
         let row = |n: i64| {
             let text = (n % 3 > 0).then(|| format!("row \"{n}\",\n"));

@@ -43,7 +43,7 @@ impl Cell {
 
 /// The kind of value that a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CellKind {
     /// [`Cell::Whole`].
     Whole,
     /// [`Cell::Number`].
@@ -60,12 +60,12 @@ pub struct Column {
     /// Its name, with the unit at its end ([`crate::unit`]).
     pub name: String,
     /// Its kind of value.
-    pub kind: Kind,
+    pub kind: CellKind,
 }
 
 impl Column {
     /// A column.
-    pub fn new(name: impl Into<String>, kind: Kind) -> Self {
+    pub fn new(name: impl Into<String>, kind: CellKind) -> Self {
         let name = name.into();
         Self { name, kind }
     }

@@ -11,7 +11,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::parser::parse_message_type;
 
-use crate::table::{Cell, Column, Kind};
+use crate::table::{Cell, CellKind, Column};
 
 /// Greatest size of a row group: rows, cells, and bytes of text. A group is held in memory.
 const GROUP_ROWS: usize = 1 << 16;
@@ -31,7 +31,7 @@ impl<'a> Writer<'a> {
     /// the table.
     ///
     /// # Errors
-    /// The file cannot be written, or a column has [`Kind::Other`] or a name with blanks.
+    /// The file cannot be written, or a column has [`CellKind::Other`] or a name with blanks.
     pub fn parquet(
         file: &'a mut File,
         name: &str,
@@ -113,10 +113,10 @@ impl<'a> Parquet<'a> {
         let (mut fields, mut waiting) = (String::new(), Vec::new());
         for column in columns {
             let (kind, end, empty) = match column.kind {
-                Kind::Whole => ("INT64", "", WaitingCells::Whole(Vec::new())),
-                Kind::Number => ("DOUBLE", "", WaitingCells::Number(Vec::new())),
-                Kind::Text => ("BYTE_ARRAY", " (UTF8)", WaitingCells::Text(Vec::new())),
-                Kind::Other => anyhow::bail!("column {} is of a kind that is not written", column.name),
+                CellKind::Whole => ("INT64", "", WaitingCells::Whole(Vec::new())),
+                CellKind::Number => ("DOUBLE", "", WaitingCells::Number(Vec::new())),
+                CellKind::Text => ("BYTE_ARRAY", " (UTF8)", WaitingCells::Text(Vec::new())),
+                CellKind::Other => anyhow::bail!("column {} is of a kind that is not written", column.name),
             };
             fields.push_str(&format!("OPTIONAL {kind} {}{end}; ", column.name));
             waiting.push(empty);

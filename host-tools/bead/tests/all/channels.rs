@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::program::{DATA, TestFolder, assert_says, documents};
-use bead_recording::file::{About, Recording, Writer};
+use bead_recording::file::{About, Recording, RecordingWriter};
 use bead_recording::frames::Item;
 use bead_recording::signal::Signal;
 use bead_recording::strikes::assemble;
@@ -18,7 +18,7 @@ pub(crate) const STARTED: u64 = 1_700_000_000_000_000_000;
 /// Records the strike of `tests/data` so many times. Pieces are received a millisecond apart.
 pub(crate) fn record_again(path: &Path, times: u64) {
     let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
-    let mut writer = Writer::create(&Target::new(path), &About::default()).unwrap();
+    let mut writer = RecordingWriter::create(&Target::new(path), &About::default()).unwrap();
     let pieces = (0..times).flat_map(|_| old.pieces().unwrap());
     for (received_ns, piece) in (STARTED..).step_by(1_000_000).zip(pieces) {
         writer.write(&piece.bytes, Some(received_ns), |_| {}).unwrap();

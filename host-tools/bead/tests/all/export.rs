@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::channels::record_again;
 use crate::program::{TestFolder, assert_says, done, python, said};
 use crate::recover::old_bytes;
-use bead_recording::file::{About, Recording, Writer};
+use bead_recording::file::{About, Recording, RecordingWriter};
 use bead_recording::frames::{Item, decode};
 use bead_recording::signal::Signal;
 use bead_recording::strikes::{RecordedStrike, assemble};
@@ -202,7 +202,7 @@ fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files(
 fn the_columns_and_the_bytes_are_the_same_every_time() {
     let folder = TestFolder::new();
     record_again(&folder.join("strike.mcap"), 1);
-    let quiet = Writer::create(&Target::new(folder.join("quiet.mcap")), &About::default()).unwrap();
+    let quiet = RecordingWriter::create(&Target::new(folder.join("quiet.mcap")), &About::default()).unwrap();
     quiet.finish().unwrap();
     for name in ["strike", "quiet"] {
         let output = folder.run(&format!("export {name}.mcap --out {name}"));

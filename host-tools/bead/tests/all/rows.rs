@@ -6,7 +6,7 @@ use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
 use bead_model::design::{Capture, derive_among};
 use bead_model::{Scan, Settings};
-use bead_recording::file::{About, Origin, Part, Writer};
+use bead_recording::file::{About, Part, RecordingOrigin, RecordingWriter};
 use bead_tables::whole::Target;
 use bead_testing::{Collector, Speaker, block_of};
 use bead_wire::{Energy, Message, Sync, Waveform};
@@ -122,13 +122,13 @@ pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[ModelBead], stri
         sample_rate_hz: RATE as u32,
         ..About::default()
     };
-    let mut writer = Writer::create_for_several(&Target::new(path), &about).unwrap();
+    let mut writer = RecordingWriter::create_for_several(&Target::new(path), &about).unwrap();
     let own = scenario.to_toml();
     writer.attach(Part::Scenario, own.as_bytes()).unwrap();
     for bead in beads {
-        let origin = Origin {
+        let origin = RecordingOrigin {
             address: bead.bead as u8,
-            ..Origin::default()
+            ..RecordingOrigin::default()
         };
         let lane = writer.join(&origin).unwrap();
         if let Some(text) = &bead.carries {

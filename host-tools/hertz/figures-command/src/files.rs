@@ -58,7 +58,7 @@ pub(crate) fn write(
 }
 
 fn columns() -> [Column; 6] {
-    use bead_tables::Kind::{Number, Text, Whole};
+    use bead_tables::CellKind::{Number, Text, Whole};
     [
         ("panel", Whole),
         ("curve", Text),

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use crate::check::{Check, Relation};
+use crate::check::{FigureCheck, Relation};
 use crate::plan::FigureOutcome;
 use hertz_charts::{escape, raised, style};
 
@@ -36,7 +36,7 @@ pub fn number(value: f64) -> String {
 }
 
 /// Expectation of a check, for people.
-pub fn expectation(check: &Check) -> String {
+pub fn expectation(check: &FigureCheck) -> String {
     match check.relation {
         Relation::Near if check.tolerance == 0.0 => number(check.expected),
         Relation::Near => format!("{} ± {:.1e}", number(check.expected), check.tolerance),
@@ -53,7 +53,7 @@ fn with_unit(text: String, unit: &str) -> String {
     }
 }
 
-fn verdict(check: &Check) -> &'static str {
+fn verdict(check: &FigureCheck) -> &'static str {
     if check.pass { "ok" } else { "FAILED" }
 }
 
@@ -63,7 +63,7 @@ pub fn markdown(outcomes: &[FigureOutcome]) -> String {
         "| figure | what | value | expected | |\n\
          |---|---|---|---|---|\n",
     );
-    let mut laws: Vec<&Check> = Vec::new();
+    let mut laws: Vec<&FigureCheck> = Vec::new();
     for outcome in outcomes {
         for check in &outcome.checks {
             if check.law.is_some() {
@@ -85,12 +85,12 @@ pub fn markdown(outcomes: &[FigureOutcome]) -> String {
 }
 
 /// Quantity of a check, with the paper's own value where it differs.
-fn what_of(check: &Check) -> String {
+fn what_of(check: &FigureCheck) -> String {
     let paper = check.paper.map(|says| format!(" (the paper: {says})"));
     format!("{}{}", check.what, paper.unwrap_or_default())
 }
 
-fn push_row(text: &mut String, figure: &str, what: &str, check: &Check) {
+fn push_row(text: &mut String, figure: &str, what: &str, check: &FigureCheck) {
     text.push_str(&format!(
         "| {figure} | {} | {} | {} | {} |\n",
         raised(what, |plain| plain.replace('|', "\\|")),
@@ -160,7 +160,7 @@ pub fn html(outcomes: &[FigureOutcome]) -> String {
 mod tests {
     use super::*;
 
-    fn outcome(checks: Vec<Check>) -> FigureOutcome {
+    fn outcome(checks: Vec<FigureCheck>) -> FigureOutcome {
         FigureOutcome {
             name: "2a",
             title: "force <at> contact",
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn the_conservation_laws_are_told_once_with_their_worst() {
         let law = |value| {
-            Check::at_most("energy balance, worst of 1 runs", "", value, 1e-10).of_law("energy balance")
+            FigureCheck::at_most("energy balance, worst of 1 runs", "", value, 1e-10).of_law("energy balance")
         };
         let text = markdown(&[outcome(vec![law(1e-12)]), outcome(vec![law(3e-12), law(2e-12)])]);
         assert_eq!(text.lines().count(), 3, "{text}");
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_page_escapes_its_text_and_marks_what_failed() {
-        let page = html(&[outcome(vec![Check::at_most("x < y", "N", 2.0, 1.0)])]);
+        let page = html(&[outcome(vec![FigureCheck::at_most("x < y", "N", 2.0, 1.0)])]);
         assert!(page.contains("force &lt;at&gt; contact") && page.contains("x &lt; y"));
         assert!(
             page.contains("<td class=\"fail\">FAILED</td>")

@@ -16,7 +16,7 @@ pub enum Relation {
 
 /// One statement about a figure.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Check {
+pub struct FigureCheck {
     /// The measured quantity.
     pub what: String,
     /// Unit of the numbers; empty for a pure number.
@@ -39,7 +39,7 @@ pub struct Check {
     pub law: Option<&'static str>,
 }
 
-impl Check {
+impl FigureCheck {
     /// `value` is `expected` to within `tolerance`, all in `unit`.
     pub fn near(
         what: impl Into<String>,
@@ -111,14 +111,14 @@ impl Check {
 /// ]
 /// ```
 ///
-/// The relation is the name of a function of [`Check`], and its numbers are the function's last arguments.
-/// The text of a row may name variables, as in `format!`.
+/// The relation is the name of a function of [`FigureCheck`], and its numbers are the function's last
+/// arguments. The text of a row may name variables, as in `format!`.
 macro_rules! checks {
     (@unit) => { "" };
     (@unit $unit:literal) => { $unit };
     ($($what:literal $(, $unit:literal)?: $value:expr => $relation:ident($($bound:expr),+) $(, paper $paper:literal)?;)*) => {
         vec![$(
-            $crate::check::Check::$relation(format!($what), checks!(@unit $($unit)?), $value, $($bound),+)
+            $crate::check::FigureCheck::$relation(format!($what), checks!(@unit $($unit)?), $value, $($bound),+)
                 $(.but_paper($paper))?
         ),*]
     };
@@ -131,17 +131,17 @@ mod tests {
 
     #[test]
     fn a_value_that_is_no_number_passes_no_check() {
-        assert!(!Check::near("x", "", f64::NAN, 1.0, 1e9).pass);
-        assert!(!Check::at_most("x", "", f64::NAN, 1.0).pass);
-        assert!(!Check::at_least("x", "", f64::NAN, 1.0).pass);
+        assert!(!FigureCheck::near("x", "", f64::NAN, 1.0, 1e9).pass);
+        assert!(!FigureCheck::at_most("x", "", f64::NAN, 1.0).pass);
+        assert!(!FigureCheck::at_least("x", "", f64::NAN, 1.0).pass);
     }
 
     #[test]
     fn a_check_fails_just_outside_its_tolerance() {
-        assert!(Check::close("x", "N", 1.0009, 1.0, 1e-3).pass);
-        assert!(!Check::close("x", "N", 1.0011, 1.0, 1e-3).pass);
-        assert!(!Check::close("x", "N", -0.9989, -1.0, 1e-3).pass);
-        assert!(Check::at_most("x", "", 1.0, 1.0).pass);
-        assert!(!Check::at_least("x", "", 0.999, 1.0).pass);
+        assert!(FigureCheck::close("x", "N", 1.0009, 1.0, 1e-3).pass);
+        assert!(!FigureCheck::close("x", "N", 1.0011, 1.0, 1e-3).pass);
+        assert!(!FigureCheck::close("x", "N", -0.9989, -1.0, 1e-3).pass);
+        assert!(FigureCheck::at_most("x", "", 1.0, 1.0).pass);
+        assert!(!FigureCheck::at_least("x", "", 0.999, 1.0).pass);
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::check::Check;
+use crate::check::FigureCheck;
 use crate::error::Error;
 use crate::lab::Lab;
 use hertz_charts::{Axis, Chart, Panel};
@@ -25,14 +25,14 @@ pub struct Figure {
     /// The picture, which also holds the data.
     pub chart: Chart,
     /// Conditions on it.
-    pub checks: Vec<Check>,
+    pub checks: Vec<FigureCheck>,
     /// The pictures of an animation; empty for other figures.
     pub frames: Vec<Chart>,
 }
 
 impl Figure {
     /// A figure without animation.
-    pub fn new(chart: Chart, checks: Vec<Check>) -> Self {
+    pub fn new(chart: Chart, checks: Vec<FigureCheck>) -> Self {
         let frames = Vec::new();
         Self {
             chart,
@@ -42,7 +42,7 @@ impl Figure {
     }
 
     /// A figure of panels over one axis.
-    pub(crate) fn over(axis: Axis, panels: Vec<Panel>, checks: Vec<Check>) -> Self {
+    pub(crate) fn over(axis: Axis, panels: Vec<Panel>, checks: Vec<FigureCheck>) -> Self {
         Self::new(Chart::new(axis, panels), checks)
     }
 }
@@ -73,7 +73,7 @@ pub struct FigureOutcome {
     /// True if every check passed.
     pub pass: bool,
     /// The checks.
-    pub checks: Vec<Check>,
+    pub checks: Vec<FigureCheck>,
     /// The files written.
     pub files: Vec<String>,
     /// True if it is an animation.
@@ -113,7 +113,7 @@ impl FigurePlan {
             let runs = if worst.runs == 1 { "run" } else { "runs" };
             let law = |law: &'static str, off: f64, bound: f64| {
                 let what = format!("{law}, worst of {} {runs}", worst.runs);
-                Check::at_most(what, "", off, bound).of_law(law)
+                FigureCheck::at_most(what, "", off, bound).of_law(law)
             };
             let energy = "energy balance as a part of the striker's energy";
             let momentum = "momentum as a part of the striker's";

@@ -6,7 +6,7 @@ use toml::Value;
 
 use crate::draw::{Method, coordinate};
 use crate::key::ScenarioKey;
-use bead_tables::{Cell, Kind};
+use bead_tables::{Cell, CellKind};
 
 /// One direction of a sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,11 +142,11 @@ impl Along {
     }
 
     /// Kind of its column.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> CellKind {
         match self.values {
-            Values::List { numeric: false, .. } => Kind::Text,
-            _ if self.key.of_beads() => Kind::Whole,
-            _ => Kind::Number,
+            Values::List { numeric: false, .. } => CellKind::Text,
+            _ if self.key.of_beads() => CellKind::Whole,
+            _ => CellKind::Number,
         }
     }
 
@@ -154,8 +154,8 @@ impl Along {
     pub fn cell(&self, place: u64) -> Cell {
         let value = self.value(place);
         match (self.kind(), &value) {
-            (Kind::Text, _) => Cell::Text(shown(&value).into()),
-            (Kind::Number, Value::Float(number)) => Cell::Number(*number),
+            (CellKind::Text, _) => Cell::Text(shown(&value).into()),
+            (CellKind::Number, Value::Float(number)) => Cell::Number(*number),
             (_, Value::Integer(number)) => Cell::Whole(*number),
             _ => Cell::Null,
         }
@@ -211,12 +211,15 @@ mod tests {
     #[test]
     fn beads_are_whole_and_lists_of_them_are_text() {
         let beads = along("intruder.1.beads", Values::Range { from: 1.0, step: 1.0 });
-        assert_eq!((beads.value(6), beads.kind()), (Value::Integer(7), Kind::Whole));
+        assert_eq!(
+            (beads.value(6), beads.kind()),
+            (Value::Integer(7), CellKind::Whole)
+        );
         let lists = vec![Value::Integer(7), Value::Array(vec![7.into(), 8.into()])];
         let lists = along("intruder.1.beads", Values::list(lists));
         assert_eq!(
             (lists.kind(), lists.cell(1)),
-            (Kind::Text, Cell::Text("7 8".into()))
+            (CellKind::Text, Cell::Text("7 8".into()))
         );
     }
 }

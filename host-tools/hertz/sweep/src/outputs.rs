@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use hertz_chain::{ContactPeak, EnsembleOutcome};
 use serde::Deserialize;
 
-use bead_tables::{Cell, Column, Kind};
+use bead_tables::{Cell, CellKind, Column};
 
 /// The results to keep.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -63,7 +63,7 @@ impl SweepOutputs {
         names.extend(arrivals.map(|contact| format!("contact_{contact}_peak_time_s")));
         let behind = |bead: &usize| ["j", "of_injected"].map(|unit| format!("behind_bead_{bead}_{unit}"));
         names.extend(self.transmission.iter().flat_map(behind));
-        let column = |name| Column::new(name, Kind::Number);
+        let column = |name| Column::new(name, CellKind::Number);
         names.into_iter().map(column).collect()
     }
 

@@ -8,7 +8,7 @@ use siphasher::sip128::{Hasher128, SipHasher24};
 
 use crate::axis::SweepAxis;
 use crate::definition::Definition;
-use bead_tables::{Cell, Column, Kind};
+use bead_tables::{Cell, CellKind, Column};
 
 /// All points of a sweep.
 #[derive(Debug, Clone)]
@@ -117,14 +117,14 @@ impl Plan {
 
     /// The columns of the table.
     pub fn columns(&self) -> Vec<Column> {
-        let mut columns = vec![Column::new("point", Kind::Whole)];
+        let mut columns = vec![Column::new("point", CellKind::Whole)];
         for axis in self.axes() {
-            columns.extend(axis.name.iter().map(|name| Column::new(name, Kind::Whole)));
+            columns.extend(axis.name.iter().map(|name| Column::new(name, CellKind::Whole)));
             let along = axis.along.iter();
             columns.extend(along.map(|along| Column::new(along.key.column(), along.kind())));
         }
         columns.extend(self.definition.outputs.columns());
-        columns.push(Column::new("error", Kind::Text));
+        columns.push(Column::new("error", CellKind::Text));
         columns
     }
 

@@ -9,7 +9,7 @@ use crate::column::AxisColumn;
 use crate::plan::Plan;
 use bead_tables::printable::{beginning, one_line};
 use bead_tables::unit::Unit;
-use bead_tables::{Cell, Kind};
+use bead_tables::{Cell, CellKind};
 
 /// Letters of a text in a legend or a note, and of one at an axis.
 const TEXT_LETTERS: usize = 40;
@@ -48,7 +48,7 @@ impl ShownQuantity {
 
 /// The number at a place; a text has its place.
 pub(super) fn coordinate(along: Option<&Along>, place: u64) -> f64 {
-    match along.filter(|along| along.kind() != Kind::Text) {
+    match along.filter(|along| along.kind() != CellKind::Text) {
         Some(along) => along.cell(place).as_f64().unwrap_or(f64::NAN),
         None => place as f64,
     }
@@ -60,7 +60,7 @@ pub(super) fn label(plan: &Plan, column: &AxisColumn, place: u64) -> String {
     let along = column.along(plan);
     let number = coordinate(along, place);
     let quantity = ShownQuantity::new(&column.name(plan), [number].into_iter());
-    let value = match along.filter(|along| along.kind() == Kind::Text) {
+    let value = match along.filter(|along| along.kind() == CellKind::Text) {
         Some(along) => text(along, place),
         None => short(&[number / quantity.unit]).concat(),
     };
@@ -105,7 +105,7 @@ impl Side {
     pub(super) fn new(plan: &Plan, column: &AxisColumn) -> Self {
         let (along, places) = (column.along(plan), 0..plan.axes()[column.axis].count);
         let values: Vec<f64> = places.clone().map(|place| coordinate(along, place)).collect();
-        let texts = match along.filter(|along| along.kind() == Kind::Text) {
+        let texts = match along.filter(|along| along.kind() == CellKind::Text) {
             Some(along) => places.map(|place| text(along, place)).collect(),
             None => Vec::new(),
         };

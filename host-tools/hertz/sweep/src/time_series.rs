@@ -9,7 +9,7 @@ use std::time::Instant;
 use hertz_chain::{Model, Options, Run, Scenario, Snapshot, Snapshots, Summariser, Summary};
 
 use bead_tables::whole::{STANDARD_OUTPUT, Target};
-use bead_tables::{Cell, Column, Kind, Writer};
+use bead_tables::{Cell, CellKind, Column, Writer};
 
 /// The form of a file with a time series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +80,7 @@ fn table<'a>(
     series: &[SeriesColumn],
     rate_hz: f64,
 ) -> anyhow::Result<Writer<'a>> {
-    let columns = series.iter().map(|(name, _)| Column::new(name, Kind::Number));
+    let columns = series.iter().map(|(name, _)| Column::new(name, CellKind::Number));
     let columns: Vec<_> = columns.collect();
     if form == TimeSeriesForm::Csv {
         return Writer::csv(file, &columns);

@@ -7,7 +7,7 @@ use crate::column::AxisColumn;
 use crate::plan::Plan;
 use crate::side::{self, Cells};
 use bead_tables::printable::first_of;
-use bead_tables::{Cell, Kind};
+use bead_tables::{Cell, CellKind};
 
 /// The options of a chart; those that are left out follow from the sweep.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -269,7 +269,7 @@ impl ChosenPlace {
         let column = AxisColumn::find(plan, name.trim()).ok_or_else(wrong)?;
         let (along, value) = (column.along(plan), value.trim());
         let mut places = 0..plan.axes()[column.axis].count;
-        let place = match along.filter(|along| along.kind() == Kind::Text) {
+        let place = match along.filter(|along| along.kind() == CellKind::Text) {
             Some(along) => places
                 .find(|place| along.cell(*place) == Cell::Text(value.into()))
                 .ok_or_else(|| format!("--at {text}: no point has that value"))?,

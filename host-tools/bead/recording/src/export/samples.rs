@@ -5,27 +5,27 @@ use std::sync::Arc;
 
 use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
-use bead_tables::{Cell, Column, Kind};
+use bead_tables::{Cell, CellKind, Column};
 
 /// The columns, in their order.
 pub fn columns() -> Vec<Column> {
     [
-        ("id", Kind::Whole),
-        ("recording", Kind::Text),
-        ("address", Kind::Whole),
-        ("boot_low_byte", Kind::Whole),
-        ("nth_boot", Kind::Whole),
-        ("strike", Kind::Whole),
-        ("sample", Kind::Whole),
-        ("sample_index", Kind::Whole),
-        ("time_s", Kind::Number),
-        ("time_from_trigger_s", Kind::Number),
-        ("force_n", Kind::Number),
-        ("acceleration_mps2", Kind::Number),
-        ("force_code", Kind::Whole),
-        ("acceleration_code", Kind::Whole),
-        ("force_wide_code", Kind::Whole),
-        ("acceleration_wide_code", Kind::Whole),
+        ("id", CellKind::Whole),
+        ("recording", CellKind::Text),
+        ("address", CellKind::Whole),
+        ("boot_low_byte", CellKind::Whole),
+        ("nth_boot", CellKind::Whole),
+        ("strike", CellKind::Whole),
+        ("sample", CellKind::Whole),
+        ("sample_index", CellKind::Whole),
+        ("time_s", CellKind::Number),
+        ("time_from_trigger_s", CellKind::Number),
+        ("force_n", CellKind::Number),
+        ("acceleration_mps2", CellKind::Number),
+        ("force_code", CellKind::Whole),
+        ("acceleration_code", CellKind::Whole),
+        ("force_wide_code", CellKind::Whole),
+        ("acceleration_wide_code", CellKind::Whole),
     ]
     .map(|(name, kind)| Column::new(name, kind))
     .into()

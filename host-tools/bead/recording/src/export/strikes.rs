@@ -11,7 +11,7 @@ use crate::json::hex;
 use crate::physical::{KEYS, KeyRow, pointer};
 use crate::strikes::RecordedStrike;
 use bead_tables::unit::Unit;
-use bead_tables::{Cell, Column, Kind};
+use bead_tables::{Cell, CellKind, Column};
 
 /// The columns, in their order.
 pub fn columns() -> Vec<Column> {
@@ -28,9 +28,9 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
     let strike = row.map(|(.., strike)| strike);
     let whole = |name, number: Option<u64>| {
         let cell = number.map_or(Cell::Null, Cell::whole);
-        (Column::new(name, Kind::Whole), cell)
+        (Column::new(name, CellKind::Whole), cell)
     };
-    let text = |name, text| (Column::new(name, Kind::Text), Cell::text(text));
+    let text = |name, text| (Column::new(name, CellKind::Text), Cell::text(text));
     let settings = strike.and_then(|strike| strike.settings);
     let description = settings.as_ref().map(Settings::description);
     let name = description.map(|description| description.name.as_str());
@@ -62,14 +62,17 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
     cells.extend(of_shape);
     let arrival = shape.and_then(Shape::arrival_index).zip(rate);
     let arrival = arrival.map(|(index, rate)| index / f64::from(rate));
-    cells.push((Column::new("arrival_time_s", Kind::Number), Cell::number(arrival)));
+    cells.push((
+        Column::new("arrival_time_s", CellKind::Number),
+        Cell::number(arrival),
+    ));
     // A struct of numbers and texts is always JSON.
     let values = description.map(|description| serde_json::to_value(description).unwrap_or_default());
     cells.extend(self::settings().map(|row| {
         let value = values
             .as_ref()
             .and_then(|values| values.pointer(&pointer(row.key)));
-        let column = Column::new(settings_column(row), Kind::Number);
+        let column = Column::new(settings_column(row), CellKind::Number);
         (column, Cell::number(value.and_then(Value::as_f64)))
     }));
     cells
@@ -100,18 +103,18 @@ fn walk(
     let entries = body.map_or_else(|| described(fields), |body| entries(body, rate));
     for entry in entries {
         let key = format!("{prefix}{}", entry.key);
-        let integer = |value: Option<i64>| (Kind::Whole, value.map_or(Cell::Null, Cell::Whole));
+        let integer = |value: Option<i64>| (CellKind::Whole, value.map_or(Cell::Null, Cell::Whole));
         let (kind, cell) = match entry.content {
             Content::Bool(value) => integer(value.map(i64::from)),
-            Content::Number(value) => (Kind::Whole, value.map_or(Cell::Null, Cell::whole)),
+            Content::Number(value) => (CellKind::Whole, value.map_or(Cell::Null, Cell::whole)),
             Content::Bits(value) => integer(value),
-            Content::Real(value) => (Kind::Number, Cell::number(value)),
-            Content::Name(value) => (Kind::Text, Cell::text(value.and_then(|(_, name)| name))),
+            Content::Real(value) => (CellKind::Number, Cell::number(value)),
+            Content::Name(value) => (CellKind::Text, Cell::text(value.and_then(|(_, name)| name))),
             Content::Names(names) => {
                 let names = names.map(|names| names.join(" "));
-                (Kind::Text, Cell::text(names.as_deref()))
+                (CellKind::Text, Cell::text(names.as_deref()))
             }
-            Content::Text(text) => (Kind::Text, Cell::text(text)),
+            Content::Text(text) => (CellKind::Text, Cell::text(text)),
             Content::Group(fields, body) => {
                 walk(fields, body, &format!("{key}_"), rate, cells);
                 continue;

@@ -39,7 +39,7 @@ impl About {
 
 /// A bead of a recording with several, and the source of its bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Origin {
+pub struct RecordingOrigin {
     /// Address of the bead, which names it in the recording.
     pub address: u8,
     /// Its place in the chain, if that is known.
@@ -50,7 +50,7 @@ pub struct Origin {
     pub clock: Option<String>,
 }
 
-impl Origin {
+impl RecordingOrigin {
     pub(super) fn to_map(&self) -> BTreeMap<String, String> {
         let mut map = BTreeMap::from([("address".to_owned(), self.address.to_string())]);
         let known = [
@@ -77,7 +77,7 @@ impl Origin {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecordedBead {
     /// Its address, and where its bytes came from.
-    pub origin: Origin,
+    pub origin: RecordingOrigin,
     /// Its own attachments.
     pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// Number of its runs of bytes.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use mcap::records::{Channel, Record, op};
 
-use crate::file::about::{About, Origin, Part, RecordedBead};
+use crate::file::about::{About, Part, RecordedBead, RecordingOrigin};
 use crate::file::layout::{ENCODING, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC, bead_of};
 use crate::file::search::{self, SoundFrame};
 use crate::frames::Piece;
@@ -126,9 +126,9 @@ impl Contents {
 
     fn bead(&mut self, address: u8) -> &mut RecordedBead {
         self.beads.entry(address).or_insert_with(|| RecordedBead {
-            origin: Origin {
+            origin: RecordingOrigin {
                 address,
-                ..Origin::default()
+                ..RecordingOrigin::default()
             },
             ..RecordedBead::default()
         })
@@ -145,7 +145,7 @@ impl Contents {
                 let version = channel.metadata.get("version");
                 self.version = version.and_then(|version| version.parse().ok()).or(self.version);
                 if let Some(address) = bead {
-                    self.bead(address).origin = Origin::from_map(address, channel.metadata);
+                    self.bead(address).origin = RecordingOrigin::from_map(address, channel.metadata);
                 }
             }
             ((bead, RECEIVED), RECEIVED_ENCODING) => {

@@ -12,9 +12,9 @@
 //! This program does not read them.
 //!
 //! **Several beads.** In a recording of several beads each has these channels for itself, with its address in
-//! their names, `bead/7/frames` and so on, and attachments of its own. See [`Origin`] and [`Writer::join`].
-//! One iterator reads both kinds: each of its [`Pieces`] names its bead, and [`Recording::of`] leaves one
-//! bead.
+//! their names, `bead/7/frames` and so on, and attachments of its own. See [`RecordingOrigin`] and
+//! [`RecordingWriter::join`]. One iterator reads both kinds: each of its [`Pieces`] names its bead, and
+//! [`Recording::of`] leaves one bead.
 //!
 //! **Times.** The publish time of a message is the bead's own: sample index over sample rate, in nanoseconds.
 //! Its log time is the host's, when the bytes were received, in nanoseconds since 1970. An emulated bead was
@@ -48,8 +48,8 @@ mod stream;
 mod tests;
 mod writer;
 
-pub use about::{About, Origin, Part, RecordedBead};
+pub use about::{About, Part, RecordedBead, RecordingOrigin};
 pub use error::RecordingError;
 pub use read::{Pieces, Recording};
 pub use records::{Damage, State};
-pub use writer::{BeadIndex, Finished, Writer};
+pub use writer::{BeadIndex, Finished, RecordingWriter};

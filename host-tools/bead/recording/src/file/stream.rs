@@ -6,7 +6,7 @@ use bead_wire::{Arrival, Message};
 use mcap::McapResult;
 use mcap::records::MessageHeader;
 
-use crate::file::about::Origin;
+use crate::file::about::RecordingOrigin;
 use crate::file::channels::{ChannelMessage, ReadableChannels};
 use crate::file::layout::{ENCODING, LONGEST_RUN, Mcap, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
 use crate::frames::{FrameReader, Item};
@@ -15,7 +15,7 @@ use crate::frames::{FrameReader, Item};
 /// those of all its beads.
 pub(super) struct Stream {
     /// The bead, if it is one of several.
-    origin: Option<Origin>,
+    origin: Option<RecordingOrigin>,
     channel: u16,
     received: u16,
     channels: ReadableChannels,
@@ -30,7 +30,11 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    pub(super) fn begin(mcap: &mut Mcap, origin: Option<&Origin>, sample_rate_hz: u32) -> McapResult<Self> {
+    pub(super) fn begin(
+        mcap: &mut Mcap,
+        origin: Option<&RecordingOrigin>,
+        sample_rate_hz: u32,
+    ) -> McapResult<Self> {
         let (channel, received) = add_channels(mcap, origin)?;
         Ok(Self {
             origin: origin.cloned(),
@@ -216,9 +220,9 @@ impl MessageClock {
 }
 
 /// Adds the channels of raw frames and of their times of receipt.
-fn add_channels(mcap: &mut Mcap, origin: Option<&Origin>) -> McapResult<(u16, u16)> {
+fn add_channels(mcap: &mut Mcap, origin: Option<&RecordingOrigin>) -> McapResult<(u16, u16)> {
     let bead = origin.map(|origin| origin.address);
-    let mut layout = origin.map(Origin::to_map).unwrap_or_default();
+    let mut layout = origin.map(RecordingOrigin::to_map).unwrap_or_default();
     layout.insert("version".into(), bead_wire::VERSION.to_string());
     let channel = mcap.add_channel(0, &name_of(bead, TOPIC), ENCODING, &layout)?;
     let none = BTreeMap::new();

@@ -10,7 +10,7 @@ use std::time::Duration;
 use super::contents::BeadChannels;
 use super::layout::{LONGEST_RUN, TOPIC};
 use super::read::Pieces;
-use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
+use super::{About, Part, Recording, RecordingError, RecordingOrigin, RecordingWriter, State};
 use crate::frames::Item;
 use bead_tables::whole::Target;
 use bead_testing::{Speaker, one_sample_strike};
@@ -82,10 +82,10 @@ fn about() -> About {
 }
 
 /// A folder, and a writer of the file `strike.mcap` in it.
-fn begun() -> (TempDir, PathBuf, Writer) {
+fn begun() -> (TempDir, PathBuf, RecordingWriter) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
-    let writer = Writer::create(&Target::new(&path), &about()).unwrap();
+    let writer = RecordingWriter::create(&Target::new(&path), &about()).unwrap();
     (folder, path, writer)
 }
 
@@ -330,7 +330,7 @@ fn an_unfinished_recording_is_readable_does_not_bear_the_name_and_is_not_overwri
     assert_eq!(recording.runs, runs(&stream).len() as u64 - 1);
     assert!(!path.exists());
     drop(writer);
-    let next = Writer::create(&Target::new(&path), &about()).unwrap();
+    let next = RecordingWriter::create(&Target::new(&path), &about()).unwrap();
     assert_ne!(left, next.partial_path());
     next.finish().unwrap();
     assert!(left.exists() && path.exists());
@@ -339,7 +339,9 @@ fn an_unfinished_recording_is_readable_does_not_bear_the_name_and_is_not_overwri
 #[test]
 fn a_name_has_one_writer_at_a_time_and_a_recording_that_comes_second_takes_another() {
     let (folder, path, first) = begun();
-    let refused = Writer::create(&Target::new(&path), &about()).err().unwrap();
+    let refused = RecordingWriter::create(&Target::new(&path), &about())
+        .err()
+        .unwrap();
     assert!(matches!(refused, RecordingError::Busy(_)), "{refused}");
     assert!(refused.to_string().contains("another program"), "{refused}");
     // On a file system without locks, the name of the finished file decides.
@@ -453,10 +455,10 @@ fn other_mcap_files_are_refused_by_what_they_are() {
 
 /// Three beads with addresses 7, 8 and 200, whose pieces come in turn.
 fn recorded_of_three(path: &Path) -> Vec<Speaker> {
-    let mut writer = Writer::create_for_several(&Target::new(path), &about()).unwrap();
+    let mut writer = RecordingWriter::create_for_several(&Target::new(path), &about()).unwrap();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
     let beads = [7, 8, 200].map(|address: u8| {
-        let origin = Origin {
+        let origin = RecordingOrigin {
             address,
             bead: Some(address.into()),
             port: Some(format!("/dev/ttyACM{address}")),

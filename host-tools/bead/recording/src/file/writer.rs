@@ -10,7 +10,7 @@ use bead_wire::Counters;
 use mcap::records::Metadata;
 use mcap::{Attachment, WriteOptions};
 
-use crate::file::about::{About, Origin, Part};
+use crate::file::about::{About, Part, RecordingOrigin};
 use crate::file::error::RecordingError;
 use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
 use crate::file::stream::Stream;
@@ -20,7 +20,7 @@ use bead_tables::whole::{Target, Unfinished, with_stem_end};
 /// A recording that is being written.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
-pub struct Writer {
+pub struct RecordingWriter {
     target: Target,
     partial: PathBuf,
     mcap: Mcap,
@@ -36,7 +36,7 @@ pub struct Writer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BeadIndex(usize);
 
-impl Writer {
+impl RecordingWriter {
     /// Begins a recording of one line, that will be called as `target` says.
     ///
     /// # Errors
@@ -69,7 +69,7 @@ impl Writer {
     ///
     /// # Errors
     /// A bead with this address is in it already, or the file cannot be written.
-    pub fn join(&mut self, origin: &Origin) -> Result<BeadIndex, RecordingError> {
+    pub fn join(&mut self, origin: &RecordingOrigin) -> Result<BeadIndex, RecordingError> {
         let taken = |stream: &Stream| stream.bead() == Some(origin.address);
         if self.streams.iter().any(taken) {
             return Err(RecordingError::SameAddress(origin.address));
@@ -77,7 +77,7 @@ impl Writer {
         self.begin_stream(Some(origin))
     }
 
-    fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<BeadIndex, RecordingError> {
+    fn begin_stream(&mut self, origin: Option<&RecordingOrigin>) -> Result<BeadIndex, RecordingError> {
         let begun = Stream::begin(&mut self.mcap, origin, self.about.sample_rate_hz);
         let stream = begun.and_then(|stream| self.mcap.flush().map(|()| stream));
         let stream = stream.map_err(RecordingError::unwritten(&self.partial))?;

@@ -5,7 +5,7 @@ use bead_wire::{Kept, MAX_FRAME, Request, encode};
 use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
 use bead_line::conversation::LineError;
-use bead_recording::file::{About, Writer};
+use bead_recording::file::{About, RecordingWriter};
 use bead_recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         source: arguments.line.port().to_string(),
         ..About::default()
     };
-    let mut writer = Writer::create(&target, &about)?;
+    let mut writer = RecordingWriter::create(&target, &about)?;
     for frame in &frames {
         let mut buffer = [0; MAX_FRAME];
         let bytes = encode(&frame.header, &frame.message, &mut buffer);

@@ -13,7 +13,7 @@ use crate::cli::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
 use bead_line::port::{Address, open_all};
-use bead_line::recorder::{Observer, Options, RecordedPort, Recorder};
+use bead_line::recorder::{RecordedPort, Recorder, RecorderObserver, RecorderOptions};
 use bead_recording::clock::Live;
 use bead_recording::file::RecordingError;
 use bead_recording::frames::Frame;
@@ -114,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         format: arguments.format,
         printer: Printer::new(format!("listening to {}", names.join(", "))),
     };
-    let options = Options {
+    let options = RecorderOptions {
         baud: arguments.baud,
         duration: arguments.duration,
         split: arguments.split,
@@ -190,7 +190,7 @@ struct StrikePrinter {
     printer: Printer,
 }
 
-impl Observer for StrikePrinter {
+impl RecorderObserver for StrikePrinter {
     fn message(&mut self, frame: &Frame, received_ns: u64, is_fetched: bool) {
         let Some(line) = lines::of_message(frame, is_fetched) else {
             return;

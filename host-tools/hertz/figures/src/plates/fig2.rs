@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hertz_chain::ContactForce;
 
-use crate::check::{Check, checks};
+use crate::check::{FigureCheck, checks};
 use crate::curve::{dashed, dotted, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
@@ -74,10 +74,10 @@ fn forces_without(lab: &Lab) -> Result<Figure, Error> {
     scenario.chain.contact_force = ContactForce::Clipped;
     let clipped = lab.run(&scenario)?;
     let expected = [6.6016, 6.4822, 6.3834, 6.2967, 6.2173, 6.1425];
-    let row = |(contact, force)| -> Vec<Check> {
+    let row = |(contact, force)| -> Vec<FigureCheck> {
         checks!["highest force at contact {contact}", "N": peak(&run, contact) => close(force, 1e-3);]
     };
-    let mut checks: Vec<Check> = (6..=11).zip(expected).flat_map(row).collect();
+    let mut checks: Vec<FigureCheck> = (6..=11).zip(expected).flat_map(row).collect();
     let more = 100.0 * (peak(&clipped, 11) / peak(&run, 11) - 1.0);
     checks.extend(checks![
         "force at contact 11 where parting beads may not pull: more by", "%": more => close(0.129_781, 0.02);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 use rayon::prelude::*;
 
-use crate::check::{Check, checks};
+use crate::check::{FigureCheck, checks};
 use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
@@ -115,18 +115,18 @@ fn sweep(lab: &Lab) -> Result<(Vec<f64>, Vec<Split>), Error> {
 }
 
 /// Within a factor 1.3 of 10⁵ N/m.
-fn near_optimum(what: &str, stiffness: f64) -> Check {
+fn near_optimum(what: &str, stiffness: f64) -> FigureCheck {
     let decades = (stiffness / OPTIMUM).log10();
-    Check::near(what, "decades", decades, 0.0, 1.3_f64.log10())
+    FigureCheck::near(what, "decades", decades, 0.0, 1.3_f64.log10())
 }
 
-fn closure(splits: &[Split]) -> Check {
+fn closure(splits: &[Split]) -> FigureCheck {
     let rests = splits
         .iter()
         .map(|split| split.rest.abs() / split.incident.energy);
     let rest = rests.fold(0.0, f64::max);
     let what = "energy still between the contacts, of the incident";
-    Check::at_most(what, "", rest, 2e-5)
+    FigureCheck::at_most(what, "", rest, 2e-5)
 }
 
 fn reflected(lab: &Lab) -> Result<Figure, Error> {
@@ -135,7 +135,7 @@ fn reflected(lab: &Lab) -> Result<Figure, Error> {
     let low = points[0].1 / greatest(&points);
     let checks = vec![
         near_optimum("most is reflected at k, decades from 10⁵ N/m", summit(&points)),
-        Check::at_most("reflected at 10³, of the most", "", low, 0.42)
+        FigureCheck::at_most("reflected at 10³, of the most", "", low, 0.42)
             .but_paper("a large reflection at low k"),
         closure(&splits),
     ];

@@ -3,7 +3,7 @@
 use hertz_chain::TransmissionFit;
 use rayon::prelude::*;
 
-use crate::check::{Check, checks};
+use crate::check::{FigureCheck, checks};
 use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
@@ -113,7 +113,7 @@ fn by_mass(lab: &Lab) -> Result<Figure, Error> {
     Ok(by_count(Panel::new("energy left (%)", series).log(), checks))
 }
 
-fn by_count(panel: Panel, checks: Vec<Check>) -> Figure {
+fn by_count(panel: Panel, checks: Vec<FigureCheck>) -> Figure {
     Figure::over(Axis::new("intruders n", 0.0..MOST as f64), vec![panel], checks)
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Collision, Pulse, Scenario};
 use rayon::prelude::*;
 
-use crate::check::{Check, checks};
+use crate::check::{FigureCheck, checks};
 use crate::curve::{dashed, force_over_time, guide, line, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
@@ -81,7 +81,7 @@ impl StrikerFamily {
     }
 }
 
-type Checks = fn(&[Arc<FigureRun>]) -> Vec<Check>;
+type Checks = fn(&[Arc<FigureRun>]) -> Vec<FigureCheck>;
 
 fn forces(
     lab: &Lab,
@@ -125,7 +125,7 @@ fn far_spectrum(lab: &Lab, family: &StrikerFamily, checks: Checks) -> Result<Fig
     Ok(Figure::over(axis, vec![panel], checks(&runs)))
 }
 
-fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let factor = contact_time(&runs[0]) / contact_time(&runs[3]);
     let [soft, stiff] = [0, 3].map(|n| Collision::of_striker(runs[n].solution.model()).duration());
     let eq9 = soft / stiff;
@@ -137,7 +137,7 @@ fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     ]
 }
 
-fn speed_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn speed_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     checks![
         "contact time at 0.1 over that at 3.2 m/s: 32^(1/5)":
             contact_time(&runs[0]) / contact_time(&runs[3]) => close(2.0, 1e-6);
@@ -146,7 +146,7 @@ fn speed_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     ]
 }
 
-fn size_time(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn size_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
     checks![
         // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker
@@ -161,7 +161,7 @@ fn far_peaks(runs: &[Arc<FigureRun>]) -> Vec<f64> {
     runs.iter().map(|run| peak(run, FAR)).collect()
 }
 
-fn modulus_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn modulus_force(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let peaks = far_peaks(runs);
     checks![
         "highest force, stiffest striker", "N": peaks[3] => close(7.936_292, 1e-5);
@@ -170,14 +170,14 @@ fn modulus_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     ]
 }
 
-fn speed_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn speed_force(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let peaks = far_peaks(runs);
     checks![
         "force at 3.2 over that at 0.1 m/s: 32^(6/5)": peaks[3] / peaks[0] => close(64.0, 1e-6);
     ]
 }
 
-fn size_force(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn size_force(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let count = |run: &Arc<FigureRun>| train(&run.solution, FAR).len() as f64;
     let pulses: Vec<f64> = runs.iter().map(count).collect();
     checks![
@@ -198,7 +198,7 @@ fn frequencies(runs: &[Arc<FigureRun>]) -> Vec<f64> {
     runs.iter().map(of_first).collect()
 }
 
-fn modulus_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn modulus_spectrum(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let frequencies = frequencies(runs);
     checks![
         // Both by an integration of another kind.
@@ -207,7 +207,7 @@ fn modulus_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     ]
 }
 
-fn speed_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn speed_spectrum(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let frequencies = frequencies(runs);
     let factor = frequencies[3] / frequencies[0];
     checks![
@@ -216,7 +216,7 @@ fn speed_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
     ]
 }
 
-fn size_spectrum(runs: &[Arc<FigureRun>]) -> Vec<Check> {
+fn size_spectrum(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let scaled: Vec<f64> = frequencies(runs)
         .into_iter()
         .zip(runs)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 
 use super::fig4::{HOST, force_panels, run, share, splits};
-use crate::check::{Check, checks};
+use crate::check::{FigureCheck, checks};
 use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
@@ -46,8 +46,8 @@ struct IntruderFamily {
     axis: fn() -> Axis,
     /// The unit of the axis, in units of the values.
     unit: f64,
-    reflected: fn(&Shares) -> Vec<Check>,
-    transmitted: fn(&Shares) -> Vec<Check>,
+    reflected: fn(&Shares) -> Vec<FigureCheck>,
+    transmitted: fn(&Shares) -> Vec<FigureCheck>,
 }
 
 /// Shares of the incident energy in %, against the swept quantity.
