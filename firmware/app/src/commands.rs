@@ -108,8 +108,11 @@ impl<D: Device> Commands<D> {
             }
             RequestStep::SelfTest => {
                 let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
-                let line = format_args!("{} of {checks} checks passed", checks - failed);
-                ReplyContent(Outcome::Done, Detail::new(line))
+                let passed = checks - failed;
+                ReplyContent(
+                    Outcome::Done,
+                    Detail::new(format_args!("{passed} of {checks} checks passed")),
+                )
             }
             RequestStep::Fetch(refetch) => fetch(bead, refetch).await,
             RequestStep::Reboot => {
@@ -148,8 +151,10 @@ impl<D: Device> Commands<D> {
             boot: self.boot.number,
             index: self.bead.snapshot().newest_index,
         };
-        let admitted = self.lock.admit(address, number, request, now);
-        let request = admitted.map_err(|outcome| self.not_let_through(outcome))?;
+        let request = match self.lock.admit(address, number, request, now) {
+            Ok(request) => request,
+            Err(outcome) => return Err(self.not_let_through(outcome)),
+        };
         if !signed {
             return Ok(request);
         }
@@ -225,8 +230,10 @@ impl<D: Device> Commands<D> {
             Request::Disarm => self.bead.arm(false),
             Request::SelfTest => return Ok(RequestStep::SelfTest),
             Request::Raw { duration_ms } if duration_ms > raw::MAX_MS => {
-                let why = format_args!("a raw stream lasts {} ms at most", raw::MAX_MS);
-                return Err(ReplyContent(Outcome::OutOfRange, Detail::new(why)));
+                return Err(ReplyContent(
+                    Outcome::OutOfRange,
+                    Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
+                ));
             }
             Request::Raw { duration_ms } => self.bead.start_raw(duration_ms),
             Request::ResetCounters => self.bead.reset_counters(),
@@ -242,16 +249,20 @@ impl<D: Device> Commands<D> {
             }
             Request::Keep { index } => {
                 let now = self.bead.snapshot();
+                if now.health.standing.has(Standing::CRYSTAL_FAILED) {
+                    return Err(ReplyContent(
+                        Outcome::OutOfRange,
+                        "no scan comes: the crystal does not run".into(),
+                    ));
+                }
                 let ahead = index.saturating_sub(now.newest_index);
-                let why = if now.health.standing.has(Standing::CRYSTAL_FAILED) {
-                    "no scan comes: the crystal does not run"
-                } else if !(1..=MINUTE).contains(&ahead) {
-                    "its scan has to come within a minute from now"
-                } else {
-                    self.bead.wanted_scan.signal(index);
-                    return Ok(RequestStep::Reply(ReplyContent::done()));
-                };
-                return Err(ReplyContent(Outcome::OutOfRange, why.into()));
+                if !(1..=MINUTE).contains(&ahead) {
+                    return Err(ReplyContent(
+                        Outcome::OutOfRange,
+                        "its scan has to come within a minute from now".into(),
+                    ));
+                }
+                self.bead.wanted_scan.signal(index);
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
@@ -330,17 +341,16 @@ fn too_soon(wait_ms: u64) -> ReplyContent {
 
 #[inline(never)]
 fn not_stored(error: StoreError) -> ReplyContent {
-    let (outcome, why) = match error {
-        StoreError::Full => (
+    match error {
+        StoreError::Full => ReplyContent(
             Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some",
+            "no room in flash for another block; the next boot makes some".into(),
         ),
-        StoreError::TooLong | StoreError::Flash => (
+        StoreError::TooLong | StoreError::Flash => ReplyContent(
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were",
+            "what was written cannot be read back; the settings are what they were".into(),
         ),
-    };
-    ReplyContent(outcome, why.into())
+    }
 }
 
 fn reply<D: Device>(bead: &BeadState<D>, request: u16, ReplyContent(outcome, detail): ReplyContent) {

@@ -389,11 +389,11 @@ impl Meter {
             Phase::Armed => {
                 let end = asked.map_or(new.end, |before| new.start + before);
                 let before = before_rise(settings, scans, new.start..end);
-                let found = if new.start + before == end {
-                    asked.and_then(|_| self.take_asked(settings, index, new.start))
-                } else {
+                let found = if new.start + before < end {
                     // The window starts with the history, which ends with the scan that triggers.
                     Some((index + before as u64, Origin::Force))
+                } else {
+                    asked.and_then(|_| self.take_asked(settings, index, new.start))
                 };
                 match found {
                     None => end,

@@ -79,7 +79,7 @@ struct Coordinate {
 impl Coordinate {
     /// Advances by one sample; `a` is the acceleration at this sample, in twelfths.
     #[inline(always)]
-    fn advance(&mut self, a: i32, watch: &mut RangeWatch) {
+    fn advance(&mut self, a: i32, watch: &mut Watch) {
         let step = self.step.saturating_add(14 * a);
         watch.state(step);
         // Rounding down costs a quarter of a picometre a sample.
@@ -102,9 +102,9 @@ const LIMIT: i32 = 1 << 23;
 /// scaled so that [`LIMIT`] is half of their format. Two instructions collect the bits; a comparison would
 /// take four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct RangeWatch(i32);
+struct Watch(i32);
 
-impl RangeWatch {
+impl Watch {
     /// Adds a state.
     #[inline(always)]
     fn state(&mut self, value: i32) {
@@ -135,7 +135,7 @@ pub struct ReducedChainState {
     /// Displacements of the followers' intruders relative to their hosts, where they hold one.
     behind: [Coordinate; FOLLOWERS],
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
-    watch: RangeWatch,
+    watch: Watch,
     /// Samples since the force was above the gate, or since the start.
     silent: u16,
     /// Forces below this are noise, by the noise before the strike.
@@ -173,7 +173,7 @@ impl ReducedChain {
         forces: &[SensedForce],
     ) {
         let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
-        let powers = &LoopPowers::new(scale);
+        let powers = &Powers::new(scale);
         match (scaled, company.behind > 0) {
             (false, false) => self.run::<false, false>(powers, company, state, forces),
             (true, false) => self.run::<true, false>(powers, company, state, forces),
@@ -187,7 +187,7 @@ impl ReducedChain {
     #[inline(always)]
     fn run<const SCALED: bool, const ROW: bool>(
         &self,
-        powers: &LoopPowers,
+        powers: &Powers,
         company: &Company,
         state: &mut ReducedChainState,
         forces: &[SensedForce],
@@ -259,9 +259,9 @@ impl ReducedChain {
     #[inline(always)]
     fn contact_force<const SCALED: bool>(
         &self,
-        powers: &LoopPowers,
+        powers: &Powers,
         contact: &Coordinate,
-        watch: &mut RangeWatch,
+        watch: &mut Watch,
     ) -> i32 {
         let overlap = contact.position;
         if overlap <= 0 {
@@ -295,9 +295,9 @@ impl Company {
         &self,
         follower: usize,
         pushed: i32,
-        powers: &LoopPowers,
+        powers: &Powers,
         intruders: &mut [Coordinate; FOLLOWERS],
-        watch: &mut RangeWatch,
+        watch: &mut Watch,
     ) -> i32 {
         if !self.holds(follower) {
             return pushed;
@@ -319,7 +319,7 @@ impl Company {
 
 /// [`Scale`] as the loop needs it.
 #[derive(Clone, Copy, Debug, Default)]
-struct LoopPowers {
+struct Powers {
     contact: u8,
     incoming: u8,
     masses: u8,
@@ -329,7 +329,7 @@ struct LoopPowers {
     watch: u8,
 }
 
-impl LoopPowers {
+impl Powers {
     fn new(scale: &Scale) -> Self {
         // The stiffness stays below 2^31 if √(overlap in µm) < 2^(6 - contact), that is, if the overlap is
         // below 2^(12 - 2·contact) µm. A thousandth less leaves room for the error of the root.
@@ -370,20 +370,22 @@ mod tests {
             (-LIMIT, -LIMIT, false),
             (-LIMIT - 1, -LIMIT, true),
         ] {
-            let mut watch = RangeWatch::default();
+            let mut watch = Watch::default();
             assert_eq!(watch.limited(value), limited);
-            // A small value after it changes nothing.
+            // What comes after it is small.
             watch.state(1);
             assert_eq!(watch.0 >= LIMIT, left, "{value}");
             for state in [value << 7, (value << 7) + 0x7F] {
-                let mut watch = RangeWatch::default();
+                let mut watch = Watch::default();
                 watch.state(state);
                 watch.limited(-1);
                 assert_eq!(watch.0 >= LIMIT, left, "{state}");
             }
         }
-        let limited = [i32::MIN, i32::MAX].map(|a| RangeWatch::default().limited(a));
-        assert_eq!(limited, [-LIMIT, LIMIT - 1]);
+        assert_eq!(
+            [i32::MIN, i32::MAX].map(|a| Watch::default().limited(a)),
+            [-LIMIT, LIMIT - 1]
+        );
     }
 
     #[test]
@@ -401,7 +403,7 @@ mod tests {
             energy: EnergyScale::ZERO,
         };
         let left = |contact: u8, position: i32| {
-            let powers = LoopPowers::new(&Scale {
+            let powers = Powers::new(&Scale {
                 contact,
                 ..Scale::default()
             });
@@ -409,7 +411,7 @@ mod tests {
                 position,
                 ..Coordinate::default()
             };
-            let mut watch = RangeWatch::default();
+            let mut watch = Watch::default();
             chain.contact_force::<true>(&powers, &overlap, &mut watch);
             watch.0 >= LIMIT
         };

@@ -76,6 +76,8 @@ fn expected(strikes: &[RecordedStrike]) -> Value {
             "nth_boot": of_strikes(|strike| strike.nth_boot.into()),
             "peak_force_n": of_strikes(|strike| strike.said.peak_force.newtons().into()),
             "peak_force_raw": of_strikes(|strike| strike.said.peak_force.bits().into()),
+            "absorbed_measured_j": of_strikes(|strike| strike.said.absorbed_measured.joules().into()),
+            "trigger_index": of_strikes(|strike| strike.said.trigger_index.into()),
             "absorbed_predicted_j": of_strikes(|strike| strike.said.absorbed_predicted.joules().into()),
             "impulse_n_s": of_strikes(|strike| strike.shape.unwrap().impulse.newton_seconds(100_000).into()),
             "ring_decay_per_s": of_strikes(|strike| strike.shape.unwrap().ring_decay.per_second().into()),
