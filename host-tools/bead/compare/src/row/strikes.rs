@@ -33,7 +33,7 @@ impl BeadRow {
         chain: &RowChain,
         fitted: Option<&FittedVelocity>,
     ) -> Result<Self, CompareError> {
-        let time = CommonTime::of(&received)?;
+        let time = CommonTime::of(received)?;
         let read = |placed| RowBead::read(placed, chain, &time, fitted);
         let members: Vec<_> = beads.par_iter().map(read).collect();
         let members = members.into_iter().collect::<Result<Vec<_>, _>>()?;
