@@ -1,9 +1,9 @@
 //! The paper's figures. Each one runs: simulation, picture, data and checks.
 //!
 //! # Design
-//! A [`FigurePlan`](plan::Plan) names a figure and says how to draw it. Drawing gives a
-//! [`Figure`](plan::Figure): a chart and a list of [`FigureCheck`](check::Check)s. Files are made from the
-//! chart alone, so what is written is what is drawn. Figures of one plate share their runs through the
+//! A [`FigurePlan`](plan::FigurePlan) names a figure and says how to draw it. Drawing gives a
+//! [`Figure`](plan::Figure): a chart and a list of [`FigureCheck`](check::FigureCheck)s. Files are made from
+//! the chart alone, so what is written is what is drawn. Figures of one plate share their runs through the
 //! [`Lab`](lab::Lab), which also records how well energy and momentum held in every run that a figure used.
 
 pub mod catalogue;
