@@ -9,6 +9,7 @@
 use serde::Serialize;
 
 use crate::row::chain::RowChain;
+use crate::row::mean::mean;
 use crate::row::member::RowBead;
 use crate::row::strikes::BeadRow;
 
@@ -131,8 +132,4 @@ impl Arrivals {
         let off = felt.filter(|member| self.at(member.bead).is_none());
         off.map(note).collect()
     }
-}
-
-pub(super) fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

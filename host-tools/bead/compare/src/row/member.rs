@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use crate::bead::{ComparedBead, STRIKES_MOST};
 use crate::error::CompareError;
-use crate::row::arrivals::mean;
 use crate::row::chain::{PlacedBead, RowChain};
 use crate::row::later::{LaterWave, later_wave};
+use crate::row::mean::mean;
 use crate::spread::Spread;
 use crate::strike::{FullChain, StrikeComparison, StrikeValues, force_railed};
 use crate::traces::Traces;

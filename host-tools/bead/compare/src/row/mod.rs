@@ -15,6 +15,7 @@ mod chain;
 mod compare;
 mod energy;
 mod later;
+mod mean;
 mod member;
 mod pictures;
 mod report;
