@@ -105,7 +105,7 @@ fn advice() -> String {
 /// those that do not open are left out. `note` takes a line about each of these.
 ///
 /// # Errors
-/// None of them opens.
+/// No port opens.
 pub fn open_all(
     wanted: &[Option<Address>],
     baud: u32,

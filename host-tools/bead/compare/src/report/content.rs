@@ -89,7 +89,7 @@ pub(super) struct GridColumn {
     pub(super) medium: Medium,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) enum GridCell {
     Text(String),
     /// A value, and whether it is within its goal.

@@ -18,7 +18,7 @@ border:1.5px solid currentColor}\
 .pass{color:var(--sensed)}.fail{color:var(--predicted)}\
 .key{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:1.6em 0}\
 .key div{border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
-.key b{display:block;font-size:1.45rem;line-height:1.25;font-variant-numeric:tabular-nums}\
+.key b{display:block;font-size:1.25rem;line-height:1.45;white-space:nowrap;font-variant-numeric:tabular-nums}\
 .key span{color:var(--faint);font-size:.86rem}\
 .scroll{overflow-x:auto}.scroll+.scroll{margin-top:1.4em}\
 table{border-collapse:collapse;width:100%;font-size:.93rem;font-variant-numeric:tabular-nums}\
@@ -39,7 +39,7 @@ details summary{cursor:pointer;color:var(--faint)}\
 .key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
 @media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
 th,td{padding:.25em .4em;white-space:normal}pre{white-space:pre-wrap}\
-tr,svg.chart,.key div{break-inside:avoid}.key{grid-template-columns:repeat(5,1fr)}.key b{font-size:1.1rem;white-space:nowrap}\
+tr,svg.chart,.key div{break-inside:avoid}.key{grid-template-columns:repeat(5,1fr)}.key b{font-size:1.1rem}\
 tbody tr:nth-child(-n+3){break-after:avoid}tbody tr:nth-last-child(-n+3){break-before:avoid}\
 h2,h2+p,thead,summary{break-after:avoid}}";
 
@@ -137,7 +137,12 @@ fn table(table: &Grid) -> Markup {
             }
         };
     }
-    let shown = |(_, column): &(usize, &GridColumn)| column.medium.is_page();
+    // A column that has a goal only for single strikes is empty for several.
+    let has_cells = |place: usize| {
+        let cells = table.rows.iter().filter_map(|row| row.get(place));
+        table.rows.is_empty() || cells.into_iter().any(|cell| *cell != EMPTY)
+    };
+    let shown = |(place, column): &(usize, &GridColumn)| column.medium.is_page() && has_cells(*place);
     let columns = || table.columns.iter().enumerate().filter(shown);
     html! {
         div.scroll {
@@ -203,8 +208,8 @@ mod tests {
     #[test]
     fn a_page_needs_nothing_from_outside_and_escapes_its_text() {
         let table = Grid::new(
-            "<a> | <b>",
-            [vec!["<c>".into(), GridCell::judged("<d>", Some(true))]],
+            "<a> | <b> | empty",
+            [vec!["<c>".into(), GridCell::judged("<d>", Some(true)), "".into()]],
         );
         let report = Report {
             above: "<above>".to_owned(),
@@ -232,6 +237,7 @@ mod tests {
             let escaped = format!("&lt;{text}&gt;");
             assert!(page.contains(&escaped), "{text} is missing");
         }
+        assert!(!page.contains("empty"), "a column without cells is shown");
         for raw in ["<why>", "<title><", "<c>", "<fact>", "<scenario>"] {
             assert!(!page.contains(raw), "{raw} is not escaped");
         }
