@@ -40,6 +40,14 @@ fn bead(steps: &Steps, words: &str) -> CommandLine {
 /// With the status of the `bead` command that failed.
 pub(crate) fn strike(steps: &Steps) -> Result<(), Stop> {
     build(steps)?;
+    show_strike(steps)
+}
+
+/// As [`strike`], with what is built.
+///
+/// # Errors
+/// As [`strike`].
+pub(crate) fn show_strike(steps: &Steps) -> Result<(), Stop> {
     let scenario = "docs/scenarios/paper-strike.toml";
     let recording = steps.built("demo/bead-8.mcap");
     let report = steps.built("demo/report.html");
@@ -66,13 +74,21 @@ pub(crate) fn strike(steps: &Steps) -> Result<(), Stop> {
 /// As [`strike`].
 pub(crate) fn row(steps: &Steps) -> Result<(), Stop> {
     build(steps)?;
+    show_row(steps)
+}
+
+/// As [`row`], with what is built.
+///
+/// # Errors
+/// As [`strike`].
+pub(crate) fn show_row(steps: &Steps) -> Result<(), Stop> {
     let folder = steps.built("chain");
     let emulate = bead(
         steps,
         "emulate docs/scenarios/row-of-ten.toml --bead all --firmware",
     )
     .arg(image::path(steps))
-    .words("--clock-spread 100 --start-spread 0.05 --overwrite --out")
+    .words("--overwrite --out")
     .arg(&folder);
     let title = "a striker hits a row of ten absorbers; the flash image senses it inside each, in QEMU";
     steps.run(title, &emulate)?;

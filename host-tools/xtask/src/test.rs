@@ -9,7 +9,7 @@ use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::suite::Job;
-use crate::{checks, image, lint, mutants, python, suite};
+use crate::{checks, demo, image, lint, mutants, python, suite};
 
 /// Runs every check.
 ///
@@ -45,6 +45,8 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     let rows = checks::compare(&steps.root.join("docs/checks.md"), &table)?;
     steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
     demo_is_compiled(steps)?;
+    demo::show_strike(steps)?;
+    demo::show_row(steps)?;
     steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())
 }
