@@ -21,7 +21,7 @@ border:1.5px solid currentColor}\
 .key b{display:block;font-size:1.25rem;line-height:1.45;white-space:nowrap;font-variant-numeric:tabular-nums}\
 .key span{color:var(--faint);font-size:.86rem}\
 .scroll{overflow-x:auto}.scroll+.scroll{margin-top:1.4em}\
-table{border-collapse:collapse;width:100%;font-size:.93rem;font-variant-numeric:tabular-nums}\
+table{border-collapse:collapse;width:100%;font-size:.89rem;font-variant-numeric:tabular-nums}\
 th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);white-space:nowrap}\
 th:first-child,td:first-child{text-align:left;padding-left:0}\
 thead th{color:var(--faint);font-weight:500}\
