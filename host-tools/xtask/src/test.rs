@@ -5,6 +5,8 @@
 //! lock of its own, and both keep two cores busy until all is compiled. Then all programs run from one queue,
 //! beside lints and documentation of the host, since the tests wait for half of their time.
 
+use serde_json::Value;
+
 use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
@@ -137,11 +139,13 @@ fn figures(steps: &Steps) -> Job {
 /// Fails if the demo would compile anew what the tests have compiled.
 fn demo_is_compiled(steps: &Steps) -> Result<(), Stop> {
     let again = CommandLine::new("cargo build --release --message-format json").words(DEMO);
-    let told = steps.read("the demo finds all compiled", &again)?;
-    match told.lines().find(|line| line.contains("\"fresh\":false")) {
-        Some(stale) => Err(Stop::failed(format!(
-            "the demo would compile anew what the tests use with other features: {stale}"
-        ))),
-        None => Ok(()),
-    }
+    let messages = steps.read("the demo finds all compiled", &again)?;
+    let Some(stale) = messages.lines().find(|line| line.contains("\"fresh\":false")) else {
+        return Ok(());
+    };
+    let stale: Value = serde_json::from_str(stale).unwrap_or_default();
+    Err(Stop::failed(format!(
+        "the demo would compile {} with the features {}, the tests compile it with others",
+        stale["package_id"], stale["features"]
+    )))
 }
