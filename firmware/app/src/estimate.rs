@@ -185,7 +185,7 @@ impl<D: Device> Sink for StrikeResults<D> {
         // Interrupts wait while a line is logged, so it has no more than the frames cannot do without.
         #[cfg(feature = "defmt")]
         defmt::info!(
-            "strike {=u32} at sample {=u64}, flags {=u16:#06x}",
+            "strike {=u32} at sample {=u64}, flags {=u32:#08x}",
             strike.strike,
             strike.trigger_index,
             strike.flags.bits(),

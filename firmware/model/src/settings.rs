@@ -24,12 +24,17 @@ use crate::sensor::Sensor;
 use crate::shape::Ringing;
 use crate::violation::{Bound, SettingKey, Violation};
 
-/// Version of the settings block.
-pub const VERSION: u16 = 1;
+/// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may all
+/// be absent.
+pub const VERSION: u16 = 7;
+/// The version without those sections.
+const FIRST: u16 = 1;
+/// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
+const SECTIONS_SINCE: usize = 0;
 /// The last version of the time before the first release. Those were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.
-pub const BLOCK_MAX: usize = 256;
+pub const BLOCK_MAX: usize = 448;
 
 /// Bound of the forces, N, from the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
@@ -196,13 +201,18 @@ impl Settings {
         if checksum(&bytes[..end]).to_le_bytes() != stored {
             return Err(SettingsError::Checksum);
         }
-        match u16::from_le_bytes([header[4], header[5]]) {
-            VERSION => {}
+        let mut body = heapless::Vec::<u8, BLOCK_MAX>::from_slice(&bytes[HEADER..end])
+            .map_err(|_| SettingsError::Body)?;
+        let absent = match u16::from_le_bytes([header[4], header[5]]) {
+            VERSION => 0,
+            FIRST => SECTIONS_SINCE,
             old @ 2..=UNRELEASED => return Err(SettingsError::Unreleased(old)),
             other => return Err(SettingsError::Version(other)),
-        }
+        };
+        body.extend_from_slice(&[0; SECTIONS_SINCE][..absent])
+            .map_err(|_| SettingsError::Body)?;
         let (description, rest): (Description, &[u8]) =
-            postcard::take_from_bytes(&bytes[HEADER..end]).map_err(|_| SettingsError::Body)?;
+            postcard::take_from_bytes(&body).map_err(|_| SettingsError::Body)?;
         if !rest.is_empty() {
             return Err(SettingsError::Body);
         }

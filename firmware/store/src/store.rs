@@ -14,7 +14,7 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::sectors::{COUNT, SectorError, Sectors};
 
 /// Longest block, in bytes: settings and a secret.
-pub const MAX_BLOCK: usize = 256 + 28;
+pub const MAX_BLOCK: usize = 448 + 28;
 /// A block with its key, rounded up to words of any flash.
 const BUFFER: usize = MAX_BLOCK + 32;
 /// The store keeps one item.

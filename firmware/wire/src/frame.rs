@@ -17,7 +17,7 @@
 
 use crate::body::Body;
 use crate::cause::Cause;
-use crate::message::{Fetched, Kind, MAX_BODY, Message};
+use crate::message::{Fetched, Kind, MAX_BODY, Message, Shape};
 use crate::payload::{BufferTooSmall, CRC_LENGTH, open, seal};
 use crate::sequence::Arrival;
 use crate::version::{VERSION, is_unreleased};
@@ -230,7 +230,23 @@ fn read(kind: u8, body: &[u8], later: bool) -> Result<Message, Cause> {
     match Message::decode(kind, body) {
         Ok((message, rest)) if rest.is_empty() || later => Ok(message),
         Ok(_) => Err(Cause::Trailing),
-        Err(_) => Err(Cause::Body),
+        Err(_) => read_grown(kind, body),
+    }
+}
+
+/// Reads a body of the first images, which ends before the fields that its kind has gained since.
+fn read_grown(kind: Kind, body: &[u8]) -> Result<Message, Cause> {
+    let gained = match kind {
+        Kind::Shape => Shape::GAINED,
+        _ => return Err(Cause::Body),
+    };
+    let mut whole = heapless::Vec::<u8, MAX_BODY>::from_slice(body).map_err(|_| Cause::Body)?;
+    whole
+        .extend_from_slice(&[0; Shape::GAINED][..gained])
+        .map_err(|_| Cause::Body)?;
+    match Message::decode(kind, &whole) {
+        Ok((message, [])) => Ok(message),
+        _ => Err(Cause::Body),
     }
 }
 

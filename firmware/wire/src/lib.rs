@@ -37,14 +37,16 @@ pub use message::health::Standing;
 pub use message::identity::{MAX_FIRMWARE, MAX_GIT, ResetCauses};
 pub use message::reply::Outcome;
 pub use message::self_test::Check;
-pub use message::shape::GainMatch;
+pub use message::shape::{Conditions, EnergyUncertainty, GainMatch, LeftEnergy, WaveformMatch};
 pub use message::status::SettingsSource;
 pub use message::strike::StrikeFlags;
 // Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
 pub use message::*;
 pub use names::named;
 pub use payload::BufferTooSmall;
-pub use quantity::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples};
+pub use quantity::{
+    Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples, Temperature, Voltage,
+};
 pub use queue::{KEPT, OUTBOX, Queue, room_for_window, taken};
 pub use request::{
     ANY, MAX_REQUEST, ReceivedRequest, Request, RequestCounters, RequestDecoder, encode_request,

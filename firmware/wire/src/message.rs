@@ -6,7 +6,7 @@
 //!
 //! **A body never changes.** Postcard writes neither names nor lengths of fields, so another field is another
 //! layout. It gets a new number and a file of its own. A host that does not know a number says so and goes
-//! on.
+//! on. Fields that may be absent can follow at the end: a body without them is read as if they were absent.
 //!
 //! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 

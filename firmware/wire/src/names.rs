@@ -166,7 +166,7 @@ macro_rules! bits {
 pub(crate) use bits;
 
 /// Names of the bits that are set, by this list.
-pub fn named(bits: u16, names: &'static [Named]) -> impl Iterator<Item = &'static str> {
+pub fn named(bits: u32, names: &'static [Named]) -> impl Iterator<Item = &'static str> {
     names
         .iter()
         .filter(move |row| bits >> row.0 & 1 == 1)

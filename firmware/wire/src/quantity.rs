@@ -69,6 +69,10 @@ quantities! {
     Samples(u32): samples, Unit { per_sample: true, zero_is_unknown: true, ..Unit::new("s", "_s", 16) };
     /// Frequency (U16F16 of a hertz), 0 if it was not found.
     Frequency(u32): hertz, Unit { zero_is_unknown: true, ..Unit::new("Hz", "_hz", 16) };
+    /// Voltage (U4F12 of a volt).
+    Voltage(u16): volts, Unit::new("V", "_v", 12);
+    /// Temperature (I8F8 of a degree Celsius).
+    Temperature(i16): degrees_celsius, Unit::new("°C", "_degc", 8);
     /// Rate of decay (U16F16 of 1/s), 0 if it was not found.
     Decay(u32): per_second, Unit { zero_is_unknown: true, ..Unit::new("1/s", "_per_s", 16) };
 }

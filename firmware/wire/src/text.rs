@@ -70,7 +70,7 @@ impl<const N: usize> Field for Text<N> {
 pub struct BoundedBytes<const N: usize>(Vec<u8, N>);
 
 /// Longest settings block that fits a frame, in bytes. The longest block of `bead-model` is just as long.
-pub const MAX_BLOCK: usize = 256;
+pub const MAX_BLOCK: usize = 448;
 /// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
 pub type Block = BoundedBytes<MAX_BLOCK>;
 

@@ -40,11 +40,14 @@ body! {
 
 bits! {
     /// Doubts about the result of a strike, and the cause of its window.
-    pub struct StrikeFlags(u16) {
+    pub struct StrikeFlags(u32) {
         /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
         0 "force_railed" FORCE_RAILED,
         /// The acceleration at the low gain reached a rail of the converter: the measured energy is too low.
         1 "acceleration_railed" ACCELERATION_RAILED,
+        /// Another wave came within the window: the energies end before it if `window_cut` is set, and have a
+        /// part of it if not.
+        2 "another_wave" ANOTHER_WAVE,
         /// A state of the reduced chain exceeded half the range of its format.
         3 "chain_range" CHAIN_RANGE,
         /// The two estimates differ by more than the settings allow, and no other flag says why.
@@ -53,6 +56,15 @@ bits! {
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
+        /// The energies do not cover the whole window: they end before another wave, which has a window of its
+        /// own or is counted in `strikes_in_dead_time`.
+        7 "window_cut" WINDOW_CUT,
+        /// At the end of the window the intruder still held more than half a percent of the absorbed energy. It
+        /// is in both energies, by a closed form that is wrong if another wave follows.
+        8 "ringing_left" RINGING_LEFT,
+        /// The supply differs from that of the calibration by more than the compensation of the gains covers,
+        /// or was never measured since the reset.
+        9 "supply_off" SUPPLY_OFF,
         /// Another bead found a strike: it opened this window by the trigger line. The force here rose by
         /// less than the threshold until then.
         10 "triggered_by_line" TRIGGERED_BY_LINE,
@@ -67,6 +79,20 @@ bits! {
         /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
         /// which.
         14 "sensor_fault" SENSOR_FAULT,
+        /// The acceleration that the reduced chain predicts from the force is not the one that was measured:
+        /// spring, damper, mass or a gain is not what the settings say.
+        15 "model_differs" MODEL_DIFFERS,
+        /// A sensor reached its own end, as the settings state it, before the converter reached a rail.
+        16 "sensor_end" SENSOR_END,
+        /// The intruder was not at rest before the strike, or the quiet was louder than the settings say.
+        17 "not_at_rest" NOT_AT_REST,
+        /// Over the last strikes the ringing, the gains or the ratio of both energies moved away from the
+        /// settings by more than three standard errors.
+        18 "drifting" DRIFTING,
+        /// The force was a train of waves, for which the reduced chain is not right behind this bead.
+        19 "wave_train" WAVE_TRAIN,
+        /// A neighbour that the settings state is one for which the reduced chain is not right.
+        20 "unlike_neighbour" UNLIKE_NEIGHBOUR,
     }
 }
 

@@ -138,7 +138,7 @@ fn the_longest_form_of_each_field_is_as_long_as_stated() {
     longest(&[Text::<128>::new(format_args!("{:x>199}", ""))]);
     longest(&[Block::try_from(&[1; MAX_BLOCK][..]).unwrap()]);
     longest(&[Codes::<102>::pack([[1, 2]; 34]).unwrap()]);
-    longest(&[StrikeFlags::from_bits(u16::MAX)]);
+    longest(&[StrikeFlags::from_bits(u32::MAX)]);
     longest(&[Some(GainMatch {
         deviation: Fraction::from_bits(i32::MIN),
         uncertainty: Fraction::from_bits(i32::MIN),

@@ -129,7 +129,7 @@ fn add<'a>(
             push(Role::Raw, raw, Content::Bits(bits));
         }
         FieldKind::Set(names) => {
-            let set = integer.and_then(|bits| u16::try_from(bits).ok());
+            let set = integer.and_then(|bits| u32::try_from(bits).ok());
             let names = set.map(|bits| named(bits, names).collect());
             push(Role::Value, value, Content::Names(names));
             push(Role::Raw, raw, Content::Bits(bits));
