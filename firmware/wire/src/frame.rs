@@ -296,6 +296,19 @@ mod tests {
     }
 
     #[test]
+    fn a_shape_of_the_first_images_has_no_group_that_came_later() {
+        let shape = Message::draw(Kind::Shape, &mut || 0);
+        let mut body = [0; MAX_BODY];
+        let length = shape.encode(&mut body).unwrap();
+        let first = length - Shape::GAINED;
+        assert_eq!(read(Kind::Shape as u8, &body[..length], false), Ok(shape.clone()));
+        assert_eq!(read(Kind::Shape as u8, &body[..first], false), Ok(shape));
+        for cut in [first - 1, first + 1] {
+            assert_eq!(read(Kind::Shape as u8, &body[..cut], false), Err(Cause::Body), "{cut}");
+        }
+    }
+
+    #[test]
     fn a_body_that_is_packed_by_its_kind_gives_the_same_bytes() {
         let (mut one, mut other) = (Packed::new(), Packed::new());
         one.pack(7, 2, &GAP.into()).unwrap();

@@ -121,7 +121,7 @@ fn fields_and_bytes_of_messages_and_requests_are_those_of_the_golden_file() {
 #[test]
 fn the_longest_form_of_each_field_is_as_long_as_stated() {
     fn longest<F: Field>(values: &[F]) {
-        let mut buffer = [0; 300];
+        let mut buffer = [0; 500];
         let lengths = values
             .iter()
             .map(|value| postcard::to_slice(value, &mut buffer).unwrap().len());

@@ -136,7 +136,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
 
 #[test]
 fn no_request_is_longer_than_max_request_and_one_is_as_long() {
-    assert_eq!(MAX_REQUEST, 315, "docs/protocol.md says so");
+    assert_eq!(MAX_REQUEST, 507, "docs/protocol.md says so");
     // Bytes without a zero are the worst case of COBS.
     let longest = Request::Signed {
         counter: u64::MAX,
