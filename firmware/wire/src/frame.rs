@@ -304,7 +304,11 @@ mod tests {
         assert_eq!(read(Kind::Shape as u8, &body[..length], false), Ok(shape.clone()));
         assert_eq!(read(Kind::Shape as u8, &body[..first], false), Ok(shape));
         for cut in [first - 1, first + 1] {
-            assert_eq!(read(Kind::Shape as u8, &body[..cut], false), Err(Cause::Body), "{cut}");
+            assert_eq!(
+                read(Kind::Shape as u8, &body[..cut], false),
+                Err(Cause::Body),
+                "{cut}"
+            );
         }
     }
 
