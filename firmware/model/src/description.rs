@@ -9,6 +9,7 @@ use crate::capture::Capture;
 use crate::front_end::{FrontEnd, SensorScale};
 use crate::name::Name;
 use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
+use crate::uncertainty::Uncertainty;
 use crate::violation::{Bound, SettingKey as Key, Violation};
 
 /// Address to which every bead listens.
@@ -47,6 +48,9 @@ pub struct Description {
     /// When a strike is taken.
     #[serde(default)]
     pub capture: Capture,
+    /// Uncertainties of these settings, where their calibration stated them.
+    #[serde(default)]
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// The bead around the intruder.
@@ -91,6 +95,7 @@ impl Description {
             force: front_end.force,
             acceleration: front_end.acceleration,
             capture: *capture,
+            uncertainty: None,
         }
     }
 
@@ -116,6 +121,7 @@ impl Description {
         require(self.address != EVERY_BEAD, Key::Address, Bound::OneBead)?;
         self.check_numbers()?;
         self.check_masses()?;
+        self.uncertainty.as_ref().map_or(Ok(()), Uncertainty::check)?;
         let samples = self.physics().pulse_width(1.0) * f64::from(self.capture.sample_rate_hz);
         require(
             samples >= LEAST_WIDTH,

@@ -8,10 +8,13 @@
 //! ```
 
 pub use crate::capture::Capture;
+pub use crate::day::Day;
 pub use crate::description::{Contact, Description, Host};
 pub use crate::front_end::{FrontEnd, SensorScale};
 pub use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours, SOLITARY_WAVE_ENERGY};
+pub use crate::relative::Relative;
 use crate::settings::Settings;
+pub use crate::uncertainty::Uncertainty;
 use crate::violation::Violation;
 
 /// Derives the settings of a bead that is alone. It has no name yet, and address 0.

@@ -30,7 +30,7 @@ pub const VERSION: u16 = 7;
 /// The version without those sections.
 const FIRST: u16 = 1;
 /// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
-const SECTIONS_SINCE: usize = 0;
+const SECTIONS_SINCE: usize = 1;
 /// The last version of the time before the first release. Those were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.

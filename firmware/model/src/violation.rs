@@ -54,6 +54,26 @@ keys! {
     Disagreement "capture.disagreement"
     RingFrequencyTolerance "capture.ring_frequency_tolerance"
     RingDecayTolerance "capture.ring_decay_tolerance"
+    Calibration "uncertainty.calibration"
+    Calibrated "uncertainty.calibrated"
+    ValidUntil "uncertainty.valid_until"
+    UForceGain "uncertainty.force_gain"
+    UForceGainRatio "uncertainty.force_gain_ratio"
+    UForceFlatness "uncertainty.force_flatness"
+    UAccelerationGain "uncertainty.acceleration_gain"
+    UAccelerationGainRatio "uncertainty.acceleration_gain_ratio"
+    UAccelerationFlatness "uncertainty.acceleration_flatness"
+    USupply "uncertainty.supply"
+    UBeadMass "uncertainty.bead_mass"
+    UFrontMass "uncertainty.front_mass"
+    UIntruderMass "uncertainty.intruder_mass"
+    UStiffness "uncertainty.stiffness"
+    UDamping "uncertainty.damping"
+    UContactStiffness "uncertainty.contact_stiffness"
+    URelaxation "uncertainty.relaxation"
+    StiffnessWithDamping "uncertainty.stiffness_with_damping"
+    StiffnessWithMass "uncertainty.stiffness_with_mass"
+    DampingWithMass "uncertainty.damping_with_mass"
 }
 
 /// A coefficient that follows from the settings; its format may not hold it.
@@ -158,6 +178,10 @@ pub enum Bound {
     Codes,
     /// A rise of at least twice the gate: six standard deviations of the noise.
     AboveNoise,
+    /// Not before the day of the calibration.
+    AfterCalibration,
+    /// With the two other correlations a matrix of correlations: positive semidefinite.
+    Correlations,
 }
 
 impl Bound {
@@ -186,6 +210,8 @@ impl Bound {
             Self::ShortWindow => "is longer than 1024 samples",
             Self::Lookback => "is not between 0 and the history",
             Self::Codes => "is not a rise of 1 to 4095 codes",
+            Self::AfterCalibration => "is before the calibration",
+            Self::Correlations => "is not possible beside the two other correlations",
             Self::AboveNoise => "is within the noise: below twice the gate, six standard deviations",
         }
     }

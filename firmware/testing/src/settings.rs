@@ -1,7 +1,10 @@
 //! Settings of the paper's bead, at random, and as blocks.
 
 use bead_model::Settings;
-use bead_model::design::{Bead, Capture, Description, FrontEnd, Intruder, Neighbours, derive};
+use bead_model::design::{
+    Bead, Capture, Day, Description, FrontEnd, Intruder, Neighbours, Relative, Uncertainty, derive,
+};
+use bead_model::name::Name;
 use bead_model::settings::BLOCK_MAX;
 use bead_wire::Block;
 
@@ -53,6 +56,35 @@ pub fn any_settings(random: &mut dyn FnMut() -> u64) -> Settings {
     valid.next().expect("one of a thousand drawn settings is valid")
 }
 
+/// Uncertainties of settings, each stated or not. Any three correlations up to 0.4 are possible together.
+fn any_uncertainty(random: &mut dyn FnMut() -> u64) -> Uncertainty {
+    let mut part = |most: u64| Relative::new((random() % most + 10) as f64 * 1e-7);
+    let correlations = [part(4_000_000), part(4_000_000), part(4_000_000)];
+    let mut stated = || Some(part(4_000_000)).filter(|part| part.part() < 0.3);
+    Uncertainty {
+        calibration: Name::new("a record of 2026").expect("16 bytes"),
+        calibrated: Day::parse("2026-11-24"),
+        valid_until: Day::parse("2199-01-01"),
+        force_gain: stated(),
+        force_gain_ratio: stated(),
+        force_flatness: stated(),
+        acceleration_gain: stated(),
+        acceleration_gain_ratio: stated(),
+        acceleration_flatness: stated(),
+        supply: stated(),
+        bead_mass: stated(),
+        front_mass: stated(),
+        intruder_mass: stated(),
+        stiffness: stated(),
+        damping: stated(),
+        contact_stiffness: stated(),
+        relaxation: stated(),
+        stiffness_with_damping: correlations[0],
+        stiffness_with_mass: correlations[1],
+        damping_with_mass: correlations[2],
+    }
+}
+
 fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
     /// An end of the range, one beside it, or any of it.
     fn corner(random: &mut dyn FnMut() -> u64, least: u64, most: u64) -> f64 {
@@ -97,6 +129,7 @@ fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
             };
         }
     }
+    description.uncertainty = random().is_multiple_of(2).then(|| any_uncertainty(random));
     description.force.noise = match random() % 3 {
         0 => 0.0,
         1 => corner(random, 0, 30) * 1e-3,

@@ -108,7 +108,7 @@ fn blocks_of_other_versions_are_refused_by_their_number() {
 fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refused() {
     let longer = [body(), &[5]].concat();
     for body in [&longer[..], &body()[..body().len() - 1]] {
-        assert_eq!(Settings::decode(&block(VERSION, body)), Err(SettingsError::Body));
+        assert_eq!(Settings::decode(&block(1, body)), Err(SettingsError::Body));
     }
     for name in [&b"a\x1b]52;c;"[..], b"\xff\xfe", b"bell\x07", b"a\0b"] {
         // Postcard writes the sixteen bytes of the name first.
@@ -117,7 +117,7 @@ fn a_body_of_another_length_or_with_a_name_that_no_terminal_should_show_is_refus
             key: Key::Name,
             bound: Bound::Text,
         });
-        let found = Settings::decode(&block(VERSION, &body));
+        let found = Settings::decode(&block(1, &body));
         assert_eq!(found, Err(expected), "{name:?}");
     }
 }

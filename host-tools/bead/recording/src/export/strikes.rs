@@ -80,8 +80,9 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
 
 /// The keys of settings that are numbers and describe a bead and its front end.
 fn settings() -> impl Iterator<Item = &'static KeyRow> {
+    use SettingKey::{Address, Calibrated, Calibration, Name, ValidUntil};
     KEYS.iter()
-        .filter(|row| !matches!(row.key, SettingKey::Name | SettingKey::Address))
+        .filter(|row| !matches!(row.key, Name | Address | Calibration | Calibrated | ValidUntil))
 }
 
 fn settings_column(row: &KeyRow) -> String {

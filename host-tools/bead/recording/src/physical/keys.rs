@@ -67,6 +67,26 @@ keys! {
     Disagreement "" "" "a strike is flagged if A and B differ by more than this part"
     RingFrequencyTolerance "" "" "flagged if the ringing is off by more than this part"
     RingDecayTolerance "" "" "flagged if its decay is off by more than this part"
+    Calibration "" "" "its certificate or record, up to 16 bytes"
+    Calibrated "" "" "its day"
+    ValidUntil "" "" "last day on which it holds"
+    UForceGain "" "" "of the force's scale, which both gains share"
+    UForceGainRatio "" "" "of its low gain over the high one"
+    UForceFlatness "" "" "of its response up to 5 kHz, if a drop test calibrated it near 0 Hz"
+    UAccelerationGain "" "" "of the acceleration's scale, which both gains share"
+    UAccelerationGainRatio "" "" "of its low gain over the high one"
+    UAccelerationFlatness "" "" "of its response up to 5 kHz, beside the shaker's frequency"
+    USupply "" "" "of the converter's supply, which scales both sensors"
+    UBeadMass "" "" "of M"
+    UFrontMass "" "" "of the mass in front of the crystal"
+    UIntruderMass "" "" "of m"
+    UStiffness "" "" "of k"
+    UDamping "" "" "of c"
+    UContactStiffness "" "" "of kappa"
+    URelaxation "" "" "of tau"
+    StiffnessWithDamping "" "" "correlation of k and c, from -1 to 1: one ring-down gives both"
+    StiffnessWithMass "" "" "correlation of k and m"
+    DampingWithMass "" "" "correlation of c and m"
 }
 
 /// Comment above each table of a file.
@@ -86,5 +106,9 @@ pub(super) const TABLES: &[(&str, &str)] = &[
     (
         "capture",
         "When a strike is taken, and when it is flagged. These may be left out.",
+    ),
+    (
+        "uncertainty",
+        "The calibration, and relative standard uncertainties: 0.01 for 1 %, k = 1. What is left out is unknown.",
     ),
 ];

@@ -6,10 +6,12 @@
 mod keys;
 mod refusal;
 mod text;
+mod validity;
 mod values;
 
 pub use keys::{KEYS, KeyRow};
 pub use refusal::refusal;
 pub use text::{Change, changes, derived, parse, set, to_toml};
+pub use validity::calibration_doubt;
 pub(crate) use values::pointer;
 pub use values::{shown, value};

@@ -72,6 +72,8 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
         Bound::LongHistory | Bound::ShortHistory => is("give 1.28e-3 to 2.56e-3 s"),
         Bound::LongWindow | Bound::ShortWindow => is("give more than capture.history, and up to 10.24e-3 s"),
         Bound::Lookback => is("give more than 0, and less than capture.history, in s"),
+        Bound::AfterCalibration => is("give a day that is not before uncertainty.calibrated"),
+        Bound::Correlations => is("give three that one ring-down can have, from -1 to 1"),
         Bound::Codes | Bound::AboveNoise => is("give N, and check force.per_code and force.noise"),
     }
 }

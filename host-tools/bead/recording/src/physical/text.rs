@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use crate::physical::keys::{KEYS, KeyRow, TABLES};
 use crate::physical::refusal::refusal;
-use crate::physical::values::{pointer, shown, value};
+use crate::physical::values::{shown, value};
 
 /// A change of one key.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -76,14 +76,17 @@ pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputE
     let (name, text) = (name.trim(), text.trim());
     let row = find(name)?;
     let value = match (row.key, text.parse::<u64>(), text.parse::<f64>()) {
-        (SettingKey::Name, ..) => text.into(),
+        (SettingKey::Name | SettingKey::Calibration, ..) => text.into(),
         (key, Ok(whole), _) if is_whole(key) => whole.into(),
         (_, _, Ok(number)) if number.is_finite() => number.into(),
-        _ => Value::Null,
+        _ if text == UNKNOWN => Value::Null,
+        _ => text.into(),
     };
     let mut all = serde_json::to_value(*description).unwrap_or_default();
-    if let Some(place) = all.pointer_mut(&pointer(row.key)) {
-        *place = value;
+    // A section that is absent is made.
+    match row.path().split_once('.') {
+        Some((section, name)) => all[section][name] = value,
+        None => all[row.path()] = value,
     }
     *description = serde_json::from_value(all).map_err(|_| {
         let unit = if row.unit.is_empty() {
@@ -121,6 +124,9 @@ pub fn to_toml(description: &Description) -> String {
          # `bead settings write` gives them to the bead.\n\n",
     );
     let mut table = "";
+    // A struct of numbers and texts is always JSON.
+    let all = serde_json::to_value(description).unwrap_or_default();
+    let comment = |is_known: bool| if is_known { "" } else { "# " };
     for row in KEYS {
         let (of, name) = row.path().split_once('.').unwrap_or(("", row.path()));
         if of != table {
@@ -128,9 +134,14 @@ pub fn to_toml(description: &Description) -> String {
             let what = TABLES.iter().find(|(name, _)| *name == of);
             let what = what.map_or("", |(_, what)| what);
             // Writing to a string cannot fail.
-            let _ = write!(text, "\n# {what}\n[{of}]\n");
+            let absent = comment(!all[of].is_null());
+            let _ = write!(text, "\n# {what}\n{absent}[{of}]\n");
         }
-        let entry = format!("{name} = {}", shown(&value(description, row.key)));
+        let value = value(description, row.key);
+        let entry = match value {
+            Value::Null => format!("# {name} = ?"),
+            known => format!("{name} = {}", shown(&known)),
+        };
         let before = |text: &str, end: &str| match text {
             "" => String::new(),
             _ => format!("{text}{end}"),
@@ -140,6 +151,9 @@ pub fn to_toml(description: &Description) -> String {
     }
     text
 }
+
+/// Text of a value that is not known.
+const UNKNOWN: &str = "unknown";
 
 fn find(name: &str) -> Result<&'static KeyRow, InputError> {
     let named = |row: &&KeyRow| row.path() == name || row.letter == name && !name.is_empty();
@@ -162,7 +176,8 @@ fn is_whole(key: SettingKey) -> bool {
 
 fn kind(key: SettingKey) -> &'static str {
     match key {
-        SettingKey::Name => "up to 16 bytes of text without control characters",
+        SettingKey::Name | SettingKey::Calibration => "up to 16 bytes of text without control characters",
+        SettingKey::Calibrated | SettingKey::ValidUntil => "a date, such as 2026-11-24, or `unknown`",
         key if is_whole(key) => "a whole number",
         _ => "a number",
     }
@@ -171,13 +186,27 @@ fn kind(key: SettingKey) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, FrontEnd, Neighbours};
+    use bead_model::design::{Bead, Day, FrontEnd, Neighbours, Relative, Uncertainty};
     use bead_model::name::Name;
     use bead_testing::block_of;
 
     fn paper() -> Description {
         let (bead, front_end) = (Bead::paper(), FrontEnd::reference());
+        let half = Some(Relative::new(0.005));
+        let uncertainty = Uncertainty {
+            calibration: Name::new("shaker 17").unwrap(),
+            calibrated: Day::parse("2026-11-24"),
+            valid_until: Day::parse("2027-11-24"),
+            force_gain: half,
+            stiffness: half,
+            damping: half,
+            stiffness_with_mass: Relative::new(0.5),
+            damping_with_mass: Relative::new(0.5),
+            stiffness_with_damping: Relative::new(-0.25),
+            ..Uncertainty::default()
+        };
         Description {
+            uncertainty: Some(uncertainty),
             name: Name::new("left").unwrap(),
             address: 3,
             ..Description::new(
@@ -198,7 +227,8 @@ mod tests {
         assert_eq!(settings, Settings::new(&bead).unwrap());
         for row in KEYS {
             let name = format!("{} =", row.path().rsplit('.').next().unwrap());
-            let explained = |line: &str| line.starts_with(&name) && line.ends_with(row.what);
+            let explained =
+                |line: &str| line.trim_start_matches("# ").starts_with(&name) && line.ends_with(row.what);
             assert!(text.lines().any(explained), "{}", row.path());
         }
     }
@@ -228,6 +258,21 @@ mod tests {
                 "intruder.stiffness: 395000.0 -> 410000.0 N/m"
             ]
         );
+        // Uncertainties may be unknown, and a section that is absent is made.
+        let mut stated = Description {
+            uncertainty: None,
+            ..bead
+        };
+        for change in ["uncertainty.damping=0.01", "uncertainty.calibrated=2026-11-24"] {
+            set(&mut stated, change).unwrap();
+        }
+        let section = stated.uncertainty.unwrap();
+        assert_eq!(
+            (section.damping, section.calibrated),
+            (Some(Relative::new(0.01)), Day::parse("2026-11-24"))
+        );
+        set(&mut stated, "uncertainty.damping=unknown").unwrap();
+        assert_eq!(stated.uncertainty.unwrap().damping, None);
         let mut expected = bead;
         (expected.name, expected.intruder.stiffness) = (Name::new("right one").unwrap(), 4.1e5);
         assert_eq!(other, expected);
@@ -253,7 +298,12 @@ mod tests {
         ring_decay_tolerance = 0.3 | ring_decay_tolerance = -0.25 | capture.ring_decay_tolerance: -0.25 is out of
         disagreement = 0.03 | disagreement = 0 | capture.disagreement: 0 is out of range; give a value that is from
         stiffness = 395000.0 | stiffness = 1e12 | intruder.stiffness: stiffness of the intruder's springs:
-        per_code = 0.00390625 | per_code = 1e3 | force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give";
+        per_code = 0.00390625 | per_code = 1e3 | force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give
+        force_gain = 0.005 | force_gain = 0 | uncertainty.force_gain: 0 is out of range; give a value that is from 0.000001
+        force_gain = 0.005 | force_gain = 5 | uncertainty.force_gain: 5 is out of range; give a value that is from 0.000001
+        valid_until = \"2027-11-24\" | valid_until = \"2026-11-23\" | uncertainty.valid_until: \"2026-11-23\" is before the
+        stiffness_with_damping = -0.25 | stiffness_with_damping = -0.9 | uncertainty.stiffness_with_damping: -0.9 is not possible
+        \"2026-11-24\" | \"2026-11-31\" | uncertainty.calibrated: ";
 
     #[test]
     fn a_refusal_names_line_and_key() {
@@ -277,7 +327,9 @@ mod tests {
         let (at, begin) = (line("name ="), "µ".repeat(32));
         let expected = format!("bead.toml:{at}: name: `{begin}…` is no name");
         assert!(long.starts_with(&expected) && long.len() < 200, "{long}");
-        for wrong in "k|k=much|x=3|address=300|address=1.5|k=nan|=3|".split('|') {
+        for wrong in
+            "k|k=much|x=3|address=300|address=1.5|k=nan|k=unknown|uncertainty.damping=x|=3|".split('|')
+        {
             let error = set(&mut paper(), wrong).unwrap_err().to_string();
             assert_eq!(error.lines().count(), 1, "{error}");
         }

@@ -24,6 +24,7 @@ pub fn shown(value: &Value) -> String {
             Some(float) => format!("{float:?}"),
             None => number.to_string(),
         },
+        Value::Null => "unknown".to_owned(),
         // As in TOML: quotes and control characters escaped.
         other => other.to_string(),
     }

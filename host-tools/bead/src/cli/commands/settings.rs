@@ -1,9 +1,10 @@
 //! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use bead_model::converter::CONVERSION;
-use bead_model::design::Description;
+use bead_model::design::{Day, Description};
 use bead_model::settings::{Settings, SettingsError, VERSION};
 use bead_wire::{Block, KEY, Message, Outcome, Request};
 use clap::{ArgGroup, Subcommand};
@@ -13,7 +14,7 @@ use crate::cli::commands::settings_file;
 use crate::cli::line_options::LineOptions;
 use bead_line::conversation::{Conversation, LineError};
 use bead_line::key;
-use bead_recording::physical::{KEYS, shown, value};
+use bead_recording::physical::{KEYS, calibration_doubt, shown, value};
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a \
@@ -302,6 +303,7 @@ fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
         }
         _ => failure!(Input, "{whose}{error}"),
     })?;
+    note_calibration(settings.description());
     let report = SettingsReport {
         version: VERSION,
         bytes: block.len(),
@@ -309,6 +311,15 @@ fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
         settings_raw: serde_json::to_value(settings).context("cannot write the settings as JSON")?,
     };
     output::print(format, &report, || table(&settings))
+}
+
+/// Says that a calibration is expired, of a day to come, or not stated.
+pub(super) fn note_calibration(description: &Description) {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let doubt = Day::at(now.as_secs() as i64).and_then(|today| calibration_doubt(description, today));
+    if let Some(doubt) = doubt {
+        note!("{doubt}");
+    }
 }
 
 /// Every setting by the key that `bead settings set` takes, and the coefficients that follow, as the numbers
