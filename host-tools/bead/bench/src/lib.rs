@@ -11,4 +11,5 @@ mod playback;
 pub mod recording;
 pub mod run;
 pub mod several;
+pub mod silent;
 pub mod tables;

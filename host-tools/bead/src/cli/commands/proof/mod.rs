@@ -6,6 +6,7 @@
 
 pub(crate) mod accuracy;
 mod measure;
+pub(crate) mod silent;
 pub(crate) mod spheres;
 
 use clap::{Args, Subcommand};
@@ -25,11 +26,14 @@ enum Proof {
     Accuracy(accuracy::Arguments),
     /// Tabulate the error of the image's estimates over materials and diameters of spheres.
     Spheres(spheres::Arguments),
+    /// Play strikes at which the bead would be wrong, and see whether a flag names the cause.
+    Silent(silent::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.proof {
         Proof::Accuracy(arguments) => accuracy::run(arguments),
         Proof::Spheres(arguments) => spheres::run(arguments),
+        Proof::Silent(arguments) => silent::run(arguments),
     }
 }
