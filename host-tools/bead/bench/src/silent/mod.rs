@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::emulation::{Emulation, Placed};
 use crate::error::BenchError;
 use crate::faults::Planned;
-use bead_compare::front_end::AnalogFrontEnd;
+use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{RING_DOWN, Timing, Truth, simulate_with_ring_down};
 use bead_recording::strikes::assemble;
 
@@ -34,6 +34,10 @@ use law::{LawChain, STEP, SpringLaw};
 pub const SILENT: f64 = 0.03;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
+/// Force at which a wave has arrived, N.
+const FOOT: f64 = 0.05;
+/// Time before a wave arrives from which on a window counts as its own, s.
+const EARLIER: f64 = 0.2e-3;
 /// Time from strike to strike, s.
 const INTERVAL: f64 = 0.06;
 
@@ -98,6 +102,11 @@ impl SilentCase {
         let solution = simulate_with_ring_down(&self.scenario)?;
         let truth = Truth::of(&self.scenario, &solution, self.bead)?;
         let (waveform, absorbed, waves) = self.waveform(&solution, truth.absorbed)?;
+        let felt = waveform.force.iter().flat_map(Trace::points);
+        let travel = felt
+            .into_iter()
+            .find(|(_, force)| *force > FOOT)
+            .map_or(0.0, |(time, _)| time);
         let timing = Timing {
             lead_in: LEAD_IN,
             strikes: self.strikes,
@@ -118,10 +127,17 @@ impl SilentCase {
             Message::Guard(guard) => Some(guard.strikes_passed_over as usize),
             _ => None,
         });
-        let strikes: Vec<_> = assemble(frames, Some(run.settings))
+        // Later windows of a wave are its echoes.
+        let (arrivals, mut begun) = (self.arrivals(&run.truth.starts, travel), 0);
+        let strikes = assemble(frames, Some(run.settings))
             .into_iter()
-            .map(|strike| strike.said)
-            .collect();
+            .map(|strike| strike.said);
+        let strikes = strikes.filter(|said| {
+            let before = begun;
+            begun = arrivals.partition_point(|arrival| *arrival <= said.trigger_index as f64);
+            begun > before
+        });
+        let strikes: Vec<_> = strikes.collect();
         let errors = |named: bool| {
             let judged = strikes
                 .iter()
@@ -158,6 +174,20 @@ impl SilentCase {
                 && !is_lost
                 && unexplained.is_none_or(|off| off.iter().all(|off| off.abs() <= SILENT)),
         })
+    }
+
+    /// Sample index a little before each wave arrives, of the strikes that begin at `starts`. A wave needs
+    /// `travel` s to the bead.
+    fn arrivals(&self, starts: &[f64], travel: f64) -> Vec<f64> {
+        let later: &[f64] = match self.signal {
+            Signal::Twice(gap) => &[0.0, gap],
+            _ => &[0.0],
+        };
+        let index = |start: f64, later: f64| start + (travel + later - EARLIER) * f64::from(SAMPLE_RATE_HZ);
+        let each = starts
+            .iter()
+            .flat_map(|start| later.iter().map(|later| index(*start, *later)));
+        each.collect()
     }
 
     /// What the sensors feel of a strike, the energy that one wave of it leaves in the intruder, J, and the
