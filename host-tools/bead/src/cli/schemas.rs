@@ -17,6 +17,7 @@ use crate::cli::commands::{
     command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
 };
 use bead_bench::run::RunReport;
+use bead_bench::silent::SilentOutcome;
 use bead_recording::clock::ClockComparison;
 use bead_recording::json::SCHEMA_VERSION;
 use bead_recording::schemas::{of_bodies, of_body, of_frames};
@@ -55,6 +56,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     add("optimise", of::<optimise::SearchReport>("optimise"));
     add("proof-accuracy", of::<Vec<StrikerCell>>("proof accuracy"));
     add("proof-spheres", of::<Vec<SphereCell>>("proof spheres"));
+    add("proof-silent", of::<Vec<SilentOutcome>>("proof silent"));
     add("record", of_lines("record", &[Kind::Strike, Kind::Fault]));
     add("recover", of::<recover::RecoverReport>("recover"));
     add("replay", of::<replay::ReplayReport>("replay"));

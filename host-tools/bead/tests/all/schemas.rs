@@ -199,6 +199,7 @@ fn results_of_the_image_hold_their_schemas() {
     let spheres = "--materials ptfe --diameters 0.002,0.02 --strikes 1";
     let spheres = format!("proof spheres paper-strike.toml --bead 8 {spheres}");
     hold(&folder, "proof-spheres", &spheres);
+    hold(&folder, "proof-silent", "proof silent --group window,train");
 }
 
 #[test]
