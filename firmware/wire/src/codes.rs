@@ -95,8 +95,8 @@ impl<const BYTES: usize> Codes<BYTES> {
 /// The scans in packed bytes, `[force, acceleration]`, oldest first.
 pub fn unpacked(packed: &[u8]) -> impl ExactSizeIterator<Item = [u16; 2]> + Clone + '_ {
     packed.chunks_exact(3).map(|scan| {
-        let [low, middle, high] = [scan[0], scan[1], scan[2]].map(u16::from);
-        [low | (middle & 0xF) << 8, middle >> 4 | high << 4]
+        let both = u32::from_le_bytes([scan[0], scan[1], scan[2], 0]);
+        [(both & 0xFFF) as u16, (both >> 12) as u16]
     })
 }
 
