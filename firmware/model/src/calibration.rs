@@ -2,15 +2,15 @@
 //!
 //! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives. So
 //! an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s into y
-//! with `s = y + ẏ/ω_p`. The derivative is the central difference, so the compensated value of a sample is
+//! with `s = y + ẏ/ω_p`, and a channel that is converted a time δ after the first channel of its sensor is late
+//! by δ. Both are taken out with three codes ([`correction`](crate::correction)), so the value of a sample is
 //! known one sample later:
 //!
 //! ```text
-//! s[n-1] = g (code[n-1] - zero) + g f_s/(2 ω_p) (code[n] - code[n-2])
+//! s[n-1] = g (code[n-1] - zero) + slope (code[n] - code[n-2]) + curve (code[n] - 2 code[n-1] + code[n-2])
 //! ```
 //!
-//! A channel that is converted a time δ after the first channel of its sensor has `1/ω_p - δ` in place of
-//! `1/ω_p`: its value is then the value at the time of the first conversion.
+//! The value is the one at the time of the sensor's first conversion.
 
 use crate::layout::BASELINE;
 use crate::quantity::{AdcCode, high_rounded};
@@ -27,8 +27,11 @@ const CODE_FRACTION: u32 = 18;
 pub struct Channel<F: LeEqU32> {
     /// g, quantity (N or m/s²) per code.
     pub per_code: FixedI32<F>,
-    /// Quantity per change of the code over two samples, `g f_s (1/ω_p - δ)/2`; 0 for no pole and no delay.
+    /// Quantity per change of the code over two samples, about `g f_s (1/ω_p - δ)/2`; 0 for no pole and no
+    /// delay.
     pub slope: FixedI32<F>,
+    /// Quantity per second difference of the codes, about `g f_s² (δ²/2 - δ/ω_p)`; 0 for no delay.
+    pub curve: FixedI32<F>,
 }
 
 /// State of a channel: its zero and its last two codes.
@@ -79,12 +82,17 @@ impl<F: LeEqU32> Channel<F> {
     ) {
         const { assert!(F::U32 + CODE_FRACTION == V::U32 + 32) };
         let [mut last, mut before] = state.last;
+        let [per_code, slope, curve] = [self.per_code, self.slope, self.curve].map(FixedI32::to_bits);
+        let [newest, middle, oldest] = [
+            curve.saturating_add(slope),
+            per_code.saturating_sub(curve.saturating_mul(2)),
+            curve.saturating_sub(slope),
+        ];
         for (code, value) in codes.zip(values) {
             let above = state.above(code);
-            // Two codes are at most 4095 apart, and `is_below` bounds the sum.
+            // `is_below` bounds the sum.
             *value = FixedI32::from_bits(
-                high_rounded(self.per_code.to_bits(), last)
-                    + high_rounded(self.slope.to_bits(), above - before),
+                high_rounded(middle, last) + high_rounded(newest, above) + high_rounded(oldest, before),
             );
             before = last;
             last = above;
@@ -92,16 +100,11 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Returns `true` if the scale is positive, and the slope fits a pole above `f_s/4π` and a delay below
-    /// half a sample.
-    pub fn is_bounded(&self) -> bool {
-        self.per_code.is_positive() && self.slope.unsigned_abs() < self.per_code.unsigned_abs()
-    }
-
     /// Returns `true` if every value that the codes can give is below `most`.
     pub fn is_below(&self, most: u32) -> bool {
-        let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()).abs());
-        (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)
+        let [per_code, slope, curve] =
+            [self.per_code, self.slope, self.curve].map(|value| i64::from(value.to_bits()).abs());
+        (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope + 4 * curve)) >> F::U32 < i64::from(most)
     }
 }
 
@@ -122,6 +125,7 @@ mod tests {
         Channel {
             per_code: I2F30::ONE,
             slope: I2F30::from_num(slope),
+            curve: I2F30::from_num(0.125),
         }
     }
 
@@ -139,6 +143,9 @@ mod tests {
         let mut state = settled([100; BASELINE as usize].into_iter());
         let value = last_of(channel(0.25), &mut state, [110, 120, 130]);
         assert_eq!(value, 20.0 + 5.0);
+        // A bend counts by the curve: an eighth of its second difference.
+        let value = last_of(channel(0.25), &mut state, [110, 120, 146]);
+        assert_eq!(value, 20.0 + 0.25 * 36.0 + 0.125 * 16.0);
     }
 
     #[test]
@@ -158,6 +165,6 @@ mod tests {
     #[test]
     fn the_zero_is_the_mean_of_the_baseline_to_a_sixty_fourth_of_a_code() {
         let mut state = settled((0..BASELINE).map(|i| 100 + u16::from(i == 7)));
-        assert_eq!(last_of(channel(0.0), &mut state, [100, 100]), -1.0 / 64.0);
+        assert_eq!(last_of(channel(0.0), &mut state, [100; 3]), -1.0 / 64.0);
     }
 }

@@ -40,6 +40,7 @@ mod capture;
 mod coefficients;
 pub mod company;
 pub mod converter;
+mod correction;
 mod day;
 mod description;
 pub mod design;
@@ -59,6 +60,7 @@ pub mod shape;
 pub mod sqrt;
 mod uncertainty;
 pub mod violation;
+pub mod waveform;
 pub mod window;
 
 pub use bead_wire::{Energy, Shape, Strike, StrikeFlags};

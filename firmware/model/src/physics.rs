@@ -13,7 +13,7 @@ pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
 
 /// w of [`Bead::pulse_width`]. Found from the pulse at contact 70 of an elastic chain; a test finds it again.
 const PULSE_WIDTH: f64 = 1.556;
-/// Least width of the pulse of a wave of 1 m/s, samples. Estimate A is then off by 1.4 %, and estimate B by
+/// Least width of the pulse of a wave of 1 m/s, samples. Estimate A is then off by 0.2 %, and estimate B by
 /// 6 % (`cargo test -p bead-model spheres -- --nocapture`).
 pub const LEAST_WIDTH: f64 = 2.5;
 

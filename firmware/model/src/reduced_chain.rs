@@ -163,7 +163,8 @@ impl ReducedChainState {
 
 impl ReducedChain {
     /// Takes the forces at the host's incoming contact at the next samples, at most
-    /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
+    /// [`PIECE`](crate::layout::PIECE), and writes the acceleration of the intruder at each into `predicted`, in
+    /// twelfths. Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(
         &self,
@@ -171,14 +172,15 @@ impl ReducedChain {
         company: &Company,
         state: &mut ReducedChainState,
         forces: &[SensedForce],
+        predicted: &mut [i32],
     ) {
         let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
         let powers = &Powers::new(scale);
         match (scaled, company.behind > 0) {
-            (false, false) => self.run::<false, false>(powers, company, state, forces),
-            (true, false) => self.run::<true, false>(powers, company, state, forces),
-            (false, true) => self.run::<false, true>(powers, company, state, forces),
-            (true, true) => self.run::<true, true>(powers, company, state, forces),
+            (false, false) => self.run::<false, false>(powers, company, state, forces, predicted),
+            (true, false) => self.run::<true, false>(powers, company, state, forces, predicted),
+            (false, true) => self.run::<false, true>(powers, company, state, forces, predicted),
+            (true, true) => self.run::<true, true>(powers, company, state, forces, predicted),
         }
     }
 
@@ -191,6 +193,7 @@ impl ReducedChain {
         company: &Company,
         state: &mut ReducedChainState,
         forces: &[SensedForce],
+        predicted: &mut [i32],
     ) {
         let gate = self.gate.max(state.gate).to_bits();
         let mut silent = state.silent;
@@ -202,7 +205,7 @@ impl ReducedChain {
             ..
         } = *state;
         let mut squares = 0;
-        for &measured in forces {
+        for (&measured, predicted) in forces.iter().zip(predicted) {
             // From the free end to the host: in this order the fewest values are needed at a time.
             let mut contact = self.contact_force::<SCALED>(powers, &overlaps[FOLLOWERS - 1], &mut watch);
             // Acceleration of the bead behind the contact.
@@ -227,6 +230,7 @@ impl ReducedChain {
                 high_rounded(self.stiffness.to_bits(), intruder.position)
                     + high_rounded(self.damping.to_bits(), velocity),
             );
+            *predicted = -springs;
             let measured = gated(gate, &mut silent, measured);
             // `Settings::bounds` leaves room for these powers.
             let [measured, pushed, pulled] = if SCALED {

@@ -250,6 +250,7 @@ mod tests {
         let channel = |per_code| Channel {
             per_code,
             slope: I2F30::ZERO,
+            curve: I2F30::ZERO,
         };
         Sensor {
             sensitive: channel(I2F30::from_num(1.0 / 256.0)),

@@ -23,6 +23,7 @@ use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
 use crate::violation::{Bound, SettingKey, Violation};
+use crate::waveform::WaveformJudge;
 
 /// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may all
 /// be absent.
@@ -78,6 +79,8 @@ pub struct Settings {
     pub scale: Scale,
     /// Intruders of the beads near by.
     pub company: Company,
+    /// Comparison of the predicted acceleration with the measured one.
+    pub waveform: WaveformJudge,
 }
 
 /// Why a settings block is refused.
@@ -128,12 +131,19 @@ impl Settings {
             scale,
             incident,
             ringing,
+            waveform,
+            phase,
         } = Coefficients::new(description, description.company.places().unwrap_or(0))?;
         let settings = Self {
             description: *description,
             sample_rate_hz: description.capture.sample_rate_hz,
-            force: coefficients::sensor(&description.force, dt, FORCE_UNITS)?,
-            acceleration: coefficients::sensor(&description.acceleration, dt, ACCELERATION_UNITS)?,
+            force: coefficients::sensor(&description.force, [dt, phase], FORCE_UNITS, FORCE_POLES)?,
+            acceleration: coefficients::sensor(
+                &description.acceleration,
+                [dt, phase],
+                ACCELERATION_UNITS,
+                ACCELERATION_POLES,
+            )?,
             window: coefficients::window(description, dt),
             observer,
             chain,
@@ -142,6 +152,7 @@ impl Settings {
             ringing,
             scale,
             company,
+            waveform,
         };
         settings.check_channels()?;
         settings.check_window()?;
@@ -225,16 +236,11 @@ impl Settings {
         (header[..4] == MAGIC).then(|| HEADER + usize::from(u16::from_le_bytes([header[6], header[7]])) + 4)
     }
 
-    /// Checks that the poles are not too low, and that no code reaches beyond the sums.
+    /// Checks that no code reaches beyond the sums.
     fn check_channels(&self) -> Result<(), Violation> {
         let most = FORCE_MOST >> self.scale.incoming;
-        check_sensor(&self.force, most, FORCE_UNITS, FORCE_POLES)?;
-        check_sensor(
-            &self.acceleration,
-            Observer::MOST,
-            ACCELERATION_UNITS,
-            ACCELERATION_POLES,
-        )
+        check_sensor(&self.force, most, FORCE_UNITS)?;
+        check_sensor(&self.acceleration, Observer::MOST, ACCELERATION_UNITS)
     }
 
     /// Checks the window and the trigger in samples and codes.
@@ -289,15 +295,9 @@ impl Settings {
     }
 }
 
-fn check_sensor<F: LeEqU32>(
-    sensor: &Sensor<F>,
-    most: u32,
-    units: [SettingKey; 2],
-    poles: [SettingKey; 2],
-) -> Result<(), Violation> {
+fn check_sensor<F: LeEqU32>(sensor: &Sensor<F>, most: u32, units: [SettingKey; 2]) -> Result<(), Violation> {
     let channels: [&Channel<F>; 2] = [&sensor.sensitive, &sensor.wide];
-    for ((channel, unit), pole) in channels.into_iter().zip(units).zip(poles) {
-        require(channel.is_bounded(), pole, Bound::Pole)?;
+    for (channel, unit) in channels.into_iter().zip(units) {
         require(channel.is_below(most), unit, Bound::Reach)?;
     }
     Ok(())

@@ -10,12 +10,23 @@ use crate::reduced_chain::ReducedChainState;
 use crate::sensor::{Loudness, SensorState, gains_differ};
 use crate::settings::Settings;
 use crate::shape::{WindowPeaks, WindowRecord, shape};
+use crate::waveform::WaveformState;
 use bead_wire::{Acceleration, Energy, Force, Fraction, Shape, Strike, StrikeFlags};
 use fixed::types::{I16F16, I40F24};
 use micromath::F32Ext;
 
 /// Part by which the ratio of the two gains of a sensor may be off.
 pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
+
+/// Flags that say why the wave forms differ, though the bead itself is as its settings say.
+const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
+    .with(StrikeFlags::ANOTHER_WAVE)
+    .with(StrikeFlags::CHAIN_RANGE)
+    .with(StrikeFlags::GAINS_DIFFER)
+    .with(StrikeFlags::SENSOR_END)
+    .with(StrikeFlags::NOT_AT_REST)
+    .with(StrikeFlags::WAVE_TRAIN)
+    .with(StrikeFlags::UNLIKE_NEIGHBOUR);
 
 /// The running window of a strike.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,6 +38,7 @@ pub struct Window {
     acceleration: SensorState,
     observer: ObserverState,
     chain: ReducedChainState,
+    waveform: WaveformState,
     /// Σ F² over `force_samples` samples before the strike.
     force_squares: u64,
     force_samples: u16,
@@ -35,6 +47,8 @@ pub struct Window {
     /// True if the wide codes of the newest piece had a part in the result.
     loud: bool,
     railed: StrikeFlags,
+    /// Number of the next pieces in which an acceleration at a rail has a part.
+    unknown: u8,
 }
 
 impl Window {
@@ -89,7 +103,13 @@ impl Window {
             .process(&mut self.acceleration, codes, accelerations);
         self.note(force, StrikeFlags::FORCE_RAILED);
         self.note(acceleration, StrikeFlags::ACCELERATION_RAILED);
+        if acceleration.railed {
+            // A code has a part in the next values too, which may be those of the next piece.
+            self.unknown = 2;
+        }
         record.extend(forces, accelerations);
+        let mut predicted = [0; PIECE];
+        let predicted = &mut predicted[..scans.len()];
         let scale = &settings.scale;
         settings
             .observer
@@ -100,11 +120,14 @@ impl Window {
                 self.force_squares = self.force_squares.saturating_add(force * force);
             }
             self.force_samples += forces.len() as u16;
-            return;
+        } else {
+            settings
+                .chain
+                .process(scale, &settings.company, &mut self.chain, forces, predicted);
         }
         settings
-            .chain
-            .process(scale, &settings.company, &mut self.chain, forces);
+            .waveform
+            .process(&mut self.waveform, accelerations, predicted);
     }
 
     fn note(&mut self, loudness: Loudness, railed: StrikeFlags) {
@@ -120,12 +143,18 @@ impl Window {
         }
         if self.samples <= noise_end {
             self.observer.close_noise();
+            self.waveform.close_noise();
             if self.samples == noise_end {
                 self.chain.gate_noise(self.force_squares, self.force_samples);
             }
-        } else if self.observer.close_piece() {
+            return;
+        }
+        if self.observer.close_piece() {
             self.ring_end = self.samples;
         }
+        let force_known = self.railed.without(StrikeFlags::FORCE_RAILED) == self.railed;
+        self.waveform.close_piece(force_known && self.unknown == 0);
+        self.unknown = self.unknown.saturating_sub(1);
     }
 
     /// Samples taken so far.
@@ -165,11 +194,15 @@ impl Window {
             acceleration,
         } = record.peaks();
         let incident_energy = incident_energy(settings.incident, peak_force);
+        // What the settings expect is there too where no code scatters.
+        let force_noise = self.chain.gate().max(settings.chain.gate).to_num::<f32>() / 3.0;
+        let force_noise = force_noise / peak_force.to_num::<f32>().max(f32::MIN_POSITIVE);
         let shape = Shape {
             strike: self.strike,
             first_index: self.first_index,
             force_gains: self.force.gain_match(),
             acceleration_gains: self.acceleration.gain_match(),
+            waveform: settings.waveform.result(&self.waveform, force_noise),
             ..shape(
                 settings.sample_rate_hz,
                 record,
@@ -188,8 +221,13 @@ impl Window {
         let flags = self
             .railed
             .with_if(self.chain.saturated(), StrikeFlags::CHAIN_RANGE)
-            .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
             .with_if(gains_differ, StrikeFlags::GAINS_DIFFER);
+        let width = shape.width.samples() as f32;
+        let differs = |waveform| settings.waveform.differs(waveform, width);
+        let model_differs = shape.waveform.is_some_and(differs) && flags.without(EXPLAIN) == flags;
+        let flags = flags
+            .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
+            .with_if(model_differs, StrikeFlags::MODEL_DIFFERS);
         // Another flag explains a difference.
         let unexplained =
             flags == StrikeFlags::NONE && differ([measured, predicted], settings.disagreement, noise_energy);

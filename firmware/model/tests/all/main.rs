@@ -16,6 +16,8 @@ mod settings;
 mod shape;
 #[cfg(not(miri))]
 mod spheres;
+#[cfg(not(miri))]
+mod waveform;
 
 use bead_model::{Scan, Settings, Window, WindowRecord};
 use bead_testing::paper_settings as paper;

@@ -202,7 +202,7 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
 proptest! {
     #[test]
     fn any_coefficients_are_survived_with_any_codes(
-        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 21),
+        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 25),
         codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 600),
     ) {
         let mut bits = bits.into_iter();
@@ -214,11 +214,13 @@ proptest! {
             let most = next(i32::MAX - 1) + 1;
             channel.per_code = I2F30::from_bits(most);
             channel.slope = I2F30::from_bits(next(most - 1));
+            channel.curve = I2F30::from_bits(-next(most / 2));
         }
         for channel in [&mut settings.acceleration.sensitive, &mut settings.acceleration.wide] {
             let most = next(1 << 28) + 1;
             channel.per_code = I6F26::from_bits(most);
             channel.slope = I6F26::from_bits(next(most - 1));
+            channel.curve = I6F26::from_bits(-next(most / 2));
         }
         settings.observer.start = I0F32::from_bits(next(i32::MAX));
         settings.observer.end = I0F32::from_bits(next(i32::MAX));

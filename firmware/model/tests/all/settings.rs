@@ -337,8 +337,9 @@ fn poles_and_units_have_their_limits() {
     };
     let powers = small(1.0).unwrap().scale.incoming;
     assert!(powers > 2, "{powers}");
-    // Without a pole the slope takes out the delay of 27/21 µs: twice 9/140 of the unit.
-    let most = f64::from(1 << (15 - powers)) / (1.0 + 9.0 / 70.0);
+    // Without a pole, slope and curve take out the delay of 9/70 samples: the sums reach further by that, and by
+    // four times half its square.
+    let most = f64::from(1 << (15 - powers)) / (1.0 + 9.0 / 70.0 + 2.0 * (9.0_f64 / 70.0).powi(2));
     assert!(small(0.999 * most).is_ok());
     let found = small(1.001 * most).unwrap_err();
     assert_eq!((found.key, found.bound), (Key::WideForcePerCode, Bound::Reach));

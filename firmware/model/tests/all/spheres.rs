@@ -128,7 +128,8 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                     continue;
                 }
                 let steps = (3.9 / width).powf(3.5);
-                let (bound_a, mut bound_b) = (f64::max(0.34 * steps, 0.1), f64::max(1.7 * steps, 0.5));
+                let bound_a = f64::max(0.14 * (3.9 / width).powi(2), 0.05);
+                let mut bound_b = f64::max(1.7 * steps, 0.5);
                 if relaxation > 0.05 * bead.pulse_width(1.0) {
                     // Viscosity spreads the wave over more than the four beads behind the host.
                     bound_b = bound_b.max(1.5);

@@ -79,8 +79,9 @@ bits! {
         /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
         /// which.
         14 "sensor_fault" SENSOR_FAULT,
-        /// The acceleration that the reduced chain predicts from the force is not the one that was measured:
-        /// spring, damper, mass or a gain is not what the settings say.
+        /// The acceleration that the reduced chain predicts from the force is not the one that was measured, by
+        /// more than noise and the chain's own error explain: spring, damper, a mass, a contact or a gain is not
+        /// what the settings say. No flag is set that says so more exactly.
         15 "model_differs" MODEL_DIFFERS,
         /// A sensor reached its own end, as the settings state it, before the converter reached a rail.
         16 "sensor_end" SENSOR_END,

@@ -15,22 +15,28 @@ use crate::front_end::first_order_hold;
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
 
-/// Removes a one-pole low-pass with this time constant, in samples, from its samples: `s = y + ẏ/ω`. The
-/// derivative is the five-point central difference (fourth order); at either end the two last samples use the
-/// samples there are. An unknown sample is NaN.
-pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
+/// Removes a one-pole low-pass with the time constant `lag`, and a `delay`, both in samples, from its samples:
+/// `s = y + ẏ (lag - delay) + ÿ (delay²/2 - lag delay)`. The derivatives are five-point central differences
+/// (fourth order); at either end the two last samples use the samples there are. An unknown sample is NaN.
+pub fn lead(samples: &[f64], lag: f64, delay: f64) -> Vec<f64> {
     let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
     (0..samples.len() as isize)
         .map(|i| {
-            let near = (at(i + 1) - at(i - 1)) / 2.0;
-            let far = (at(i + 2) - at(i - 2)) / 4.0;
+            let near = [(at(i + 1) - at(i - 1)) / 2.0, at(i + 1) - 2.0 * at(i) + at(i - 1)];
+            let far = [
+                (at(i + 2) - at(i - 2)) / 4.0,
+                (at(i + 2) - 2.0 * at(i) + at(i - 2)) / 4.0,
+            ];
             // A channel that is only known in part has the two nearest samples.
-            let slope = if far.is_nan() {
-                near
-            } else {
-                (4.0 * near - far) / 3.0
-            };
-            at(i) + in_samples * slope
+            let [first, second] = [0, 1].map(|order| {
+                let is_near = far[order].is_nan();
+                if is_near {
+                    near[order]
+                } else {
+                    (4.0 * near[order] - far[order]) / 3.0
+                }
+            });
+            at(i) + (lag - delay) * first + delay * (0.5 * delay - lag) * second
         })
         .collect()
 }
@@ -220,7 +226,7 @@ mod tests {
         let raw = error_a(&bead, &acceleration, truth);
         assert!(raw.abs() > 1e-3, "the pole costs A something: {raw:e}");
         let in_samples = RATE / (std::f64::consts::TAU * 40e3);
-        let [force, acceleration] = [force, acceleration].map(|samples| lead(&samples, in_samples));
+        let [force, acceleration] = [force, acceleration].map(|samples| lead(&samples, in_samples, 0.0));
         let errors = [
             error_a(&bead, &acceleration, truth),
             error_b(&bead, &nobody, &force, truth),

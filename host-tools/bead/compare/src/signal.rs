@@ -1,12 +1,12 @@
 //! The signals of a strike from its codes, in SI units and f64.
 
-use bead_model::calibration::Channel;
-use bead_model::design::{Bead, Neighbours};
+use std::f64::consts::TAU;
+
+use bead_model::converter::CONVERSION;
+use bead_model::design::{Bead, Neighbours, SensorScale};
 use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
-use bead_model::sensor::Sensor;
 use bead_model::settings::Settings;
-use fixed::types::extra::LeEqU32;
 
 use crate::f64_estimators;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
@@ -28,12 +28,13 @@ impl<'a> StrikeSignals<'a> {
     pub(crate) fn of(strike: &'a RecordedStrike) -> Option<Self> {
         let is_whole = strike.missing() == 0 && strike.scans.len() > usize::from(BASELINE);
         let settings = strike.settings.as_ref().filter(|_| is_whole)?;
+        let rate = f64::from(settings.sample_rate_hz);
         Some(Self {
             strike,
             settings,
-            rate: f64::from(settings.sample_rate_hz),
-            force: sensed(&strike.scans, 0, &settings.force),
-            acceleration: sensed(&strike.scans, 1, &settings.acceleration),
+            rate,
+            force: sensed(&strike.scans, 0, &settings.description().force, rate),
+            acceleration: sensed(&strike.scans, 1, &settings.description().acceleration, rate),
         })
     }
 
@@ -53,19 +54,24 @@ impl<'a> StrikeSignals<'a> {
 
 /// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
 /// It comes from the channel at the high gain wherever that is away from its rails.
-fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
+fn sensed(scans: &[ScanCodes], sensor: usize, scale: &SensorScale, rate: f64) -> Vec<f64> {
     let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
     // Codes that were not sent had no part in the window.
     let wide = |scan: &ScanCodes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
     let wide: Vec<f64> = scans.iter().map(wide).collect();
-    let values = channel(&sensitive, &calibration.sensitive);
-    let wides = channel(&wide, &calibration.wide);
+    let values = channel(&sensitive, scale.per_code, rate / (TAU * scale.pole), 0.0);
+    let wides = channel(
+        &wide,
+        scale.wide_per_code,
+        rate / (TAU * scale.wide_pole),
+        CONVERSION * rate,
+    );
     let believable = |at: usize| {
         let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
         sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
     };
     // The two channels are made to agree where both see a strong signal.
-    let strong = 1024.0 * calibration.sensitive.per_code.to_num::<f64>();
+    let strong = 1024.0 * scale.per_code;
     let shared = (0..scans.len()).filter(|&at| believable(at) && values[at].abs() >= strong);
     let differences = shared.map(|at| wides[at] - values[at]);
     let differences: Vec<f64> = differences.filter(|difference| difference.is_finite()).collect();
@@ -77,14 +83,13 @@ fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F
     (0..scans.len()).map(value).collect()
 }
 
-/// A channel's codes in its unit.
-fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
+/// A channel's codes in its unit. Its filter has the time constant `lag` in samples, infinite for none, and it
+/// is converted `delay` samples after the first channel of its sensor.
+fn channel(codes: &[f64], per_code: f64, lag: f64, delay: f64) -> Vec<f64> {
     let quiet = &codes[..usize::from(BASELINE)];
     let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
-    let (per_code, slope) = (channel.per_code.to_num::<f64>(), channel.slope.to_num::<f64>());
     let values: Vec<f64> = codes.iter().map(|code| (code - zero) * per_code).collect();
-    // The slope is per change over two samples.
-    f64_estimators::lead(&values, 2.0 * slope / per_code)
+    f64_estimators::lead(&values, if lag.is_finite() { lag } else { 0.0 }, delay)
 }
 
 /// Noise of the force before the strike, N rms.

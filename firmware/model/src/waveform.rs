@@ -1,0 +1,198 @@
+//! The judge of a strike: the intruder's acceleration that the force predicts, against the measured one.
+//!
+//! # Design
+//!
+//! Both estimates of the energy share k, c, m and the gains, so where one of these is wrong they agree on a
+//! wrong value. Their wave forms do not agree: the reduced chain of estimate B says at each sample with which
+//! acceleration `(k x + c ẋ)/m` the springs push the intruder, and the accelerometer says which one it has.
+//!
+//! ```text
+//! residual² = (Σ (a - a_B)² - noise) / (Σ a² - noise)
+//! ```
+//!
+//! **One time.** The acceleration is converted two conversions after the force. Of an intruder of 1.7 kHz this
+//! alone would be a residual of 2.7 %, so a filter of three taps takes the measured acceleration back to the
+//! time of the force ([`Correction`]). It is exact at the frequency of the ringing.
+//!
+//! **What is compared.** Samples from the end of the noise to the end of the window, in the units of the
+//! reduced chain, by whole pieces. A piece in which the acceleration was at a rail is left out. Once the force
+//! was at a rail, what the chain predicts is wrong for good: nothing is compared from then on.
+//!
+//! **Noise.** Of the acceleration, its mean square is that of the same filter over the samples before the strike,
+//! and at least the square of half a code, by which a zero can be off that no noise moves. Noise of the force
+//! comes out of the chain as about the same part of the prediction as it is of the highest force. A residual is
+//! a doubt only beyond the tolerance and beyond the part that noise explains.
+//!
+//! **Tolerance.** 1.4 % is below the residual of a bead that hangs 10° askew (1.6 %) or whose k is 1 % off (1.6
+//! %), and above that of a good one (0.2 to 0.8 %). The reduced chain has an error of its own, which grows with
+//! the mass of the intruder, with the viscosity of the contacts, and with the third power of the inverse width
+//! of a pulse. The tolerance is a fifth more than that error, as measured on chains of spheres
+//! (`cargo test --release -p bead-model spheres -- --nocapture`): it matters below 9 samples or above 10 % of
+//! the mass.
+
+use crate::coefficients::nearest;
+use crate::converter::CONVERSION;
+use crate::correction::Correction;
+use crate::physics::Bead;
+use crate::quantity::{SensedAcceleration, Step, high_rounded, square};
+use bead_wire::{Fraction, WaveformMatch};
+use fixed::types::{I0F32, I16F16};
+use serde::Serialize;
+
+/// Least residual that flags a strike.
+const LEAST_TOLERANCE: f32 = 0.014;
+/// Tolerance over the error of the reduced chain.
+const MARGIN: f32 = 1.2;
+/// Width of a pulse whose samples make an error of 1, samples: 5.5 % at 5 samples.
+const UNSAMPLED: f32 = 1.9;
+/// Width of the pulse of a weak strike over that of a wave of 1 m/s.
+const WIDER: f64 = 1.28;
+
+/// Coefficients of the comparison. All zeros where the sample rate is so low that the formats do not hold
+/// them, below 28 kHz: then nothing is compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct WaveformJudge {
+    /// Weights of the newest acceleration and of the two before it: from [`SensedAcceleration`] to twelfths of
+    /// a µm/sample², the unit of the reduced chain, at the time of the force.
+    pub taps: [I0F32; 3],
+    /// Least mean square of the noise, in bits of that unit.
+    pub floor: f32,
+    /// Error of the reduced chain by its end, as a part of the acceleration.
+    pub chain: f32,
+    /// Width of the pulse of a weak strike, samples.
+    pub width: f32,
+}
+
+/// Sums of squares, in bits of the unit of the reduced chain.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Squares {
+    signal: u64,
+    difference: u64,
+    samples: u16,
+}
+
+/// State of the comparison.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WaveformState {
+    /// The last two accelerations.
+    accelerations: [i32; 2],
+    /// The last prediction.
+    predicted: i32,
+    /// The piece that is not complete.
+    piece: Squares,
+    /// The pieces before the strike, which have noise only.
+    quiet: Squares,
+    /// The pieces that count.
+    whole: Squares,
+}
+
+impl WaveformJudge {
+    /// Of a bead whose accelerometer has `per_code` m/s² at the high gain, sampled every `dt` seconds. The
+    /// intruder rings with `phase` rad a sample.
+    pub(crate) fn new(bead: &Bead, per_code: f64, dt: f64, phase: f64) -> Self {
+        // m/s² of a bit of a twelfth of a µm/sample².
+        let unit = 12e-6 / (dt * dt) * Step::DELTA.to_num::<f64>();
+        // It is converted after both conversions of the force.
+        let Correction { slope, curve } = Correction::new(0.0, 2.0 * CONVERSION / dt, phase);
+        let bits = SensedAcceleration::DELTA.to_num::<f64>() / unit;
+        let taps = [curve + slope, 1.0 - 2.0 * curve, curve - slope].map(|tap| tap * bits);
+        if taps.iter().any(|tap| tap.abs() >= 0.499) {
+            return Self::default();
+        }
+        let half = 0.5 * per_code / unit;
+        let (width, part) = (bead.pulse_width(1.0), bead.intruder_mass / bead.mass);
+        Self {
+            taps: taps.map(nearest),
+            floor: (half * half) as f32,
+            chain: (0.045 * part + 0.3 * (1.0 + 3.0 * part) * bead.relaxation / width) as f32,
+            width: (WIDER * width / dt) as f32,
+        }
+    }
+
+    /// Residual from which on a strike is flagged whose pulse is `width` samples wide, 0 if that is unknown.
+    pub fn tolerance(&self, width: f32) -> f32 {
+        let samples = UNSAMPLED / width.min(self.width);
+        (MARGIN * (self.chain + samples * samples * samples)).max(LEAST_TOLERANCE)
+    }
+
+    /// True if the wave forms differ by more than the tolerance, and by more than noise explains.
+    pub(crate) fn differs(&self, waveform: WaveformMatch, width: f32) -> bool {
+        let [residual, noise] = [waveform.residual, waveform.noise].map(|part| part.ratio() as f32);
+        residual > self.tolerance(width).max(noise)
+    }
+
+    /// Takes the measured accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE), and the
+    /// predicted ones, as the reduced chain has them: of the springs' push. Never inlined, so that its
+    /// instructions can be counted by its symbol.
+    #[inline(never)]
+    pub fn process(
+        &self,
+        state: &mut WaveformState,
+        accelerations: &[SensedAcceleration],
+        predicted: &[i32],
+    ) {
+        let [newest, middle, oldest] = self.taps.map(I0F32::to_bits);
+        let [mut last, mut before] = state.accelerations;
+        let mut expected = state.predicted;
+        let (mut signal, mut difference) = (0, 0);
+        for (acceleration, predicted) in accelerations.iter().zip(predicted) {
+            let acceleration = acceleration.to_bits();
+            // Accelerations are below 2^28 and the weights together below 3/4, so all sums are below 2^29.
+            let measured = high_rounded(newest, acceleration)
+                + high_rounded(middle, last)
+                + high_rounded(oldest, before);
+            signal += square(measured);
+            difference += square(measured - expected);
+            (before, last, expected) = (last, acceleration, *predicted);
+        }
+        (state.accelerations, state.predicted) = ([last, before], expected);
+        state.piece.signal += signal;
+        state.piece.difference += difference;
+        state.piece.samples += accelerations.len() as u16;
+    }
+
+    /// The match of the pieces so far; `None` if they have hardly more than noise. `force` is the noise of the
+    /// force over the highest force.
+    pub fn result(&self, state: &WaveformState, force: f32) -> Option<WaveformMatch> {
+        let WaveformState { quiet, whole, .. } = state;
+        let noise = (quiet.signal as f32 / f32::from(quiet.samples.max(1))).max(self.floor);
+        let noise = noise * f32::from(whole.samples);
+        let signal = whole.signal as f32 - noise;
+        if self.taps == [I0F32::ZERO; 3] || signal <= noise {
+            return None;
+        }
+        let noise = noise + force * force * signal;
+        let difference = whole.difference as f32 - noise;
+        let part = |squares: f32| {
+            let part = libm::sqrtf(squares.max(0.0) / signal);
+            Fraction::from_bits(I16F16::saturating_from_num(part).to_bits())
+        };
+        Some(WaveformMatch {
+            residual: part(difference),
+            noise: part(noise),
+        })
+    }
+}
+
+impl WaveformState {
+    /// The piece is complete, and had noise only.
+    pub(crate) fn close_noise(&mut self) {
+        self.quiet.add(core::mem::take(&mut self.piece));
+    }
+
+    /// The piece is complete. It counts if all its samples are `known`.
+    pub(crate) fn close_piece(&mut self, known: bool) {
+        let piece = core::mem::take(&mut self.piece);
+        if known {
+            self.whole.add(piece);
+        }
+    }
+}
+
+impl Squares {
+    fn add(&mut self, piece: Self) {
+        self.signal = self.signal.saturating_add(piece.signal);
+        self.difference = self.difference.saturating_add(piece.difference);
+        self.samples += piece.samples;
+    }
+}
