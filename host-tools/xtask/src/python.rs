@@ -1,4 +1,5 @@
-//! A Python with the readers of others, for the test that opens what `bead export` writes.
+//! A Python with the packages of others, for the tests that open what `bead export` writes, and that combine
+//! what `bead budget` prints.
 
 use crate::step::{CommandLine, Steps, Stop};
 
@@ -12,7 +13,9 @@ const REQUIREMENTS: &str = "host-tools/bead/tests/requirements.txt";
 pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
     let (folder, python) = (steps.built("python"), steps.built("python/bin/python3"));
     let ready = steps.built("python/ready");
-    if steps.root.join(&ready).exists() {
+    let wanted = std::fs::read_to_string(steps.root.join(REQUIREMENTS)).unwrap_or_default();
+    // A folder of other requirements is set up anew.
+    if std::fs::read_to_string(steps.root.join(&ready)).is_ok_and(|of| of == wanted) {
         steps.announce(&format!("{} is in place", folder.display()));
         return Ok(());
     }
@@ -23,8 +26,11 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
     let install = CommandLine::program(&python)
         .words("-m pip install --quiet --no-compile --requirement")
         .arg(REQUIREMENTS);
-    steps.run("pandas, polars, xarray, pyuff and mcap, some 150 MB", &install)?;
-    std::fs::write(steps.root.join(&ready), "")
+    steps.run(
+        "pandas, polars, xarray, pyuff, mcap and GTC, some 190 MB",
+        &install,
+    )?;
+    std::fs::write(steps.root.join(&ready), wanted)
         .map_err(|error| Stop::failed(format!("cannot write {}: {error}", ready.display())))
 }
 

@@ -5,7 +5,7 @@ use bead_model::company::Company;
 use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
-use bead_model::settings::{BLOCK_MAX, VERSION};
+use bead_model::settings::BLOCK_MAX;
 use bead_model::violation::{Bound, Coefficient, SettingKey as Key};
 use bead_model::{Settings, SettingsError, Violation};
 use crc::{CRC_32_ISO_HDLC, Crc};

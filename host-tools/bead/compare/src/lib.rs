@@ -1,6 +1,7 @@
 //! A recorded strike, held against replay, f64 estimates and the full chain; and the report of it.
 
 pub mod bead;
+pub mod budget;
 pub mod emulated;
 pub mod error;
 pub mod f64_estimators;
@@ -19,6 +20,7 @@ pub mod spread;
 mod statistics;
 pub mod strike;
 pub mod strike_report;
+mod student;
 #[cfg(test)]
 mod testing;
 mod traces;

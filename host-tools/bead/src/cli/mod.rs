@@ -21,8 +21,8 @@ use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, proof, record,
-    recover, replay, settings, simulate, sweep,
+    budget, clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, proof,
+    record, recover, replay, settings, simulate, sweep,
 };
 use failure::Failure;
 
@@ -37,6 +37,7 @@ Examples:
   bead replay run/bead-8.mcap
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml \\
       --report report.html
+  bead budget run/bead-8.mcap
   bead export run/bead-8.mcap --out tables
   bead record --port /dev/ttyUSB0
   bead fetch --port /dev/ttyUSB0 --out kept.mcap
@@ -74,6 +75,8 @@ enum Command {
     Replay(replay::Arguments),
     /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
+    /// Print the uncertainty budget of a strike: what each input adds to that of A, B and A − B.
+    Budget(budget::Arguments),
     /// Write strikes and samples as tables in SI units: Parquet, CSV, or UFF.
     Export(export::Arguments),
     /// Find how the clocks of recorded beads run: against this host, and against one another.
@@ -119,6 +122,7 @@ impl Cli {
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
             Command::Export(arguments) => export::run(&arguments),
+            Command::Budget(arguments) => budget::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Sweep(arguments) => sweep::run(&arguments),

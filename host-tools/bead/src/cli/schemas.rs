@@ -14,7 +14,7 @@ use crate::cli::commands::emulate::SeveralBeads;
 use crate::cli::commands::proof::accuracy::StrikerCell;
 use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
-    command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
+    budget, command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
 };
 use bead_bench::run::RunReport;
 use bead_bench::silent::SilentOutcome;
@@ -26,6 +26,7 @@ use bead_recording::schemas::{of_bodies, of_body, of_frames};
 pub fn of_results() -> BTreeMap<&'static str, Value> {
     let mut all = BTreeMap::new();
     let mut add = |name, schema| all.insert(name, schema);
+    add("budget", of::<budget::BudgetReport>("budget"));
     add("clock", of::<ClockComparison>("clock"));
     add("command-done", of::<command::Done>("command arm"));
     add("command-raw", of::<command::Streamed>("command raw"));

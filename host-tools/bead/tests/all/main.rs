@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod answering;
+mod budget;
 mod channels;
 mod command_line;
 mod export;

@@ -163,6 +163,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
         // Against itself, and against a force alone.
         ("compare-reference", "compare x.mcap --reference x.mcap"),
         ("compare-reference", "compare x.mcap --reference force.csv"),
+        ("budget", "budget x.mcap --monte-carlo 1000"),
         ("clock", "clock x.mcap"),
         ("settings", "settings show bead.settings"),
         ("recover", "recover x.mcap --out a.mcap"),

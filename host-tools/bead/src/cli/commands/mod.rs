@@ -1,5 +1,6 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
+pub(crate) mod budget;
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;

@@ -313,8 +313,8 @@ fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
     output::print(format, &report, || table(&settings))
 }
 
-/// Says that a calibration is expired, of a day to come, or not stated.
-pub(super) fn note_calibration(description: &Description) {
+/// Says that a calibration is expired today, of a day to come, or not stated.
+fn note_calibration(description: &Description) {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let doubt = Day::at(now.as_secs() as i64).and_then(|today| calibration_doubt(description, today));
     if let Some(doubt) = doubt {

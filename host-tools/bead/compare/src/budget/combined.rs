@@ -1,0 +1,72 @@
+//! The law of propagation of uncertainty (JCGM 100, 5.1 and 5.2), and the expanded uncertainty (6 and G.4).
+
+use serde::Serialize;
+
+use crate::student::student;
+
+/// More degrees of freedom than this are infinitely many.
+const FREE_MOST: f64 = 1e6;
+
+/// What one input adds to the uncertainty of a result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Contribution {
+    /// Standard uncertainty of the input times the sensitivity of the result, with its sign.
+    pub(super) amount: f64,
+    /// Degrees of freedom of that uncertainty; `None` for infinitely many.
+    pub(super) free: Option<f64>,
+}
+
+/// Correlation of two inputs, by their places.
+pub(super) type Correlated = (usize, usize, f64);
+
+/// A result with its combined and expanded uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Combined {
+    /// The result, J or a ratio.
+    pub value: f64,
+    /// u_c, its combined standard uncertainty, in the same unit.
+    pub u: f64,
+    /// ν_eff, effective degrees of freedom by Welch and Satterthwaite; none for infinitely many.
+    pub degrees_of_freedom: Option<f64>,
+    /// k, for a coverage of 95 %: Student's t.
+    pub coverage_factor: f64,
+    /// U = k u_c.
+    pub expanded: f64,
+}
+
+impl Combined {
+    /// Combines contributions to the uncertainty of `value`.
+    pub(super) fn of(value: f64, contributions: &[Contribution], correlated: &[Correlated]) -> Self {
+        let amounts = || contributions.iter().map(|one| one.amount);
+        let squares: f64 = amounts().map(|amount| amount * amount).sum();
+        let crossed: f64 = correlated.iter().map(|one| crossed(contributions, *one)).sum();
+        // Full correlation may leave less than nothing, by rounding.
+        let variance = (squares + crossed).max(0.0);
+        let quartic = |one: &Contribution| Some(one.amount.powi(4) / one.free?);
+        let quartics: f64 = contributions.iter().filter_map(quartic).sum();
+        let degrees_of_freedom = Some(variance * variance / quartics).filter(|free| *free < FREE_MOST);
+        let coverage_factor = student(degrees_of_freedom.unwrap_or(f64::INFINITY).max(1.0));
+        let u = variance.sqrt();
+        Self {
+            value,
+            u,
+            degrees_of_freedom,
+            coverage_factor,
+            expanded: coverage_factor * u,
+        }
+    }
+
+    /// The part of the variance that an amount of it is, in per cent; 0 if there is none.
+    pub(super) fn share_percent(&self, variance: f64) -> f64 {
+        if self.u > 0.0 {
+            100.0 * variance / (self.u * self.u)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The variance that a correlation adds, or takes away.
+pub(super) fn crossed(contributions: &[Contribution], (one, other, correlation): Correlated) -> f64 {
+    2.0 * correlation * contributions[one].amount * contributions[other].amount
+}

@@ -1,0 +1,20 @@
+//! The uncertainty of a strike's energies: a budget as the GUM has it (JCGM 100), its check by draws (JCGM
+//! 101), and the ratio between beads.
+//!
+//! # Design
+//! The bead's own code is the measurement function: settings are derived anew with one input moved, and the
+//! recorded codes run through the estimators again. So sensitivities are those of this strike.
+
+mod combined;
+mod input;
+mod monte_carlo;
+mod noise;
+mod ratio;
+mod report;
+mod run;
+mod strike;
+
+pub use combined::Combined;
+pub use ratio::{BeadRatio, ratios};
+pub use report::BudgetTables;
+pub use strike::{BudgetInput, StrikeBudget};

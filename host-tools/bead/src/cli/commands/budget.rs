@@ -1,0 +1,156 @@
+//! `bead budget`: the uncertainty of the energies of a strike.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use bead_model::design::{Day, Uncertainty};
+use bead_model::settings::Settings;
+
+use crate::cli::commands::compared::{made, no_strike, publish};
+use crate::cli::commands::prelude::*;
+use crate::cli::commands::settings_file;
+use crate::cli::provenance::sha256_of;
+use bead_compare::budget::{BeadRatio, BudgetTables, StrikeBudget, ratios};
+use bead_recording::physical::calibration_doubt;
+
+const AFTER_HELP: &str = "\
+A budget as the GUM has it (JCGM 100), for A, B and their difference: every input with its standard uncertainty, \
+and its part in the result. Sensitivities are those of this strike: each input is moved in the settings, and the \
+recorded codes run through the bead's code again. The quiet before the strike gives the noise (type A). What the \
+settings state gives the rest; what they do not state is named, and is missing in U.
+
+--monte-carlo draws all inputs through the bead's code instead (JCGM 101) and says whether the linear budget holds. \
+Of several beads, each strike's ratio to the first bead follows: what both share cancels there.
+
+Examples:
+  bead budget run/bead-8.mcap
+  bead budget run/bead-8.mcap --strike 3 --monte-carlo 100000
+  bead budget monday.mcap --uncertainty bead.toml --page budget.html";
+
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The recording.
+    recording: PathBuf,
+    /// Which strike of each bead, counted from 0 [default: the first that is whole].
+    #[arg(long, value_name = "N")]
+    strike: Option<usize>,
+    /// Take the uncertainties that these settings state in place of those in the recording.
+    #[arg(long, value_name = "F.toml|F.settings")]
+    uncertainty: Option<PathBuf>,
+    /// Draw this many times through the bead's code, 1000 at least.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1000..=10_000_000))]
+    monte_carlo: Option<u32>,
+    /// Write the budget as an HTML page, too.
+    #[arg(long, value_name = "F.html")]
+    page: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Format of the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct BudgetReport {
+    /// One for each bead.
+    beads: Vec<StrikeBudget>,
+    /// Ratios to the first bead.
+    ratios: Vec<BeadRatio>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let inputs = [
+        Some(arguments.recording.as_path()),
+        arguments.uncertainty.as_deref(),
+    ];
+    let inputs: Vec<&Path> = inputs.into_iter().flatten().collect();
+    let page = arguments
+        .overwrite
+        .optional(arguments.page.as_deref(), FileKind::Page, &inputs)?;
+    let stated = arguments.uncertainty.as_deref().map(uncertainty).transpose()?;
+    let received = Recording::open_named(&arguments.recording)?;
+    let progress = output::spinner("measuring again with each input moved");
+    let mut beads = Vec::new();
+    for of_bead in received.each() {
+        let Some(strike) = chosen(&of_bead, arguments.strike)? else {
+            continue;
+        };
+        if let Some(doubt) = doubt(&strike, stated) {
+            progress.suspend(|| note!("bead {}: {doubt}", strike.address));
+        }
+        beads.push(StrikeBudget::of(&strike, stated, arguments.monte_carlo)?);
+    }
+    progress.finish_and_clear();
+    if beads.is_empty() {
+        return Err(match arguments.strike {
+            Some(strike) => failure!(
+                Input,
+                "--strike {strike}: no bead of {} has so many strikes, counted from 0",
+                received.path.display()
+            ),
+            None => no_strike(&received),
+        });
+    }
+    let report = BudgetReport {
+        ratios: ratios(&beads),
+        beads,
+    };
+    let of_uncertainty = match &arguments.uncertainty {
+        Some(file) => ("uncertainties, SHA-256", sha256_of(file)?),
+        None => ("uncertainties", "those in the recording's settings".to_owned()),
+    };
+    let tables = BudgetTables {
+        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        budgets: &report.beads,
+        ratios: &report.ratios,
+        made: &made(page.as_ref(), &received, of_uncertainty)?,
+    };
+    publish(arguments.format, page.as_ref(), &tables.report(), &report)
+}
+
+/// The uncertainties that a file of settings states.
+fn uncertainty(file: &Path) -> Result<Uncertainty, Failure> {
+    let name = file.display();
+    let settings = Settings::decode(&settings_file::load(file, None)?);
+    let settings = settings.map_err(|error| failure!(Input, "{name}: {error}"))?;
+    let stated = settings.description().uncertainty;
+    stated.ok_or_else(|| {
+        failure!(
+            Input,
+            "{name} states no uncertainties; give them in its table [uncertainty]"
+        )
+    })
+}
+
+/// The strike with this number from 0; without one, the first that is whole, or the first.
+fn chosen(of_bead: &Recording, number: Option<usize>) -> Result<Option<RecordedStrike>, Failure> {
+    let mut strikes = of_bead.strikes()?;
+    if let Some(number) = number {
+        return Ok(strikes.nth(number));
+    }
+    let first = strikes.next();
+    let is_whole = |strike: &RecordedStrike| strike.missing() == 0;
+    match first {
+        Some(first) if !is_whole(&first) => Ok(strikes.find(is_whole).or(Some(first))),
+        first => Ok(first),
+    }
+}
+
+/// A doubt about the calibration on the day of the strike, or today if that is not known.
+fn doubt(strike: &RecordedStrike, stated: Option<Uncertainty>) -> Option<String> {
+    let now = || {
+        SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default()
+            .as_secs()
+    };
+    // An emulated bead's times are since its power-up.
+    let received = strike
+        .received_ns
+        .and_then(|ns| Day::at((ns / 1_000_000_000) as i64));
+    let day = received.or_else(|| Day::at(now() as i64))?;
+    let mut description = *strike.settings.as_ref()?.description();
+    description.uncertainty = stated.or(description.uncertainty);
+    calibration_doubt(&description, day)
+}
