@@ -27,7 +27,9 @@ use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::physics::{Bead, Intruder, SOLITARY_WAVE_ENERGY, power};
 use crate::quantity::SensedForce;
+use crate::quiet::{CodeNoise, Quiet};
 use crate::reduced_chain::ReducedChain;
+use crate::ring_down::RingDown;
 use crate::scale::{INCOMING_MAX, POWERS_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::{Fine, Ringing};
@@ -45,6 +47,8 @@ pub(crate) struct Coefficients {
     pub(crate) waveform: WaveformJudge,
     /// Phase by which the intruder rings in a sample, rad.
     pub(crate) phase: f64,
+    pub(crate) ring_down: RingDown,
+    pub(crate) quiet: Quiet,
 }
 
 /// Coefficients before they are converted to their formats.
@@ -208,7 +212,13 @@ impl Coefficients {
     pub(crate) fn new(description: &Description, places: u8) -> Result<Self, Violation> {
         let capture = &description.capture;
         let dt = 1.0 / f64::from(capture.sample_rate_hz);
-        let exact = Exact::new(&description.physics(), dt);
+        let bead = description.physics();
+        let exact = Exact::new(&bead, dt);
+        let noise = |sensor: &SensorScale| CodeNoise {
+            per_code: sensor.per_code,
+            noise: sensor.noise,
+            correction: Correction::new(lag(sensor.pole) / dt, 0.0, exact.ring_phase),
+        };
         let [stiffness, damping, ratio] = if places == 0 {
             [0.0; 3]
         } else {
@@ -266,6 +276,12 @@ impl Coefficients {
                 decay: rate(Key::IntruderDamping, C::RingDecay, exact.ring_decay)?,
                 decay_tolerance: nearest(capture.ring_decay_tolerance),
             },
+            ring_down: RingDown::new(&bead, dt),
+            quiet: Quiet::new(
+                &noise(&description.force),
+                &noise(&description.acceleration),
+                [exact.start, exact.end],
+            ),
             company: Company {
                 behind: places,
                 elsewhere: description.company.elsewhere == 1,
@@ -291,6 +307,11 @@ fn gate(force: &SensorScale) -> SensedForce {
     nearest(3.0 * libm::sqrt(force.noise * force.noise + rounding))
 }
 
+/// Time by which a filter with a pole at this frequency, Hz, lags, s; 0 for no filter.
+fn lag(pole: f64) -> f64 {
+    if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 }
+}
+
 /// Both channels of a sensor that is sampled every `dt` seconds; the intruder rings with `phase` rad in this
 /// time. The keys are those of the units per code and of the poles.
 ///
@@ -303,8 +324,7 @@ pub(crate) fn sensor<F: LeEqU32>(
     poles: [Key; 2],
 ) -> Result<Sensor<F>, Violation> {
     let channel = |number: usize, per_code: f64, pole: f64, delay: f64| {
-        let lag = if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 };
-        let Correction { slope, curve } = Correction::new(lag / dt, delay / dt, phase);
+        let Correction { slope, curve } = Correction::new(lag(pole) / dt, delay / dt, phase);
         let [slope, curve] = [slope, curve].map(|weight| per_code * weight);
         let format = FixedFormat::signed(F::U32);
         let per_code = format.exact(per_code).ok_or(Violation {

@@ -21,8 +21,9 @@
 //! # Noise
 //!
 //! Noise in the acceleration always adds energy to the sum. The same sum before the strike measures how much
-//! it adds a sample, and this is subtracted. A piece of the window does not count if its sum is not more than
-//! twice what noise gives: the intruder has stopped ringing, until another wave comes.
+//! it adds a sample, and this is subtracted, but no more than the noise that the settings explain: an intruder
+//! that still rings from an earlier strike is not noise. A piece of the window does not count if its sum is not
+//! more than twice what noise gives: the intruder has stopped ringing, until another wave comes.
 
 use crate::quantity::{SensedAcceleration, SquareSum, high_rounded, square};
 use bead_wire::Energy;
@@ -62,11 +63,11 @@ pub struct ObserverState {
 }
 
 impl ObserverState {
-    /// The piece is complete, and had noise only.
-    pub(crate) fn close_noise(&mut self) {
+    /// The piece is complete, and had noise only, of a mean square of `most` at most. More than that is a signal.
+    pub(crate) fn close_noise(&mut self, most: u64) {
         let (squares, samples) = self.quiet;
         self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);
-        self.noise = self.quiet.0 / u64::from(self.quiet.1.max(1));
+        self.noise = (self.quiet.0 / u64::from(self.quiet.1.max(1))).min(most);
         (self.piece, self.piece_samples) = (0, 0);
     }
 
@@ -170,7 +171,7 @@ mod tests {
             let mut state = ObserverState::default();
             for mean in [noise + 2, noise] {
                 // The noise is the mean square of the quiet pieces.
-                closed(&mut state, mean, ObserverState::close_noise);
+                closed(&mut state, mean, |state| state.close_noise(u64::MAX));
             }
             assert_eq!(state.noise, (noise + 1) << (2 * SensedAcceleration::FRAC_NBITS));
             let noise = noise as i64 + 1;

@@ -155,6 +155,17 @@ impl ReducedChainState {
         self.gate
     }
 
+    /// Displacement of the intruder relative to its host after the newest sample, µm, and its change over a
+    /// sample, µm.
+    pub(crate) fn intruder(&self) -> [f32; 2] {
+        let Coordinate {
+            position, velocity, ..
+        } = self.intruder;
+        const POSITION: f32 = 1.0 / (1_u32 << Length::FRAC_NBITS) as f32;
+        const VELOCITY: f32 = 1.0 / (1_u32 << Step::FRAC_NBITS) as f32;
+        [POSITION * position as f32, VELOCITY * velocity as f32]
+    }
+
     /// Returns `true` if a state left half the range of its format since the window opened.
     pub fn saturated(&self) -> bool {
         self.watch.0 >= LIMIT

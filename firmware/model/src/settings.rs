@@ -18,7 +18,9 @@ use crate::description::{Description, require};
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::SensedForce;
+use crate::quiet::Quiet;
 use crate::reduced_chain::ReducedChain;
+use crate::ring_down::RingDown;
 use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
@@ -75,6 +77,10 @@ pub struct Settings {
     pub disagreement: I16F16,
     /// Ringing of the intruder, and the tolerance outside of which a strike is flagged.
     pub ringing: Ringing,
+    /// Energy that the intruder holds at the end of a window.
+    pub ring_down: RingDown,
+    /// Noise of a bead at rest.
+    pub quiet: Quiet,
     /// Powers of two between coefficients and their formats.
     pub scale: Scale,
     /// Intruders of the beads near by.
@@ -133,6 +139,8 @@ impl Settings {
             ringing,
             waveform,
             phase,
+            ring_down,
+            quiet,
         } = Coefficients::new(description, description.company.places().unwrap_or(0))?;
         let settings = Self {
             description: *description,
@@ -150,6 +158,8 @@ impl Settings {
             incident,
             disagreement: coefficients::nearest(description.capture.disagreement),
             ringing,
+            ring_down,
+            quiet,
             scale,
             company,
             waveform,

@@ -166,6 +166,11 @@ impl WindowRecord {
         self.length = end;
     }
 
+    /// The accelerations of the samples so far.
+    pub(crate) fn accelerations(&self) -> &[SensedAcceleration] {
+        &self.accelerations[..self.length]
+    }
+
     pub(crate) fn peaks(&self) -> WindowPeaks {
         let (mut force, mut sample) = (SensedForce::ZERO, 0);
         let [mut low, mut high] = [SensedAcceleration::ZERO; 2];

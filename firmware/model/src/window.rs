@@ -11,7 +11,7 @@ use crate::sensor::{Loudness, SensorState, gains_differ};
 use crate::settings::Settings;
 use crate::shape::{WindowPeaks, WindowRecord, shape};
 use crate::waveform::WaveformState;
-use bead_wire::{Acceleration, Energy, Force, Fraction, Shape, Strike, StrikeFlags};
+use bead_wire::{Acceleration, Energy, Force, Fraction, LeftEnergy, Shape, Strike, StrikeFlags};
 use fixed::types::{I16F16, I40F24};
 use micromath::F32Ext;
 
@@ -27,6 +27,9 @@ const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::NOT_AT_REST)
     .with(StrikeFlags::WAVE_TRAIN)
     .with(StrikeFlags::UNLIKE_NEIGHBOUR);
+
+/// Part of an energy, as its inverse, above which the energy left is flagged: 0.5 %.
+const RINGING: i128 = 200;
 
 /// The running window of a strike.
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,7 +145,7 @@ impl Window {
             return;
         }
         if self.samples <= noise_end {
-            self.observer.close_noise();
+            self.observer.close_noise(settings.quiet.observer);
             self.waveform.close_noise();
             if self.samples == noise_end {
                 self.chain.gate_noise(self.force_squares, self.force_samples);
@@ -180,13 +183,27 @@ impl Window {
         settings.chain.absorbed(settings.scale.predicted, &self.chain)
     }
 
+    /// The energy that the intruder holds at the end of the window. Below the noise it has none in estimate A.
+    fn left(&self, settings: &Settings, record: &WindowRecord) -> Option<LeftEnergy> {
+        let last = self.samples / PIECE as u16 * PIECE as u16;
+        let rings = self.ring_end > 0 && self.ring_end == last;
+        settings
+            .ring_down
+            .left(rings, record.accelerations(), &self.chain)
+    }
+
     /// The result of the window and its shape, once its last sample has been taken. Flags of
     /// [`StrikeFlags::OF_THE_BEAD`] are not set: they do not follow from the window.
     pub fn report(&self, settings: &Settings, record: &WindowRecord) -> (Strike, Shape) {
+        let left = self.left(settings, record);
+        let parts = left.map_or([Energy::default(); 2], |left| [left.measured, left.predicted]);
         let [measured, predicted] = [
-            self.absorbed_measured(settings),
-            self.absorbed_predicted(settings),
+            sum(self.absorbed_measured(settings), parts[0]),
+            sum(self.absorbed_predicted(settings), parts[1]),
         ];
+        let ringing_left = [(parts[0], measured), (parts[1], predicted)]
+            .into_iter()
+            .any(|(part, whole)| i128::from(part.bits()) * RINGING > i128::from(whole.bits()));
         let noise_energy = settings.observer.noise(settings.scale.measured, &self.observer);
         let WindowPeaks {
             force: peak_force,
@@ -203,6 +220,7 @@ impl Window {
             force_gains: self.force.gain_match(),
             acceleration_gains: self.acceleration.gain_match(),
             waveform: settings.waveform.result(&self.waveform, force_noise),
+            left,
             ..shape(
                 settings.sample_rate_hz,
                 record,
@@ -221,16 +239,21 @@ impl Window {
         let flags = self
             .railed
             .with_if(self.chain.saturated(), StrikeFlags::CHAIN_RANGE)
-            .with_if(gains_differ, StrikeFlags::GAINS_DIFFER);
+            .with_if(gains_differ, StrikeFlags::GAINS_DIFFER)
+            .with_if(
+                settings.quiet.is_exceeded(&settings.window, record),
+                StrikeFlags::NOT_AT_REST,
+            );
         let width = shape.width.samples() as f32;
         let differs = |waveform| settings.waveform.differs(waveform, width);
         let model_differs = shape.waveform.is_some_and(differs) && flags.without(EXPLAIN) == flags;
         let flags = flags
             .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
             .with_if(model_differs, StrikeFlags::MODEL_DIFFERS);
-        // Another flag explains a difference.
+        // Another flag explains a difference. Energy that is left explains none: both estimates have it.
         let unexplained =
             flags == StrikeFlags::NONE && differ([measured, predicted], settings.disagreement, noise_energy);
+        let flags = flags.with_if(ringing_left, StrikeFlags::RINGING_LEFT);
         let strike = Strike {
             strike: self.strike,
             first_index: self.first_index,
@@ -250,6 +273,11 @@ impl Window {
         };
         (strike, shape)
     }
+}
+
+/// Sum of two energies; saturates.
+fn sum(one: Energy, other: Energy) -> Energy {
+    Energy::from_bits(one.bits().saturating_add(other.bits()))
 }
 
 /// An acceleration in the format of the result; saturates.
