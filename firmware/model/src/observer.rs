@@ -174,6 +174,11 @@ mod tests {
                 closed(&mut state, mean, |state| state.close_noise(u64::MAX));
             }
             assert_eq!(state.noise, (noise + 1) << (2 * SensedAcceleration::FRAC_NBITS));
+            // Of more than that, what is beyond is no noise.
+            let mut louder = state;
+            let most = state.noise - 1;
+            louder.close_noise(most);
+            assert_eq!(louder.noise, most);
             let noise = noise as i64 + 1;
             let twice = closed(&mut state, 2 * noise as u64, |state| {
                 assert!(!state.close_piece())

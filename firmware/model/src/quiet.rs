@@ -90,3 +90,34 @@ impl Quiet {
         force > self.force * samples || acceleration > self.acceleration * samples
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::{Bead, Capture, FrontEnd, derive};
+
+    #[test]
+    fn either_sensor_is_louder_from_twice_its_noise_on() {
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let front_end = FrontEnd::reference();
+        // The pole at 40 kHz weighs a code and its neighbours with 1, 0.199 and -0.199: 1.039 in rms.
+        let rms = |noise: f64, per_code: f64| 1.039 * f64::hypot(noise, per_code * libm::sqrt(1.0 / 3.0));
+        let force = rms(front_end.force.noise, front_end.force.per_code);
+        let acceleration = rms(front_end.acceleration.noise, front_end.acceleration.per_code);
+        for (times, louder) in [([1.99, 1.99], false), ([2.02, 0.0], true), ([0.0, 2.02], true)] {
+            let mut record = WindowRecord::new();
+            record.clear();
+            let sign = |n: u32| if n.is_multiple_of(2) { 1.0 } else { -1.0 };
+            for n in 0..100 {
+                let force = SensedForce::from_num(sign(n) * times[0] * force);
+                let acceleration = SensedAcceleration::from_num(sign(n / 2) * times[1] * acceleration);
+                record.extend(&[force], &[acceleration]);
+            }
+            assert_eq!(
+                settings.quiet.is_exceeded(&settings.window, &record),
+                louder,
+                "{times:?}"
+            );
+        }
+    }
+}

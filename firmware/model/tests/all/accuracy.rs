@@ -136,6 +136,37 @@ fn what_a_window_does_not_hold_of_a_light_damping_is_in_both_energies_and_flagge
 }
 
 #[test]
+fn a_strike_upon_an_intruder_that_still_rings_is_flagged_and_its_ringing_is_not_taken_for_noise() {
+    for (damping, rings) in [(1.0, true), (2.0, true), (12.0, false)] {
+        let mut scenario = Scenario::paper();
+        scenario.duration = 0.04;
+        scenario.intruders[0].damping = damping;
+        let (solution, front_end) = (simulate(&scenario).unwrap(), front_end([16.0, 600.0]));
+        // The second of two strikes 8 ms apart.
+        let codes = (0..4000).map(|n| {
+            let [first, second] = [0.0, 800.0].map(|later| (f64::from(n) - LEAD - later) / 100e3);
+            let [first, second] = [felt(&solution, first), felt(&solution, second)];
+            scan(&front_end, [first[0] + second[0], first[1] + second[1]])
+        });
+        let settings = derive(&damped(damping), &front_end, &Capture::default()).unwrap();
+        let heard = Collector::measure(&settings, 0, &codes.collect::<Vec<_>>());
+        let energies: Vec<f64> = heard
+            .reports
+            .iter()
+            .map(|one| 1e9 * one.absorbed_measured.joules())
+            .collect();
+        println!("c = {damping} N·s/m: {energies:.1?} nJ");
+        let restless = heard
+            .reports
+            .iter()
+            .map(|one| one.flags.has(StrikeFlags::NOT_AT_REST));
+        assert_eq!(restless.collect::<Vec<_>>(), [false, rings]);
+        // What rings on adds up to a third of the amplitude to the second strike, or takes it off.
+        assert!((0.4..2.0).contains(&(energies[1] / energies[0])), "{energies:?}");
+    }
+}
+
+#[test]
 fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
     // With k off by 5 % and c off by 10 % the same codes must give errors of about 9 and 8 %, and B without τ
     // of about 6 %: if a coefficient were not used, the accuracy above would prove nothing.

@@ -2,7 +2,7 @@
 
 use crate::{paper, replayed};
 use bead_model::meter::REACH;
-use bead_model::{Meter, Origin, Scan};
+use bead_model::{Energy, Meter, Origin, Scan};
 use bead_testing::Collector;
 
 /// Number of scans that the image hands over at once.
@@ -62,6 +62,8 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
                 .into_iter()
                 .eq(indices.take(heard.samples()).map(|index| scan(index, 20.0)))
         );
+        // An intruder that is silent is left no energy by its noise.
+        assert_eq!(heard.shapes[0].left.unwrap().measured, Energy::default());
         // The pulse is in it, and the same codes give the same bits.
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");
         let (window, record) = replayed(&settings, report.first_index, &heard.scans());

@@ -8,7 +8,7 @@ use bead_model::design::{Bead, Capture, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
-use bead_model::{Scan, Settings};
+use bead_model::{Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Options, Scenario, Solution, simulate_with};
 use rand::SeedableRng;
@@ -52,6 +52,7 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
             });
             let scans: Vec<Scan> = sensed.collect();
             let report = Collector::measure(&settings, 0, &scans).reports[0];
+            assert!(!report.flags.has(StrikeFlags::NOT_AT_REST), "noise {noise:?}");
             let window = &scans[report.first_index as usize..][..usize::from(report.samples)];
             let per_code = front_end.force.per_code;
             let gate = (3.0 * noise[0].hypot(per_code / 12f64.sqrt()) / per_code) as u16;

@@ -132,19 +132,25 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
     };
     let measured = of_acceleration.as_ref().map(|aligned| window(aligned, SCAN_SKEW));
     let predicted = of_force.as_ref().map(|aligned| window(aligned, 0.0));
+    let [left_measured, left_predicted] = signals.left();
     Ok(AgainstReference {
         absorbed_measured: Absorbed {
             bead: strike.said.absorbed_measured.joules(),
-            f64_samples: signals.measured(&bead).last().copied().unwrap_or(0.0),
-            reference: measured.and_then(|given| given.absorbed_measured),
+            f64_samples: signals.measured(&bead).last().copied().unwrap_or(0.0) + left_measured,
+            reference: measured
+                .and_then(|given| given.absorbed_measured)
+                .map(|energy| energy + left_measured),
         },
         absorbed_predicted: Absorbed {
             bead: strike.said.absorbed_predicted.joules(),
             f64_samples: signals
                 .predicted(&bead, &neighbours)
                 .last()
-                .map_or(0.0, |[absorbed, _]| *absorbed),
-            reference: predicted.and_then(|given| given.absorbed_predicted),
+                .map_or(0.0, |[absorbed, _]| *absorbed)
+                + left_predicted,
+            reference: predicted
+                .and_then(|given| given.absorbed_predicted)
+                .map(|energy| energy + left_predicted),
         },
         force: of_force,
         acceleration: of_acceleration,

@@ -38,6 +38,15 @@ impl<'a> StrikeSignals<'a> {
         })
     }
 
+    /// Energies that the bead found left in the intruder at the end of the window, J, by estimates A and B. A sum
+    /// over the samples lacks them.
+    pub(crate) fn left(&self) -> [f64; 2] {
+        let left = self.strike.shape.and_then(|shape| shape.left);
+        left.map_or([0.0; 2], |left| {
+            [left.measured, left.predicted].map(|energy| energy.joules())
+        })
+    }
+
     /// Energy absorbed by estimate A in f64 since the first sample, J, at each sample.
     pub(crate) fn measured(&self, bead: &Bead) -> Vec<f64> {
         f64_estimators::measured(bead, &self.acceleration, self.rate)

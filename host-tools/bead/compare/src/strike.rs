@@ -331,10 +331,11 @@ impl FullChain {
         let measured = signals.measured(&self.physics);
         let predicted = signals.predicted(&self.physics, &self.neighbours);
         let force = beside(&signals.force, start, rate, &self.force);
+        let [left_measured, left_predicted] = signals.left();
         to.f64_samples = Some(StrikeValues {
             peak_force: force.iter().map(|point| point.sensed).fold(0.0, f64::max),
-            absorbed_measured: measured.last().map_or(0.0, |absorbed| *absorbed),
-            absorbed_predicted: predicted.last().map_or(0.0, |[absorbed, _]| *absorbed),
+            absorbed_measured: measured.last().map_or(0.0, |absorbed| *absorbed) + left_measured,
+            absorbed_predicted: predicted.last().map_or(0.0, |[absorbed, _]| *absorbed) + left_predicted,
         });
         to.shape = strike.shape.and_then(|shape| {
             let times = start..force.last()?.time;

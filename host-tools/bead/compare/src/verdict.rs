@@ -75,9 +75,9 @@ impl Echoes {
     }
 }
 
-/// A warning where the truth is not of the bead's window: the scenario ends within it, so that energy is
-/// missing which the bead measures, or the scenario lasts so much longer that it holds energy of waves that
-/// come after the window.
+/// A warning where the truth is not of the bead's window: the scenario ends before the energy is absorbed which
+/// the bead measures, or the scenario lasts so much longer that it holds energy of waves that come after the
+/// window.
 pub fn other_length(
     scenario: &Scenario,
     solution: &Solution,
@@ -91,9 +91,11 @@ pub fn other_length(
     let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
     let end = solution.end().min(chain.front() + after);
     let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
-    let (measured, truth) = (absorbed(end)?, absorbed(scenario.duration)?);
+    let (measured, truth) = (
+        absorbed(end)? + held(solution, bead, end)?,
+        absorbed(scenario.duration)?,
+    );
     let duration = scenario.duration;
-    // Nothing is taken back: the later of the two is the greater.
     if 1.0 - truth / measured > LITTLE {
         return Some(format!(
             "the scenario ends at {duration} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its \
@@ -105,11 +107,20 @@ pub fn other_length(
     (late > LITTLE).then(|| {
         format!(
             "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, \
-             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter, or, if \
-             its intruder still rings then, the window of its settings longer",
+             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
             100.0 * late
         )
     })
+}
+
+/// Energy that the intruder of a bead holds at a time, J, if the bead flies free: ½μẋ² + ½kx².
+fn held(solution: &Solution, bead: usize, time: f64) -> Option<f64> {
+    let (now, model) = (solution.at(time), solution.model());
+    let hosted = model.intruders().iter().find(|hosted| hosted.bead == bead)?;
+    let (mass, stiffness) = (hosted.oscillator.mass, hosted.oscillator.stiffness);
+    let whole = model.mass(bead);
+    let (x, v) = (now.intruder_displacement(bead)?, now.intruder_velocity(bead)?);
+    Some(0.5 * (mass * (whole - mass) / whole * v * v + stiffness * x * x))
 }
 
 /// Greatest part of the core that a strike may take.
