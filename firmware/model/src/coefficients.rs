@@ -324,7 +324,8 @@ pub(crate) fn sensor<F: LeEqU32>(
     poles: [Key; 2],
 ) -> Result<Sensor<F>, Violation> {
     let channel = |number: usize, per_code: f64, pole: f64, delay: f64| {
-        let Correction { slope, curve } = Correction::new(lag(pole) / dt, delay / dt, phase);
+        let lag = lag(pole);
+        let Correction { slope, curve } = Correction::new(lag / dt, delay / dt, phase);
         let [slope, curve] = [slope, curve].map(|weight| per_code * weight);
         let format = FixedFormat::signed(F::U32);
         let per_code = format.exact(per_code).ok_or(Violation {
