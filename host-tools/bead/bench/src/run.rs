@@ -11,10 +11,11 @@ use serde_json::Value;
 use crate::emulation::{Emulation, Ran};
 use crate::fault_reports::{CheckedFaults, FaultLog, FaultOutcome, check_reports};
 use crate::faults::{Planned, PlannedKind};
+use crate::tables::Sensors;
 use bead_compare::emulated::InstructionsPerSample;
-use bead_compare::front_end::SAMPLE_RATE_HZ;
+use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::given::GivenEstimates;
-use bead_compare::replay::replay;
+use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
 use bead_compare::strike::StrikeValues;
@@ -56,6 +57,9 @@ pub struct RunReport {
     pub instructions_per_sample: InstructionsPerSample,
     /// Instructions that fit between two samples.
     pub instructions_available: f64,
+    /// The first strike that left the range of a sensor, in words.
+    #[serde(skip)]
+    pub out_of_range: Option<String>,
     /// Scans beyond a rail: force, acceleration.
     pub saturated: [usize; 2],
     /// Registers that the image touched and no model knows.
@@ -134,9 +138,12 @@ pub struct MeasuredStrike {
     pub given: Option<GivenEstimates>,
     /// True if replay gives every bit.
     pub replay_identical: bool,
-    /// The first difference of replay.
+    /// The result of the replay.
     #[serde(skip)]
-    pub first_difference: Option<String>,
+    pub replay: ReplayWord,
+    /// What is wrong with it.
+    #[serde(skip)]
+    pub replay_failure: Option<String>,
 }
 
 impl MeasuredStrike {
@@ -147,7 +154,8 @@ impl MeasuredStrike {
             device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
             replay_identical: replay.identical(),
-            first_difference: replay.first_difference,
+            replay: replay.word(),
+            replay_failure: replay.failure(),
             ..Self::default()
         }
     }
@@ -220,6 +228,7 @@ impl RunReport {
                 report.strikes.push(measured);
             }
         }
+        report.out_of_range = out_of_range(&report, &truth.front_end);
         report
     }
 
@@ -233,11 +242,8 @@ impl RunReport {
     /// # Errors
     /// The gravest check that failed, in one line.
     pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
-        if let Some(what) = self
-            .measured()
-            .find_map(|strike| strike.first_difference.as_ref())
-        {
-            bail!("replay differs: {what}");
+        if let Some(what) = self.measured().find_map(|strike| strike.replay_failure.as_ref()) {
+            bail!("{what}");
         }
         if !self.provoked.is_empty() {
             return self.verdict_on_faults(struck as usize);
@@ -267,6 +273,9 @@ impl RunReport {
         } else if seen != struck as usize {
             let all = count(u64::from(struck), "strike");
             bail!("{seen} of {all} seen; strikes closer than a window, or below the trigger, are not");
+        }
+        if let Some(what) = &self.out_of_range {
+            bail!("{what}");
         }
         Ok(())
     }
@@ -306,6 +315,40 @@ impl RunReport {
         }
         Ok(())
     }
+}
+
+/// The first strike that left the range of a sensor of this front end: the estimate from it is then too low.
+fn out_of_range(report: &RunReport, front_end: &AnalogFrontEnd) -> Option<String> {
+    let strong = Sensors::Strong.front_end();
+    let sensors = [
+        (
+            "force_railed",
+            "force",
+            "B",
+            "N",
+            [front_end, &strong].map(|end| end.force.wide.range().1),
+        ),
+        (
+            "acceleration_railed",
+            "acceleration",
+            "A",
+            "m/s²",
+            [front_end, &strong].map(|end| end.acceleration.wide.range().1),
+        ),
+    ];
+    sensors.into_iter().find_map(|(flag, name, estimate, unit, [reach, further])| {
+        let strike = report.measured().find(|strike| strike.flags.contains(&flag))?;
+        let remedy = if further > reach {
+            format!("sensors = \"strong\" under [front_end] of the scenario reaches to {further:.0} {unit}")
+        } else {
+            "give a wider span under [front_end] of the scenario".to_owned()
+        };
+        Some(format!(
+            "the strike at sample {} leaves the range of the {name}, which reaches to {reach:.0} {unit} at the low gain, so \
+             {estimate} is too low; {remedy}",
+            strike.sample_index
+        ))
+    })
 }
 
 /// Number of strikes, by the indices at which they begin, that no bead could see for these faults.
@@ -374,8 +417,8 @@ mod tests {
 
     #[test]
     fn what_a_check_says_no_to_is_the_gravest() {
-        let strike = |first_difference: Option<&str>| MeasuredStrike {
-            first_difference: first_difference.map(str::to_owned),
+        let strike = |failure: Option<&str>| MeasuredStrike {
+            replay_failure: failure.map(str::to_owned),
             ..MeasuredStrike::default()
         };
         let says = |lost, overruns, resets, strikes| {
@@ -390,10 +433,43 @@ mod tests {
             report.verdict(1).map_or_else(|why| why.to_string(), passed)
         };
         assert_eq!(says(0, 0, 0, vec![strike(None)]), "passed");
-        assert!(says(1, 2, 3, vec![strike(Some("strike 0: x"))]).starts_with("replay differs"));
+        assert!(says(1, 2, 3, vec![strike(Some("replay differs"))]).starts_with("replay differs"));
         assert!(says(1, 2, 3, vec![strike(None)]).starts_with("1 frame lost"));
         assert!(says(0, 2, 3, vec![strike(None)]).starts_with("2 overruns"));
         assert!(says(0, 0, 3, vec![strike(None)]).starts_with("the image reset 3 times"));
         assert!(says(0, 0, 0, Vec::new()).starts_with("0 of 1 strike seen"));
+    }
+
+    #[test]
+    fn a_strike_beyond_a_sensor_is_no_pass_and_names_the_sensors_that_reach_further() {
+        let [weak, strong] = [Sensors::Weak, Sensors::Strong].map(Sensors::front_end);
+        for (flag, front_end, parts) in [
+            (
+                "force_railed",
+                weak,
+                [
+                    "reaches to 248 N",
+                    "sensors = \"strong\" under [front_end] of the scenario reaches to 1488 N",
+                ],
+            ),
+            (
+                "acceleration_railed",
+                weak,
+                ["A is too low", "reaches to 23988 m/s²"],
+            ),
+            ("force_railed", strong, ["B is too low", "give a wider span"]),
+        ] {
+            let strike = MeasuredStrike {
+                flags: vec![flag],
+                ..MeasuredStrike::default()
+            };
+            let mut report = RunReport {
+                strikes: vec![strike],
+                ..RunReport::default()
+            };
+            report.out_of_range = out_of_range(&report, &front_end);
+            let why = report.verdict(1).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| why.contains(part)), "{why}");
+        }
     }
 }

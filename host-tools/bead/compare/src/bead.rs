@@ -3,8 +3,9 @@
 use bead_model::Settings;
 use bead_wire::{Counters, Identity, Status};
 
-use crate::emulated::EmulatorReport;
+use crate::emulated::{EmulatorReport, RunTruth};
 use crate::replay::replay;
+use crate::report::count;
 use crate::spread::{Deviations, Spread};
 use crate::strike::{FullChain, StrikeComparison};
 use crate::velocity::FittedVelocity;
@@ -30,6 +31,8 @@ pub struct ComparedBead {
     pub soundness: Soundness,
     /// The first difference of a replay, also of an echo.
     pub first_difference: Option<String>,
+    /// The first reason why a strike could not be replayed to its end, also an echo.
+    pub replay_incomplete: Option<String>,
     /// The first check that failed, gravest first.
     pub failure: Option<String>,
     /// The settings of the first strike that has any.
@@ -63,19 +66,24 @@ impl ComparedBead {
         };
         let truth = fitted.map_or(0.0, FittedVelocity::energy_uncertainty);
         let mut deviations = Deviations::within(truth);
-        let (mut drawn, mut recorded) = (false, received.strikes()?);
+        let (mut drawn, mut shapeless) = (false, 0);
+        let mut recorded = received.strikes()?;
         for strike in recorded.by_ref() {
-            let differs = &mut compared.first_difference;
+            shapeless += u64::from(strike.shape.is_none());
             if echoes.has(&strike) {
                 compared.echoes += 1;
-                *differs = differs.take().or_else(|| replay(&strike).first_difference);
+                let replay = replay(&strike);
+                compared.note_replay(replay.first_difference, replay.incomplete);
                 continue;
             }
             compared.count += 1;
             compared.settings = compared.settings.or(strike.settings);
             let mut comparison = chain.compare(&strike);
             deviations.push(&comparison.deviation);
-            *differs = differs.take().or_else(|| comparison.first_difference.clone());
+            compared.note_replay(
+                comparison.first_difference.clone(),
+                comparison.replay_incomplete.clone(),
+            );
             each(&strike, &mut comparison);
             if compared.strikes.len() < STRIKES_MOST {
                 // The curves of all would fill the memory.
@@ -88,9 +96,24 @@ impl ComparedBead {
             let strikes = compared.strikes.iter_mut();
             strikes.for_each(StrikeComparison::join_others);
         }
+        let unfinished = recorded.unfinished();
+        let unfinished = unfinished
+            .iter()
+            .filter(|window| !echoes.has_window(window))
+            .count() as u64;
         let frames = recorded.frames();
         compared.spread = deviations.spread();
         compared.soundness = Soundness::of(frames, compared.emulator.as_ref());
+        let of_run = |truth: RunTruth| unstruck(&truth, frames.sample_index);
+        let truth = received
+            .json::<RunTruth>(Part::Truth)?
+            .filter(|_| compared.count > 0);
+        compared.soundness.incomplete = received
+            .incomplete()
+            .or(compared.replay_incomplete.clone())
+            .or_else(|| lacks("shape", shapeless))
+            .or_else(|| lacks("result", unfinished))
+            .or_else(|| truth.and_then(of_run));
         let is_struck = compared.count > 0;
         let spread = if is_struck { &compared.spread[..] } else { &[] };
         compared.failure = failure(compared.first_difference.as_deref(), &compared.soundness, spread);
@@ -98,4 +121,29 @@ impl ComparedBead {
         (compared.identity, compared.status) = (frames.identity.clone(), frames.status);
         Ok(compared)
     }
+
+    fn note_replay(&mut self, differs: Option<String>, incomplete: Option<String>) {
+        self.first_difference = self.first_difference.take().or(differs);
+        self.replay_incomplete = self.replay_incomplete.take().or(incomplete);
+    }
+}
+
+/// A line where frames of this kind never came.
+fn lacks(frame: &str, strikes: u64) -> Option<String> {
+    (strikes > 0).then(|| format!("of {} the {frame} never came", count(strikes, "strike")))
+}
+
+/// A line where the recording ends before the emulated striker hit for the last time.
+fn unstruck(truth: &RunTruth, last_index: u64) -> Option<String> {
+    let missed = truth
+        .starts
+        .iter()
+        .filter(|start| **start > last_index as f64)
+        .count() as u64;
+    (missed > 0).then(|| {
+        format!(
+            "the last frame is of sample index {last_index}, and {} came after that",
+            count(missed, "strike")
+        )
+    })
 }

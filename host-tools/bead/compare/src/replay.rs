@@ -5,6 +5,31 @@ use bead_model::{Meter, Origin, Settings, Sink, Window, WindowRecord};
 use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
 
 use bead_recording::strikes::{RecordedStrike, ScanCodes, WindowChunk};
+use serde::Serialize;
+
+/// The result of a replay.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ReplayWord {
+    /// Everything that the bead sent came out bit for bit.
+    #[default]
+    Identical,
+    /// Samples or settings were not received, and what could be replayed came out bit for bit.
+    Incomplete,
+    /// Something came out otherwise.
+    Differs,
+}
+
+impl ReplayWord {
+    /// The word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Identical => "identical",
+            Self::Incomplete => "incomplete",
+            Self::Differs => "differs",
+        }
+    }
+}
 
 /// The replay of one strike.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,21 +38,41 @@ pub struct Replay {
     pub said: Option<Strike>,
     /// Estimates after every sample, A and B.
     pub energies: Vec<(Energy, Energy)>,
-    /// The first difference of device and replay; none if they agree in every bit.
+    /// The first difference of device and replay; none if they agree in every bit that was replayed.
     pub first_difference: Option<String>,
+    /// What kept it from being replayed to its end; none if nothing did.
+    pub incomplete: Option<String>,
 }
 
 impl Replay {
     /// True if replay gives everything that the bead sent, bit for bit.
     pub fn identical(&self) -> bool {
-        self.first_difference.is_none()
+        self.first_difference.is_none() && self.incomplete.is_none()
     }
 
-    fn impossible(why: String) -> Self {
+    /// The result in one word.
+    pub fn word(&self) -> ReplayWord {
+        match (&self.first_difference, &self.incomplete) {
+            (Some(_), _) => ReplayWord::Differs,
+            (None, Some(_)) => ReplayWord::Incomplete,
+            (None, None) => ReplayWord::Identical,
+        }
+    }
+
+    /// One line about what is wrong, `None` if they are identical.
+    pub fn failure(&self) -> Option<String> {
+        let differs = self.first_difference.as_ref();
+        let differs = differs.map(|what| format!("replay differs: {what}"));
+        let incomplete = || Some(format!("replay is incomplete: {}", self.incomplete.as_ref()?));
+        differs.or_else(incomplete)
+    }
+
+    fn incomplete(why: String) -> Self {
         Self {
             said: None,
             energies: Vec::new(),
-            first_difference: Some(why),
+            first_difference: None,
+            incomplete: Some(why),
         }
     }
 }
@@ -40,7 +85,7 @@ const INDEX_MOST: u64 = i64::MAX as u64;
 pub fn replay(strike: &RecordedStrike) -> Replay {
     let number = strike.said.strike;
     let Some(settings) = &strike.settings else {
-        return Replay::impossible(match strike.unreleased_settings {
+        return Replay::incomplete(match strike.unreleased_settings {
             Some(version) => format!(
                 "strike {number}: its settings block has version {version}, of a build before the first release; that \
                  build replays it"
@@ -53,18 +98,15 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     // The bead's code counts on from these.
     let indices = [strike.said.first_index, strike.said.trigger_index];
     if let Some(index) = indices.into_iter().find(|index| *index > INDEX_MOST) {
-        return Replay::impossible(format!(
-            "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
-             bead sent; record it again"
-        ));
-    }
-    if strike.missing() > 0 {
-        return Replay::impossible(format!(
-            "strike {number}: {} of its {} samples were not received, from sample index {} on",
-            strike.missing(),
-            strike.said.samples,
-            strike.said.first_index + strike.scans.len() as u64
-        ));
+        return Replay {
+            said: None,
+            energies: Vec::new(),
+            first_difference: Some(format!(
+                "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
+                 bead sent; record it again"
+            )),
+            incomplete: None,
+        };
     }
 
     let mut window = Window::open(number, strike.said.first_index);
@@ -76,6 +118,9 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
         let measured = window.absorbed_measured(settings);
         energies.push((measured, window.absorbed_predicted(settings)));
     }
+    if strike.missing() > 0 {
+        return cut(strike, energies);
+    }
     let (said, shape) = window.report(settings, &record);
     let first_difference = is_of_an_older_image(strike, &said, &shape)
         .or_else(|| differs_in_chunks(strike, &energies))
@@ -86,6 +131,27 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
         said: Some(said),
         energies,
         first_difference,
+        incomplete: None,
+    }
+}
+
+/// The replay of a strike with a gap, up to which these are its energies.
+fn cut(strike: &RecordedStrike, energies: Vec<(Energy, Energy)>) -> Replay {
+    let (number, missing, before) = (strike.said.strike, strike.missing(), energies.len());
+    let agree = match before {
+        0 => "nothing comes before it".to_owned(),
+        _ => format!("the {before} before it agree"),
+    };
+    let differs = differs_in_chunks(strike, &energies);
+    Replay {
+        said: None,
+        energies,
+        first_difference: differs.map(|what| format!("strike {number}: {what}")),
+        incomplete: Some(format!(
+            "strike {number}: {missing} of its {} samples were not received, the first at sample index {}; {agree}",
+            strike.said.samples,
+            strike.said.first_index + before as u64
+        )),
     }
 }
 
@@ -97,7 +163,7 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
     let mut before = 0;
     strike.chunks.iter().find_map(|chunk| {
         let agreed = std::mem::replace(&mut before, chunk.end);
-        let (measured, predicted) = energies[chunk.end - 1];
+        let (measured, predicted) = *energies.get(chunk.end - 1)?;
         let index = strike.said.first_index + chunk.end as u64 - 1;
         let both = [
             ("absorbed_measured", chunk.absorbed_measured, measured),
@@ -304,6 +370,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
 mod tests {
     use super::*;
     use crate::testing::{recorded_after, recorded_strike};
+    use bead_recording::strikes::ScansAfterGap;
     use bead_wire::{Body, Force, Fraction, Samples, Waveform};
 
     #[test]
@@ -394,7 +461,8 @@ mod tests {
     fn changed(change: impl Fn(&mut RecordedStrike)) -> String {
         let mut strike = recorded_strike();
         change(&mut strike);
-        replay(&strike).first_difference.unwrap()
+        let replay = replay(&strike);
+        replay.first_difference.or(replay.incomplete).unwrap()
     }
 
     #[test]
@@ -495,9 +563,42 @@ mod tests {
     }
 
     #[test]
-    fn missing_samples_and_settings_are_named() {
-        let what = changed(|strike| strike.scans.truncate(632));
-        assert!(what.contains("40 of its 672 samples"), "{what}");
-        assert!(changed(|strike| strike.settings = None).contains("no settings"));
+    fn missing_samples_and_settings_make_a_replay_incomplete_and_what_is_there_may_still_differ() {
+        let cut = |from: usize, change: fn(&mut RecordedStrike)| {
+            let mut strike = recorded_strike();
+            let after = strike.scans.split_off(from + 40);
+            strike.scans.truncate(from);
+            strike.chunks.retain(|chunk| chunk.end <= from);
+            let from = from + 40;
+            strike.after_gaps = vec![ScansAfterGap { from, scans: after }];
+            change(&mut strike);
+            replay(&strike)
+        };
+        let whole = |_: &mut RecordedStrike| {};
+        for (replay, word, part) in [
+            (
+                cut(632, whole),
+                ReplayWord::Incomplete,
+                "40 of its 672 samples were",
+            ),
+            (cut(400, whole), ReplayWord::Incomplete, "the 400 before it agree"),
+            (cut(0, whole), ReplayWord::Incomplete, "nothing comes before it"),
+            (
+                cut(400, |strike| strike.settings = None),
+                ReplayWord::Incomplete,
+                "no settings",
+            ),
+            (
+                cut(400, |strike| strike.scans[300].sensitive[1] ^= 0x40),
+                ReplayWord::Differs,
+                "absorbed_m",
+            ),
+        ] {
+            let what = replay.failure().unwrap();
+            assert!(
+                replay.word() == word && !replay.identical() && what.contains(part),
+                "{what}"
+            );
+        }
     }
 }

@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
 use crate::pictures::{residual_chart, strike_chart};
-use crate::replay::{Replay, replay};
+use crate::replay::{Replay, ReplayWord, replay};
 use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down};
 use crate::signal::{StrikeSignals, force_noise, least};
 use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
@@ -77,6 +77,11 @@ pub struct StrikeComparison {
     pub replay_identical: bool,
     /// Their first difference.
     pub first_difference: Option<String>,
+    /// What kept it from being replayed to its end.
+    pub replay_incomplete: Option<String>,
+    /// The result of the replay.
+    #[serde(skip)]
+    pub(crate) replay_word: ReplayWord,
     /// The result of f64 estimates from the same samples; none if samples are missing.
     pub f64_samples: Option<StrikeValues>,
     /// By the full chain.
@@ -306,6 +311,8 @@ impl FullChain {
             replay: replay.said.as_ref().map(StrikeValues::of),
             replay_identical: replay.identical(),
             first_difference: replay.first_difference.clone(),
+            replay_incomplete: replay.incomplete.clone(),
+            replay_word: replay.word(),
             f64_samples: None,
             f64_chain,
             deviation,

@@ -8,6 +8,7 @@ use bead_wire::{Counters, Identity, SettingsSource, Status};
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
 use crate::quantities::{QUANTITIES, StrikeQuantity, energy_unit};
+use crate::replay::ReplayWord;
 use crate::report::{
     Chapter, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Passage, Report, count, energy, percent,
     percent_within,
@@ -108,7 +109,11 @@ impl ComparedStrikes<'_> {
             let heading = format!("Strike {number}{}, sample {sample}", self.shown_as(at));
             let medium = if many { Medium::Page } else { Medium::Both };
             section = section.table(in_full(strike, unit).group(heading).on(medium));
-            let difference = strike.first_difference.clone();
+            let difference = strike
+                .first_difference
+                .as_ref()
+                .or(strike.replay_incomplete.as_ref());
+            let difference = difference.cloned();
             section = section.with(difference.map(Passage::Failure));
         }
         if !many {
@@ -130,7 +135,8 @@ impl ComparedStrikes<'_> {
     fn shown_as(&self, at: usize) -> &'static str {
         let many = self.compared.strikes.len() > IN_FULL;
         match &self.compared.strikes[at] {
-            strike if many && !strike.replay_identical => ", whose replay differs",
+            strike if many && strike.replay_word == ReplayWord::Differs => ", whose replay differs",
+            strike if many && !strike.replay_identical => ", whose replay is incomplete",
             _ if many && self.worst() == Some(at) => ", the furthest off",
             _ => "",
         }
@@ -157,8 +163,7 @@ impl ComparedStrikes<'_> {
     fn lines(&self) -> Grid {
         let line = |strike: &StrikeComparison| {
             let off = strike.deviation;
-            let is_same = strike.replay_identical;
-            let replay = if is_same { "identical" } else { "differs" };
+            let (is_same, replay) = (strike.replay_identical, strike.replay_word.name());
             vec![
                 strike.strike.to_string().into(),
                 strike.sample_index.to_string().into(),
@@ -287,8 +292,7 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
         |(_, quantity): &(usize, &StrikeQuantity)| quantity.has_four_sources() || strike.shape.is_some();
     let known = QUANTITIES.iter().enumerate().filter(is_known);
     let mut rows: Vec<_> = known.map(row).collect();
-    let is_same = strike.replay_identical;
-    let replay = GridCell::judged(if is_same { "identical" } else { "differ" }, Some(is_same));
+    let replay = GridCell::judged(strike.replay_word.name(), Some(strike.replay_identical));
     rows.insert(3, vec!["bits of device and replay".into(), replay]);
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);

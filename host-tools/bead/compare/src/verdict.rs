@@ -13,7 +13,7 @@ use crate::spread::Spread;
 use crate::strike::FullChain;
 use bead_recording::file::Pieces;
 use bead_recording::received::LastSaid;
-use bead_recording::strikes::RecordedStrike;
+use bead_recording::strikes::{RecordedStrike, UnfinishedWindow};
 
 /// Separates strikes from their echoes: waves that come again after a strike's window, as beads that parted
 /// meet again. The simulation of a strike does not hold for an echo.
@@ -48,16 +48,39 @@ impl Echoes {
 
     /// True if the next strike of the recording is an echo.
     pub fn has(&mut self, strike: &RecordedStrike) -> bool {
-        // After a reset the indices begin anew and do not tell which strike it was.
-        let truth = self.truth.as_ref().filter(|_| strike.nth_boot.unwrap_or(0) == 0);
-        let trigger_index = strike.said.trigger_index;
-        let now = LastStrike {
-            boot: (strike.boot, strike.nth_boot),
+        let boot = (strike.boot, strike.nth_boot);
+        let now = self.strike(boot, strike.said.trigger_index);
+        let is_echo = self.is_again(strike.address, now, strike.rate());
+        if !is_echo {
+            self.last.insert(strike.address, now);
+        }
+        is_echo
+    }
+
+    /// True if a window after the last strike of the recording, whose result never came, is of an echo.
+    pub(crate) fn has_window(&self, window: &UnfinishedWindow) -> bool {
+        let now = self.strike(window.boot, window.first_index);
+        self.is_again(window.address, now, Some(SAMPLE_RATE_HZ))
+    }
+
+    fn strike(&self, boot: (u8, Option<usize>), trigger_index: u64) -> LastStrike {
+        LastStrike {
+            boot,
             trigger_index,
-            begun: truth.and_then(|truth| truth.begun(trigger_index)),
-        };
+            begun: self.truth_of(boot).and_then(|truth| truth.begun(trigger_index)),
+        }
+    }
+
+    /// The truth. After a reset the indices begin anew and do not tell which strike it was.
+    fn truth_of(&self, (_, nth): (u8, Option<usize>)) -> Option<&RunTruth> {
+        self.truth.as_ref().filter(|_| nth.unwrap_or(0) == 0)
+    }
+
+    /// True if this is an echo of the last strike.
+    fn is_again(&self, address: u8, now: LastStrike, rate: Option<u32>) -> bool {
+        let truth = self.truth_of(now.boot);
         let is_soon = |last: &LastStrike| {
-            let samples = trigger_index.checked_sub(last.trigger_index).zip(strike.rate());
+            let samples = now.trigger_index.checked_sub(last.trigger_index).zip(rate);
             samples.is_some_and(|(samples, rate)| (samples as f64) < self.lasts * f64::from(rate))
         };
         let is_again = |last: &&LastStrike| match truth {
@@ -67,11 +90,7 @@ impl Echoes {
             // A waveform that was played may hold several strikes.
             Some(truth) => truth.stimulus.is_none() || is_soon(last),
         };
-        let is_echo = self.last.get(&strike.address).filter(is_again).is_some();
-        if !is_echo {
-            self.last.insert(strike.address, now);
-        }
-        is_echo
+        self.last.get(&address).filter(is_again).is_some()
     }
 }
 
@@ -127,8 +146,10 @@ fn held(solution: &Solution, bead: usize, time: f64) -> Option<f64> {
 const BUSY_MOST: f64 = 0.75;
 
 /// The checks of the run as a whole.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Soundness {
+    /// What of the recording is missing, in one line; none if all of it is there.
+    pub incomplete: Option<String>,
     /// Frames lost.
     pub lost: u64,
     /// Runs of bytes that are no frame.
@@ -149,6 +170,7 @@ impl Soundness {
             Some((total, emulator.instructions_available))
         };
         Self {
+            incomplete: None,
             lost: counters.lost,
             corrupt: counters.rejected.total(),
             overruns: emulator.map_or(reported, |emulator| emulator.overruns.max(reported)),
@@ -164,15 +186,24 @@ impl Soundness {
             ("overruns", self.overruns),
         ];
         let counts = counts.map(|(name, count)| (name, count.to_string(), "0".to_owned(), count == 0));
+        let whole = match self.incomplete {
+            Some(_) => "incomplete",
+            None => "whole",
+        };
+        let is_whole = self.incomplete.is_none();
+        let whole = ("recording", whole.to_owned(), "whole".to_owned(), is_whole);
         let cost = self.instructions.map(|(total, available)| {
             let (most, name) = (BUSY_MOST * available, "instructions a sample");
             (name, format!("{total:.1}"), format!("{most:.1}"), total <= most)
         });
-        counts.into_iter().chain(cost).collect()
+        [whole].into_iter().chain(counts).chain(cost).collect()
     }
 
     /// The first check that failed, gravest first.
     fn failure(&self) -> Option<String> {
+        if let Some(what) = &self.incomplete {
+            return Some(format!("incomplete: {what}"));
+        }
         if self.lost + self.corrupt > 0 {
             let lost = count(self.lost, "frame");
             return Some(format!("{lost} lost and {} corrupt", self.corrupt));

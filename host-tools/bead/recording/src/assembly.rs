@@ -74,6 +74,17 @@ pub struct FetchedCopy {
     pub before: StrikeParts,
 }
 
+/// A window whose result never came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnfinishedWindow {
+    /// Address of its bead.
+    pub address: u8,
+    /// Low byte of its boot, and number of the boot among those that were received.
+    pub boot: (u8, Option<usize>),
+    /// Sample index of the first sample that is known of it.
+    pub first_index: u64,
+}
+
 /// Parts of a strike that came.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StrikeParts {
@@ -149,6 +160,26 @@ impl Assembly {
             bead.end_boot(&mut events);
         }
         events
+    }
+
+    /// The first samples of the windows that wait for their result.
+    pub fn unfinished(&self) -> Vec<UnfinishedWindow> {
+        let of = |(address, bead): (&u8, &BeadFrames)| {
+            let (address, boot) = (*address, (bead.boot, Some(bead.restarts)));
+            let waiting = bead.pending.values().filter(|pending| pending.result.is_none());
+            let first = waiting.filter_map(|pending| {
+                let shape = pending.shape.map(|shape| shape.first_index);
+                let scans = pending.waveforms.iter().map(|waveform| waveform.first_index);
+                scans.chain(shape).min()
+            });
+            let window = |first_index| UnfinishedWindow {
+                address,
+                boot,
+                first_index,
+            };
+            first.map(window).collect::<Vec<_>>()
+        };
+        self.beads.iter().flat_map(of).collect()
     }
 
     /// True if every part of a strike came. It is named by the address of its bead, the low byte of its boot,
@@ -402,9 +433,11 @@ impl BeadFrames {
         strike.shape = pending.shape;
         strike.settings = self.settings_before(number);
         strike.unreleased_settings = self.unreleased_settings;
-        for waveform in pending.window(strike.said.first_index) {
-            strike.push(waveform);
-        }
+        pending.waveforms.sort_by_key(|waveform| waveform.first_index);
+        pending
+            .waveforms
+            .iter()
+            .for_each(|waveform| strike.place(waveform));
         let is_whole = strike.missing() == 0 && strike.shape.is_some();
         let said = &strike.said;
         let entry = self.register.entry(self.boot, said.strike, said.first_index);

@@ -97,6 +97,8 @@ pub struct LastSaid<I> {
     pub identity: Option<Identity>,
     /// The last status so far.
     pub status: Option<Status>,
+    /// Sample index of the last frame so far.
+    pub sample_index: u64,
     /// The last status of every boot so far.
     pub statuses: LastStatuses,
     /// See [`Frame::from_the_future`].
@@ -110,6 +112,7 @@ impl<I: Iterator<Item = Piece>> LastSaid<I> {
             frames,
             identity: None,
             status: None,
+            sample_index: 0,
             statuses: LastStatuses::default(),
             from_the_future: None,
         }
@@ -128,6 +131,7 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
         let frame = self.frames.by_ref().find_map(Item::frame)?;
         self.from_the_future = frame.from_the_future().or(self.from_the_future.take());
         self.statuses.push(&frame);
+        self.sample_index = frame.header.sample_index;
         match &frame.message {
             Message::Identity(identity) => self.identity = Some(identity.clone()),
             Message::Status(status) => self.status = Some(*status),

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use bead_wire::{Arrival, Message};
 
-use crate::file::{About, Finished, Recording, RecordingError, RecordingWriter, State};
+use crate::file::{
+    About, CUT_IN_INDEX, Finished, RECOVERED_FROM, Recording, RecordingError, RecordingWriter, State, WHOLE,
+};
 use crate::frames::Item;
 use crate::raw;
 use bead_tables::whole::Target;
@@ -69,19 +71,19 @@ impl OpenStrikes {
 /// The old file cannot be read, or the new one cannot be written.
 pub fn recover(recording: &Recording, target: &Target) -> Result<Recovered, RecordingError> {
     let (how, found) = match &recording.state {
-        State::Whole => ("whole".to_owned(), "nothing is wrong with it".to_owned()),
+        State::Whole => (WHOLE.to_owned(), "nothing is wrong with it".to_owned()),
         State::CutShort { runs_whole } => {
-            let found = if *runs_whole {
-                "it is cut in its index, behind the last frame"
+            let (how, found) = if *runs_whole {
+                (CUT_IN_INDEX, "it is cut in its index, behind the last frame")
             } else {
-                "it is cut short: what was received last is missing"
+                ("cut short", "it is cut short: what was received last is missing")
             };
-            ("cut short".to_owned(), found.to_owned())
+            (how.to_owned(), found.to_owned())
         }
         State::Damaged(damage) => (damage.to_string(), damage.to_string()),
     };
     let mut about = About::clone(&recording.about);
-    about.notes.insert("recovered_from".into(), how);
+    about.notes.insert(RECOVERED_FROM.into(), how);
     let mut open = OpenStrikes::default();
     let several = !recording.beads.is_empty();
     let writer = if several {

@@ -33,6 +33,15 @@ impl ScanCodes {
     }
 }
 
+/// Codes of a window behind a gap, up to the next one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ScansAfterGap {
+    /// Sample of the window of the first of them.
+    pub from: usize,
+    /// The codes.
+    pub scans: Vec<ScanCodes>,
+}
+
 /// A strike as it was received.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedStrike {
@@ -55,7 +64,9 @@ pub struct RecordedStrike {
     pub shape: Option<Shape>,
     /// Codes of the window from its start up to the first gap.
     pub scans: Vec<ScanCodes>,
-    /// The chunks that the codes came in.
+    /// Codes of the window behind that gap, ascending. No estimate can be computed from them.
+    pub after_gaps: Vec<ScansAfterGap>,
+    /// The chunks that the codes before the first gap came in.
     pub chunks: Vec<WindowChunk>,
     /// The settings in force, if any were received.
     pub settings: Option<Settings>,
@@ -76,6 +87,7 @@ impl RecordedStrike {
             said,
             shape: None,
             scans: Vec::new(),
+            after_gaps: Vec::new(),
             chunks: Vec::new(),
             settings: None,
             unreleased_settings: None,
@@ -88,9 +100,55 @@ impl RecordedStrike {
         self.sample_rate_hz.or(of_settings).filter(|rate| *rate > 0)
     }
 
-    /// Number of samples of the window that were not received, or came after a gap.
+    /// Number of samples of the window that were received.
+    pub fn received(&self) -> usize {
+        let after = self.after_gaps.iter().map(|after| after.scans.len());
+        self.scans.len() + after.sum::<usize>()
+    }
+
+    /// Number of samples of the window that were not received.
     pub fn missing(&self) -> usize {
-        usize::from(self.said.samples).saturating_sub(self.scans.len())
+        usize::from(self.said.samples).saturating_sub(self.received())
+    }
+
+    /// The samples of the window up to the last that was received; `None` in a gap.
+    pub fn samples(&self) -> impl Iterator<Item = Option<&ScanCodes>> {
+        let mut end = self.scans.len();
+        let after = self.after_gaps.iter().flat_map(move |after| {
+            let gap = after.from - end;
+            end = after.from + after.scans.len();
+            std::iter::repeat_n(None, gap).chain(after.scans.iter().map(Some))
+        });
+        self.scans.iter().map(Some).chain(after)
+    }
+
+    /// Takes the samples of a waveform frame at their place. The frames must come in the order of their first
+    /// samples. One whose samples are here already, or are behind the window, is ignored.
+    pub(crate) fn place(&mut self, waveform: &Waveform) {
+        let end = match self.after_gaps.last() {
+            Some(after) => after.from + after.scans.len(),
+            None => self.scans.len(),
+        };
+        let from = waveform.first_index.checked_sub(self.said.first_index);
+        let Some(from) = from.and_then(|from| usize::try_from(from).ok()) else {
+            return;
+        };
+        if from == end && self.after_gaps.is_empty() {
+            return self.push(waveform);
+        }
+        let is_within = from.saturating_add(waveform.codes.len()) <= usize::from(self.said.samples);
+        if waveform.codes.is_empty() || !is_within {
+            return;
+        }
+        match self.after_gaps.last_mut() {
+            Some(after) if from == end => push_scans(&mut after.scans, waveform),
+            _ if from > end => {
+                let mut scans = Vec::new();
+                push_scans(&mut scans, waveform);
+                self.after_gaps.push(ScansAfterGap { from, scans });
+            }
+            _ => {}
+        }
     }
 
     /// Appends the samples of a waveform frame. A frame without samples, which no bead sends, is ignored.

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use bead_model::settings::Settings;
 use bead_wire::{Arrival, Message};
 
+pub use crate::assembly::UnfinishedWindow;
 use crate::assembly::{Assembly, Event};
 use crate::fetched::FetchedFrames;
 use crate::frames::Frame;
-pub use crate::strike::{RecordedStrike, ScanCodes, WindowChunk};
+pub use crate::strike::{RecordedStrike, ScanCodes, ScansAfterGap, WindowChunk};
 
 /// Settings that beads were given, by address, for boots whose settings frames are all lost; `None` stands
 /// for all other beads.
@@ -88,6 +89,12 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             fetched: fetched.into(),
             ..self
         }
+    }
+
+    /// The windows after the last strike that was handed on, of which the result never came. They are known
+    /// when all frames were read.
+    pub fn unfinished(&self) -> Vec<UnfinishedWindow> {
+        self.assembly.unfinished()
     }
 
     /// The frames that are still to come.

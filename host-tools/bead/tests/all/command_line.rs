@@ -11,6 +11,7 @@ use crate::program::{
 };
 use crate::recover::old_bytes;
 use crate::rows::{ModelBead, record};
+use bead_recording::file::Recording;
 use clap::CommandFactory;
 use hertz_chain::Scenario;
 use serde_json::Value;
@@ -104,10 +105,48 @@ fn a_recorded_strike_compares_with_a_page_and_figures_and_another_does_not() {
     (lossy.synced, lossy.frames_lost) = (false, 10);
     record(&folder.join("lossy.mcap"), &scenario, &[lossy], 1);
     let replayed = folder.run("replay lossy.mcap");
-    refused(&replayed, 1, "replay differs");
-    let part = "of its 672 samples were not received, from sample index";
+    refused(&replayed, 1, "replay is incomplete: strike 0");
+    let part = "of its 672 samples were not received, the first at sample index";
     assert_says(&said(&replayed), part);
-    folder.refused("compare lossy.mcap", 1, "replay differs");
+    folder.refused("compare lossy.mcap", 1, "incomplete: strike 0");
+}
+
+#[test]
+fn a_recording_that_was_cut_short_is_no_pass_though_the_strikes_in_it_are_whole() {
+    let folder = TestFolder::new();
+    let scenario = Scenario::paper();
+    record(&folder.join("whole.mcap"), &scenario, &[ModelBead::at(8)], 2);
+    folder.done("compare whole.mcap");
+    let file = folder.read("whole.mcap");
+    let recording = Recording::open(&folder.join("whole.mcap")).unwrap();
+    let runs: Vec<_> = recording.pieces().unwrap().map(|piece| piece.bytes).collect();
+    // In the middle of the second window.
+    let kept = runs.len() * 3 / 4;
+    let run = &runs[kept][..runs[kept].len() - 1];
+    let cut = file.windows(run.len()).position(|bytes| bytes == run).unwrap();
+    folder.write("cut.mcap", &file[..cut]);
+    folder.done("recover cut.mcap --out recovered.mcap");
+    folder.write("raw.bin", runs[..kept].concat());
+    folder.done("recover raw.bin --out ended.mcap");
+    folder.write("paper.toml", scenario.to_toml());
+    for (line, part) in [
+        ("cut.mcap", "incomplete: the recording is cut short"),
+        (
+            "recovered.mcap",
+            "incomplete: it was recovered from a recording that lacks something: cut short",
+        ),
+        (
+            "ended.mcap --scenario paper.toml --bead 8",
+            "incomplete: of 1 strike the result never came",
+        ),
+    ] {
+        let compared = folder.run(&format!("compare {line}"));
+        assert_eq!(compared.status.code(), Some(1), "{line}");
+        assert_says(&said(&compared), part);
+    }
+    // An index that is cut costs nothing.
+    folder.write("index.mcap", &file[..file.len() - 20]);
+    folder.done("compare index.mcap");
 }
 
 #[test]

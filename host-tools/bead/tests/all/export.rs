@@ -7,12 +7,14 @@ use std::path::Path;
 use crate::channels::record_again;
 use crate::program::{TestFolder, assert_says, done, python, said};
 use crate::recover::old_bytes;
+use crate::rows::{ModelBead, record};
 use bead_recording::file::{About, Recording, RecordingWriter};
 use bead_recording::frames::{Item, decode};
 use bead_recording::signal::Signal;
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tables::whole::Target;
 use bead_wire::Message;
+use hertz_chain::Scenario;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::{Value, json};
@@ -250,4 +252,33 @@ fn pandas_polars_xarray_pyuff_and_mcap_read_the_same_bits() {
         print!("{printed}");
         assert_eq!(printed.lines().count(), 7);
     }
+}
+
+#[test]
+fn a_window_without_its_first_frames_is_exported_with_the_gap_as_null_and_what_came_is_counted() {
+    let folder = TestFolder::new();
+    let scenario = Scenario::paper();
+    let bead = |frames_lost| ModelBead {
+        bead: 8,
+        frames_lost,
+        ..ModelBead::default()
+    };
+    record(&folder.join("whole.mcap"), &scenario, &[bead(0)], 1);
+    record(&folder.join("lossy.mcap"), &scenario, &[bead(1)], 1);
+    let [whole, lossy] = ["whole", "lossy"].map(|name| {
+        folder.done(&format!("export {name}.mcap --out {name} --format csv"));
+        let column = |table: &str, column| csv(&folder.join(format!("{name}/{table}.csv")), column);
+        let received = column("strikes", "samples_received")[0].parse().unwrap();
+        (
+            received,
+            column("samples", "sample_index"),
+            column("samples", "force_code"),
+        )
+    });
+    let first = 672usize.strict_sub(lossy.0);
+    assert!((1..100).contains(&first) && whole.0 == 672, "{first}");
+    // A row each, also of those that were lost, at the same index.
+    assert_eq!(lossy.1, whole.1);
+    assert!(lossy.2[..first].iter().all(String::is_empty));
+    assert_eq!(lossy.2[first..], whole.2[first..]);
 }

@@ -108,6 +108,8 @@ pub struct BeadOfRow {
     pub replay_identical: Option<bool>,
     /// The first difference of a replay.
     pub first_difference: Option<String>,
+    /// What of its frames is missing.
+    pub incomplete: Option<String>,
     /// Frames lost.
     pub frames_lost: u64,
     /// Runs of bytes that are no frame.
@@ -166,6 +168,7 @@ impl RowBead {
         };
         let compared = ComparedBead::read(received, &chain, echoes, fitted, each)?;
         let (soundness, count, truth) = (compared.soundness, compared.count, chain.truth);
+        let is_same = compared.first_difference.is_none() && compared.replay_incomplete.is_none();
         let [peak_force, width, incident, measured, predicted] = &all;
         let of_row = BeadOfRow {
             bead: *bead,
@@ -180,8 +183,9 @@ impl RowBead {
             later_wave: felt.iter().find_map(|felt: &FeltStrike| felt.later),
             spread: compared.spread.into_iter().filter(|_| count > 0).collect(),
             flags: flags.into_iter().collect(),
-            replay_identical: (count > 0).then_some(compared.first_difference.is_none()),
+            replay_identical: (count > 0).then_some(is_same),
             first_difference: compared.first_difference,
+            incomplete: soundness.incomplete,
             frames_lost: soundness.lost,
             frames_corrupt: soundness.corrupt,
             overruns: soundness.overruns,

@@ -116,7 +116,11 @@ impl ComparedRow<'_> {
             .line(rms.map(|rms| format!("arrivals are off by {:.3} µs rms", rms * 1e6)))
             .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")));
         for bead in &compared.beads {
-            let difference = bead.first_difference.clone();
+            let difference = bead
+                .first_difference
+                .as_ref()
+                .or(bead.incomplete.as_ref())
+                .cloned();
             section = section.with(difference.map(Passage::Failure));
             if !bead.flags.is_empty() {
                 section = section.text(format!("Bead {} has flags: {}", bead.bead, bead.flags.join(", ")));

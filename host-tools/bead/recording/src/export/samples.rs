@@ -1,5 +1,7 @@
 //! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in
-//! SI units by the bead's own code ([`Signal`]); the codes stand beside it.
+//! SI units by the bead's own code ([`Signal`]); the codes stand beside it. A sample that was not received has
+//! a row with neither, up to the last one that was; behind it the codes stand alone, as that code needs what is
+//! missing.
 
 use std::sync::Arc;
 
@@ -42,17 +44,17 @@ pub fn rows<'a>(
         .and_then(|settings| Signal::of(&strike.scans, &settings));
     let rate = strike.rate().map(f64::from);
     let (recording, said) = (Arc::clone(recording), &strike.said);
-    (0u64..).zip(&strike.scans).map(move |(sample, scan)| {
+    (0u64..).zip(strike.samples()).map(move |(sample, scan)| {
         let index = said.first_index.saturating_add(sample);
         let from_trigger = index as f64 - said.trigger_index as f64;
         let value = |of: fn(&Signal) -> &[f64]| {
             let values = signal.as_ref().map(of);
             Cell::number(values.and_then(|values| values.get(sample as usize).copied()))
         };
-        let [force, acceleration] = scan.sensitive.map(Cell::whole);
-        let [wide_force, wide_acceleration] = scan
-            .wide
-            .map_or([Cell::Null, Cell::Null], |wide| wide.map(Cell::whole));
+        let codes =
+            |codes: Option<[u16; 2]>| codes.map_or([Cell::Null, Cell::Null], |codes| codes.map(Cell::whole));
+        let [force, acceleration] = codes(scan.map(|scan| scan.sensitive));
+        let [wide_force, wide_acceleration] = codes(scan.and_then(|scan| scan.wide));
         vec![
             Cell::whole(id),
             Cell::Text(Arc::clone(&recording)),

@@ -49,7 +49,7 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
         ),
         whole("received_unix_ns", strike.and_then(|strike| strike.received_ns)),
         whole("sample_rate_hz", rate.map(u64::from)),
-        whole("samples_received", strike.map(|strike| strike.scans.len() as u64)),
+        whole("samples_received", strike.map(|strike| strike.received() as u64)),
     ];
     let said = strike.map(|strike| &strike.said as &dyn Fields);
     walk(Strike::FIELDS, said, "", rate, &mut cells);

@@ -50,6 +50,7 @@ mod writer;
 
 pub use about::{About, Part, RecordedBead, RecordingOrigin};
 pub use error::RecordingError;
+pub(crate) use read::{CUT_IN_INDEX, RECOVERED_FROM, WHOLE};
 pub use read::{Pieces, Recording};
 pub use records::{Damage, State};
 pub use writer::{BeadIndex, Finished, RecordingWriter};

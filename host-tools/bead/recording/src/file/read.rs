@@ -13,6 +13,13 @@ use crate::file::error::RecordingError;
 use crate::file::records::{Records, State};
 use crate::frames::{Frames, Item, Piece};
 use crate::strikes::{FetchedNames, StrikeName};
+use bead_tables::printable::one_line;
+
+/// The note in a recovered recording that says in which state the file was that it comes from: one of these, or
+/// what was lost.
+pub(crate) const RECOVERED_FROM: &str = "recovered_from";
+pub(crate) const WHOLE: &str = "whole";
+pub(crate) const CUT_IN_INDEX: &str = "cut short in its index";
 
 /// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -150,6 +157,28 @@ impl Recording {
     /// The file cannot be read.
     pub fn frames(&self) -> Result<Frames<Pieces>, RecordingError> {
         self.pieces().map(Frames::new)
+    }
+
+    /// What is not there of what was recorded, in one line: of this file, or of the one that it was recovered
+    /// from. `None` if all runs are there.
+    pub fn incomplete(&self) -> Option<String> {
+        let runs = self.runs;
+        match &self.state {
+            State::CutShort { runs_whole: false } => Some(format!(
+                "the recording is cut short, and what came after its {runs} frames is gone"
+            )),
+            State::Damaged(what) => Some(format!("the recording is damaged ({what})")),
+            State::Whole | State::CutShort { .. } => {
+                let how = self.about.notes.get(RECOVERED_FROM)?;
+                let lacks = how != WHOLE && how != CUT_IN_INDEX;
+                lacks.then(|| {
+                    format!(
+                        "it was recovered from a recording that lacks something: {}",
+                        one_line(how)
+                    )
+                })
+            }
+        }
     }
 
     /// One line that says what is missing, `None` for a whole recording.

@@ -35,6 +35,8 @@ pub(crate) struct CompareReport<'a> {
     instructions_per_sample: Option<f64>,
     pass: bool,
     failure: Option<&'a str>,
+    /// What of the recording is missing.
+    incomplete: Option<&'a str>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -145,6 +147,7 @@ fn compare(
         instructions_per_sample: soundness.instructions.map(|(total, _)| total),
         pass: compared.failure.is_none(),
         failure: compared.failure.as_deref(),
+        incomplete: soundness.incomplete.as_deref(),
     };
     publish(arguments.format, page.as_ref(), &report.report(), &result)?;
     given.end(compared.failure.clone())

@@ -78,8 +78,7 @@ pub(super) fn run(
         note!("the two have little in common: is it the same strike? --strike and --read strike=N choose");
     }
 
-    let differs = replay(&strike).first_difference;
-    let failure = differs.map(|what| format!("replay differs: {what}"));
+    let failure = replay(&strike).failure();
     let sha256 = sha256_of(reference)?;
     let stimulus = truth.and_then(|truth| truth.stimulus);
     let was_played = stimulus.map(|file| file.sha256 == sha256);

@@ -56,8 +56,8 @@ acceleration_noise and pole; [clock] has ppm (of each crystal), spread, start_sp
 and pace, the seconds of the bead's time in one of this computer's for --listen. docs/front-end.md and \
 docs/time.md explain them.
 
-Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay \
-differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
+Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen or leaves the \
+range of a sensor, or replay differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
 counted, or replay differs.
 
 Examples:
@@ -261,7 +261,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (Some(_), [one]) => output::print(arguments.format, &one.report, || table(&one.report))?,
         (_, beads) => output::print(arguments.format, &result, || table_of_several(beads))?,
     }
-    result.beads.iter().for_each(note_ranges);
     recorded.transpose()?;
     failures.into_iter().next().map_or(Ok(()), Err)
 }
@@ -274,20 +273,6 @@ pub(crate) struct SeveralBeads {
 
 const WIDER_RANGES: &str =
     "write sensors = \"strong\" under [front_end] of the scenario, or give wider spans there";
-
-/// Prints a note for each sensor whose range a strike left: the estimates are then too low.
-fn note_ranges(of: &EmulatedBead) {
-    for (flag, sensor) in [("force_railed", "force"), ("acceleration_railed", "acceleration")] {
-        if let Some(strike) = of.report.measured().find(|strike| strike.flags.contains(&flag)) {
-            note!(
-                "bead {}: the strike at sample {} leaves the range of the {sensor} at the low gain, so what is measured of it \
-                 is too low; {WIDER_RANGES}",
-                of.bead,
-                strike.sample_index
-            );
-        }
-    }
-}
 
 fn listen(bench: &BenchOfRun<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;

@@ -99,7 +99,7 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
         ]);
     }
     let flags = strike.flags.join(", ");
-    row.push(output::either(strike.replay_identical, "identical", "differs"));
+    row.push(strike.replay.name().to_owned());
     row.push(output::either(flags.is_empty(), DASH, &flags));
     row
 }

@@ -127,7 +127,7 @@ impl Tally<'_> {
             for strike in strikes.by_ref() {
                 if write(self.strikes, &name, &strike)? {
                     self.strikes += 1;
-                    self.samples += strike.scans.len() as u64;
+                    self.samples += strike.received() as u64;
                     self.without_settings += u64::from(strike.settings.is_none());
                 } else {
                     self.left_out += 1;

@@ -1,13 +1,14 @@
 //! `bead replay`: the recorded samples through the bead's own fixed-point code.
 
 use crate::cli::commands::prelude::*;
-use bead_compare::replay::replay;
+use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 
 const AFTER_HELP: &str = "\
 Every energy of every chunk and every field of every strike is compared bit for bit, and the strike detector \
 must fire at the same sample. Exit status 1 if anything differs; the first difference is told in SI units \
-and in bits, with what it usually means. Of more than 100 000 strikes the first are shown, and those that \
+and in bits, with what it usually means. A strike of which samples were lost is replayed up to the first of \
+them and is \"incomplete\": exit status 1, too. Of more than 100 000 strikes the first are shown, and those that \
 differ.
 
 Example:
@@ -29,9 +30,11 @@ pub(crate) struct ReplayReport {
     identical: bool,
     strikes: Vec<ReplayedStrike>,
     strikes_differ: u64,
+    strikes_incomplete: u64,
     strikes_left_out: u64,
+    /// The first difference, or else the first reason why a strike could not be replayed to its end.
     #[serde(skip)]
-    first_difference: Option<String>,
+    failure: Option<String>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -40,10 +43,17 @@ struct ReplayedStrike {
     bead: u8,
     strike: u32,
     sample_index: u64,
+    /// Samples of it that were received.
     samples: usize,
     chunks: usize,
     identical: bool,
+    /// In one word.
+    replay: ReplayWord,
     first_difference: Option<String>,
+    /// What kept it from being replayed to its end.
+    incomplete: Option<String>,
+    #[serde(skip)]
+    failure: Option<String>,
 }
 
 /// Number of strikes that are shown, and of strikes beyond these that differ.
@@ -52,10 +62,16 @@ const DIFFER_MOST: u64 = 1000;
 
 impl ReplayReport {
     fn push(&mut self, strike: ReplayedStrike) {
-        self.strikes_differ += u64::from(!strike.identical);
-        if self.first_difference.is_none() {
-            self.first_difference = strike.first_difference.clone();
+        let differs = strike.replay == ReplayWord::Differs;
+        if self.failure.is_none() || (differs && self.strikes_differ == 0) {
+            self.failure = self
+                .failure
+                .take()
+                .filter(|_| !differs)
+                .or(strike.failure.clone());
         }
+        self.strikes_differ += u64::from(differs);
+        self.strikes_incomplete += u64::from(strike.replay == ReplayWord::Incomplete);
         let shown = self.strikes.len() as u64;
         if shown < SHOWN_MOST || (!strike.identical && shown < SHOWN_MOST + DIFFER_MOST) {
             self.strikes.push(strike);
@@ -72,7 +88,7 @@ impl ReplayReport {
                 strike.sample_index.to_string(),
                 strike.samples.to_string(),
                 strike.chunks.to_string(),
-                output::either(strike.identical, "identical", "differs"),
+                strike.replay.name().to_owned(),
             ]
         });
         let table = output::table("bead | strike | sample index | samples | chunks | replay", rows);
@@ -81,8 +97,8 @@ impl ReplayReport {
         }
         let left_out = count(self.strikes_left_out, "strike");
         format!(
-            "{table}\n\n{left_out} more not shown; {} of all strikes differ",
-            self.strikes_differ
+            "{table}\n\n{left_out} more not shown; {} of all strikes differ, {} are incomplete",
+            self.strikes_differ, self.strikes_incomplete
         )
     }
 }
@@ -97,20 +113,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             bead: strike.address,
             strike: strike.said.strike,
             sample_index: strike.said.trigger_index,
-            samples: strike.scans.len(),
+            samples: strike.received(),
             chunks: strike.chunks.len(),
             identical: replay.identical(),
+            replay: replay.word(),
+            failure: replay.failure(),
             first_difference: replay.first_difference,
+            incomplete: replay.incomplete,
         });
     }
     if report.strikes.is_empty() {
         return Err(received.no_strike(recorded.frames()).into());
     }
-    report.identical = report.strikes_differ == 0;
+    report.identical = report.failure.is_none();
     output::print(arguments.format, &report, || report.table())?;
-    match report.first_difference {
+    match report.failure {
         None => Ok(()),
-        Some(what) => bail!(Verdict, "replay differs: {what}"),
+        Some(what) => bail!(Verdict, "{what}"),
     }
 }
 
@@ -122,6 +141,11 @@ mod tests {
     fn of_many_strikes_the_first_and_those_that_differ_are_shown_and_all_are_counted() {
         let mut shown = ReplayReport::default();
         let last = SHOWN_MOST as u32 + 5000;
+        let output_of = |number| match number {
+            _ if number <= last - 2000 => ReplayWord::Identical,
+            _ if number < last - 1997 => ReplayWord::Incomplete,
+            _ => ReplayWord::Differs,
+        };
         for number in 0..last {
             let differs = number > last - 2000;
             shown.push(ReplayedStrike {
@@ -131,7 +155,10 @@ mod tests {
                 samples: 672,
                 chunks: 17,
                 identical: !differs,
-                first_difference: differs.then(|| format!("strike {number}")),
+                replay: output_of(number),
+                failure: differs.then(|| format!("strike {number}")),
+                first_difference: None,
+                incomplete: None,
             });
         }
         assert_eq!(shown.strikes.len() as u64, SHOWN_MOST + DIFFER_MOST);
@@ -139,7 +166,8 @@ mod tests {
             shown.strikes.len() as u64 + shown.strikes_left_out,
             u64::from(last)
         );
-        assert_eq!(shown.strikes_differ, 1999);
-        assert_eq!(shown.first_difference, Some(format!("strike {}", last - 1999)));
+        assert_eq!((shown.strikes_differ, shown.strikes_incomplete), (1997, 2));
+        // A difference is graver than a gap before it.
+        assert_eq!(shown.failure, Some(format!("strike {}", last - 1997)));
     }
 }
