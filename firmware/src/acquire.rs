@@ -25,8 +25,8 @@ use bead_wire::FaultCause;
 
 use crate::board::BEAD;
 use crate::converter::{Converter, Lost, Scanning};
+use crate::handover;
 use crate::sample_clock::SampleClock;
-use crate::{handover, supply};
 
 /// Five blocks: much more than any delay of a running acquisition, and few samples lost if it has stopped.
 const DEADLINE: Duration = Duration::from_micros(5 * BLOCK_US as u64);
@@ -57,10 +57,7 @@ pub(crate) async fn acquire(mut converter: Converter, mut clock: SampleClock) ->
 async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut Outlet) -> &'static str {
     const LATE: &str = "a block was not taken in time";
     let (adc, channels) = converter.parts();
-    let mut adc = Adc::new(adc);
-    let supply_mv = supply::measure(&mut adc);
-    BEAD.update(|c| c.health.supply_mv = supply_mv);
-    let mut scanning = Scanning::begin(adc, channels, outlet.filling, outlet.next);
+    let mut scanning = Scanning::begin(Adc::new(adc), channels, outlet.filling, outlet.next);
     let mut index = clock.open() + 1;
     defmt::info!("acquiring from sample {=u64}, epoch {=u32}", index, outlet.epoch);
 

@@ -2,7 +2,7 @@
 
 use core::slice;
 
-use bead_app::{BeadState, Device};
+use bead_app::{BeadState, Device, FactoryCodes, InternalChannel};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::clocks::TIMER_HZ;
@@ -40,6 +40,18 @@ impl Device for Stm32Board {
 
     fn core_clocks(&self) -> u32 {
         cortex_m::peripheral::DWT::cycle_count()
+    }
+
+    fn factory_codes(&self) -> FactoryCodes {
+        supply::factory_codes()
+    }
+
+    fn convert(&self, channel: InternalChannel) {
+        supply::convert(channel);
+    }
+
+    fn converted(&self) -> Option<u16> {
+        supply::converted()
     }
 
     fn supply_is_low(&self) -> bool {

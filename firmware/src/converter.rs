@@ -1,4 +1,6 @@
-//! ADC1 and its DMA stream: scans at each trigger, straight into blocks.
+//! ADC3 and its DMA stream: scans at each trigger, straight into blocks. All three converters have the four
+//! pins. ADC1 alone has the reference voltage and the temperature sensor, and is left to them: see
+//! [`supply`](crate::supply).
 //!
 //! # Design
 //! DMA2's stream 0 fills two blocks in turn (double-buffer mode, RM0090 section 10.3.9). While it fills one,
@@ -24,7 +26,7 @@ use bead_model::converter::{ADC_CLOCK_HZ, CONVERSION_CYCLES, SAMPLE_CYCLES};
 use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel, SampleTime};
 use embassy_stm32::pac::adc::vals::{Dds, Exten};
 use embassy_stm32::pac::dma::vals::{Ct, Dir, Pl, Size};
-use embassy_stm32::pac::{ADC1, DMA2};
+use embassy_stm32::pac::{ADC3, DMA2};
 use embassy_stm32::{Peri, peripherals};
 use embassy_sync::waitqueue::AtomicWaker;
 
@@ -41,9 +43,9 @@ const _: () = assert!(
     "a scan fits in six tenths of a period, as SampleClock counts on"
 );
 
-/// ADC1's stream, and its channel there (RM0090 table 43).
+/// ADC3's stream, and its channel there (RM0090 table 43).
 const STREAM: usize = 0;
-const REQUEST: u8 = 0;
+const REQUEST: u8 = 2;
 /// TIM3_TRGO as trigger of regular scans (RM0090 section 13.13.3, EXTSEL).
 const TIM3_TRGO: u8 = 0b1000;
 /// Codes that the stream still takes after the core has given it an address in time: two scans.
@@ -55,13 +57,13 @@ static WAKER: AtomicWaker = AtomicWaker::new();
 
 /// The converter, its pins and its DMA stream.
 pub(crate) struct Converter {
-    adc: Peri<'static, peripherals::ADC1>,
+    adc: Peri<'static, peripherals::ADC3>,
     _stream: Peri<'static, peripherals::DMA2_CH0>,
     /// In the order of their conversion.
     channels: Channels,
 }
 
-type Channels = [AnyAdcChannel<'static, peripherals::ADC1>; CHANNELS];
+type Channels = [AnyAdcChannel<'static, peripherals::ADC3>; CHANNELS];
 
 /// The core did not give the stream its next block in time.
 pub(crate) struct Lost;
@@ -69,7 +71,7 @@ pub(crate) struct Lost;
 impl Converter {
     /// The converter at rest. The pins are those of force at the high and the low gain, then acceleration.
     pub(crate) fn new(
-        adc: Peri<'static, peripherals::ADC1>,
+        adc: Peri<'static, peripherals::ADC3>,
         stream: Peri<'static, peripherals::DMA2_CH0>,
         force: Peri<'static, peripherals::PA0>,
         force_wide: Peri<'static, peripherals::PA1>,
@@ -89,14 +91,14 @@ impl Converter {
     }
 
     /// The converter for the time of an epoch, and its channels.
-    pub(crate) fn parts(&mut self) -> (Peri<'_, peripherals::ADC1>, &Channels) {
+    pub(crate) fn parts(&mut self) -> (Peri<'_, peripherals::ADC3>, &Channels) {
         (self.adc.reborrow(), &self.channels)
     }
 }
 
 /// Makes a scan at each trigger, until it is dropped.
 pub(crate) struct Scanning<'a> {
-    _adc: Adc<'a, peripherals::ADC1>,
+    _adc: Adc<'a, peripherals::ADC3>,
     /// Blocks that were taken.
     taken: u32,
 }
@@ -104,7 +106,7 @@ pub(crate) struct Scanning<'a> {
 impl<'a> Scanning<'a> {
     /// Sets up stream and converter. The scans go to `first`, then to `second`.
     pub(crate) fn begin(
-        adc: Adc<'a, peripherals::ADC1>,
+        adc: Adc<'a, peripherals::ADC3>,
         channels: &Channels,
         first: &'static BlockCodes,
         second: &'static BlockCodes,
@@ -112,7 +114,7 @@ impl<'a> Scanning<'a> {
         let stream = DMA2.st(STREAM);
         stop_stream();
         FILLED.store(0, Ordering::Relaxed);
-        stream.par().write_value(ADC1.dr().as_ptr() as u32);
+        stream.par().write_value(ADC3.dr().as_ptr() as u32);
         stream.m0ar().write_value(address(first));
         stream.m1ar().write_value(address(second));
         stream.ndtr().write(|w| w.set_ndt(CODES as u16));
@@ -137,13 +139,13 @@ impl<'a> Scanning<'a> {
 
         for (rank, channel) in channels.iter().enumerate() {
             let number = channel.get_hw_channel();
-            ADC1.sqr3().modify(|w| w.set_sq(rank, number));
-            ADC1.smpr2().modify(|w| w.set_smp(number.into(), SAMPLE_TIME));
+            ADC3.sqr3().modify(|w| w.set_sq(rank, number));
+            ADC3.smpr2().modify(|w| w.set_smp(number.into(), SAMPLE_TIME));
         }
-        ADC1.sqr1().modify(|w| w.set_l(CHANNELS as u8 - 1));
-        ADC1.sr().write(|_| {});
-        ADC1.cr1().modify(|w| w.set_scan(true));
-        ADC1.cr2().modify(|w| {
+        ADC3.sqr1().modify(|w| w.set_l(CHANNELS as u8 - 1));
+        ADC3.sr().write(|_| {});
+        ADC3.cr1().modify(|w| w.set_scan(true));
+        ADC3.cr2().modify(|w| {
             w.set_dma(true);
             w.set_dds(Dds::CONTINUOUS);
             w.set_extsel(TIM3_TRGO);
@@ -203,7 +205,7 @@ impl<'a> Scanning<'a> {
 
     /// Returns `true` if the converter has lost a conversion (RM0090 section 13.8.1).
     pub(crate) fn overran(&self) -> bool {
-        ADC1.sr().read().ovr()
+        ADC3.sr().read().ovr()
     }
 }
 

@@ -1,7 +1,7 @@
 //! The image of the sensing absorber bead: the wiring. See `docs/firmware.md`.
 //!
 //! ```text
-//! TIM3 ─┬─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─strikes─┬─> outbox ─> transmit ─> USART1
+//! TIM3 ─┬─> ADC3 ─> DMA2 ─> acquire ─blocks─> estimate ─strikes─┬─> outbox ─> transmit ─> USART1
 //!       └─> TIM2 ─> sync ───────────────────────────────edges───┤
 //!                   report, health ────────────status, faults───┤
 //!         USART1 ─> receive ─> commands ──────────────replies───┘
@@ -97,7 +97,7 @@ fn start() {
     defmt::info!("settings: {=str}", loaded.origin());
     BEAD.begin(boot, loaded, trace::windows());
 
-    let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
+    let converter = Converter::new(p.ADC3, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
     let line = LinePins::new(p.PB10, p.PB11);
@@ -131,6 +131,7 @@ fn start() {
     rest.spawn(estimate::seal().expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.ended_by.is_some()).expect(ONCE));
     if sampling {
+        supply::begin(p.ADC1);
         let estimation = ESTIMATION.init(Estimation::new(&BEAD, settings, METER.take(), line));
         estimate.spawn(estimate::estimate(estimation).expect(ONCE));
         acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));

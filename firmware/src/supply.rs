@@ -1,23 +1,29 @@
 //! The supply, which is also the reference of the ADC.
 //!
 //! # Design
-//! The internal reference voltage tells the supply. Only ADC1 can convert it, and it has to be sampled for at
-//! least 10 µs (DocID022152, embedded reference voltage). Between two scans there are 4.9 µs, so it cannot be
-//! measured while scans are made without losing some. It is measured whenever acquisition starts. While
-//! acquisition runs, the programmable voltage detector watches the supply; it needs no ADC (RM0090 section
-//! 5.2.3).
+//! The internal reference voltage tells the supply. It and the temperature sensor have to be sampled for at
+//! least 10 µs (DocID022152, embedded reference voltage), and between two scans there are 4.9 µs. An injected
+//! conversion would delay scans or cost them. But only ADC1 can convert the two (RM0090 section 13.10), and
+//! the scans are ADC3's. So no scan is lost for them. `bead_app` says when they are converted. The programmable
+//! voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
 //!
 //! A supply that rises slowly passes through voltages at which the core runs and flash is read wrongly. So
 //! nothing is done at first but [`wait`]. Flash is erased only after the supply has been good, and is not
 //! written while it is low.
 
+use core::mem;
+
+use bead_app::{FactoryCodes, InternalChannel};
 use cortex_m::peripheral::DWT;
-use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
-use embassy_stm32::pac::{PWR, RCC};
-use embassy_stm32::peripherals;
-use embassy_time::{Duration, block_for};
+use embassy_stm32::adc::{Adc, SampleTime};
+use embassy_stm32::pac::{ADC1, PWR, RCC};
+use embassy_stm32::{Peri, peripherals};
 
 use crate::clocks::INTERNAL_HZ;
+
+/// ADC1's channels of the reference voltage and of the temperature sensor (RM0090 sections 13.10 and 13.11).
+const VREFINT: usize = 17;
+const TEMPERATURE: usize = 16;
 
 /// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above
 /// 3.03 V (DocID022152, table of the reset and power control block, typical values).
@@ -63,28 +69,48 @@ pub(crate) fn is_low() -> bool {
     PWR.csr1().read().pvdo()
 }
 
-/// Measures the supply, mV, with an ADC that is not scanning; 0 if it gives no code. Takes about 70 µs.
-pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) -> u16 {
-    let mut reference = adc.enable_vrefint();
-    // A tick is 10 µs, and of the last one only a part may be left.
-    block_for(Duration::from_micros(VrefInt::start_time_us().into()) + Duration::from_ticks(1));
-    // 22.9 µs at 21 MHz.
-    let code = adc.blocking_read(&mut reference, SampleTime::CYCLES480);
-    let supply_mv = match code {
-        0 => 0,
-        code => 3300 * u32::from(factory_reference()) / u32::from(code),
-    };
-    supply_mv.try_into().unwrap_or(u16::MAX)
+/// Switches ADC1 on, with the reference voltage and the temperature sensor. They are there after 10 µs, and
+/// the first conversion comes milliseconds later.
+pub(crate) fn begin(adc: Peri<'static, peripherals::ADC1>) {
+    let adc = Adc::new(adc);
+    adc.enable_vrefint();
+    for channel in [VREFINT, TEMPERATURE] {
+        ADC1.smpr1()
+            .modify(|w| w.set_smp(channel - 10, SampleTime::CYCLES480));
+    }
+    // Its drop would switch the converter off.
+    mem::forget(adc);
 }
 
-/// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it
-/// (DocID022152, internal reference voltage calibration values).
+/// Starts a conversion: 480 + 12 clocks, 23.4 µs.
+pub(crate) fn convert(channel: InternalChannel) {
+    let number = match channel {
+        InternalChannel::Reference => VREFINT,
+        InternalChannel::Temperature => TEMPERATURE,
+    };
+    ADC1.sqr3().write(|w| w.set_sq(0, number as u8));
+    ADC1.sr().write(|_| {});
+    ADC1.cr2().modify(|w| w.set_swstart(true));
+}
+
+/// The code of the conversion that was started, if it is over.
+pub(crate) fn converted() -> Option<u16> {
+    ADC1.sr().read().eoc().then(|| ADC1.dr().read().data())
+}
+
+/// The factory's words (DocID022152, calibration values of the reference voltage and the temperature sensor).
 #[allow(
     unsafe_code,
     reason = "the factory's words are memory that no Rust object stands for"
 )]
-fn factory_reference() -> u16 {
-    const VREFIN_CAL: *const u16 = core::ptr::without_provenance(0x1FFF_7A2A);
-    // SAFETY: the address is that of a halfword of system memory, which is always readable and never changes.
-    unsafe { VREFIN_CAL.read_volatile() }
+pub(crate) fn factory_codes() -> FactoryCodes {
+    const WORDS: [usize; 3] = [0x1FFF_7A2A, 0x1FFF_7A2C, 0x1FFF_7A2E];
+    let [reference, cold, hot] = WORDS.map(|word| {
+        // SAFETY: these are halfwords of system memory, which is always readable and never changes.
+        unsafe { core::ptr::without_provenance::<u16>(word).read_volatile() }
+    });
+    FactoryCodes {
+        reference,
+        temperatures: [cold, hot],
+    }
 }

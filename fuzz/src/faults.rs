@@ -1,6 +1,7 @@
 //! Scripts of faults in TOML, provoked in a run that is not begun.
 
 use bead_bench::faults::{parse, provoke};
+use bead_compare::front_end::AnalogFrontEnd;
 use stm32f405_qemu::Run;
 
 use crate::text;
@@ -21,6 +22,6 @@ pub fn check(bytes: &[u8]) {
         assert!(fault.reported_within() >= 0.0 && fault.reported_within().is_finite());
         assert!(fault.cause().is_some() || !fault.resets() || fault.kind.name() == "power_cut");
     }
-    provoke(&faults, &mut run);
+    provoke(&faults, &AnalogFrontEnd::default(), &mut run);
     assert_eq!(run.stimulus.len(), 1000);
 }

@@ -29,6 +29,12 @@ pub trait Device: 'static {
     fn core_clocks(&self) -> u32;
     /// Clocks of the core in a microsecond.
     const CORE_MHZ: u32;
+    /// Codes that the factory measured with this part.
+    fn factory_codes(&self) -> FactoryCodes;
+    /// Starts a conversion of an inner channel, which takes less than a block and disturbs no scan.
+    fn convert(&self, channel: InternalChannel);
+    /// The code of the conversion that was started; `None` if it is not over.
+    fn converted(&self) -> Option<u16>;
     /// Returns `true` while the supply is below 2.93 V.
     fn supply_is_low(&self) -> bool;
     /// Bytes of stack that were never used.
@@ -41,6 +47,31 @@ pub trait Device: 'static {
     fn keep_settings_written(&self, written: u32);
     /// Resets the bead.
     fn reset(&self) -> !;
+}
+
+/// A channel of the converter inside the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InternalChannel {
+    /// The reference voltage.
+    Reference,
+    /// The temperature sensor.
+    Temperature,
+}
+
+/// Codes that the factory measured at a supply of 3.3 V.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FactoryCodes {
+    /// Of the reference voltage at 30 °C.
+    pub reference: u16,
+    /// Of the temperature sensor at 30 and 110 °C.
+    pub temperatures: [u16; 2],
+}
+
+impl FactoryCodes {
+    /// Codes of a good part's reference: 1.18 to 1.24 V (DocID022152, embedded reference voltage), and more.
+    pub(crate) const REFERENCE: core::ops::RangeInclusive<u16> = 1400..=1600;
+    /// Least difference of a good part's two temperatures: 0.4 of 80 °C · 2.5 mV/°C.
+    pub(crate) const LEAST_RISE: f32 = 100.0;
 }
 
 /// The timer behind the trigger line. It counts [`CLOCKS_PER_SAMPLE`](crate::CLOCKS_PER_SAMPLE) clocks in a

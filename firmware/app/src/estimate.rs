@@ -5,10 +5,11 @@
 //! work may take four times as long before a block is lost.
 
 use bead_model::{Chunk, Meter, Origin, Settings, Sink};
-use bead_wire::{FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};
+use bead_wire::{Conditions, FaultCause, Gap, Packed, Shape, Standing, Strike, StrikeFlags, room_for_window};
 
 use crate::bead::BeadState;
 use crate::block::{SCANS_PER_BLOCK, ScanBlock};
+use crate::conditions::ConditionsMeter;
 use crate::device::Device;
 use crate::health::{SensorWatch, Stillness};
 use crate::trigger_line::TriggerLine;
@@ -18,6 +19,7 @@ pub struct Estimation<D: Device> {
     settings: Settings,
     meter: &'static mut Meter,
     watch: SensorWatch,
+    conditions: ConditionsMeter,
     results: StrikeResults<D>,
     /// The scan that a host has asked for, and that has not come.
     wanted: Option<u64>,
@@ -40,6 +42,7 @@ impl<D: Device> Estimation<D> {
         Self {
             meter,
             watch: SensorWatch::default(),
+            conditions: ConditionsMeter::new(),
             results: StrikeResults {
                 bead,
                 history: settings.window.history,
@@ -47,6 +50,7 @@ impl<D: Device> Estimation<D> {
                 packed: Packed::new(),
                 line: TriggerLine::new(line),
                 origin: Origin::Force,
+                conditions: None,
             },
             wanted: None,
             armed: true,
@@ -88,6 +92,12 @@ impl<D: Device> Estimation<D> {
                 process_block(&self.settings, self.meter, block, &mut self.results);
             }
             self.watch.check(bead, block);
+            if let Some(found) = self.conditions.take(&bead.device, self.meter.is_measuring()) {
+                self.results.conditions = Some(found);
+                // Volts have 12 bits behind the binary point.
+                let millivolts = (u32::from(found.supply.bits()) * 1000 + 2048) >> 12;
+                bead.update(|c| c.health.supply_mv = millivolts as u16);
+            }
             bead.offer_raw(block, self.room);
         });
     }
@@ -164,6 +174,8 @@ struct StrikeResults<D: Device> {
     line: TriggerLine<D::Line>,
     /// Of the window that is being measured.
     origin: Origin,
+    /// At their last measurement.
+    conditions: Option<Conditions>,
 }
 
 impl<D: Device> Sink for StrikeResults<D> {
@@ -200,6 +212,10 @@ impl<D: Device> Sink for StrikeResults<D> {
             (self.origin == Origin::Line, StrikeFlags::TRIGGERED_BY_LINE),
             (self.origin == Origin::Request, StrikeFlags::TRIGGERED_ON_REQUEST),
             (
+                bead.settings.is_supply_off(self.conditions.as_ref()),
+                StrikeFlags::SUPPLY_OFF,
+            ),
+            (
                 bead.snapshot().health.standing != Standing::NONE,
                 StrikeFlags::SENSOR_FAULT,
             ),
@@ -211,7 +227,11 @@ impl<D: Device> Sink for StrikeResults<D> {
         let flags = strike.flags.with(doubts);
         bead.push_packed(&mut self.packed, Strike { flags, ..*strike });
         bead.keep_frame(&self.packed, strike.strike);
-        bead.push_packed(&mut self.packed, *shape);
+        let shape = Shape {
+            conditions: self.conditions,
+            ..*shape
+        };
+        bead.push_packed(&mut self.packed, shape);
         bead.keep_frame(&self.packed, strike.strike);
         bead.close_window();
     }

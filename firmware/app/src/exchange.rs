@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use bead_wire::{Block, MAX_BLOCK, SettingsSource};
+use bead_wire::{Block, Conditions, MAX_BLOCK, SettingsSource};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
@@ -54,6 +54,12 @@ impl Exchange {
             self.source(),
             SettingsSource::BuiltIn | SettingsSource::FlashRefused | SettingsSource::Rescue
         )
+    }
+
+    /// Returns `true` if a strike in these conditions is not at the supply of the settings in force.
+    pub(crate) fn is_supply_off(&self, conditions: Option<&Conditions>) -> bool {
+        self.in_force
+            .with(|loaded| loaded.settings.supply_is_off(conditions))
     }
 
     /// The block in force.

@@ -17,6 +17,7 @@ mod block;
 mod boot;
 mod built_in;
 mod commands;
+mod conditions;
 mod counters;
 mod device;
 mod estimate;
@@ -43,7 +44,7 @@ pub use block::{BLOCK_US, BlockCodes, CHANNELS, SAMPLE_RATE_HZ, SCANS_PER_BLOCK,
 pub use boot::{BootFault, BootRecord, FramesWaiting, ThisBoot};
 pub use commands::Commands;
 pub use counters::BeadCounters;
-pub use device::{Device, LineTimer, MS};
+pub use device::{Device, FactoryCodes, InternalChannel, LineTimer, MS};
 pub use estimate::Estimation;
 pub use health::SensorWatch;
 pub use progress::Progress;

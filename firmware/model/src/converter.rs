@@ -1,4 +1,4 @@
-//! Timing of the converter: ADC1 of the STM32F405 converts the four channels of a scan one after the other.
+//! Timing of the converter: ADC3 of the STM32F405 converts the four channels of a scan one after the other.
 
 /// Clock of the converter, Hz: APB2 at 84 MHz through the prescaler of 4 (RM0090, ADC_CCR.ADCPRE).
 pub const ADC_CLOCK_HZ: u32 = 21_000_000;

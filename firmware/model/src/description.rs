@@ -16,6 +16,8 @@ use crate::violation::{Bound, SettingKey as Key, Violation};
 const EVERY_BEAD: u8 = 0xFF;
 /// Greatest noise of a sensor, in its unit, rms: three times of it is a gate that its format holds.
 const NOISE_MOST: f64 = 1e4;
+/// Range of VDDA, V: that of the part (DocID022152, general operating conditions).
+const SUPPLY: [f64; 2] = [1.8, 3.6];
 /// Range of a tolerance. A smaller one loses more than 1 % in its format.
 const TOLERANCE: [f64; 2] = [1e-3, 1e4];
 
@@ -51,6 +53,9 @@ pub struct Description {
     /// Uncertainties of these settings, where their calibration stated them.
     #[serde(default)]
     pub uncertainty: Option<Uncertainty>,
+    /// The supply during calibration; `None` if it is not known.
+    #[serde(default)]
+    pub supply: Option<Supply>,
 }
 
 /// The bead around the intruder.
@@ -76,6 +81,15 @@ pub struct Contact {
     pub relaxation: f64,
 }
 
+/// The supply of the converter, which is its reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Supply {
+    /// VDDA while the gains were calibrated, as the bead itself measured it, V.
+    pub voltage: f64,
+}
+
 impl Description {
     /// A bead without a name, with address 0.
     pub fn new(bead: &Bead, neighbours: &Neighbours, front_end: &FrontEnd, capture: &Capture) -> Self {
@@ -96,6 +110,7 @@ impl Description {
             acceleration: front_end.acceleration,
             capture: *capture,
             uncertainty: None,
+            supply: None,
         }
     }
 
@@ -183,7 +198,11 @@ impl Description {
                 (Key::RingDecayTolerance, capture.ring_decay_tolerance),
             ],
             TOLERANCE,
-        )
+        )?;
+        match self.supply {
+            Some(supply) => check_ranges(&[(Key::SupplyVoltage, supply.voltage)], SUPPLY),
+            None => Ok(()),
+        }
     }
 
     /// Checks that each mass is a part of the one that it belongs to, and the intruders behind.

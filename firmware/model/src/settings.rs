@@ -7,6 +7,7 @@
 //! The body is the [`Description`] that the owner states. The coefficients follow from it.
 
 use bead_crc::checksum;
+use bead_wire::Conditions;
 use fixed::types::extra::{LeEqU32, U26, U30};
 use fixed::types::{I2F30, I16F16};
 use serde::Serialize;
@@ -14,7 +15,7 @@ use serde::Serialize;
 use crate::calibration::Channel;
 use crate::coefficients::{self, Coefficients};
 use crate::company::Company;
-use crate::description::{Description, require};
+use crate::description::{Description, Supply, require};
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::SensedForce;
@@ -33,7 +34,7 @@ pub const VERSION: u16 = 7;
 /// The version without those sections.
 const FIRST: u16 = 1;
 /// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
-const SECTIONS_SINCE: usize = 1;
+const SECTIONS_SINCE: usize = 2;
 /// The last version of the time before the first release. Those were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.
@@ -41,6 +42,10 @@ pub const BLOCK_MAX: usize = 448;
 
 /// Bound of the forces, N, from the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
+
+/// Greatest deviation of the supply from that of the calibration that flags no strike, as a part of it. It is
+/// 0.6 % of both energies.
+const SUPPLY_TOLERANCE: f32 = 3e-3;
 
 const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
@@ -172,6 +177,22 @@ impl Settings {
     /// The owner's statement, from which all coefficients follow.
     pub fn description(&self) -> &Description {
         &self.description
+    }
+
+    /// Returns `true` if a strike in these conditions has to be flagged
+    /// [`SUPPLY_OFF`](bead_wire::StrikeFlags::SUPPLY_OFF): the supply is more than 0.3 % away from that of the
+    /// calibration, or was not measured. Always `false` if the settings do not state that of the calibration.
+    ///
+    /// Bead and replay compute the same: every operation is one of IEEE 754.
+    pub fn supply_is_off(&self, conditions: Option<&Conditions>) -> bool {
+        let Some(Supply { voltage }) = self.description.supply else {
+            return false;
+        };
+        let voltage = voltage as f32;
+        conditions.is_none_or(|conditions| {
+            let measured = f32::from(conditions.supply.bits()) / 4096.0;
+            (measured - voltage).abs() > SUPPLY_TOLERANCE * voltage
+        })
     }
 
     /// Settings of another description: this one after `change`.

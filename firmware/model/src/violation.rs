@@ -74,6 +74,7 @@ keys! {
     StiffnessWithDamping "uncertainty.stiffness_with_damping"
     StiffnessWithMass "uncertainty.stiffness_with_mass"
     DampingWithMass "uncertainty.damping_with_mass"
+    SupplyVoltage "supply.voltage"
 }
 
 /// A coefficient that follows from the settings; its format may not hold it.

@@ -19,9 +19,9 @@ use super::Script;
 const BEAD: usize = 8;
 /// From when the striker touches the chain to the trigger, s.
 const ARRIVES: std::ops::Range<f64> = 1.3e-3..1.6e-3;
-/// The supply is low below this, V, and counts as low for this long after, s.
-const LOW: f64 = 2.93;
-const OVER: f64 = 0.03;
+/// A supply that is off by more than this part flags strikes, up to this long after, s.
+const OFF: f64 = 2.5e-3;
+const OVER: f64 = 0.2;
 /// A window ends this long after its strike began, s.
 const WINDOW: f64 = 0.013;
 /// A sensor that stood still counts as sound with the first block that moved, s.
@@ -156,9 +156,9 @@ fn touches(fault: &Planned, start: f64) -> bool {
         | PlannedKind::AccelerationStuck
         | PlannedKind::ForceRailed
         | PlannedKind::AccelerationRailed => fault.at < start + WINDOW && start < ends + LET_GO,
-        // The sensors' supply is the reference of the converter: such strikes are flagged.
         PlannedKind::Supply => {
-            fault.volts.is_none_or(|volts| volts < LOW) && fault.at < start + WINDOW && start < ends + OVER
+            let is_off = fault.volts.is_none_or(|volts| (volts / 3.3 - 1.0).abs() > OFF);
+            is_off && fault.at < start + WINDOW && start < ends + OVER
         }
         _ => false,
     }

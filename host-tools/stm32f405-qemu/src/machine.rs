@@ -195,16 +195,23 @@ impl Machine {
     /// Makes something fail.
     pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
-        let adc = self.chip.sampler.unwrap_or(0);
+        // Before the first scan nothing tells which converter will sample.
+        let (sampler, adc) = (self.chip.sampler, self.chip.sampler.unwrap_or(0));
         let serving_adc = serving(&self.chip, &SERVERS.adc[adc]);
         let units = &mut self.chip.units;
         match kind {
             FaultKind::AdcOverrun => units.adc.converters[adc].overrun(),
-            FaultKind::ExtraScan => {
-                units.adc.converters[adc].start_extra(now);
-                self.chip.note_scan(adc, now, false);
+            FaultKind::ExtraScan | FaultKind::MissedTrigger => {
+                for adc in sampler.map_or(0..units.adc.converters.len(), |adc| adc..adc + 1) {
+                    let converter = &mut self.chip.units.adc.converters[adc];
+                    if kind == FaultKind::MissedTrigger {
+                        converter.misses = true;
+                    } else {
+                        converter.start_extra(now);
+                        self.chip.note_scan(adc, now, false);
+                    }
+                }
             }
-            FaultKind::MissedTrigger => units.adc.converters[adc].misses = true,
             FaultKind::AdcDmaError => {
                 if let Some(place) = serving_adc {
                     units.dma[place.dma].failed(place.stream);

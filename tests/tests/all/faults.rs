@@ -329,15 +329,52 @@ fn a_supply_that_dips_is_told_and_one_above_the_limit_is_not() {
 }
 
 #[test]
-fn the_supply_is_measured_whenever_acquisition_starts() {
-    let faults = "[[fault]]\nat = 0.03\nkind = \"supply\"\nvolts = 2.95\nduration = 0.05\n\
-                  [[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n";
-    let survived = Survived::new(strike_at(0.112), faults);
+fn a_supply_that_moves_is_told_with_each_strike_whose_energies_it_moves_and_costs_no_sample() {
+    // Supply, V, for half a second with a strike in the middle.
+    let supplies = [3.3, 3.27, 3.2, 3.1, 3.0, 3.3];
+    let fault = |(n, volts): (u32, &f64)| {
+        let at = 0.5 * f64::from(n);
+        format!("[[fault]]\nat = {at}\nkind = \"supply\"\nvolts = {volts}\nduration = 0.5\n")
+    };
+    let faults: String = (0..).zip(&supplies).map(fault).collect();
+    let survived = Survived::new(timed(0.25, 6, 0.5), &faults);
     survived.assert_last_strike_is_measured();
-    assert_eq!(survived.received.causes(), [FaultCause::AdcOverrun]);
-    let measured = survived.received.health().supply_mv;
-    // A code of 1680 stands for 2950.4 mV, and the next ones for 1.8 mV less or more.
-    assert!(measured.abs_diff(2950) <= 2, "{measured} mV");
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!(survived.strikes.len(), supplies.len());
+    let status = survived.received.status();
+    assert_eq!((status.epoch, status.overruns, status.blocks_dropped), (0, 0, 0));
+    let absorbed = survived.run.truth.truth.absorbed;
+    for (strike, supply) in survived.strikes.iter().zip(supplies) {
+        assert_eq!(replay(strike).first_difference, None);
+        let conditions = strike.shape.and_then(|shape| shape.conditions);
+        let conditions = conditions.expect("measured in the first 6 ms");
+        let measured = conditions.supply.volts();
+        // Half a code of 1502.
+        assert!((measured / supply - 1.0).abs() < 4e-4, "{measured} of {supply} V");
+        // The emulated die has 25 °C.
+        let temperature = conditions.die_temperature.degrees_celsius();
+        assert!((temperature - 25.0).abs() < 0.5, "{temperature} °C");
+        let is_off = (supply / 3.3 - 1.0).abs() > 3e-3;
+        let flags = if is_off {
+            StrikeFlags::SUPPLY_OFF
+        } else {
+            StrikeFlags::NONE
+        };
+        assert_eq!(strike.said.flags, flags, "{supply} V");
+        // Both energies go with the square of the gains, near enough.
+        let expected = (3.3 / supply).powi(2) - 1.0;
+        for (which, energy, apart) in [
+            ("A", strike.said.absorbed_measured, 3e-3),
+            ("B", strike.said.absorbed_predicted, 2e-2),
+        ] {
+            let off = energy.joules() / absorbed - 1.0;
+            println!(
+                "{supply} V, measured {measured:.4} V: {which} {:+.2} %",
+                off * 100.0
+            );
+            assert!((off - expected).abs() < apart, "{which} {off} at {supply} V");
+        }
+    }
 }
 
 #[test]

@@ -8,8 +8,8 @@ use std::sync::atomic::Ordering;
 use std::task::{Context, Poll, Waker};
 
 use bead_app::{
-    BeadState, BlockCodes, BootRecord, CLOCKS_PER_SAMPLE, Commands, Device, Estimation, FramesWaiting,
-    LineTimer, Loaded, MS, SCANS_PER_BLOCK, ScanBlock, ThisBoot,
+    BeadState, BlockCodes, BootRecord, CLOCKS_PER_SAMPLE, Commands, Device, Estimation, FactoryCodes,
+    FramesWaiting, InternalChannel, LineTimer, Loaded, MS, SCANS_PER_BLOCK, ScanBlock, ThisBoot,
 };
 use bead_model::{Meter, WindowRecord};
 use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
@@ -22,6 +22,12 @@ use bead_wire::{
 
 pub(crate) const SECTOR: usize = 16 * 1024;
 pub(crate) const UID: [u8; 12] = *b"a fake bead!";
+
+/// Codes of a typical part: 1.21 V, and 0.76 V at 25 °C with 2.5 mV/°C.
+const TYPICAL: FactoryCodes = FactoryCodes {
+    reference: 1502,
+    temperatures: [959, 1207],
+};
 
 /// Number of the first scan of a strike that [`TestBead::strike`] makes, after the call.
 const STRUCK: u64 = 250;
@@ -64,6 +70,11 @@ impl NorFlash for SharedFlash {
 pub(crate) struct Hardware {
     now: Cell<u64>,
     pub(crate) supply_is_low: Cell<bool>,
+    /// Supply, V, and temperature of the die, °C.
+    pub(crate) supply: Cell<[f64; 2]>,
+    pub(crate) factory: Cell<FactoryCodes>,
+    pub(crate) conversions: Cell<u32>,
+    converted: Cell<u16>,
     pub(crate) probe: Cell<&'static [u8]>,
     settings_written: Cell<u32>,
     frames_waiting: Cell<u32>,
@@ -112,6 +123,28 @@ impl Device for FakeBoard {
 
     fn core_clocks(&self) -> u32 {
         self.now() as u32
+    }
+
+    fn factory_codes(&self) -> FactoryCodes {
+        self.0.factory.get()
+    }
+
+    fn convert(&self, channel: InternalChannel) {
+        self.0.conversions.set(self.0.conversions.get() + 1);
+        let [supply, celsius] = self.0.supply.get();
+        let FactoryCodes {
+            reference,
+            temperatures: [cold, hot],
+        } = TYPICAL;
+        let at_factory = match channel {
+            InternalChannel::Reference => f64::from(reference),
+            InternalChannel::Temperature => f64::from(cold) + (celsius - 30.0) / 80.0 * f64::from(hot - cold),
+        };
+        self.0.converted.set((at_factory * 3.3 / supply).round() as u16);
+    }
+
+    fn converted(&self) -> Option<u16> {
+        Some(self.0.converted.get())
     }
 
     fn supply_is_low(&self) -> bool {
@@ -237,6 +270,8 @@ impl TestBead {
 
     pub(crate) fn start(start: StartState) -> Self {
         let hardware: &'static Hardware = leak(Hardware::default());
+        hardware.supply.set([3.3, 25.0]);
+        hardware.factory.set(TYPICAL);
         hardware.supply_is_low.set(!start.supply_is_good);
         hardware.probe.set(start.probe.leak());
         let (boot, record) = BootRecord::begin(start.record, FramesWaiting::new(0), start.reset_cause);
@@ -255,7 +290,6 @@ impl TestBead {
         let (settings, refused) = (loaded.settings, loaded.refused);
         let bead: &'static BeadState<FakeBoard> = leak(BeadState::new(FakeBoard(hardware)));
         bead.begin(boot, loaded, Windows::new(leak(WindowMemory::new()), false));
-        bead.update(|c| c.health.supply_mv = 3300);
         bead.report_boot(boot, refused, []);
         let line = FakeLineTimer(hardware);
         Self {

@@ -3,6 +3,7 @@
 mod any_settings;
 mod bead;
 mod boots;
+mod conditions;
 mod kept;
 mod key;
 mod line;

@@ -2,7 +2,7 @@
 
 use crate::paper;
 use bead_model::company::Company;
-use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours};
+use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours, Supply};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::BLOCK_MAX;
@@ -79,6 +79,7 @@ fn the_longest_settings_have_room_in_a_block() {
     longest.name = Name::new("sixteen bytes ok").unwrap();
     longest.address = 254;
     longest.company = Neighbours::new([true; 4], true, longest.intruder);
+    longest.supply = Some(Supply { voltage: 3.3 });
     let mut buffer = [0; BLOCK_MAX];
     let settings = Settings::new(&longest).unwrap();
     let length = settings.encode(&mut buffer).unwrap();
@@ -199,7 +200,11 @@ fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
 fn masses_address_places_flag_and_noise_have_their_limits() {
     type Change = fn(&mut Description);
     let host = |one: &Description| one.bead.mass - one.intruder.mass;
-    let refusals: [(Change, Key, Bound); 8] = [
+    let of_supply = Bound::Range {
+        least: 1.8,
+        most: 3.6,
+    };
+    let refusals: [(Change, Key, Bound); 11] = [
         (
             |one| one.intruder.mass = one.bead.mass,
             Key::IntruderMass,
@@ -223,6 +228,21 @@ fn masses_address_places_flag_and_noise_have_their_limits() {
         (|one| one.address = 255, Key::Address, Bound::OneBead),
         (|one| one.company.behind = 15, Key::Behind, Bound::Places),
         (|one| one.company.elsewhere = 2, Key::Elsewhere, Bound::Flag),
+        (
+            |one| one.supply = Some(Supply { voltage: 0.0 }),
+            Key::SupplyVoltage,
+            of_supply,
+        ),
+        (
+            |one| one.supply = Some(Supply { voltage: 5.0 }),
+            Key::SupplyVoltage,
+            of_supply,
+        ),
+        (
+            |one| one.supply = Some(Supply { voltage: f64::NAN }),
+            Key::SupplyVoltage,
+            of_supply,
+        ),
         (
             |one| one.capture.threshold = 0.4 * one.force.per_code,
             Key::Threshold,

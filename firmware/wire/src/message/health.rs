@@ -20,7 +20,7 @@ body! {
         pub acceleration_railed: u32,
         /// Number of times that the supply fell below its limit.
         pub supply_low: u32,
-        /// Supply voltage at the last start of acquisition, in mV; 0 before the first start.
+        /// Supply voltage at its last measurement, in mV; 0 before the first.
         pub supply_mv: u16,
         /// Faults that stand now.
         pub standing: Standing,

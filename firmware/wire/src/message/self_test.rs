@@ -4,8 +4,8 @@ use crate::names::names;
 names! {
     /// A check of the self-test. The list may grow at its end.
     pub enum Check {
-        /// The supply was between 2.93 and 3.6 V at the last start of acquisition, and has not been low
-        /// since; `value` is the supply at that start, in mV.
+        /// The supply was between 2.93 and 3.6 V at its last measurement, and is not low now; `value` is the
+        /// supply at that measurement, in mV; 0 if there was none.
         0 "supply" Supply,
         /// The code of the force changes and is off the rails; `value` has the force's bits of `standing` in
         /// the health frame.

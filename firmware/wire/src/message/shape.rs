@@ -26,7 +26,7 @@ body! {
         pub left: Option<LeftEnergy>,
         /// Match of the predicted acceleration with the measured one.
         pub waveform: Option<WaveformMatch>,
-        /// Supply and temperature while the chain was quiet, next to the strike.
+        /// Supply and temperature next to the strike, at their last measurement; absent before the first.
         pub conditions: Option<Conditions>,
         /// Standard uncertainties of the energies, if the settings state those of the calibration.
         pub uncertainty: Option<EnergyUncertainty>,
@@ -68,12 +68,12 @@ body! {
 }
 
 body! {
-    /// Supply and temperature next to a strike, measured while the chain was quiet. It is part of a shape
-    /// frame.
+    /// Supply and temperature, measured while no strike was. It is part of a shape frame, and 0.15 s old at
+    /// most unless strikes follow each other without a pause.
     pub struct Conditions: Copy {
-        /// Supply of the converter, by its reference.
+        /// Supply of the converter, by the reference voltage of the part as its factory measured it.
         pub supply: Voltage,
-        /// Temperature of the die.
+        /// Temperature of the die, by the factory's two points.
         pub die_temperature: Temperature,
     }
 }

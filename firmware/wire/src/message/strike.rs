@@ -62,8 +62,8 @@ bits! {
         /// At the end of the window the intruder still held more than half a percent of the absorbed energy. It
         /// is in both energies, by a closed form that is wrong if another wave follows.
         8 "ringing_left" RINGING_LEFT,
-        /// The supply differs from that of the calibration by more than the compensation of the gains covers,
-        /// or was never measured since the reset.
+        /// The supply next to the strike, in `conditions` of the shape frame, differs by more than 0.3 % from
+        /// that of the calibration in the settings, or was not measured yet: 1 % of it is 2 % of both energies.
         9 "supply_off" SUPPLY_OFF,
         /// Another bead found a strike: it opened this window by the trigger line. The force here rose by
         /// less than the threshold until then.

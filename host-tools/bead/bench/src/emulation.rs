@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use bead_model::design::{Capture, Description, LEAST_WIDTH};
+use bead_model::design::{Capture, Description, LEAST_WIDTH, Supply};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::violation::{Bound, Violation};
@@ -17,7 +17,7 @@ use crate::faults::{self, Planned};
 use crate::image;
 use crate::playback::{Playback, WithOtherNoise};
 use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
-use bead_compare::front_end::{AnalogFrontEnd, Digitised, SAMPLE_RATE_HZ};
+use bead_compare::front_end::{AnalogFrontEnd, Digitised, REFERENCE_VOLTS, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
 use bead_instrument::Waveform;
 use bead_recording::file::{RecordingError, RecordingWriter};
@@ -327,7 +327,7 @@ impl Emulation {
             });
         }
         run.record_pins = self.pulls;
-        faults::provoke(&self.faults, &mut run);
+        faults::provoke(&self.faults, &self.truth.front_end, &mut run);
         // An image that keeps the core busy runs some thirty times slower here than on silicon.
         run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
         run
@@ -447,6 +447,9 @@ pub fn settings_of(
     let capture = Capture::of(&physics, &front);
     let description = Description {
         address: placed.address,
+        supply: Some(Supply {
+            voltage: REFERENCE_VOLTS,
+        }),
         ..Description::new(&physics, &neighbours, &front, &capture)
     };
     Settings::new(&description).map_err(|violation| match violation {

@@ -621,6 +621,7 @@ mod tests {
 
     use super::*;
     use crate::faults::{parse, provoke};
+    use bead_compare::front_end::AnalogFrontEnd;
 
     type Resets<'a> = &'a [(f64, ResetCause)];
     type Reports<'a> = &'a [(f64, FaultCause, &'a str)];
@@ -643,7 +644,7 @@ mod tests {
         let faults = parse(&faults.split(';').map(table).collect::<String>(), "f.toml").unwrap();
         let mut run = stm32f405_qemu::Run::new("none");
         run.stimulus = (0..200_000u32).map(|row| [1000 + (row % 7) as u16; 4]).collect();
-        provoke(&faults, &mut run);
+        provoke(&faults, &AnalogFrontEnd::default(), &mut run);
         let reports = reported.iter().map(|&(at, cause, detail)| FaultReport {
             at,
             cause,

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Fault, FaultKind, Run};
 
 use crate::error::BenchError;
-use bead_compare::front_end::{CODES, SAMPLE_RATE_HZ};
+use bead_compare::front_end::{AnalogFrontEnd, CODES, REFERENCE_VOLTS, SAMPLE_RATE_HZ};
 
 /// Kind of a planned fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
@@ -73,7 +73,6 @@ pub const KINDS: [(&str, PlannedKind); 13] = [
 
 /// Supply voltages at which the part works, V (DocID022152, general operating conditions).
 const VOLTS: RangeInclusive<f64> = 1.8..=3.6;
-const GOOD_VOLTS: f64 = 3.3;
 /// Threshold of the bead's detector of a low supply, V (`firmware/app/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
 /// Time within which the bead finds a sensor that is stuck or railed, s (`firmware/app/src/health.rs`).
@@ -202,7 +201,6 @@ impl Planned {
     }
 
     fn change(&self, columns: Range<usize>, stimulus: &mut [[u16; 4]]) {
-        let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
         let affected = stimulus.iter_mut().skip(rows(self.at));
         let railed = [PlannedKind::ForceRailed, PlannedKind::AccelerationRailed];
         let mut codes = railed.contains(&self.kind).then_some([CODES - 1; 4]);
@@ -213,8 +211,17 @@ impl Planned {
     }
 }
 
-/// Makes faults happen in a run. Of faults of one sensor that overlap, the last one counts.
-pub fn provoke(faults: &[Planned], run: &mut Run) {
+/// Makes faults happen in a run, whose codes come from this front end. Of faults of one sensor that overlap,
+/// the last one counts.
+pub fn provoke(faults: &[Planned], front_end: &AnalogFrontEnd, run: &mut Run) {
+    let supply = supply(faults);
+    let ends = supply.iter().skip(1).map(|(at, _)| *at).chain([f64::INFINITY]);
+    for (&(at, volts), end) in supply.iter().zip(ends) {
+        let since = rows(at);
+        for row in run.stimulus.iter_mut().take(rows(end)).skip(since) {
+            *row = front_end.at_supply(*row, volts);
+        }
+    }
     for fault in faults {
         if let Some((columns, _)) = fault.kind.sensor() {
             fault.change(columns, &mut run.stimulus);
@@ -222,7 +229,7 @@ pub fn provoke(faults: &[Planned], run: &mut Run) {
         let inject = |kind| Fault::after_first_scan(ns(fault.at), kind);
         run.faults.extend(fault.injected().map(inject));
     }
-    run.faults.extend(supply(faults).into_iter().map(|(at, volts)| {
+    run.faults.extend(supply.into_iter().map(|(at, volts)| {
         let millivolts = (volts * 1e3).round() as u32;
         Fault::after_first_scan(ns(at), FaultKind::Supply { millivolts })
     }));
@@ -242,9 +249,17 @@ pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
         let lasts = faults
             .iter()
             .rfind(|fault| (fault.at..fault.end()).contains(&time));
-        (time, lasts.and_then(|fault| fault.volts).unwrap_or(GOOD_VOLTS))
+        (
+            time,
+            lasts.and_then(|fault| fault.volts).unwrap_or(REFERENCE_VOLTS),
+        )
     };
     times.into_iter().map(at).collect()
+}
+
+/// Scans in this time; all of them in one without end.
+fn rows(seconds: f64) -> usize {
+    (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize
 }
 
 fn ns(seconds: f64) -> u64 {
@@ -453,7 +468,8 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
         let before = run.stimulus.clone();
         let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
                     [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
-        provoke(&parse(text, "f.toml").unwrap(), &mut run);
+        let faults = parse(text, "f.toml").unwrap();
+        provoke(&faults, &AnalogFrontEnd::default(), &mut run);
         for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
             let mut expected = *before;
             if (10..30).contains(&row) {
@@ -467,6 +483,25 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
     }
 
     #[test]
+    fn codes_follow_the_supply_while_it_is_off_and_a_sensor_that_is_stuck_then_stays_so() {
+        let mut run = Run::new("none");
+        run.stimulus = vec![[1128, 228, 3048, 2148]; 100];
+        let text = "[[fault]]\nat = 0.0001\nkind = \"supply\"\nvolts = 3.0\nduration = 0.0003\n\
+                    [[fault]]\nat = 0.0002\nkind = \"acceleration_stuck\"\n";
+        let faults = parse(text, "f.toml").unwrap();
+        provoke(&faults, &AnalogFrontEnd::default(), &mut run);
+        for (row, codes) in run.stimulus.iter().enumerate() {
+            let force = if (10..40).contains(&row) {
+                [1228, 238]
+            } else {
+                [1128, 228]
+            };
+            let acceleration = if row >= 10 { [3148, 2158] } else { [3048, 2148] };
+            assert_eq!(*codes, [force, acceleration].concat()[..], "row {row}");
+        }
+    }
+
+    #[test]
     fn a_supply_that_dips_comes_back_and_a_short_dip_does_not_end_a_longer_one() {
         let supply = |text: &str| {
             let faults = text
@@ -474,7 +509,7 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
                 .map(|fault| format!("[[fault]]\nkind = \"supply\"\n{fault}\n"));
             let faults = parse(&faults.collect::<String>().replace(',', "\n"), "f.toml").unwrap();
             let mut run = Run::new("none");
-            provoke(&faults, &mut run);
+            provoke(&faults, &AnalogFrontEnd::default(), &mut run);
             let levels = run.faults.iter().map(|fault| match fault.kind {
                 FaultKind::Supply { millivolts } => (fault.at_ns / 1_000_000, millivolts),
                 kind => panic!("{kind:?}"),

@@ -18,7 +18,7 @@ use bead_compare::given::GivenEstimates;
 use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
-use bead_compare::strike::StrikeValues;
+use bead_compare::strike::{StrikeConditions, StrikeValues};
 use bead_recording::frames::Frame;
 use bead_recording::statuses::LastStatuses;
 use bead_recording::strikes::{RecordedStrike, assemble};
@@ -130,6 +130,8 @@ pub struct MeasuredStrike {
     pub device: StrikeValues,
     /// Names of the flags that are set.
     pub flags: Vec<&'static str>,
+    /// Supply and temperature; none if they were not measured yet.
+    pub conditions: Option<StrikeConditions>,
     /// By the full chain; none for an echo, and where a waveform was played.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
@@ -153,6 +155,7 @@ impl MeasuredStrike {
             sample_index: strike.said.trigger_index,
             device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
+            conditions: StrikeConditions::of(strike),
             replay_identical: replay.identical(),
             replay: replay.word(),
             replay_failure: replay.failure(),

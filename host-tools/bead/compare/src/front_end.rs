@@ -22,7 +22,7 @@ pub const SAMPLE_RATE_HZ: u32 = 100_000;
 pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
 
 /// The converter's reference, which is VDDA, in volts.
-const REFERENCE_VOLTS: f64 = 3.3;
+pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Codes of the 12-bit converter.
 pub const CODES: u16 = 4096;
 
@@ -184,6 +184,22 @@ impl AnalogFrontEnd {
             channel.noise_rms *= times;
         }
         self
+    }
+
+    /// The codes that a scan has at another supply than [`REFERENCE_VOLTS`]. The converter compares the signals
+    /// with it. The bias is divided from it, so a zero keeps its code; and so does a signal at a rail.
+    #[must_use]
+    pub fn at_supply(&self, scan: [u16; 4], volts: f64) -> [u16; 4] {
+        let (mut own, mut scan) = (*self, scan);
+        let top = f64::from(CODES - 1);
+        for (code, channel) in scan.iter_mut().zip(own.channels_mut()) {
+            let zero = channel.zero_code();
+            if (1..CODES - 1).contains(code) {
+                let moved = zero + (f64::from(*code) - zero) * REFERENCE_VOLTS / volts;
+                *code = moved.round().clamp(0.0, top) as u16;
+            }
+        }
+        scan
     }
 
     /// The channels, in the order of their conversion.
@@ -422,6 +438,21 @@ mod tests {
             assert!((ours.wide_per_code / reference.wide_per_code - 1.0).abs() < 1e-12);
             let rest = |scale: SensorScale| (scale.pole, scale.wide_pole, scale.noise);
             assert_eq!(rest(ours), rest(reference));
+        }
+    }
+
+    #[test]
+    fn codes_grow_from_their_zeros_as_the_supply_falls_and_a_rail_stays() {
+        let front_end = AnalogFrontEnd::default();
+        // Zeros are at 128 and 2048.
+        let scan = [128 + 1000, 4095, 2048 - 1000, 0];
+        for (volts, expected) in [
+            (3.3, scan),
+            (3.0, [128 + 1100, 4095, 2048 - 1100, 0]),
+            (3.6, [128 + 917, 4095, 2048 - 917, 0]),
+            (1.1, [128 + 3000, 4095, 0, 0]),
+        ] {
+            assert_eq!(front_end.at_supply(scan, volts), expected, "{volts} V");
         }
     }
 

@@ -121,7 +121,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     if strike.missing() > 0 {
         return cut(strike, energies);
     }
-    let (said, shape) = window.report(settings, &record);
+    let (said, shape) = in_conditions(strike, settings, window.report(settings, &record));
     let first_difference = is_of_an_older_image(strike, &said, &shape)
         .or_else(|| differs_in_chunks(strike, &energies))
         .or_else(|| differs_in_results(strike, &said, &shape))
@@ -278,6 +278,26 @@ fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, FieldNumber)> {
     all
 }
 
+/// The results of replay in the conditions that the bead measured, which no sample tells. If the shape was not
+/// received, they are not known, and neither is the flag that follows from them.
+fn in_conditions(
+    strike: &RecordedStrike,
+    settings: &Settings,
+    (mut said, mut shape): (Strike, Shape),
+) -> (Strike, Shape) {
+    let is_off = match strike.shape {
+        Some(device) => {
+            shape.conditions = device.conditions;
+            settings.supply_is_off(device.conditions.as_ref())
+        }
+        None => strike.said.flags.has(StrikeFlags::SUPPLY_OFF),
+    };
+    if is_off {
+        said.flags = said.flags.with(StrikeFlags::SUPPLY_OFF);
+    }
+    (said, shape)
+}
+
 fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
     let rate = strike.rate();
     // Some flags depend on the bead's state before the window.
@@ -354,7 +374,10 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
             ));
         }
     }
-    let Some((mut said, mut shape)) = output.report else {
+    let report = output
+        .report
+        .map(|report| in_conditions(strike, &settings, report));
+    let Some((mut said, mut shape)) = report else {
         return Some(format!(
             "strike {number}: the detector does not fire on these samples, the device's fired at {trigger}"
         ));
@@ -370,8 +393,9 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
 mod tests {
     use super::*;
     use crate::testing::{recorded_after, recorded_strike};
+    use bead_model::design::Supply;
     use bead_recording::strikes::ScansAfterGap;
-    use bead_wire::{Body, Force, Fraction, Samples, Waveform};
+    use bead_wire::{Body, Conditions, Force, Fraction, Samples, Temperature, Voltage, Waveform};
 
     #[test]
     fn a_strike_right_after_the_start_replays_to_the_same_bits() {
@@ -492,6 +516,37 @@ mod tests {
             what.contains("force_gains of the shape frame: device has none, replay "),
             "{what}"
         );
+    }
+
+    #[test]
+    fn the_flag_of_the_supply_follows_from_the_conditions_that_the_bead_measured() {
+        let differs = |calibrated: Option<f64>, measured: Option<f64>, is_flagged: bool| {
+            let mut strike = recorded_strike();
+            let supply = calibrated.map(|voltage| Supply { voltage });
+            let settings = strike.settings.unwrap().with(|bead| bead.supply = supply);
+            strike.settings = Some(settings.unwrap());
+            strike.shape.as_mut().unwrap().conditions = measured.map(|volts| Conditions {
+                supply: Voltage::from_bits((volts * 4096.0) as u16),
+                die_temperature: Temperature::from_bits(25 << 8),
+            });
+            if is_flagged {
+                strike.said.flags = strike.said.flags.with(StrikeFlags::SUPPLY_OFF);
+            }
+            replay(&strike).first_difference
+        };
+        for (calibrated, measured, flagged) in [
+            (None, None, false),
+            (None, Some(2.9), false),
+            (Some(3.3), None, true),
+            (Some(3.3), Some(3.291), false),
+            (Some(3.3), Some(3.289), true),
+            (Some(3.3), Some(3.309), false),
+            (Some(3.3), Some(3.311), true),
+        ] {
+            assert_eq!(differs(calibrated, measured, flagged), None, "{measured:?}");
+            let what = differs(calibrated, measured, !flagged).unwrap();
+            assert!(what.contains("flags of the strike frame"), "{what}");
+        }
     }
 
     #[test]

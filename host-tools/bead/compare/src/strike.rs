@@ -6,6 +6,7 @@
 //! agree in every bit. The recording does not say when the striker hit. Each strike is placed at the time
 //! where its force fits the simulated force best; the acceleration was taken [`SCAN_SKEW`] later.
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -61,6 +62,31 @@ impl StrikeValues {
     }
 }
 
+/// Supply and temperature next to a strike, as the bead measured them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct StrikeConditions {
+    /// Supply of the converter, V.
+    pub supply: f64,
+    /// Temperature of the die, °C.
+    pub die_temperature: f64,
+}
+
+impl StrikeConditions {
+    /// Those of a strike; `None` if they were not measured yet, or not received.
+    pub fn of(strike: &RecordedStrike) -> Option<Self> {
+        strike.shape?.conditions.map(|conditions| Self {
+            supply: conditions.supply.volts(),
+            die_temperature: conditions.die_temperature.degrees_celsius(),
+        })
+    }
+}
+
+impl fmt::Display for StrikeConditions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} V, {:.1} °C", self.supply, self.die_temperature)
+    }
+}
+
 /// One strike, from four sources.
 #[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 pub struct StrikeComparison {
@@ -94,6 +120,8 @@ pub struct StrikeComparison {
     pub force_noise: f64,
     /// Names of the strike's flags.
     pub flags: Vec<&'static str>,
+    /// Supply and temperature; none if they were not measured yet, or not received.
+    pub conditions: Option<StrikeConditions>,
     /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
     /// True if the goals are met and replay is identical; of one of several strikes, only the latter.
@@ -319,6 +347,7 @@ impl FullChain {
             goal: GOAL,
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
+            conditions: StrikeConditions::of(strike),
             shape: None,
             pass,
             alone: true,

@@ -171,10 +171,11 @@ impl ComparedStrikes<'_> {
                 percent(off.absorbed_predicted).into(),
                 percent(off.peak_force).into(),
                 GridCell::judged(replay, (!is_same).then_some(false)),
+                GridCell::known(strike.conditions.map(|conditions| conditions.to_string())),
                 strike.flags.join(", ").into(),
             ]
         };
-        let headings = "strike | ~sample | A off by | B off by | peak off by | replay | ~flags";
+        let headings = "strike | ~sample | A off by | B off by | peak off by | replay | ~supply | ~flags";
         Grid::new(headings, self.compared.strikes.iter().take(LINES).map(line))
     }
 
@@ -294,6 +295,9 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     let mut rows: Vec<_> = known.map(row).collect();
     let replay = GridCell::judged(strike.replay_word.name(), Some(strike.replay_identical));
     rows.insert(3, vec!["bits of device and replay".into(), replay]);
+    if let Some(conditions) = &strike.conditions {
+        rows.push(vec!["supply, temperature".into(), conditions.to_string().into()]);
+    }
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
     }

@@ -50,12 +50,15 @@ impl Chip {
         /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
         const TEMPERATURE_MV: u32 = 760;
         let supply = self.units.pwr.supply_mv.max(1);
-        let of_supply = |millivolts: u32| (4095 * millivolts / supply).min(4095) as u16;
+        // To the nearest code.
+        let of_supply = |millivolts: u32| ((4095 * millivolts + supply / 2) / supply).min(4095) as u16;
         let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
         match (adc, channel) {
             (0, TEMPERATURE) if sensors => of_supply(TEMPERATURE_MV),
             // The converter compares the reference with the supply.
-            (0, REFERENCE) if sensors => (signature::REFERENCE_CODE * 3300 / supply).min(4095) as u16,
+            (0, REFERENCE) if sensors => {
+                ((signature::REFERENCE_CODE * 3300 + supply / 2) / supply).min(4095) as u16
+            }
             // VBAT is taken to come from the same supply; half of it is measured.
             (0, BATTERY) if battery => of_supply(supply / 2),
             _ => self.stimulus.code(adc, channel, at),

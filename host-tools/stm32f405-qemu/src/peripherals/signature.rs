@@ -1,5 +1,5 @@
-//! The device electronic signature (RM0090 section 39): the chip's identifier, its flash size, a calibration
-//! value.
+//! The device electronic signature (RM0090 section 39): the chip's identifier, its flash size, the calibration
+//! of its converters' inner channels.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 
@@ -7,6 +7,9 @@ const FLASH_KIB: u32 = 1024;
 /// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
 /// internal reference voltage calibration values).
 pub(crate) const REFERENCE_CODE: u32 = 1502;
+/// TS_CAL1 and TS_CAL2: the codes of the temperature sensor at 30 and 110 °C, there too. By its typical values:
+/// 0.76 V at 25 °C, and 2.5 mV/°C.
+const TEMPERATURE_CODES: [u32; 2] = [959, 1207];
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Signature {
@@ -27,6 +30,8 @@ impl Peripheral for Signature {
             0x10 => Ok(FLASH_KIB << 16),
             // VREFIN_CAL is the halfword at 0x1fff_7a2a.
             0x18 => Ok(REFERENCE_CODE << 16),
+            // TS_CAL1 and TS_CAL2 are the halfwords at 0x1fff_7a2c and 0x1fff_7a2e.
+            0x1c => Ok(TEMPERATURE_CODES[1] << 16 | TEMPERATURE_CODES[0]),
             _ => Err(NoRegister),
         }
     }
@@ -49,5 +54,6 @@ mod tests {
         assert_eq!(signature.read(0x04, 0), Ok(u32::from_le_bytes(*b"4567")));
         assert_eq!(signature.read(0x10, 0).unwrap() >> 16, 1024);
         assert_eq!(signature.read(0x18, 0).unwrap() >> 16, 1502);
+        assert_eq!(signature.read(0x1c, 0), Ok(1207 << 16 | 959));
     }
 }

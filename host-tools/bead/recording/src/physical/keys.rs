@@ -87,6 +87,7 @@ keys! {
     StiffnessWithDamping "" "" "correlation of k and c, from -1 to 1: one ring-down gives both"
     StiffnessWithMass "" "" "correlation of k and m"
     DampingWithMass "" "" "correlation of c and m"
+    SupplyVoltage "" "V" "VDDA during calibration, as the bead measured it: `supply` of its strikes"
 }
 
 /// Comment above each table of a file.
@@ -110,5 +111,9 @@ pub(super) const TABLES: &[(&str, &str)] = &[
     (
         "uncertainty",
         "The calibration, and relative standard uncertainties: 0.01 for 1 %, k = 1. What is left out is unknown.",
+    ),
+    (
+        "supply",
+        "The converter's supply, which is its reference. Left out, it is unknown, and no strike is flagged for it.",
     ),
 ];

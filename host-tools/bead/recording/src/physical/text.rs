@@ -186,7 +186,7 @@ fn kind(key: SettingKey) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, Day, FrontEnd, Neighbours, Relative, Uncertainty};
+    use bead_model::design::{Bead, Day, FrontEnd, Neighbours, Relative, Supply, Uncertainty};
     use bead_model::name::Name;
     use bead_testing::block_of;
 
@@ -209,6 +209,7 @@ mod tests {
             uncertainty: Some(uncertainty),
             name: Name::new("left").unwrap(),
             address: 3,
+            supply: Some(Supply { voltage: 3.2985 }),
             ..Description::new(
                 &bead,
                 &Neighbours::default(),
@@ -231,6 +232,19 @@ mod tests {
                 |line: &str| line.trim_start_matches("# ").starts_with(&name) && line.ends_with(row.what);
             assert!(text.lines().any(explained), "{}", row.path());
         }
+    }
+
+    #[test]
+    fn a_table_that_is_left_out_is_written_as_a_remark_and_begins_with_its_first_key() {
+        let mut bead = Description {
+            supply: None,
+            ..paper()
+        };
+        let text = to_toml(&bead);
+        assert!(text.contains("\n# [supply]\n# voltage = "), "{text}");
+        assert_eq!(*parse(&text, "bead.toml").unwrap().description(), bead);
+        set(&mut bead, "supply.voltage=3.2985").unwrap();
+        assert_eq!(bead, paper());
     }
 
     #[test]
@@ -298,6 +312,7 @@ mod tests {
         ring_decay_tolerance = 0.3 | ring_decay_tolerance = -0.25 | capture.ring_decay_tolerance: -0.25 is out of
         disagreement = 0.03 | disagreement = 0 | capture.disagreement: 0 is out of range; give a value that is from
         stiffness = 395000.0 | stiffness = 1e12 | intruder.stiffness: stiffness of the intruder's springs:
+        voltage = 3.2985 | voltage = 33 | supply.voltage: 33 is out of range; give a value that is from 1.8 to 3.6
         per_code = 0.00390625 | per_code = 1e3 | force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give
         force_gain = 0.005 | force_gain = 0 | uncertainty.force_gain: 0 is out of range; give a value that is from 0.000001
         force_gain = 0.005 | force_gain = 5 | uncertainty.force_gain: 5 is out of range; give a value that is from 0.000001

@@ -29,12 +29,12 @@ fn headings(unit: EnergyUnit, played: bool) -> String {
     if played {
         format!(
             "strike at sample | peak force (N) | given | A measured ({unit}) | of the given | B predicted ({unit}) | of the given \
-             | A off | B off | replay | flags"
+             | A off | B off | supply | replay | flags"
         )
     } else {
         format!(
             "strike at sample | peak force (N) | truth | A measured ({unit}) | B predicted ({unit}) | truth | A off | B off \
-             | replay | flags"
+             | supply | replay | flags"
         )
     }
 }
@@ -98,6 +98,8 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
             off(b, truth),
         ]);
     }
+    let conditions = strike.conditions.map(|conditions| conditions.to_string());
+    row.push(conditions.unwrap_or(DASH.to_owned()));
     let flags = strike.flags.join(", ");
     row.push(strike.replay.name().to_owned());
     row.push(output::either(flags.is_empty(), DASH, &flags));

@@ -6,8 +6,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use bead_model::converter::CONVERSION;
 use bead_model::design::{Day, Description};
 use bead_model::settings::{Settings, SettingsError, VERSION};
+use bead_model::violation::SettingKey;
 use bead_wire::{Block, KEY, Message, Outcome, Request};
 use clap::{ArgGroup, Subcommand};
+use serde_json::Value;
 
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
@@ -35,6 +37,10 @@ Examples:
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
   bead settings reset --port tcp:192.168.1.7:4000
   bead settings key --new bead-8.key --port /dev/ttyUSB0";
+
+/// In place of the supply of the calibration.
+const SUPPLY_UNKNOWN: &str =
+    "unknown: A and B hold at that supply alone, 1 % of it is 2 % of both, and no strike is flagged";
 
 const KEY_HELP: &str = "\
 The key is 16 random bytes. The first key travels to the bead as it is: give it where nobody else listens. A \
@@ -328,8 +334,11 @@ fn table(settings: &Settings) -> String {
     let stated = KEYS.iter().map(|row| {
         let letter = Some(row.letter).filter(|letter| !letter.is_empty());
         let letter = letter.map_or(String::new(), |letter| format!(", {letter}"));
-        let value = shown(&value(settings.description(), row.key));
-        [row.path().to_owned() + &letter, format!("{value} {}", row.unit)]
+        let value = match value(settings.description(), row.key) {
+            Value::Null if row.key == SettingKey::SupplyVoltage => SUPPLY_UNKNOWN.to_owned(),
+            value => format!("{} {}", shown(&value), row.unit),
+        };
+        [row.path().to_owned() + &letter, value]
     });
     let derived = derived(settings)
         .into_iter()
@@ -396,6 +405,7 @@ mod tests {
             ("capture.sample_rate", "100000 Hz"),
             ("force.pole", "40000.0 Hz"),
             ("window", "672 samples (6.72 ms)"),
+            ("supply.voltage", SUPPLY_UNKNOWN),
             // The paper's beads relax in 4.2 µs.
             ("B, relaxation of the contacts", "4.200 µs"),
         ] {

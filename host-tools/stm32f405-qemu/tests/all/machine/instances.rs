@@ -300,9 +300,10 @@ fn the_sensors_of_the_part_belong_to_the_first_converter_alone_and_follow_the_su
         (0, ADC1, 17, 3300, 0),
         (0b11 << 22, ADC1, 16, 3300, 943),
         (0b11 << 22, ADC1, 17, 3300, 1502),
-        (0b11 << 22, ADC1, 18, 3300, 2047),
+        (0b11 << 22, ADC1, 18, 3300, 2048),
         (0b11 << 22, ADC2, 17, 3300, 0),
-        (0b11 << 22, ADC1, 17, 2700, 1502 * 3300 / 2700),
+        // 1835.8
+        (0b11 << 22, ADC1, 17, 2700, 1836),
     ] {
         let supply = FaultKind::Supply { millivolts };
         bench.machine.fail(supply, bench.board.now, &mut bench.board);
