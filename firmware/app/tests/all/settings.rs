@@ -29,8 +29,8 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
     damaged[20] ^= 1;
     let invalid = [
         (
-            forged(|bytes| bytes[4] = 7),
-            &*format!("settings block of version 7, this program knows {version}"),
+            forged(|bytes| bytes[4] = 8),
+            &*format!("settings block of version 8, this program knows {version}"),
         ),
         (
             damaged,
@@ -83,7 +83,7 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
 fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_looks_for_strikes() {
     let mut damaged = block(&paper_settings());
     damaged[20] ^= 1;
-    let later = forged(|bytes| bytes[4] = 7);
+    let later = forged(|bytes| bytes[4] = 8);
     let cases = [
         (block(&paper_settings()), SettingsSource::Flash, None, true),
         (vec![0xFF; 100], SettingsSource::BuiltIn, None, true),
@@ -130,7 +130,7 @@ fn a_stored_block_that_this_image_does_not_know_stays_in_the_store_and_the_one_o
     let mut bead = TestBead::new();
     assert_eq!(bead.outcome(&write(&windows_of(300))), Outcome::Done);
     // Its version, where the store has it; the store's own checksum of the record comes before.
-    let other = forged(|bytes| bytes[4] = 7);
+    let other = forged(|bytes| bytes[4] = 8);
     let (mut store, _) = Store::open(PowerCutFlash::<SECTOR>::blank(2), 0..2 * SECTOR as u32);
     store.write(&other).expect("there is room");
     *bead.flash.0.borrow_mut() = store.into_flash();
