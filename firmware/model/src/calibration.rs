@@ -100,11 +100,14 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Returns `true` if every value that the codes can give is below `most`.
+    /// Returns `true` if every value that the codes can give is below `most`: it is greatest where each code is at
+    /// the rail that its weight favours, and the zero at a rail too.
     pub fn is_below(&self, most: u32) -> bool {
         let [per_code, slope, curve] =
-            [self.per_code, self.slope, self.curve].map(|value| i64::from(value.to_bits()).abs());
-        (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope + 4 * curve)) >> F::U32 < i64::from(most)
+            [self.per_code, self.slope, self.curve].map(|value| i64::from(value.to_bits()));
+        let weights = [curve + slope, per_code - 2 * curve, curve - slope];
+        let sum = |sign: i64| weights.map(|weight| (sign * weight).max(0)).iter().sum::<i64>();
+        (i64::from(AdcCode::MAX.get()) * sum(1).max(sum(-1))) >> F::U32 < i64::from(most)
     }
 }
 

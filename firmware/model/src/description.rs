@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Capture;
-use crate::front_end::{FrontEnd, SensorScale};
+use crate::front_end::{FrontEnd, SensorEnds, SensorScale};
 use crate::name::Name;
 use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use crate::uncertainty::Uncertainty;
@@ -56,6 +56,9 @@ pub struct Description {
     /// The supply during calibration; `None` if it is not known.
     #[serde(default)]
     pub supply: Option<Supply>,
+    /// Where the sensors end, if that is known.
+    #[serde(default)]
+    pub sensor_end: Option<SensorEnds>,
 }
 
 /// The bead around the intruder.
@@ -111,6 +114,7 @@ impl Description {
             capture: *capture,
             uncertainty: None,
             supply: None,
+            sensor_end: None,
         }
     }
 
@@ -156,6 +160,7 @@ impl Description {
             capture,
             ..
         } = self;
+        let ends = self.sensor_end.unwrap_or_default();
         let positive = [
             (Key::BeadMass, bead.mass),
             (Key::IntruderMass, intruder.mass),
@@ -168,6 +173,8 @@ impl Description {
             (Key::WideAccelerationPerCode, acceleration.wide_per_code),
             (Key::SampleRate, capture.sample_rate_hz.into()),
             (Key::Threshold, capture.threshold),
+            (Key::ForceEnd, ends.force.map_or(1.0, f64::from)),
+            (Key::AccelerationEnd, ends.acceleration.map_or(1.0, f64::from)),
         ];
         check_each(&positive, Bound::Positive, |value| value > 0.0)?;
         let not_negative = [

@@ -10,7 +10,7 @@
 pub use crate::capture::Capture;
 pub use crate::day::Day;
 pub use crate::description::{Contact, Description, Host, Supply};
-pub use crate::front_end::{FrontEnd, SensorScale};
+pub use crate::front_end::{FrontEnd, SensorEnds, SensorScale};
 pub use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours, SOLITARY_WAVE_ENERGY};
 pub use crate::relative::Relative;
 use crate::settings::Settings;

@@ -21,6 +21,18 @@ pub struct SensorScale {
     pub noise: f64,
 }
 
+/// Where the sensors themselves end, as their data sheets or the supplies of their amplifiers have it. The
+/// converter may go on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorEnds {
+    /// Greatest force, N; absent if it is unknown.
+    pub force: Option<f32>,
+    /// Greatest acceleration of either sign, m/s²; absent if it is unknown.
+    pub acceleration: Option<f32>,
+}
+
 /// Both sensors. The zero of each channel is not among it: the bead finds it in every window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {

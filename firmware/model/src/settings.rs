@@ -8,6 +8,7 @@
 
 use bead_crc::checksum;
 use bead_wire::Conditions;
+use fixed::FixedI32;
 use fixed::types::extra::{LeEqU32, U26, U30};
 use fixed::types::{I2F30, I16F16};
 use serde::Serialize;
@@ -18,7 +19,7 @@ use crate::company::Company;
 use crate::description::{Description, Supply, require};
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
-use crate::quantity::SensedForce;
+use crate::quantity::{SensedAcceleration, SensedForce};
 use crate::quiet::Quiet;
 use crate::reduced_chain::ReducedChain;
 use crate::ring_down::RingDown;
@@ -34,7 +35,7 @@ pub const VERSION: u16 = 7;
 /// The version without those sections.
 const FIRST: u16 = 1;
 /// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
-const SECTIONS_SINCE: usize = 2;
+const SECTIONS_SINCE: usize = 3;
 /// The last version of the time before the first release. Those were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.
@@ -70,6 +71,10 @@ pub struct Settings {
     pub force: Sensor<U30>,
     /// The acceleration sensor, m/s².
     pub acceleration: Sensor<U26>,
+    /// 99 % of the force at which its sensor ends; the greatest number if that is unknown.
+    pub force_end: SensedForce,
+    /// 99 % of the acceleration at which its sensor ends; the greatest number if that is unknown.
+    pub acceleration_end: SensedAcceleration,
     /// Trigger and window.
     pub window: WindowSettings,
     /// Estimate A.
@@ -147,6 +152,7 @@ impl Settings {
             ring_down,
             quiet,
         } = Coefficients::new(description, description.company.places().unwrap_or(0))?;
+        let ends = description.sensor_end.unwrap_or_default();
         let settings = Self {
             description: *description,
             sample_rate_hz: description.capture.sample_rate_hz,
@@ -157,6 +163,8 @@ impl Settings {
                 ACCELERATION_UNITS,
                 ACCELERATION_POLES,
             )?,
+            force_end: near_end(ends.force),
+            acceleration_end: near_end(ends.acceleration),
             window: coefficients::window(description, dt),
             observer,
             chain,
@@ -324,6 +332,16 @@ impl Settings {
         let rise = i64::from(self.window.threshold) * i64::from(self.force.sensitive.per_code.to_bits());
         rise >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS) >= 2 * i64::from(self.chain.gate.to_bits())
     }
+}
+
+/// Part of a sensor's end from which on a value may be cut.
+const NEAR_END: f64 = 0.99;
+
+/// The least value that may be cut; the greatest number if the end is unknown.
+fn near_end<F: LeEqU32>(end: Option<f32>) -> FixedI32<F> {
+    end.map_or(FixedI32::MAX, |end| {
+        coefficients::nearest(NEAR_END * f64::from(end))
+    })
 }
 
 fn check_sensor<F: LeEqU32>(sensor: &Sensor<F>, most: u32, units: [SettingKey; 2]) -> Result<(), Violation> {

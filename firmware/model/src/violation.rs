@@ -75,6 +75,8 @@ keys! {
     StiffnessWithMass "uncertainty.stiffness_with_mass"
     DampingWithMass "uncertainty.damping_with_mass"
     SupplyVoltage "supply.voltage"
+    ForceEnd "sensor_end.force"
+    AccelerationEnd "sensor_end.acceleration"
 }
 
 /// A coefficient that follows from the settings; its format may not hold it.

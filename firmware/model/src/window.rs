@@ -230,6 +230,8 @@ impl Window {
                 settings.ringing.frequency,
             )
         };
+        let swing = (*acceleration.end()).max(acceleration.start().saturating_neg());
+        let at_end = peak_force >= settings.force_end || swing >= settings.acceleration_end;
         let drifted = settings.company.is_alone() && settings.ringing.is_other_than(&shape);
         let gains = [shape.force_gains, shape.acceleration_gains];
         let gains_differ = gains
@@ -239,6 +241,7 @@ impl Window {
         let flags = self
             .railed
             .with_if(self.chain.saturated(), StrikeFlags::CHAIN_RANGE)
+            .with_if(at_end, StrikeFlags::SENSOR_END)
             .with_if(gains_differ, StrikeFlags::GAINS_DIFFER)
             .with_if(
                 settings.quiet.is_exceeded(&settings.window, record),

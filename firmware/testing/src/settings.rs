@@ -2,7 +2,8 @@
 
 use bead_model::Settings;
 use bead_model::design::{
-    Bead, Capture, Day, Description, FrontEnd, Intruder, Neighbours, Relative, Uncertainty, derive,
+    Bead, Capture, Day, Description, FrontEnd, Intruder, Neighbours, Relative, SensorEnds, Uncertainty,
+    derive,
 };
 use bead_model::name::Name;
 use bead_model::settings::BLOCK_MAX;
@@ -129,6 +130,10 @@ fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
             };
         }
     }
+    description.sensor_end = random().is_multiple_of(2).then(|| SensorEnds {
+        force: Some(corner(random, 1, 40_000) as f32),
+        acceleration: Some(corner(random, 1, 1_000_000) as f32),
+    });
     description.uncertainty = random().is_multiple_of(2).then(|| any_uncertainty(random));
     description.force.noise = match random() % 3 {
         0 => 0.0,

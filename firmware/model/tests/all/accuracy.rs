@@ -2,8 +2,8 @@
 //! errors.
 
 use crate::sensed::{HOST, felt, front_end, scan};
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Energy, Scan, StrikeFlags};
+use bead_model::design::{Bead, Capture, FrontEnd, SensorEnds, derive};
+use bead_model::{Energy, Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution, simulate};
 use rand::SeedableRng;
@@ -220,5 +220,30 @@ fn a_signal_beyond_its_range_is_flagged() {
         // The highest force is that of the highest code.
         strike.peak_force = strike.peak_force.min(spans[0] * (4095.0 - 128.3) / 4096.0);
         assert_eq!(errors(&strike, &Bead::paper()).2, flag);
+    }
+}
+
+#[test]
+fn a_sensor_that_comes_within_a_hundredth_of_its_own_end_is_told() {
+    let strike = strike(0.45, 100_000, SPANS, 0.0, 0.0);
+    let settings = derive(&Bead::paper(), &strike.front_end, &strike.capture).unwrap();
+    let reported = |settings: &Settings| Collector::measure(settings, 0, &strike.codes).reports[0];
+    let plain = reported(&settings);
+    let force = plain.peak_force.newtons();
+    let swing = f64::max(
+        plain.acceleration_max.metres_per_second_squared(),
+        -plain.acceleration_min.metres_per_second_squared(),
+    );
+    for (force, acceleration, flag) in [
+        (Some(force / 0.989), Some(swing / 0.989), StrikeFlags::NONE),
+        (Some(force / 0.991), None, StrikeFlags::SENSOR_END),
+        (None, Some(swing / 0.991), StrikeFlags::SENSOR_END),
+    ] {
+        let ends = SensorEnds {
+            force: force.map(|end| end as f32),
+            acceleration: acceleration.map(|end| end as f32),
+        };
+        let settings = settings.with(|one| one.sensor_end = Some(ends)).unwrap();
+        assert_eq!(reported(&settings).flags, flag, "{ends:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::paper;
 use bead_model::company::Company;
-use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours, Supply};
+use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours, SensorEnds, Supply};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::BLOCK_MAX;
@@ -81,6 +81,10 @@ fn the_longest_settings_have_room_in_a_block() {
     longest.company = Neighbours::new([true; 4], true, longest.intruder);
     longest.supply = Some(Supply { voltage: 3.3 });
     let mut buffer = [0; BLOCK_MAX];
+    longest.sensor_end = Some(SensorEnds {
+        force: Some(1e3),
+        acceleration: Some(1e5),
+    });
     let settings = Settings::new(&longest).unwrap();
     let length = settings.encode(&mut buffer).unwrap();
     // The sample rate has two more bytes at most.
@@ -175,6 +179,15 @@ fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() 
     for (key, number) in NOT_NEGATIVE {
         for value in [-1e-9, f64::NAN, f64::INFINITY] {
             assert_eq!(refused(|one| *number(one) = value), (key, Bound::NotNegative));
+        }
+    }
+    for value in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let ends = |force, acceleration| Some(SensorEnds { force, acceleration });
+        for (key, ends) in [
+            (Key::ForceEnd, ends(Some(value), None)),
+            (Key::AccelerationEnd, ends(None, Some(value))),
+        ] {
+            assert_eq!(refused(|one| one.sensor_end = ends), (key, Bound::Positive));
         }
     }
     let found = paper().with(|one| one.capture.sample_rate_hz = 0).unwrap_err();
@@ -357,9 +370,10 @@ fn poles_and_units_have_their_limits() {
     };
     let powers = small(1.0).unwrap().scale.incoming;
     assert!(powers > 2, "{powers}");
-    // Without a pole, slope and curve take out the delay of 9/70 samples: the sums reach further by that, and by
-    // four times half its square.
-    let most = f64::from(1 << (15 - powers)) / (1.0 + 9.0 / 70.0 + 2.0 * (9.0_f64 / 70.0).powi(2));
+    // Without a pole, slope and curve take out the delay δ of 9/70 samples: the weights above 0 are 1 - δ² of the
+    // middle code and (δ + δ²)/2 of the oldest.
+    let delay = 9.0_f64 / 70.0;
+    let most = f64::from(1 << (15 - powers)) / (1.0 + 0.5 * (delay - delay * delay));
     assert!(small(0.999 * most).is_ok());
     let found = small(1.001 * most).unwrap_err();
     assert_eq!((found.key, found.bound), (Key::WideForcePerCode, Bound::Reach));

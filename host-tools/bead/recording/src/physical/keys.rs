@@ -88,6 +88,8 @@ keys! {
     StiffnessWithMass "" "" "correlation of k and m"
     DampingWithMass "" "" "correlation of c and m"
     SupplyVoltage "" "V" "VDDA during calibration, as the bead measured it: `supply` of its strikes"
+    ForceEnd "" "N" "the greatest force that its sensor tells"
+    AccelerationEnd "" "m/s²" "the greatest acceleration that its sensor tells, of either sign"
 }
 
 /// Comment above each table of a file.
@@ -115,5 +117,9 @@ pub(super) const TABLES: &[(&str, &str)] = &[
     (
         "supply",
         "The converter's supply, which is its reference. Left out, it is unknown, and no strike is flagged for it.",
+    ),
+    (
+        "sensor_end",
+        "Where the sensors end, though the converter goes on: strikes that come within 1 % of it are flagged.",
     ),
 ];
