@@ -44,6 +44,7 @@ mod correction;
 mod day;
 mod description;
 pub mod design;
+pub mod energy_uncertainty;
 mod front_end;
 pub mod layout;
 pub mod meter;

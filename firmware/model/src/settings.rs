@@ -17,6 +17,7 @@ use crate::calibration::Channel;
 use crate::coefficients::{self, Coefficients};
 use crate::company::Company;
 use crate::description::{Description, Supply, require};
+use crate::energy_uncertainty::UncertaintyTerms;
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::{SensedAcceleration, SensedForce};
@@ -97,6 +98,8 @@ pub struct Settings {
     pub company: Company,
     /// Comparison of the predicted acceleration with the measured one.
     pub waveform: WaveformJudge,
+    /// Uncertainties of the energies, if those of all settings are known.
+    pub uncertainty: Option<UncertaintyTerms>,
 }
 
 /// Why a settings block is refused.
@@ -176,6 +179,7 @@ impl Settings {
             scale,
             company,
             waveform,
+            uncertainty: UncertaintyTerms::new(description, ringing.frequency.to_num()),
         };
         settings.check_channels()?;
         settings.check_window()?;

@@ -31,6 +31,10 @@ const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
 /// Part of an energy, as its inverse, above which the energy left is flagged: 0.5 %.
 const RINGING: i128 = 200;
 
+/// A and B differ if they are further apart than so many standard uncertainties of their difference. Chance
+/// alone takes 3 of 1000 good beads there.
+pub const COVERAGE: i32 = 3;
+
 /// The running window of a strike.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Window {
@@ -232,6 +236,11 @@ impl Window {
         };
         let swing = (*acceleration.end()).max(acceleration.start().saturating_neg());
         let at_end = peak_force >= settings.force_end || swing >= settings.acceleration_end;
+        let uncertainty = settings.uncertainty.as_ref().and_then(|terms| {
+            let noise = settings.observer.noise_square(&self.observer);
+            terms.of(&shape, [measured, predicted], noise, self.force_noise())
+        });
+        let shape = Shape { uncertainty, ..shape };
         let drifted = settings.company.is_alone() && settings.ringing.is_other_than(&shape);
         let gains = [shape.force_gains, shape.acceleration_gains];
         let gains_differ = gains
@@ -253,9 +262,16 @@ impl Window {
         let flags = flags
             .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
             .with_if(model_differs, StrikeFlags::MODEL_DIFFERS);
-        // Another flag explains a difference. Energy that is left explains none: both estimates have it.
-        let unexplained =
-            flags == StrikeFlags::NONE && differ([measured, predicted], settings.disagreement, noise_energy);
+        // Another flag explains a difference. Energy that is left explains none: both estimates have it. The
+        // uncertainty of the difference has the noise's in it.
+        let (part, noise) = match uncertainty {
+            Some(known) => (
+                I16F16::from_bits(known.difference.bits().saturating_mul(COVERAGE)),
+                Energy::default(),
+            ),
+            None => (settings.disagreement, noise_energy),
+        };
+        let unexplained = flags == StrikeFlags::NONE && differ([measured, predicted], part, noise);
         let flags = flags.with_if(ringing_left, StrikeFlags::RINGING_LEFT);
         let strike = Strike {
             strike: self.strike,
@@ -271,10 +287,15 @@ impl Window {
             incident_energy,
             absorbed_fraction: fraction(measured, incident_energy),
             noise_energy,
-            force_noise: Force::from_bits((self.chain.gate() / 3).to_bits()),
+            force_noise: self.force_noise(),
             flags: flags.with_if(unexplained, StrikeFlags::ESTIMATES_DIFFER),
         };
         (strike, shape)
+    }
+
+    /// Rms noise of the force in the quiet.
+    fn force_noise(&self) -> Force {
+        Force::from_bits((self.chain.gate() / 3).to_bits())
     }
 }
 

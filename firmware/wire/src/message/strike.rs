@@ -50,7 +50,8 @@ bits! {
         2 "another_wave" ANOTHER_WAVE,
         /// A state of the reduced chain exceeded half the range of its format.
         3 "chain_range" CHAIN_RANGE,
-        /// The two estimates differ by more than the settings allow, and no other flag says why.
+        /// The two estimates differ by more than three times the uncertainty of their difference, or, where that
+        /// is unknown, by more than the settings allow, and no other flag says why.
         4 "estimates_differ" ESTIMATES_DIFFER,
         /// The frequency or the decay of the intruder's ringing is not what the settings say.
         5 "intruder_drifted" INTRUDER_DRIFTED,

@@ -2,7 +2,7 @@
 
 use bead_model::design::Description;
 use bead_model::violation::SettingKey;
-use bead_model::{Scan, Settings, Window, WindowRecord};
+use bead_model::{Scan, Settings, Shape, Strike, Window, WindowRecord};
 use bead_recording::physical::refusal;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
 
@@ -54,13 +54,18 @@ impl<'a> Rerun<'a> {
 
     /// A and B in J, with these settings and codes.
     pub(super) fn energies(&self, settings: &Settings, scans: &[Scan]) -> [f64; 2] {
+        let (strike, _) = self.report(settings, scans);
+        [strike.absorbed_measured, strike.absorbed_predicted].map(|energy| energy.joules())
+    }
+
+    /// The bead's result with these settings and codes.
+    pub(super) fn report(&self, settings: &Settings, scans: &[Scan]) -> (Strike, Shape) {
         let said = &self.strike.said;
         let mut window = Window::open(said.strike, said.first_index);
         let mut record = WindowRecord::new();
         record.clear();
         window.process(settings, scans, &mut record);
-        let (strike, _) = window.report(settings, &record);
-        [strike.absorbed_measured, strike.absorbed_predicted].map(|energy| energy.joules())
+        window.report(settings, &record)
     }
 
     /// A and B in J, with an input moved by a part of itself.

@@ -288,10 +288,12 @@ pub(super) fn correlated(stated: &Uncertainty, inputs: &[BudgetInput]) -> Vec<Co
 
 #[cfg(test)]
 mod tests {
+    use bead_model::StrikeFlags;
     use bead_model::design::Relative;
     use hertz_chain::Scenario;
 
     use super::*;
+    use crate::budget::input::scale;
     use crate::spread::RunningMean;
     use crate::testing::{recorded, recorded_strike};
 
@@ -378,5 +380,122 @@ mod tests {
             "{} {apart}",
             budget.difference.u
         );
+    }
+
+    #[test]
+    fn the_uncertainties_that_a_bead_sends_are_those_of_the_budget_within_a_tenth() {
+        let part = |part| Some(Relative::new(part));
+        // What a laboratory would state, and k, c and m alone.
+        let usual = Uncertainty {
+            force_gain: part(0.0105),
+            force_gain_ratio: part(1e-5),
+            force_flatness: part(0.01),
+            acceleration_gain: part(0.005),
+            acceleration_gain_ratio: part(1e-5),
+            acceleration_flatness: part(0.01),
+            supply: part(0.002),
+            bead_mass: part(2e-4),
+            intruder_mass: part(0.003),
+            stiffness: part(0.005),
+            damping: part(0.02),
+            contact_stiffness: part(0.03),
+            relaxation: part(0.2),
+            stiffness_with_damping: Relative::new(0.2),
+            stiffness_with_mass: Relative::new(0.6),
+            damping_with_mass: Relative::new(0.15),
+            ..Uncertainty::default()
+        };
+        for (radius, velocity) in [(0.003, 0.6), (0.0045, 0.3), (0.007, 0.3), (0.01, 0.3)] {
+            for (stiffer, more_damped, heavier) in
+                [(1.0, 1.0, 1.0), (2.0, 1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 1.0, 2.0)]
+            {
+                let mut scenario = Scenario::paper();
+                (scenario.striker.radius, scenario.striker.velocity) = (radius, velocity);
+                let intruder = &mut scenario.intruders[0];
+                intruder.stiffness *= stiffer;
+                intruder.damping *= more_damped;
+                intruder.mass *= heavier;
+                let mut strike = recorded(&scenario, &scenario, 1);
+                let before = strike.settings.unwrap();
+                assert_eq!(strike.shape.unwrap().uncertainty, None);
+                strike.settings = before
+                    .with(|description| description.uncertainty = Some(usual))
+                    .ok();
+                let rerun = Rerun::new(&strike, *strike.settings.unwrap().description()).unwrap();
+                let (_, shape) = rerun.report(&rerun.settings, &rerun.scans);
+                let sent = shape.uncertainty.unwrap();
+                let budget = StrikeBudget::of(&strike, None, None).unwrap();
+                let greater = budget.measured.value.max(budget.predicted.value);
+                for (name, sent, expected) in [
+                    ("A", sent.measured, budget.measured.u / budget.measured.value),
+                    ("B", sent.predicted, budget.predicted.u / budget.predicted.value),
+                    ("A - B", sent.difference, budget.difference.u / greater),
+                ] {
+                    let ratio = sent.ratio() / expected;
+                    println!("{radius} m, {velocity} m/s, {name}: {expected:.5}, sent {ratio:.3} of it");
+                    assert!(
+                        (ratio - 1.0).abs() < 0.1,
+                        "{radius} {velocity} {stiffer} {more_damped} {heavier} {name}: {ratio}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_difference_is_judged_by_its_uncertainty_where_that_is_known() {
+        let strike = recorded_strike();
+        // B reads 1.9 % more.
+        let off = strike.settings.unwrap().with(|description| {
+            scale(description, SettingKey::UForceGain, 1.01);
+            description.capture.disagreement = 0.01;
+        });
+        let percent = one_percent();
+        let little = Some(Relative::new(1e-6));
+        let exact = Uncertainty {
+            force_gain: little,
+            force_gain_ratio: little,
+            force_flatness: little,
+            acceleration_gain: little,
+            acceleration_gain_ratio: little,
+            acceleration_flatness: little,
+            supply: little,
+            bead_mass: little,
+            intruder_mass: little,
+            stiffness: little,
+            damping: little,
+            contact_stiffness: little,
+            relaxation: little,
+            ..Uncertainty::default()
+        };
+        // One that is unknown makes all unknown.
+        let partly = Uncertainty {
+            damping: None,
+            ..percent
+        };
+        for (stated, disagreement, differs) in [
+            (None, 0.01, true),
+            (None, 0.03, false),
+            (Some(percent), 0.01, false),
+            (Some(exact), 0.03, true),
+            (Some(partly), 0.01, true),
+        ] {
+            let settings = off.unwrap().with(|description| {
+                description.uncertainty = stated;
+                description.capture.disagreement = disagreement;
+            });
+            let rerun = Rerun::new(&strike, *settings.unwrap().description()).unwrap();
+            let (said, shape) = rerun.report(&rerun.settings, &rerun.scans);
+            assert_eq!(
+                said.flags.has(StrikeFlags::ESTIMATES_DIFFER),
+                differs,
+                "{stated:?}, {:?}",
+                said.flags
+            );
+            assert_eq!(
+                shape.uncertainty.is_some(),
+                [Some(percent), Some(exact)].contains(&stated)
+            );
+        }
     }
 }
