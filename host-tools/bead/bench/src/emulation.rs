@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use bead_model::design::{Capture, Description, LEAST_WIDTH, Supply};
+use bead_model::design::{Capture, Description, LEAST_WIDTH, Supply, Uncertainty};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::violation::{Bound, Violation};
@@ -110,6 +110,8 @@ pub struct Placed {
     pub clock_ppm: f64,
     /// Time of its first scan, in s on the time that all beads of the run share.
     pub began: f64,
+    /// Uncertainties that its settings state, if any.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 impl Placed {
@@ -121,6 +123,7 @@ impl Placed {
             seed,
             clock_ppm: 0.0,
             began: 0.0,
+            uncertainty: None,
         }
     }
 }
@@ -450,6 +453,7 @@ pub fn settings_of(
         supply: Some(Supply {
             voltage: REFERENCE_VOLTS,
         }),
+        uncertainty: placed.uncertainty,
         ..Description::new(&physics, &neighbours, &front, &capture)
     };
     Settings::new(&description).map_err(|violation| match violation {

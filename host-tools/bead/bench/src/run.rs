@@ -18,7 +18,7 @@ use bead_compare::given::GivenEstimates;
 use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
-use bead_compare::strike::{StrikeConditions, StrikeValues};
+use bead_compare::strike::{EnergyUncertainties, StrikeConditions, StrikeValues};
 use bead_recording::frames::Frame;
 use bead_recording::statuses::LastStatuses;
 use bead_recording::strikes::{RecordedStrike, assemble};
@@ -132,6 +132,8 @@ pub struct MeasuredStrike {
     pub flags: Vec<&'static str>,
     /// Supply and temperature; none if they were not measured yet.
     pub conditions: Option<StrikeConditions>,
+    /// Standard uncertainties, if the settings state those of all inputs.
+    pub uncertainty: Option<EnergyUncertainties>,
     /// By the full chain; none for an echo, and where a waveform was played.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
@@ -156,6 +158,7 @@ impl MeasuredStrike {
             device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
+            uncertainty: EnergyUncertainties::of(strike),
             replay_identical: replay.identical(),
             replay: replay.word(),
             replay_failure: replay.failure(),

@@ -73,6 +73,7 @@ pub fn placed(
             }
         },
         began: chance.random_range(0.0..=1.0) * start_spread,
+        uncertainty: None,
     };
     Ok(beads.iter().enumerate().map(place).collect())
 }

@@ -62,6 +62,31 @@ impl StrikeValues {
     }
 }
 
+/// Standard uncertainties of the energies of a strike, J, as the bead sent them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct EnergyUncertainties {
+    /// Of estimate A.
+    pub u_absorbed_measured: f64,
+    /// Of estimate B.
+    pub u_absorbed_predicted: f64,
+    /// Of A - B.
+    pub u_difference: f64,
+}
+
+impl EnergyUncertainties {
+    /// `None` if the bead sent none.
+    pub fn of(strike: &RecordedStrike) -> Option<Self> {
+        let known = strike.shape?.uncertainty?;
+        let said = StrikeValues::of(&strike.said);
+        let greater = said.absorbed_measured.max(said.absorbed_predicted);
+        Some(Self {
+            u_absorbed_measured: known.measured.ratio() * said.absorbed_measured,
+            u_absorbed_predicted: known.predicted.ratio() * said.absorbed_predicted,
+            u_difference: known.difference.ratio() * greater,
+        })
+    }
+}
+
 /// Supply and temperature next to a strike, as the bead measured them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct StrikeConditions {

@@ -7,7 +7,7 @@ use crate::program::{DATA, ROOT, TestFolder, assert_says, python, said};
 use crate::rows::{ModelBead, record};
 
 /// Uncertainties as a laboratory would state them.
-const STATED: &str = r#"
+pub(crate) const STATED: &str = r#"
 [uncertainty]
 calibration = "shaker 17"
 calibrated = "2026-01-31"

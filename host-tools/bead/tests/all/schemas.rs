@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::Output;
 
 use crate::answering::{AnsweringBead, at_line};
+use crate::budget::STATED;
 use crate::program::{ROOT, TestFolder, documents, names, said, short_scenario};
 use crate::row::light_intruders;
 use crate::rows::{ModelBead, record};
@@ -179,8 +180,10 @@ fn results_of_the_image_hold_their_schemas() {
     let reported = "[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n";
     let unnoticed = "[[fault]]\nat = 0.06\nkind = \"uart_stall\"\nduration = 0.1\n";
     folder.write("faults.toml", format!("{reported}{unnoticed}"));
+    folder.done("settings make --template stated.toml");
+    folder.write("stated.toml", folder.text("stated.toml") + STATED);
     for more in [
-        "--strikes 2 --out run",
+        "--strikes 2 --out run --uncertainty stated.toml",
         "--strikes 4 --faults faults.toml",
         // A waveform of both sensors, and one of the force alone.
         "--stimulus x.mcap",

@@ -3,7 +3,6 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use bead_model::design::{Day, Uncertainty};
-use bead_model::settings::Settings;
 
 use crate::cli::commands::compared::{made, no_strike, publish};
 use crate::cli::commands::prelude::*;
@@ -68,7 +67,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let page = arguments
         .overwrite
         .optional(arguments.page.as_deref(), FileKind::Page, &inputs)?;
-    let stated = arguments.uncertainty.as_deref().map(uncertainty).transpose()?;
+    let stated = arguments
+        .uncertainty
+        .as_deref()
+        .map(settings_file::uncertainty)
+        .transpose()?;
     let received = Recording::open_named(&arguments.recording)?;
     let progress = output::spinner("measuring again with each input moved");
     let mut beads = Vec::new();
@@ -107,20 +110,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         made: &made(page.as_ref(), &received, of_uncertainty)?,
     };
     publish(arguments.format, page.as_ref(), &tables.report(), &report)
-}
-
-/// The uncertainties that a file of settings states.
-fn uncertainty(file: &Path) -> Result<Uncertainty, Failure> {
-    let name = file.display();
-    let settings = Settings::decode(&settings_file::load(file, None)?);
-    let settings = settings.map_err(|error| failure!(Input, "{name}: {error}"))?;
-    let stated = settings.description().uncertainty;
-    stated.ok_or_else(|| {
-        failure!(
-            Input,
-            "{name} states no uncertainties; give them in its table [uncertainty]"
-        )
-    })
 }
 
 /// The strike with this number from 0; without one, the first that is whole, or the first.

@@ -12,6 +12,7 @@ use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::emulated::EmulatedBead;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
+use crate::cli::commands::settings_file;
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_bench::bridge::{self, Bridge, Door};
@@ -69,6 +70,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 \\
       --faults docs/scenarios/faults.toml
   bead emulate docs/scenarios/ten-intruders.toml --bead all --out run
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --uncertainty bead.toml
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --velocity 1.5
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --stimulus scope.csv --read force=CH1:8.9N --out run
@@ -97,6 +99,10 @@ pub(crate) struct Arguments {
     /// recording.
     #[arg(long, value_name = "F")]
     stimulus: Option<PathBuf>,
+    /// Let the settings state the uncertainties of this file, as bead.toml has them: the bead then sends those of
+    /// its energies.
+    #[arg(long, value_name = "F.toml|F.settings")]
+    uncertainty: Option<PathBuf>,
     /// Number of strikes; how often the waveform is played.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
@@ -329,6 +335,12 @@ impl<'a> BenchOfRun<'a> {
         if let ([one], Some(_)) = (&mut placed[..], arguments.one()) {
             (one.address, one.seed) = (0, arguments.noise.then_some(arguments.seed));
         }
+        let stated = arguments
+            .uncertainty
+            .as_deref()
+            .map(settings_file::uncertainty)
+            .transpose()?;
+        placed.iter_mut().for_each(|one| one.uncertainty = stated);
         let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = Arc::new(simulate_with_ring_down(scenario)?);

@@ -6,6 +6,9 @@ use bead_compare::report::{DASH, EnergyUnit, percent, signed};
 
 pub(super) fn table(report: &RunReport) -> String {
     let mut parts = vec![strikes(report), counts(report)];
+    if report.measured().any(|strike| strike.uncertainty.is_some()) {
+        parts[0] += "\n± is the expanded uncertainty of the stated calibration, k = 2";
+    }
     if !report.provoked.is_empty() {
         parts.push(provoked(report));
     }
@@ -73,6 +76,16 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
         truth.map_or(DASH.to_owned(), |truth| percent(joules / truth - 1.0))
     };
     let (a, b) = (strike.device.absorbed_measured, strike.device.absorbed_predicted);
+    // The expanded uncertainty, k = 2.
+    let within = |joules: f64, u: Option<f64>| match u {
+        Some(u) => format!("{} ± {}", energy(joules), energy(2.0 * u)),
+        None => energy(joules),
+    };
+    let [u_a, u_b] = [
+        strike.uncertainty.map(|known| known.u_absorbed_measured),
+        strike.uncertainty.map(|known| known.u_absorbed_predicted),
+    ];
+    let [shown_a, shown_b] = [within(a, u_a), within(b, u_b)];
     let mut row = vec![
         strike.sample_index.to_string(),
         format!("{:.4}", strike.device.peak_force),
@@ -81,18 +94,13 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
     if played {
         let of_a = given.and_then(|given| given.absorbed_measured);
         let of_b = given.and_then(|given| given.absorbed_predicted);
-        row.extend([
-            energy(a),
-            known(of_a.map(energy)),
-            energy(b),
-            known(of_b.map(energy)),
-        ]);
+        row.extend([shown_a, known(of_a.map(energy)), shown_b, known(of_b.map(energy))]);
         row.extend([off(a, of_a), off(b, of_b)]);
     } else {
         let truth = truth.map(|truth| truth.absorbed);
         row.extend([
-            energy(a),
-            energy(b),
+            shown_a,
+            shown_b,
             known(truth.map(energy)),
             off(a, truth),
             off(b, truth),

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Read;
 
-use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours, Uncertainty};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use hertz_chain::read_text;
@@ -138,6 +138,20 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     let settings = Settings::decode(&bytes).map_err(refused)?;
     let settings = settings.with(|description| description.address = address);
     block(&settings.map_err(|violation| refused(violation.into()))?).map_err(refused)
+}
+
+/// The uncertainties that a file of settings states.
+pub(super) fn uncertainty(file: &Path) -> Result<Uncertainty, Failure> {
+    let name = file.display();
+    let settings = Settings::decode(&load(file, None)?);
+    let settings = settings.map_err(|error| failure!(Input, "{name}: {error}"))?;
+    let stated = settings.description().uncertainty;
+    stated.ok_or_else(|| {
+        failure!(
+            Input,
+            "{name} states no uncertainties; give them in its table [uncertainty]"
+        )
+    })
 }
 
 /// Changes some keys of settings, as [`physical::set`] does: the differences, and the new block.
