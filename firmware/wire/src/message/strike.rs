@@ -88,8 +88,8 @@ bits! {
         16 "sensor_end" SENSOR_END,
         /// The intruder was not at rest before the strike, or the quiet was louder than the settings say.
         17 "not_at_rest" NOT_AT_REST,
-        /// Over the last strikes the ringing, the gains or the ratio of both energies moved away from the
-        /// settings by more than three standard errors.
+        /// Over the strikes so far, k, c, a gain or the ratio of both energies is off the settings by more than
+        /// three standard errors. A bead does not set it: `bead replay` tells it, of the strikes of a recording.
         18 "drifting" DRIFTING,
         /// The force was a train of waves, for which the reduced chain is not right behind this bead.
         19 "wave_train" WAVE_TRAIN,

@@ -2,6 +2,7 @@
 
 pub mod bead;
 pub mod budget;
+pub mod drift;
 pub mod emulated;
 pub mod error;
 pub mod f64_estimators;

@@ -1,6 +1,9 @@
 //! `bead replay`: the recorded samples through the bead's own fixed-point code.
 
 use crate::cli::commands::prelude::*;
+use std::collections::BTreeMap;
+
+use bead_compare::drift::{Drift, DriftMean, LEAST_STRIKES};
 use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 
@@ -10,6 +13,10 @@ must fire at the same sample. Exit status 1 if anything differs; the first diffe
 and in bits, with what it usually means. A strike of which samples were lost is replayed up to the first of \
 them and is \"incomplete\": exit status 1, too. Of more than 100 000 strikes the first are shown, and those that \
 differ.
+
+Of five strikes and more of a bead the means of k, c and the gains are shown against its settings, as the wave forms \
+have them. One that is three standard errors and more than a good bead off is \"drifting\": that is told, and changes \
+no exit status.
 
 Example:
   bead replay run/bead-8.mcap";
@@ -32,9 +39,18 @@ pub(crate) struct ReplayReport {
     strikes_differ: u64,
     strikes_incomplete: u64,
     strikes_left_out: u64,
+    /// Means over the strikes of each bead since its settings changed last.
+    drift: Vec<BeadDrift>,
     /// The first difference, or else the first reason why a strike could not be replayed to its end.
     #[serde(skip)]
     failure: Option<String>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct BeadDrift {
+    /// Address of the bead.
+    bead: u8,
+    means: Vec<DriftMean>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -91,7 +107,25 @@ impl ReplayReport {
                 strike.replay.name().to_owned(),
             ]
         });
-        let table = output::table("bead | strike | sample index | samples | chunks | replay", rows);
+        let mut table = output::table("bead | strike | sample index | samples | chunks | replay", rows);
+        let means = self
+            .drift
+            .iter()
+            .flat_map(|of| of.means.iter().map(|mean| (of.bead, mean)));
+        let judged: Vec<_> = means.filter(|(_, mean)| mean.strikes >= LEAST_STRIKES).collect();
+        if !judged.is_empty() {
+            let rows = judged.into_iter().map(|(bead, mean)| {
+                [
+                    bead.to_string(),
+                    mean.quantity.to_owned(),
+                    mean.strikes.to_string(),
+                    format!("{:+.2} ± {:.2}", 100.0 * mean.mean, 100.0 * mean.standard_error),
+                    output::either(mean.drifting, "drifting", "").to_owned(),
+                ]
+            });
+            let drift = output::table("bead | mean of | strikes | off its settings (%) |", rows);
+            table = format!("{table}\n\n{drift}");
+        }
         if self.strikes_left_out == 0 {
             return table;
         }
@@ -107,7 +141,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let received = Recording::open_named(&arguments.recording)?;
     let mut recorded = received.strikes()?;
     let mut report = ReplayReport::default();
+    let mut drifts = BTreeMap::<u8, Drift>::new();
     for strike in recorded.by_ref() {
+        drifts.entry(strike.address).or_default().add(&strike);
         let replay = replay(&strike);
         report.push(ReplayedStrike {
             bead: strike.address,
@@ -126,6 +162,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(received.no_strike(recorded.frames()).into());
     }
     report.identical = report.failure.is_none();
+    let means = |(bead, drift): (u8, Drift)| BeadDrift {
+        bead,
+        means: drift.means(),
+    };
+    report.drift = drifts.into_iter().map(means).collect();
     output::print(arguments.format, &report, || report.table())?;
     match report.failure {
         None => Ok(()),
