@@ -3,6 +3,7 @@
 use bead_model::Settings;
 use bead_wire::{Counters, Identity, Status};
 
+use crate::budget::expanded_noise;
 use crate::emulated::{EmulatorReport, RunTruth};
 use crate::replay::replay;
 use crate::report::count;
@@ -35,6 +36,8 @@ pub struct ComparedBead {
     pub replay_incomplete: Option<String>,
     /// The first check that failed, gravest first.
     pub failure: Option<String>,
+    /// True if a strike left the range of a sensor.
+    pub is_railed: bool,
     /// The settings of the first strike that has any.
     pub settings: Option<Settings>,
     /// Counts of the bead's frames.
@@ -65,7 +68,8 @@ impl ComparedBead {
             ..Self::default()
         };
         let truth = fitted.map_or(0.0, FittedVelocity::energy_uncertainty);
-        let mut deviations = Deviations::within(truth);
+        let mut deviations = Deviations::within(truth, chain.goal);
+        let mut first = None;
         let (mut drawn, mut shapeless) = (false, 0);
         let mut recorded = received.strikes()?;
         for strike in recorded.by_ref() {
@@ -79,6 +83,10 @@ impl ComparedBead {
             compared.count += 1;
             compared.settings = compared.settings.or(strike.settings);
             let mut comparison = chain.compare(&strike);
+            if compared.count == 1 && comparison.replay_identical {
+                first = Some(strike.clone());
+            }
+            compared.is_railed |= comparison.flags.iter().any(|flag| flag.ends_with("_railed"));
             deviations.push(&comparison.deviation);
             compared.note_replay(
                 comparison.first_difference.clone(),
@@ -102,7 +110,15 @@ impl ComparedBead {
             .filter(|window| !echoes.has_window(window))
             .count() as u64;
         let frames = recorded.frames();
-        compared.spread = deviations.spread();
+        let noise = first.filter(|_| compared.count == 1);
+        let noise = noise.and_then(|strike| expanded_noise(&strike));
+        compared.spread =
+            deviations.spread(noise.map(|noise| noise.map(|joules| joules / chain.truth.absorbed)));
+        if let [strike] = &mut compared.strikes[..]
+            && strike.alone
+        {
+            strike.judge(&compared.spread);
+        }
         compared.soundness = Soundness::of(frames, compared.emulator.as_ref());
         let of_run = |truth: RunTruth| unstruck(&truth, frames.sample_index);
         let truth = received
@@ -116,7 +132,12 @@ impl ComparedBead {
             .or_else(|| truth.and_then(of_run));
         let is_struck = compared.count > 0;
         let spread = if is_struck { &compared.spread[..] } else { &[] };
-        compared.failure = failure(compared.first_difference.as_deref(), &compared.soundness, spread);
+        compared.failure = failure(
+            compared.first_difference.as_deref(),
+            &compared.soundness,
+            spread,
+            compared.is_railed,
+        );
         compared.counters = *frames.counters();
         (compared.identity, compared.status) = (frames.identity.clone(), frames.status);
         Ok(compared)

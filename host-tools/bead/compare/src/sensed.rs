@@ -84,38 +84,61 @@ pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
     Neighbours::new(behind, elsewhere, intruder)
 }
 
-/// A warning where the reduced chain of estimate B is not like the real chain, or its steps are long.
+/// True if no other intruder is near enough to change the ringing of a bead's within a window.
+pub(crate) fn rings_alone(solution: &Solution, bead: usize) -> bool {
+    let near = |place: usize| place != bead && place.abs_diff(bead) <= NEAR;
+    !solution.model().intruders().iter().any(|one| near(one.bead))
+}
+
+/// Ways in which a bead is unlike what its estimators reckon with.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct UnlikeChain {
+    /// A line for each.
+    pub notes: Vec<String>,
+    /// Errors of A and of B that they explain, as parts of the energy; infinite where there is no bound.
+    pub explained: [f64; 2],
+}
+
+/// Where the reduced chain of estimate B is not like the real chain, and where its steps are long.
 ///
 /// The reduced chain has four beads behind the host, which touch without force, and a free end. Three real
 /// beads are as good (0.15 %). With fewer, the reflection from the end comes back while the intruder still
 /// moves.
-pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
+pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> UnlikeChain {
     let model = solution.model();
+    let mut unlike = UnlikeChain::default();
     let behind = (model.bodies() - 1).saturating_sub(bead);
     if behind < 3 {
-        return Some(format!(
+        unlike.explained[1] = f64::INFINITY;
+        unlike.notes.push(format!(
             "bead {bead} is followed by {behind} only: estimate B reckons with {FOLLOWERS} and is off here; A is not concerned"
         ));
     }
     let load = model.contact(model.bodies() - 1).load;
     if load > 0.0 {
-        return Some(format!(
+        unlike.explained[1] = f64::INFINITY;
+        unlike.notes.push(format!(
             "the chain is pressed together by {load} N: estimate B reckons with beads that touch without force and is off \
              here; A is not concerned, and the bead's forces are what comes on top of the load"
         ));
     }
-    let samples = bead_of(solution, bead).ok()?.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ);
+    let width = bead_of(solution, bead).map(|physics| physics.pulse_width(1.0));
+    let samples = width.unwrap_or(f64::INFINITY) * f64::from(SAMPLE_RATE_HZ);
     // A shorter wave is refused, not warned of.
-    (LEAST_WIDTH..LONG_STEPS).contains(&samples).then(|| {
+    if (LEAST_WIDTH..LONG_STEPS).contains(&samples) {
         // Fitted to the worst errors in docs/spheres.md, and of heavier intruders.
         let steps = 3.9 / samples;
-        format!(
+        let [a, b] = [7e-3 * steps.powf(3.6), 2.2e-2 * steps.powf(2.3)];
+        unlike.notes.push(format!(
             "a wave of 1 m/s is {samples:.1} samples wide at bead {bead}: A is off by up to {:.1} %, B by up to {:.1} %; from \
              {LONG_STEPS} samples on, by less than 0.2 and 1 %",
-            0.7 * steps.powf(3.6),
-            2.2 * steps.powf(2.3),
-        )
-    })
+            a * 100.0,
+            b * 100.0,
+        ));
+        unlike.explained[0] += a;
+        unlike.explained[1] += b;
+    }
+    unlike
 }
 
 /// Width of a wave of 1 m/s, in samples, below which a sample is a long step.

@@ -4,12 +4,13 @@
 //! The mean says how far off the bead is, the root mean square how much noise adds. A goal is missed where
 //! the whole interval that holds the true value in 19 cases of 20 lies beyond it. The interval of the mean is
 //! Student's; the lower end of that of the scatter comes from the chi-squared distribution (Wilson and
-//! Hilferty, PNAS 17, 684, 1931). A strike alone is held to the goal of the mean.
+//! Hilferty, PNAS 17, 684, 1931). A strike alone is held to the goal of the mean; its interval is that of the
+//! noise before it, through the estimates.
 
 use serde::Serialize;
 
 use crate::report::{count, percent_within};
-use crate::strike::{GOAL, StrikeValues};
+use crate::strike::{StrikeGoal, StrikeValues};
 use crate::student::student;
 
 /// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what
@@ -25,15 +26,15 @@ pub struct Spread {
     pub strikes: usize,
     /// Mean of the deviations.
     pub mean: f64,
-    /// The true mean lies within this much of it in 19 cases of 20; none for a strike alone at a given
-    /// velocity.
+    /// The true mean lies within this much of it in 19 cases of 20: by the scatter, or, of a strike alone, by
+    /// the noise before it; none if neither is known.
     pub uncertainty: Option<f64>,
     /// Root mean square of the deviations about their mean; none for a strike alone.
     pub scatter: Option<f64>,
     /// The true scatter is above this in 39 cases of 40.
     pub scatter_at_least: Option<f64>,
-    /// Greatest mean.
-    pub goal: f64,
+    /// Greatest mean, with what the chain explains; none if the estimate is not judged.
+    pub goal: Option<f64>,
     /// Greatest scatter.
     pub scatter_goal: f64,
     /// True if neither is missed by more than chance explains.
@@ -68,13 +69,16 @@ pub(crate) struct Deviations {
     of: [RunningMean; 2],
     /// Uncertainty of the full chain's energy, as a part of it.
     truth: f64,
+    goal: StrikeGoal,
 }
 
 impl Deviations {
-    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted.
-    pub(crate) fn within(truth: f64) -> Self {
+    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted, and
+    /// with these goals.
+    pub(crate) fn within(truth: f64, goal: StrikeGoal) -> Self {
         Self {
             truth,
+            goal,
             ..Self::default()
         }
     }
@@ -84,12 +88,17 @@ impl Deviations {
         self.of[1].push(deviation.absorbed_predicted);
     }
 
-    pub(crate) fn spread(&self) -> [Spread; 2] {
-        let [a, b] = &self.of;
-        [
-            Spread::from("A", a, self.truth, GOAL.absorbed_measured, SCATTER[0]),
-            Spread::from("B", b, self.truth, GOAL.absorbed_predicted, SCATTER[1]),
-        ]
+    /// Of a strike alone, `noise` is the expanded uncertainty of A and B by its own noise.
+    pub(crate) fn spread(&self, noise: Option<[f64; 2]>) -> [Spread; 2] {
+        let of = |place: usize| {
+            let uncertainty = [
+                Some(self.truth).filter(|truth| *truth > 0.0),
+                noise.map(|noise| noise[place]),
+            ];
+            let goals = (self.goal.each()[place], SCATTER[place]);
+            Spread::from(["A", "B"][place], &self.of[place], uncertainty, goals)
+        };
+        [of(0), of(1)]
     }
 }
 
@@ -97,16 +106,13 @@ impl Spread {
     fn from(
         estimate: &'static str,
         deviations: &RunningMean,
-        truth: f64,
-        goal: f64,
-        scatter_goal: f64,
+        [truth, noise]: [Option<f64>; 2],
+        (goal, scatter_goal): (Option<f64>, f64),
     ) -> Self {
         let scatter = deviations.scatter();
-        let by_noise = scatter.map(|scatter| mean_uncertainty(scatter, deviations.count));
-        let uncertainty = match by_noise {
-            None if truth == 0.0 => None,
-            by_noise => Some(by_noise.unwrap_or(0.0).hypot(truth)),
-        };
+        let by_scatter = scatter.map(|scatter| mean_uncertainty(scatter, deviations.count));
+        let parts = [by_scatter.or(noise), truth].into_iter().flatten();
+        let uncertainty = parts.reduce(f64::hypot);
         let free = deviations.count.saturating_sub(1);
         let scatter_at_least = scatter.map(|scatter| scatter * (free as f64 / chi_squared(free)).sqrt());
         let mut spread = Self {
@@ -126,7 +132,8 @@ impl Spread {
 
     /// True if the mean is within its goal, or beyond it by no more than its uncertainty.
     pub fn mean_met(&self) -> bool {
-        self.mean.abs() - self.uncertainty.unwrap_or(0.0) <= self.goal
+        let least = self.mean.abs() - self.uncertainty.unwrap_or(0.0);
+        self.goal.is_none_or(|goal| least <= goal)
     }
 
     /// True if the scatter is within its goal, or beyond it by no more than chance explains.
@@ -138,13 +145,13 @@ impl Spread {
     /// The goal that is missed, in words; `None` if both are met.
     pub fn failure(&self) -> Option<String> {
         let (estimate, strikes) = (self.estimate, count(self.strikes as u64, "strike"));
-        if !self.mean_met() {
-            let over = self.uncertainty.map(|_| format!(" in the mean of {strikes}"));
+        if let Some(goal) = self.goal.filter(|_| !self.mean_met()) {
+            let over = self.scatter.map(|_| format!(" in the mean of {strikes}"));
             return Some(format!(
                 "{estimate} is {} off the full chain{}, more than its goal of {:.1} %; see docs/accuracy.md",
                 percent_within(self.mean, self.uncertainty),
                 over.unwrap_or_default(),
-                self.goal * 100.0
+                goal * 100.0
             ));
         }
         let scatter = self.scatter.filter(|_| !self.scatter_met())? * 100.0;
@@ -173,13 +180,14 @@ mod tests {
     use hertz_chain::Scenario;
 
     use super::*;
+    use crate::budget::expanded_noise;
     use crate::strike::FullChain;
     use crate::testing::recorded;
 
     fn spread(deviations: &[f64], truth: f64) -> Spread {
         let mut running = RunningMean::default();
         deviations.iter().for_each(|one| running.push(*one));
-        Spread::from("A", &running, truth, 2e-3, 5e-3)
+        Spread::from("A", &running, [Some(truth), None], (Some(2e-3), 5e-3))
     }
 
     fn passes(deviations: &[f64]) -> bool {
@@ -199,7 +207,7 @@ mod tests {
             deviations.push(&chain.compare(&recorded(&real, &believed, seed)).deviation);
         }
         println!("{speed} m/s, {stiffer}: {deviations:?}");
-        deviations.spread().iter().all(|estimate| estimate.pass)
+        deviations.spread(None).iter().all(|estimate| estimate.pass)
     }
 
     #[test]
@@ -210,6 +218,32 @@ mod tests {
         for stiffer in [0.9, 1.1] {
             assert!(!strikes_pass(0.55, stiffer), "{stiffer}");
         }
+    }
+
+    #[test]
+    fn a_strike_alone_is_excused_by_its_own_noise_and_by_no_more() {
+        let mut believed = Scenario::paper();
+        believed.striker.velocity = 0.8;
+        let chain = FullChain::run(&believed, 8).unwrap();
+        let judged = |stiffer: f64, seed: u64| {
+            let mut real = believed.clone();
+            real.intruders[0].stiffness *= stiffer;
+            let strike = recorded(&real, &believed, seed);
+            let mut deviations = Deviations::default();
+            deviations.push(&chain.compare(&strike).deviation);
+            let noise =
+                expanded_noise(&strike).map(|noise| noise.map(|joules| joules / chain.truth.absorbed));
+            let said = [None, noise].map(|noise| deviations.spread(noise));
+            println!(
+                "{stiffer} {seed}: {:?}",
+                said[1].map(|spread| (spread.mean, spread.uncertainty))
+            );
+            said.map(|said| said.iter().all(|estimate| estimate.pass))
+        };
+        let healthy: Vec<_> = (1..=12).map(|seed| judged(1.0, seed)).collect();
+        assert!(healthy.iter().all(|[_, with_noise]| *with_noise), "{healthy:?}");
+        assert!(healthy.iter().any(|[without, _]| !without), "{healthy:?}");
+        assert!((1..4).all(|seed| !judged(1.05, seed)[1]));
     }
 
     #[test]

@@ -83,7 +83,8 @@ fn row(
         // Over all strikes of the recording, also those that are not kept.
         Some(goal) => percent_within(goal.mean, goal.uncertainty),
         None => Distribution::of(&offs).map_or(DASH.to_owned(), |off| {
-            percent_within(off.mean, Some(mean_uncertainty(off.deviation, offs.len())))
+            let by_scatter = mean_uncertainty(off.deviation, offs.len());
+            percent_within(off.mean, Some(by_scatter + quantity.bias.unwrap_or(0.0)))
         }),
     };
     let (name, scale) = quantity.shown_in(unit);

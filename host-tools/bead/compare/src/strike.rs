@@ -20,16 +20,16 @@ use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
 use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, ReplayWord, replay};
-use crate::sensed::{Truth, bead_of, neighbours_of, simulate_with_ring_down};
+use crate::sensed::{
+    Truth, bead_of, neighbours_of, rings_alone, simulate_with_ring_down, unlike_the_reduced_chain,
+};
 use crate::signal::{StrikeSignals, force_noise, least};
+use crate::spread::Spread;
 use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
 use bead_recording::strikes::RecordedStrike;
 
-/// Goals for the two estimates against the full chain.
-pub(crate) const GOAL: StrikeGoal = StrikeGoal {
-    absorbed_measured: 2e-3,
-    absorbed_predicted: 5e-3,
-};
+/// Goals for the two estimates against the full chain, for a bead that their reduced chain is like.
+const GOAL: [f64; 2] = [2e-3, 5e-3];
 
 /// The results of a strike by one source, SI units.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, schemars::JsonSchema)]
@@ -139,8 +139,11 @@ pub struct StrikeComparison {
     pub f64_chain: StrikeValues,
     /// Device against full chain, as a part of it.
     pub deviation: StrikeValues,
-    /// Greatest deviations of A and B.
+    /// Greatest deviations of A and B. What the chain explains is in them.
     pub goal: StrikeGoal,
+    /// Expanded uncertainties (95 %) of the deviations of A and B by the strike's own noise; none of one of
+    /// several strikes, and where samples or settings are missing.
+    pub noise_allowance: Option<StrikeGoal>,
     /// Noise of the force before the strike, N rms.
     pub force_noise: f64,
     /// Names of the strike's flags.
@@ -168,6 +171,15 @@ impl StrikeComparison {
     pub(crate) fn join_others(&mut self) {
         self.pass = self.replay_identical;
         self.alone = false;
+    }
+
+    /// Judges a strike alone by its goals and its own noise.
+    pub(crate) fn judge(&mut self, [a, b]: &[Spread; 2]) {
+        self.pass = self.replay_identical && a.pass && b.pass;
+        self.noise_allowance = a.uncertainty.and(b.uncertainty).map(|_| StrikeGoal {
+            absorbed_measured: a.uncertainty,
+            absorbed_predicted: b.uncertainty,
+        });
     }
 
     /// The strike and what is left of it without the simulation, as charts; `None` if its curves are not
@@ -198,35 +210,59 @@ pub struct ShapeValues {
     pub ring_frequency: f64,
     /// Decay of its amplitude, 1/s.
     pub ring_decay: f64,
-    /// Stiffness from the ringing, k = μ (ω² + β²), N/m.
-    pub stiffness: f64,
-    /// Damping from the decay, c = 2 μ β, N·s/m.
-    pub damping: f64,
+    /// Stiffness from the ringing, k = μ (ω² + β²), N/m; none where there is no ringing, and for a bead among
+    /// others with intruders, whose ringing is not its own alone.
+    pub stiffness: Option<f64>,
+    /// Damping from the decay, c = 2 μ β, N·s/m; none as the stiffness.
+    pub damping: Option<f64>,
 }
 
 impl ShapeValues {
-    /// With the reduced mass μ of intruder and host, kg.
-    fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: f64) -> Self {
+    /// With the reduced mass μ of intruder and host, kg, if the bead rings alone.
+    fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: Option<f64>) -> Self {
         let (frequency, decay) = (said.ring_frequency.hertz(), said.ring_decay.per_second());
         let omega = std::f64::consts::TAU * frequency;
+        let reduced = reduced.filter(|_| frequency > 0.0);
         Self {
             width: said.width.samples() / f64::from(rate_hz),
             impulse: said.impulse.newton_seconds(rate_hz),
             ring_frequency: frequency,
             ring_decay: decay,
-            stiffness: reduced * (omega * omega + decay * decay),
-            damping: 2.0 * reduced * decay,
+            stiffness: reduced.map(|reduced| reduced * (omega * omega + decay * decay)),
+            damping: reduced.map(|reduced| 2.0 * reduced * decay),
         }
     }
 }
 
-/// Goals for the estimates of a strike.
+/// Parts of the energy for the estimates of a strike.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct StrikeGoal {
-    /// For A.
-    pub absorbed_measured: f64,
-    /// For B.
-    pub absorbed_predicted: f64,
+    /// For A; none if there is no goal for it.
+    pub absorbed_measured: Option<f64>,
+    /// For B; none if there is no goal for it.
+    pub absorbed_predicted: Option<f64>,
+}
+
+impl StrikeGoal {
+    /// The goals where the chain explains errors of A and of B by these parts.
+    fn beyond(explained: [f64; 2]) -> Self {
+        let of = |place: usize| Some(GOAL[place] + explained[place]).filter(|goal| goal.is_finite());
+        Self {
+            absorbed_measured: of(0),
+            absorbed_predicted: of(1),
+        }
+    }
+
+    /// Of A, and of B.
+    pub(crate) fn each(&self) -> [Option<f64>; 2] {
+        [self.absorbed_measured, self.absorbed_predicted]
+    }
+}
+
+impl Default for StrikeGoal {
+    fn default() -> Self {
+        Self::beyond([0.0; 2])
+    }
 }
 
 /// The first wave of at least this part of the highest one's height opens the window of the main wave.
@@ -239,6 +275,10 @@ pub struct FullChain {
     bead: usize,
     physics: Bead,
     neighbours: Neighbours,
+    /// True if no other intruder changes the bead's ringing.
+    rings_alone: bool,
+    /// Goals for its estimates.
+    pub(crate) goal: StrikeGoal,
     solution: Arc<Solution>,
     pub(crate) truth: Truth,
     /// The main wave at its incoming contact.
@@ -286,6 +326,8 @@ impl FullChain {
             bead,
             physics,
             neighbours: neighbours_of(solution, bead),
+            rings_alone: rings_alone(solution, bead),
+            goal: StrikeGoal::beyond(unlike_the_reduced_chain(solution, bead).explained),
             truth,
             pulse,
             peak: peak.map_or((0.0, 0.0), |(force, time)| (force - load, time)),
@@ -354,9 +396,12 @@ impl FullChain {
             absorbed_predicted: self.truth.absorbed,
         };
         let deviation = device.relative_to(&f64_chain);
-        let pass = replay.identical()
-            && deviation.absorbed_measured.abs() <= GOAL.absorbed_measured
-            && deviation.absorbed_predicted.abs() <= GOAL.absorbed_predicted;
+        let offs = [deviation.absorbed_measured, deviation.absorbed_predicted];
+        let met = offs
+            .into_iter()
+            .zip(self.goal.each())
+            .all(|(off, goal)| goal.is_none_or(|goal| off.abs() <= goal));
+        let pass = replay.identical() && met;
         let mut comparison = StrikeComparison {
             strike: strike.said.strike,
             sample_index: strike.said.trigger_index,
@@ -369,7 +414,8 @@ impl FullChain {
             f64_samples: None,
             f64_chain,
             deviation,
-            goal: GOAL,
+            goal: self.goal,
+            noise_allowance: None,
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
@@ -468,14 +514,14 @@ impl FullChain {
         // The bead's sensor passes no constant force.
         let impulse = self.solution.flow(self.bead).between(from, to).impulse - self.load * (to - from);
         Some(ShapeComparison {
-            device: ShapeValues::of(said, rate_hz, reduced),
+            device: ShapeValues::of(said, rate_hz, Some(reduced).filter(|_| self.rings_alone)),
             f64_chain: ShapeValues {
                 width: self.pulse?.fwhm?,
                 impulse,
                 ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
                 ring_decay: decay,
-                stiffness,
-                damping,
+                stiffness: Some(stiffness),
+                damping: Some(damping),
             },
         })
     }

@@ -14,7 +14,8 @@ use crate::report::{
     percent_within,
 };
 use crate::statistics;
-use crate::strike::StrikeComparison;
+use crate::strike::{StrikeComparison, StrikeGoal};
+use crate::verdict::{DECISION_RULE, passed};
 use bead_recording::json::hex;
 
 /// A bead's strikes, compared, and what is known of the run.
@@ -60,7 +61,7 @@ impl ComparedStrikes<'_> {
         Report {
             above: format!("Bead {} · {}", self.bead, self.recording),
             title: title.unwrap_or("A strike").to_owned(),
-            verdict: failure.map_or(Ok("Every check passed"), Err),
+            verdict: failure.map_or(Ok(passed(&self.compared.spread)), Err),
             tiles: self.tiles(),
             sections: sections.into_iter().flatten().collect(),
         }
@@ -187,7 +188,7 @@ impl ComparedStrikes<'_> {
         };
         let mut rows = Vec::new();
         for spread in &self.compared.spread {
-            let [goal, scatter_goal] = [spread.goal, spread.scatter_goal].map(goal_of);
+            let [goal, scatter_goal] = [spread.goal, Some(spread.scatter_goal)].map(goal_of);
             let mean = percent_within(spread.mean, spread.uncertainty);
             let estimate = spread.estimate;
             if let Some(scatter) = spread.scatter {
@@ -211,6 +212,7 @@ impl ComparedStrikes<'_> {
         });
         Chapter::new("Checks")
             .table(Grid::new("check | found | goal |", rows))
+            .line(Some(format!("decision rule: {DECISION_RULE}")))
             .line(velocity.map(|velocity| format!("striker's velocity: {velocity}")))
             .line(left_out)
     }
@@ -263,13 +265,17 @@ impl ComparedStrikes<'_> {
     }
 }
 
-fn goal_of(goal: f64) -> String {
-    format!("{:.1} %", goal * 100.0)
+/// A goal, `–` where the estimate is not judged.
+fn goal_of(goal: Option<f64>) -> String {
+    goal.map_or(DASH.to_owned(), |goal| format!("{:.1} %", goal * 100.0))
 }
 
 /// A strike by all four sources. One of several strikes has no goals: they are judged together.
 fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
-    let goals = [strike.goal.absorbed_measured, strike.goal.absorbed_predicted];
+    let (goals, allowance) = (
+        strike.goal.each(),
+        strike.noise_allowance.as_ref().map(StrikeGoal::each),
+    );
     let row = |(place, quantity): (usize, &StrikeQuantity)| {
         let ((name, scale), digits) = (quantity.shown_in(unit), quantity.digits);
         let shown = |value: f64| format!("{:.digits$}", value * scale);
@@ -282,8 +288,12 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
         }
         let off = quantity.off(strike);
         let goal = goals.get(place).filter(|_| strike.alone);
-        let met = goal.map(|goal| off.is_some_and(|off| off.abs() <= *goal));
-        let off = GridCell::judged(off.map_or(DASH.to_owned(), percent), met);
+        let by_noise = allowance.and_then(|allowance| *allowance.get(place)?);
+        let within = by_noise.or(quantity.bias);
+        let is_met = |goal: f64| off.is_some_and(|off| off.abs() - by_noise.unwrap_or(0.0) <= goal);
+        let met = goal.copied().flatten().map(is_met);
+        let off = off.map_or(DASH.to_owned(), |off| percent_within(off, within));
+        let off = GridCell::judged(off, met);
         let goal = goal.map_or_else(String::new, |goal| goal_of(*goal));
         let mut cells = vec![name.into(), device, replay, samples, chain];
         cells.extend([off, goal.into(), GridCell::verdict(met)]);
@@ -440,7 +450,7 @@ mod tests {
         let compared = ComparedBead {
             strikes: vec![comparison; strikes],
             count: strikes,
-            spread: deviations.spread(),
+            spread: deviations.spread(None),
             failure: failure.map(str::to_owned),
             settings: strike.settings,
             ..ComparedBead::default()

@@ -222,11 +222,34 @@ impl Soundness {
     }
 }
 
-/// The first check that failed, gravest first. `differs` is the first difference of a replay.
-pub(crate) fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
+const RAILED: &str = "; a strike left the range of a sensor: sensors = \"strong\" under [front_end] of the scenario reaches \
+     further";
+
+/// The rule by which a goal is missed.
+pub const DECISION_RULE: &str = "JCGM 106, guarded rejection: a goal is missed where the deviation is beyond it by more than \
+     its expanded uncertainty (95 %), which stands after ±";
+
+/// The first check that failed, gravest first. `differs` is the first difference of a replay; strikes that are
+/// `railed` left the range of a sensor.
+pub(crate) fn failure(
+    differs: Option<&str>,
+    soundness: &Soundness,
+    spread: &[Spread],
+    railed: bool,
+) -> Option<String> {
     let differs = differs.map(|what| format!("replay differs: {what}"));
     let run = differs.or_else(|| soundness.failure());
-    run.or_else(|| spread.iter().find_map(Spread::failure))
+    let why = if railed { RAILED } else { "" };
+    run.or_else(|| Some(spread.iter().find_map(Spread::failure)? + why))
+}
+
+/// The verdict where no check failed, with these estimates.
+pub(crate) fn passed<'a>(spread: impl IntoIterator<Item = &'a Spread>) -> &'static str {
+    if spread.into_iter().all(|spread| spread.goal.is_some()) {
+        "Every check passed"
+    } else {
+        "Every check passed; no goal applies where the chain is unlike the reduced one"
+    }
 }
 
 #[cfg(test)]
@@ -237,7 +260,7 @@ mod tests {
     use bead_model::design::{Capture, FrontEnd, derive};
 
     use super::*;
-    use crate::sensed::{bead_of, load_scenario, simulate_with_ring_down};
+    use crate::sensed::{bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain};
     use crate::testing::recorded_strike;
 
     /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
@@ -303,6 +326,45 @@ mod tests {
         let late = other_lengths(&Scenario::from_toml(&walled, "walled.toml").unwrap());
         let advice = "make the scenario's duration shorter";
         assert!(late[0].contains(advice), "{late:?}");
+    }
+
+    #[test]
+    fn a_goal_is_as_much_wider_as_the_chain_explains_and_none_applies_where_that_has_no_bound() {
+        let own = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../../docs/scenarios/own-chain.toml"
+        );
+        let (own, _) = load_scenario(Path::new(own)).unwrap();
+        let mut light = own.clone();
+        light.chain.precompression = 0.0;
+        for (scenario, bead, notes, [a, b]) in [
+            (&Scenario::paper(), 8, &[][..], [Some(2e-3), Some(5e-3)]),
+            (&light, 6, &["3.9 samples wide"], [Some(9e-3), Some(2.7e-2)]),
+            (
+                &own,
+                6,
+                &["pressed together by 2 N", "3.9 samples wide"],
+                [Some(9e-3), None],
+            ),
+        ] {
+            let chain = FullChain::run(scenario, bead).unwrap();
+            let solution = simulate_with_ring_down(scenario).unwrap();
+            let told = unlike_the_reduced_chain(&solution, bead).notes;
+            assert!(told.len() == notes.len(), "{told:?}");
+            assert!(
+                told.iter().zip(notes).all(|(told, part)| told.contains(part)),
+                "{told:?}"
+            );
+            for (found, goal) in chain.goal.each().into_iter().zip([a, b]) {
+                assert_eq!(found.is_some(), goal.is_some());
+                assert!(
+                    found
+                        .zip(goal)
+                        .is_none_or(|(found, goal)| (found / goal - 1.0).abs() < 0.1),
+                    "{found:?}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod run;
 mod strike;
 
 pub use combined::Combined;
+pub(crate) use noise::expanded_noise;
 pub use ratio::{BeadRatio, ratios};
 pub use report::BudgetTables;
 pub use strike::{BudgetInput, StrikeBudget};

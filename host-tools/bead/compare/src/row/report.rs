@@ -16,6 +16,7 @@ use crate::row::member::{BeadOfRow, DeviceAndChain};
 use crate::row::pictures::charts;
 use crate::row::strikes::BeadRow;
 use crate::spread::Spread;
+use crate::verdict::{DECISION_RULE, passed};
 
 /// A row, compared, and what is known of the run.
 pub struct ComparedRow<'a> {
@@ -59,7 +60,10 @@ impl ComparedRow<'_> {
         Report {
             above: format!("{} beads, {strikes} · {}", compared.beads.len(), self.recording),
             title: if title.is_empty() { "A row of beads" } else { title }.to_owned(),
-            verdict: compared.failure.clone().map_or(Ok("Every check passed"), Err),
+            verdict: compared.failure.clone().map_or(
+                Ok(passed(compared.beads.iter().flat_map(|bead| &bead.spread))),
+                Err,
+            ),
             tiles: self.tiles(),
             sections: sections.into_iter().flatten().collect(),
         }
@@ -101,7 +105,7 @@ impl ComparedRow<'_> {
     fn beads(&self) -> Chapter {
         let compared = self.compared;
         let text = "The wave comes when the force has risen to half its height. Goals: A within 0.2 % of the simulation, B within \
-                    0.5 %, every bit replayed.";
+                    0.5 %, every bit replayed, more where a note says that the chain is unlike the reduced one.";
         let more: usize = compared.beads.iter().map(|bead| bead.strikes_left_out).sum();
         let more = (more > 0).then(|| {
             let more = count(more as u64, "strike");
@@ -111,6 +115,7 @@ impl ComparedRow<'_> {
         let velocity = self.velocity.as_ref();
         let mut section = Chapter::new("Each bead")
             .text(text)
+            .line(Some(format!("decision rule: {DECISION_RULE}")))
             .table(self.table_of_beads())
             .line(more)
             .line(rms.map(|rms| format!("arrivals are off by {:.3} µs rms", rms * 1e6)))
@@ -228,7 +233,9 @@ fn pair(pair: Option<DeviceAndChain>, scale: f64, digits: usize) -> [GridCell; 2
 
 /// The deviation of an estimate, and whether its goals are met.
 fn judged(spread: Option<&Spread>) -> [GridCell; 2] {
-    let met = spread.map(|spread| spread.pass);
+    let met = spread
+        .filter(|spread| spread.goal.is_some())
+        .map(|spread| spread.pass);
     let off = spread.map(|spread| percent_within(spread.mean, spread.uncertainty));
     [
         GridCell::judged(off.unwrap_or(DASH.to_owned()), met),

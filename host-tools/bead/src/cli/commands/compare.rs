@@ -17,7 +17,7 @@ use bead_compare::spread::Spread;
 use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
-use bead_compare::verdict::{Echoes, other_length};
+use bead_compare::verdict::{DECISION_RULE, Echoes, other_length};
 use bead_recording::file::{Part, RecordedBead};
 
 /// The result as JSON.
@@ -37,6 +37,8 @@ pub(crate) struct CompareReport<'a> {
     failure: Option<&'a str>,
     /// What of the recording is missing.
     incomplete: Option<&'a str>,
+    /// The rule by which a goal is missed.
+    decision_rule: &'static str,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -92,7 +94,7 @@ fn compare(
     let fitted = set_velocity(&mut scenario, arguments.velocity, [(bead, received)])?;
     let solution = Arc::new(simulate_with_ring_down(&scenario)?);
     let chain = FullChain::of(&scenario, &solution, bead)?;
-    if let Some(note) = unlike_the_reduced_chain(&solution, bead) {
+    for note in unlike_the_reduced_chain(&solution, bead).notes {
         progress.suspend(|| note!("{note}"));
     }
     let mut count = 0;
@@ -148,6 +150,7 @@ fn compare(
         pass: compared.failure.is_none(),
         failure: compared.failure.as_deref(),
         incomplete: soundness.incomplete.as_deref(),
+        decision_rule: DECISION_RULE,
     };
     publish(arguments.format, page.as_ref(), &report.report(), &result)?;
     given.end(compared.failure.clone())

@@ -7,7 +7,8 @@ use crate::cli::waveform_options::WaveformOptions;
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \
 Several strikes are judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, \
-each with its uncertainty. An emulated run must also leave a quarter of the core free while a strike is \
+each with its uncertainty. A strike alone has that of its own noise. A goal is missed where the deviation is \
+beyond it by more than its expanded uncertainty (JCGM 106, guarded rejection, 95 %). An emulated run must also leave a quarter of the core free while a strike is \
 measured. Exit status 1 if a goal is missed.
 
 How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \

@@ -45,8 +45,9 @@ pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Targ
     }
     notes.extend(echoed(&row));
     let told = row::compare(&row, &chain, notes)?;
-    let warning = |place: &PlacedBead| unlike_the_reduced_chain(&chain.solution, place.bead);
-    let mut warnings: Vec<_> = places.iter().filter_map(warning).collect();
+    let warnings = |place: &PlacedBead| unlike_the_reduced_chain(&chain.solution, place.bead).notes;
+    let mut warnings: Vec<_> = places.iter().flat_map(warnings).collect();
+    warnings.sort();
     // A load is that of all.
     warnings.dedup();
     warnings.extend(length(&row, &chain));

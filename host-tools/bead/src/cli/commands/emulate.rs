@@ -347,7 +347,7 @@ impl<'a> BenchOfRun<'a> {
         for one in &placed {
             let bead = one.bead;
             bead_of(&solution, bead)?;
-            let mut remarks = Vec::from_iter(unlike_the_reduced_chain(&solution, bead));
+            let mut remarks = unlike_the_reduced_chain(&solution, bead).notes;
             // A waveform, or a bead that listens, is not held against the scenario.
             if played.is_none() && arguments.listen.is_none() {
                 let window = settings_of(&solution, *one, &front_end)?.window;
