@@ -360,7 +360,9 @@ fn a_supply_that_moves_is_told_with_each_strike_whose_energies_it_moves_and_cost
         } else {
             StrikeFlags::NONE
         };
-        assert_eq!(strike.said.flags, flags, "{supply} V");
+        // The law of the contacts is not linear: gains that are 6 % off show in the wave form as well.
+        let found = strike.said.flags.without(StrikeFlags::MODEL_DIFFERS);
+        assert_eq!(found, flags, "{supply} V");
         // Both energies go with the square of the gains, near enough.
         let expected = (3.3 / supply).powi(2) - 1.0;
         for (which, energy, apart) in [
