@@ -150,6 +150,8 @@ pub struct StrikeComparison {
     pub flags: Vec<&'static str>,
     /// Supply and temperature; none if they were not measured yet, or not received.
     pub conditions: Option<StrikeConditions>,
+    /// Standard uncertainties of the bead's energies, if its settings state those of all inputs.
+    pub uncertainty: Option<EnergyUncertainties>,
     /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
     /// True if the goals are met and replay is identical; of one of several strikes, only the latter.
@@ -419,6 +421,7 @@ impl FullChain {
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
+            uncertainty: EnergyUncertainties::of(strike),
             shape: None,
             pass,
             alone: true,

@@ -7,7 +7,7 @@ use bead_wire::{Counters, Identity, SettingsSource, Status};
 
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
-use crate::quantities::{QUANTITIES, StrikeQuantity, energy_unit};
+use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::replay::ReplayWord;
 use crate::report::{
     Chapter, DASH, EnergyUnit, Fact, Grid, GridCell, Medium, Passage, Report, count, energy, percent,
@@ -282,7 +282,16 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
         let cells = quantity
             .values(strike)
             .map(|value| GridCell::known(value.map(shown)));
-        let [device, mut replay, mut samples, chain] = cells;
+        let [mut device, mut replay, mut samples, chain] = cells;
+        let known = strike
+            .uncertainty
+            .map(|of| [of.u_absorbed_measured, of.u_absorbed_predicted]);
+        if let (Some(u), Some(value)) = (
+            known.as_ref().and_then(|of| of.get(place)),
+            quantity.values(strike)[DEVICE],
+        ) {
+            device = format!("{} ± {}", shown(value), shown(2.0 * u)).into();
+        }
         if !quantity.has_four_sources() {
             (replay, samples) = ("".into(), "".into());
         }
@@ -307,6 +316,12 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     rows.insert(3, vec!["bits of device and replay".into(), replay]);
     if let Some(conditions) = &strike.conditions {
         rows.push(vec!["supply, temperature".into(), conditions.to_string().into()]);
+    }
+    if strike.uncertainty.is_some() {
+        rows.push(vec![
+            "±".into(),
+            "2 u; goals by simple acceptance (JCGM 106)".into(),
+        ]);
     }
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
@@ -434,8 +449,10 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
 mod tests {
     use super::*;
     use crate::spread::Deviations;
-    use crate::strike::FullChain;
+    use crate::strike::{EnergyUncertainties, FullChain};
     use crate::testing::recorded_strike;
+    use bead_recording::strikes::RecordedStrike;
+    use bead_wire::{EnergyUncertainty, Fraction};
     use hertz_chain::Scenario;
 
     /// Page and terminal of a recording with this many equal strikes.
@@ -522,5 +539,38 @@ mod tests {
         let [shown, printed] = rendered(2, None).each_ref().map(within);
         assert!(printed.len() > 3);
         assert_eq!(shown, printed);
+    }
+
+    #[test]
+    fn energies_have_twice_their_uncertainty_beside_them_if_the_bead_sent_it() {
+        let mut strike = recorded_strike();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let cell = |strike: &RecordedStrike, row: usize| {
+            let comparison = chain.compare(strike);
+            in_full(&comparison, EnergyUnit::of([1e-9])).rows[row][1].clone()
+        };
+        let [a, b] = [0, 1].map(|row| cell(&strike, row));
+        let [one, two, three] = [1, 2, 3].map(|percent| Fraction::from_bits(percent * 65_536 / 100));
+        strike.shape.as_mut().unwrap().uncertainty = Some(EnergyUncertainty {
+            measured: one,
+            predicted: two,
+            difference: three,
+        });
+        // Replay differs then, and the energies do not.
+        for (row, before, part) in [(0, a, one), (1, b, two)] {
+            let GridCell::Text(before) = before else {
+                panic!("{before:?}")
+            };
+            let u = 2.0 * part.ratio() * before.parse::<f64>().unwrap();
+            let GridCell::Text(shown) = cell(&strike, row) else {
+                panic!()
+            };
+            let (value, within) = shown.split_once(" ± ").unwrap();
+            assert_eq!(value, before);
+            assert!((within.parse::<f64>().unwrap() - u).abs() < 0.01, "{shown}");
+        }
+        let energies = EnergyUncertainties::of(&strike).unwrap();
+        let greater = strike.said.absorbed_measured.max(strike.said.absorbed_predicted);
+        assert_eq!(energies.u_difference, three.ratio() * greater.joules());
     }
 }
