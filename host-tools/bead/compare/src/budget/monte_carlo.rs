@@ -10,10 +10,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::budget::combined::Combined;
-use crate::budget::input::scale;
+use crate::budget::input::{ESTIMATOR, scale};
 use crate::budget::noise::{ChannelNoise, codes, scan};
 use crate::budget::run::{Rerun, derived};
-use crate::budget::strike::ESTIMATOR;
 use crate::error::CompareError;
 use crate::spread::RunningMean;
 

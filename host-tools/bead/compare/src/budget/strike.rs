@@ -6,15 +6,11 @@ use bead_recording::strikes::RecordedStrike;
 use serde::Serialize;
 
 use crate::budget::combined::{Combined, Contribution, Correlated, crossed};
-use crate::budget::input::{estimate, named};
+use crate::budget::input::{ESTIMATOR, estimate, named};
 use crate::budget::monte_carlo::{MonteCarlo, draw};
 use crate::budget::noise::noise;
 use crate::budget::run::Rerun;
 use crate::error::CompareError;
-
-/// Greatest errors of A and of B by the estimators themselves, as parts: the worst of 1000 strikes with right
-/// settings (docs/accuracy.md).
-pub(super) const ESTIMATOR: [f64; 2] = [4e-4, 3.5e-3];
 
 /// An input of a budget. A sensitivity is the change of A or of B, J, for a change of the input by 1.
 #[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
