@@ -83,6 +83,25 @@ impl GivenEstimates {
     }
 }
 
+/// A line where noise at the beginning of the force would open windows by itself.
+pub fn noise_triggers(waveform: &Waveform, settings: &Settings) -> Option<String> {
+    let force = waveform.force.clone()?;
+    let rise = f64::from(settings.window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
+    let first = force.begin();
+    let baseline = f64::from(BASELINE) / f64::from(settings.sample_rate_hz);
+    let noise = FineWindow::of(force, settings, &(first..first + baseline), 1).noise;
+    // The difference of two samples has both their noises.
+    (SIGMAS * 2.0_f64.sqrt() * noise > rise).then(|| {
+        format!(
+            "its force has noise of {noise:.3} N rms at the bead's samples, and the trigger asks for a rise of {rise:.3} N, so \
+             noise alone opens windows; filter it, or give the bead a higher threshold"
+        )
+    })
+}
+
+/// Standard deviations within which noise stays for some thousand samples.
+const SIGMAS: f64 = 3.5;
+
 /// The instant at which the force begins to rise as settings ask for, on its way to its highest value, s.
 fn trigger(mut force: Trace, settings: &Settings) -> f64 {
     let sample = 1.0 / f64::from(settings.sample_rate_hz);

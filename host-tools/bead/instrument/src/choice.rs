@@ -50,6 +50,8 @@ pub struct Wanted {
     pub column: ColumnAddress,
     /// Quantity and size in its SI unit of 1 in the column, if given.
     pub size: Option<(Quantity, f64)>,
+    /// True if that is by volt: `8.9N/V`.
+    pub per_volt: bool,
 }
 
 /// A way to name a column.
@@ -86,7 +88,12 @@ impl FromStr for Wanted {
             return Err("give a column by its name or number, as in CH1:8.9N or 2:8.9N".to_owned());
         }
         let size = size.transpose()?;
-        Ok(Self { column, size })
+        let per_volt = unit.is_some_and(|unit| unit.trim().to_lowercase().ends_with("/v"));
+        Ok(Self {
+            column,
+            size,
+            per_volt,
+        })
     }
 }
 

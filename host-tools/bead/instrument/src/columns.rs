@@ -228,8 +228,20 @@ impl NamedColumns<'_> {
         let given = wanted.and_then(|wanted| wanted.size);
         let own = header.unit().map(|unit| (unit.quantity, unit.size));
         let column = header.typed();
+        // A column in mV has a thousandth of a volt in each of its numbers.
+        let volts = match own.filter(|_| wanted.is_some_and(|wanted| wanted.per_volt)) {
+            Some((Quantity::Voltage, volts)) => volts,
+            None => 1.0,
+            Some((of, _)) => {
+                return self.unfit(format!(
+                    "{}{column}: its unit is by volt, and the column is one of {}; leave the unit out",
+                    option(quantity),
+                    of.name()
+                ));
+            }
+        };
         let why = match given.or(own) {
-            Some((of, size)) if of == quantity => return Ok(size),
+            Some((of, size)) if of == quantity => return Ok(size * volts),
             Some((Quantity::Voltage, _)) => format!("is in {}", header.written_unit().unwrap_or("V")),
             Some((of, _)) => {
                 return self.unfit(format!(
@@ -444,6 +456,22 @@ mod tests {
             picked(&["1", "2"], &of_wav).unwrap().remarks,
             ["force from column 2 in N"]
         );
+    }
+
+    #[test]
+    fn a_size_by_volt_is_that_of_the_column_s_own_volts() {
+        for (name, size) in [("CH1 (mV)", 8.9e-3), ("CH1 (V)", 8.9), ("CH1", 8.9)] {
+            let found = picked(&["t (s)", name], &force("2:8.9N/V")).unwrap().force;
+            assert!(
+                found.is_some_and(|picked| (picked.size / size - 1.0).abs() < 1e-12),
+                "{name}"
+            );
+        }
+        // Without the volt it is of 1 in the column.
+        let found = picked(&["t (s)", "CH1 (mV)"], &force("2:8.9N")).unwrap();
+        assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }));
+        let why = picked(&["t (s)", "F (N)"], &force("2:8.9N/V")).unwrap_err();
+        assert!(why.contains("by volt, and the column is one of force"), "{why}");
     }
 
     #[test]

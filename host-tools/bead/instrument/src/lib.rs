@@ -8,6 +8,7 @@
 
 mod choice;
 mod columns;
+mod doubts;
 mod error;
 mod parquet;
 mod recorded;

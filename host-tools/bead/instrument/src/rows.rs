@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::choice::Choice;
 use crate::columns::Picks;
+use crate::doubts::{cut_off, noise};
 use crate::error::WaveformError;
 use crate::signals::Waveform;
 use crate::trace::{Times, Trace, thinned, zeroed};
@@ -154,7 +155,8 @@ impl<'a> Rows<'a> {
         ];
         let [force, acceleration] = columns.map(|(quantity, values, later)| {
             let mut values = values?;
-            let offset = zeroed(&mut values);
+            let (offset, quiet) = zeroed(&mut values);
+            remarks.extend(doubts(quantity, &values, quiet));
             let (times, values, middle) = thinned(&times, values);
             let trace = Trace::new(times, values, later + middle);
             remarks.extend(self::remarks(quantity, &trace, offset));
@@ -206,6 +208,32 @@ impl<'a> Rows<'a> {
         time.iter_mut().for_each(|time| *time -= start);
         Ok(Times::Each(time.into()))
     }
+}
+
+/// Part of its highest value that the noise of a quantity may have without a remark.
+const NOISE_MOST: f64 = 0.01;
+
+/// Remarks on values that were cut off, and on noise. The zero comes from the first `quiet` rows.
+fn doubts(quantity: Quantity, values: &[f64], quiet: usize) -> Vec<String> {
+    let (name, si) = (quantity.name(), quantity.si());
+    let mut remarks = Vec::new();
+    if let Some((rows, value)) = cut_off(values) {
+        remarks.push(format!(
+            "the {name} stays at {value:.4} {si} for {rows} rows and leaves it steeply: it was cut off there, and energies from \
+             it are too low; record it again with a wider range"
+        ));
+    }
+    let greatest = values.iter().fold(0.0, |most, value| f64::max(most, value.abs()));
+    let noise = noise(values, quiet);
+    if noise > NOISE_MOST * greatest {
+        remarks.push(format!(
+            "the {name} has noise of {noise:.3} {si} rms, {:.1} % of its highest, and its zero is the mean of {quiet} rows, so \
+             known to some {:.3} {si} only: energies from it are doubtful; filter it, or average several records",
+            100.0 * noise / greatest,
+            noise / (quiet as f64).sqrt()
+        ));
+    }
+    remarks
 }
 
 /// Remarks on the zero, the sign, the end and the rate of a quantity.

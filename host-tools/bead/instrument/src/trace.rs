@@ -216,9 +216,9 @@ fn lagrange(times: &Times, values: &[f64], near: std::ops::Range<usize>, time: f
     near.clone().map(|row| values[row] * weight(row)).sum()
 }
 
-/// Subtracts the value at rest, and returns it: the mean of the first half of the rows before the first that
+/// Subtracts the value at rest, and returns it and its number of rows: the mean of the first half of the rows before the first that
 /// differs from the first value by a twentieth of the greatest difference.
-pub(super) fn zeroed(values: &mut [f64]) -> f64 {
+pub(super) fn zeroed(values: &mut [f64]) -> (f64, usize) {
     let first = values.first().copied().unwrap_or(0.0);
     let most = values
         .iter()
@@ -229,7 +229,7 @@ pub(super) fn zeroed(values: &mut [f64]) -> f64 {
     let quiet = (moves.unwrap_or(values.len()) / 2).max(1);
     let rest = values.iter().take(quiet).sum::<f64>() / quiet as f64;
     values.iter_mut().for_each(|value| *value -= rest);
-    rest
+    (rest, quiet)
 }
 
 /// Averages rows that are far closer than the front end's steps. The third value is the delay of the first
@@ -330,11 +330,11 @@ mod tests {
         let mut values: Vec<f64> = (0..200)
             .map(|row| 0.21 + 0.001 * f64::from(row % 3 - 1) + 5.0 * pulse(f64::from(row), 120.0, 20.0))
             .collect();
-        assert!((zeroed(&mut values) - 0.21).abs() < 1e-3);
+        assert!((zeroed(&mut values).0 - 0.21).abs() < 1e-3);
         assert!(values[..60].iter().all(|value| value.abs() < 2e-3));
         // A file that begins within the pulse rests at its first value.
         let mut cut = vec![1.0, 2.0, 3.0, 2.0, 1.0, 0.0];
-        assert_eq!(zeroed(&mut cut), 1.0);
+        assert_eq!(zeroed(&mut cut).0, 1.0);
     }
 
     #[test]

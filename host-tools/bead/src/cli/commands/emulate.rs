@@ -26,7 +26,7 @@ use bead_bench::several;
 use bead_bench::tables::BenchTables;
 use bead_compare::emulated::StimulusFile;
 use bead_compare::front_end::AnalogFrontEnd;
-use bead_compare::given::GivenEstimates;
+use bead_compare::given::{GivenEstimates, noise_triggers};
 use bead_compare::sensed::{
     Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
@@ -341,13 +341,19 @@ impl<'a> BenchOfRun<'a> {
             .map(settings_file::uncertainty)
             .transpose()?;
         placed.iter_mut().for_each(|one| one.uncertainty = stated);
-        let played = Played::of(arguments, &front_end, beads)?;
+        let mut played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = Arc::new(simulate_with_ring_down(scenario)?);
         for one in &placed {
             let bead = one.bead;
             bead_of(&solution, bead)?;
             let mut remarks = unlike_the_reduced_chain(&solution, bead).notes;
+            if let Some(played) = &mut played {
+                let settings = settings_of(&solution, *one, &front_end)?;
+                let note = noise_triggers(&played.waveform, &settings);
+                let name = &played.file.name;
+                played.remarks.extend(note.map(|note| format!("{name}: {note}")));
+            }
             // A waveform, or a bead that listens, is not held against the scenario.
             if played.is_none() && arguments.listen.is_none() {
                 let window = settings_of(&solution, *one, &front_end)?.window;
