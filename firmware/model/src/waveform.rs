@@ -104,7 +104,8 @@ impl WaveformJudge {
         Self {
             taps: taps.map(nearest),
             floor: (half * half) as f32,
-            chain: (0.045 * part + 0.3 * (1.0 + 3.0 * part) * bead.relaxation / width) as f32,
+            chain: ((0.045 + 0.2 * part * part) * part + 0.3 * (1.0 + 3.0 * part) * bead.relaxation / width)
+                as f32,
             width: (WIDER * width / dt) as f32,
         }
     }
