@@ -27,6 +27,7 @@ pub struct Estimation<D: Device> {
     epoch: u32,
     next_index: u64,
     passed_over: u32,
+    in_dead_time: u32,
     /// Bytes of the outbox that a window takes.
     room: usize,
 }
@@ -57,6 +58,7 @@ impl<D: Device> Estimation<D> {
             epoch: 0,
             next_index: 0,
             passed_over: 0,
+            in_dead_time: 0,
             room: room_for_window(settings.window.length.into()),
             settings,
         }
@@ -115,6 +117,20 @@ impl<D: Device> Estimation<D> {
             bead.guard
                 .update(|guard| guard.strikes_passed_over += passed_over - self.passed_over);
             self.passed_over = passed_over;
+        }
+        self.count_dead_time();
+    }
+
+    /// Adds the waves that no window could hold since it was called last.
+    fn count_dead_time(&mut self) {
+        let in_dead_time = self.meter.in_dead_time();
+        if in_dead_time != self.in_dead_time {
+            let more = in_dead_time - self.in_dead_time;
+            self.results
+                .bead
+                .guard
+                .update(|guard| guard.strikes_in_dead_time += more);
+            self.in_dead_time = in_dead_time;
         }
     }
 
@@ -179,11 +195,12 @@ struct StrikeResults<D: Device> {
 }
 
 impl<D: Device> Sink for StrikeResults<D> {
-    fn opened(&mut self, trigger_index: u64, origin: Origin) {
+    fn found(&mut self, trigger_index: u64) {
+        self.line.pull(trigger_index);
+    }
+
+    fn opened(&mut self, _: u64, origin: Origin) {
         self.origin = origin;
-        if origin == Origin::Force {
-            self.line.pull(trigger_index);
-        }
     }
 
     fn chunk(&mut self, chunk: &Chunk) {

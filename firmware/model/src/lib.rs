@@ -64,6 +64,7 @@ pub mod sqrt;
 mod uncertainty;
 pub mod violation;
 pub mod waveform;
+mod waves;
 pub mod window;
 
 pub use bead_wire::{Energy, Shape, Strike, StrikeFlags};

@@ -166,6 +166,11 @@ impl WindowRecord {
         self.length = end;
     }
 
+    /// The forces of the samples so far.
+    pub(crate) fn forces(&self) -> &[SensedForce] {
+        &self.forces[..self.length]
+    }
+
     /// The accelerations of the samples so far.
     pub(crate) fn accelerations(&self) -> &[SensedAcceleration] {
         &self.accelerations[..self.length]

@@ -12,7 +12,7 @@ use crate::settings::Settings;
 use crate::shape::{WindowPeaks, WindowRecord, shape};
 use crate::waveform::WaveformState;
 use bead_wire::{Acceleration, Energy, Force, Fraction, LeftEnergy, Shape, Strike, StrikeFlags};
-use fixed::types::{I16F16, I40F24};
+use fixed::types::{I2F30, I16F16, I40F24};
 use micromath::F32Ext;
 
 /// Part by which the ratio of the two gains of a sensor may be off.
@@ -199,6 +199,7 @@ impl Window {
     /// The result of the window and its shape, once its last sample has been taken. Flags of
     /// [`StrikeFlags::OF_THE_BEAD`] are not set: they do not follow from the window.
     pub fn report(&self, settings: &Settings, record: &WindowRecord) -> (Strike, Shape) {
+        let is_cut = self.samples < settings.window.length;
         let left = self.left(settings, record);
         let parts = left.map_or([Energy::default(); 2], |left| [left.measured, left.predicted]);
         let [measured, predicted] = [
@@ -255,7 +256,12 @@ impl Window {
             .with_if(
                 settings.quiet.is_exceeded(&settings.window, record),
                 StrikeFlags::NOT_AT_REST,
-            );
+            )
+            .with_if(
+                is_cut || another_wave(settings, record.forces(), peak_force),
+                StrikeFlags::ANOTHER_WAVE,
+            )
+            .with_if(is_cut, StrikeFlags::WINDOW_CUT);
         let width = shape.width.samples() as f32;
         let differs = |waveform| settings.waveform.differs(waveform, width);
         let model_differs = shape.waveform.is_some_and(differs) && flags.without(EXPLAIN) == flags;
@@ -297,6 +303,44 @@ impl Window {
     fn force_noise(&self) -> Force {
         Force::from_bits((self.chain.gate() / 3).to_bits())
     }
+}
+
+/// True if the forces of a window have more waves than the one that it was opened for.
+///
+/// After a quiet of `lookback` samples, a wave that is an eighth as high as the highest before brings 3 % of its
+/// energy. Sooner after it, the waves that a heavy striker sends one after another come, each lower than the one
+/// before: another strike is one that is about as high, with a fall between both.
+///
+/// Never inlined, so that its instructions can be counted by its symbol.
+#[inline(never)]
+fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce) -> bool {
+    let lookback = usize::from(settings.window.lookback);
+    let per_code = settings.force.sensitive.per_code;
+    let threshold = (i64::from(per_code.to_bits()) * i64::from(settings.window.threshold))
+        >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS);
+    let threshold = threshold as i32;
+    let (mut highest, mut quiet) = (0, 0_usize);
+    let [mut again, mut anew] = [i32::MAX; 2];
+    for (before, now) in forces.iter().zip(forces.iter().skip(lookback)) {
+        let [before, now] = [before, now].map(|force| force.to_bits());
+        let rise = now.saturating_sub(before);
+        if now >= again || rise >= anew {
+            return true;
+        }
+        quiet = if rise >= threshold { 0 } else { quiet + 1 };
+        highest = highest.max(now);
+        // What runs ahead of a wave is no wave.
+        if highest < threshold.max(peak.to_bits() / 8) {
+            continue;
+        }
+        if quiet >= lookback {
+            anew = threshold.max(highest / 8);
+        }
+        if again == i32::MAX && now < highest / 2 && now < highest.saturating_sub(threshold) {
+            again = highest / 8 * 7;
+        }
+    }
+    false
 }
 
 /// Sum of two energies; saturates.

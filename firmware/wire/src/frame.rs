@@ -17,7 +17,7 @@
 
 use crate::body::Body;
 use crate::cause::Cause;
-use crate::message::{Fetched, Kind, MAX_BODY, Message, Shape};
+use crate::message::{Fetched, Guard, Kind, MAX_BODY, Message, Shape};
 use crate::payload::{BufferTooSmall, CRC_LENGTH, open, seal};
 use crate::sequence::Arrival;
 use crate::version::{VERSION, is_unreleased};
@@ -237,6 +237,7 @@ fn read(kind: u8, body: &[u8], later: bool) -> Result<Message, Cause> {
 /// Reads a body of the first images, which ends before the fields that its kind has gained since.
 fn read_grown(kind: Kind, body: &[u8]) -> Result<Message, Cause> {
     let gained = match kind {
+        Kind::Guard => Guard::GAINED,
         Kind::Shape => Shape::GAINED,
         _ => return Err(Cause::Body),
     };

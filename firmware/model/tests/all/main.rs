@@ -18,6 +18,8 @@ mod shape;
 mod spheres;
 #[cfg(not(miri))]
 mod waveform;
+#[cfg(not(miri))]
+mod waves;
 
 use bead_model::{Scan, Settings, Window, WindowRecord};
 use bead_testing::paper_settings as paper;

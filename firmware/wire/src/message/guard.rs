@@ -29,5 +29,13 @@ body! {
         pub refused_replayed: u32,
         /// Signed requests refused, because their time was over, or their boot.
         pub refused_late: u32,
+        /// Waves that no window could hold: the one before had come too short a time ago, or scans of earlier
+        /// windows still waited to be measured. They have no number.
+        pub strikes_in_dead_time: u32,
     }
+}
+
+impl Guard {
+    /// Fields at the end that the first images did not send, each a byte of 0 if it is absent.
+    pub(crate) const GAINED: usize = 1;
 }

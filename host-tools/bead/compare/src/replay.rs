@@ -1,7 +1,7 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
-use bead_model::layout::BASELINE;
-use bead_model::{Meter, Origin, Settings, Sink, Window, WindowRecord};
+use bead_model::layout::{BASELINE, LEAD};
+use bead_model::{Meter, Origin, Scan, Settings, Sink, Window, WindowRecord};
 use bead_wire::{Energy, FieldKind, Fields, Shape, Strike, StrikeFlags, Value};
 
 use bead_recording::strikes::{RecordedStrike, ScanCodes, WindowChunk};
@@ -350,12 +350,32 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
     })
 }
 
+/// Cuts the window of a strike after its last scan, as the wave did that the window does not have: the force holds
+/// still until it rises at its trigger.
+fn cut(meter: &mut Meter, mut settings: Settings, strike: &RecordedStrike, output: &mut MeterOutput) {
+    let Some(last) = strike.scans.last() else { return };
+    let held = last.scan();
+    let [_, wide, acceleration, wide_acceleration] = held.codes();
+    let rise = Scan::new([u16::MAX, wide, acceleration, wide_acceleration]);
+    let window = settings.window;
+    settings.window.threshold = u16::MAX;
+    let mut index = strike.said.first_index + u64::from(strike.said.samples);
+    for _ in 1..LEAD {
+        meter.process(&settings, index, [held], output);
+        index += 1;
+    }
+    settings.window = window;
+    meter.pass_over(false);
+    meter.process(&settings, index, [rise], output);
+}
+
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
     let (number, trigger) = (strike.said.strike, strike.said.trigger_index);
     let quiet = quiet_before(strike, settings)?;
     // Of a strike right after the start the bead had less before the window, too.
     let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
     let (mut meter, mut settings) = (Meter::new(), *settings);
+    let window = settings.window;
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
         meter.keep_around(trigger, trigger, Origin::Line);
         // The force has not opened this window, and must not do so here. Where it rises before, the detector
@@ -368,11 +388,19 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     for (offset, codes) in (0..).zip(stream) {
         let (fired, index) = (meter.strikes(), first + offset);
         meter.process(&settings, index, [codes.scan()], &mut output);
+        if index == trigger {
+            // Another wave cuts the window only where it did there.
+            settings.window = window;
+            meter.pass_over(true);
+        }
         if meter.strikes() > fired && index != trigger {
             return Some(format!(
                 "strike {number}: the detector fires at sample index {index}, the device's at {trigger}"
             ));
         }
+    }
+    if strike.said.flags.has(StrikeFlags::WINDOW_CUT) {
+        cut(&mut meter, settings, strike, &mut output);
     }
     let report = output
         .report
@@ -480,6 +508,23 @@ mod tests {
                 assert!(what.contains("the device's"), "{end}, {threshold}: {what}");
             }
         }
+    }
+
+    #[test]
+    fn a_window_that_another_wave_cut_replays_to_the_same_bits() {
+        let mut strike = recorded_strike();
+        let (history, past) = (160, vec![strike.scans[0]; 320]);
+        // The strike again, up to its trigger, 301 samples later.
+        let again = strike.scans[history - LEAD as usize..history].to_vec();
+        strike.scans.truncate(429);
+        strike.scans.extend(again);
+        let mut cut = reported(strike, &past, None);
+        assert_eq!(cut.said.samples, 429);
+        assert!(cut.said.flags.has(StrikeFlags::WINDOW_CUT));
+        cut.scans.truncate(429);
+        assert_eq!(replay(&cut).first_difference, None);
+        cut.said.flags = cut.said.flags.without(StrikeFlags::WINDOW_CUT);
+        assert!(!replay(&cut).identical());
     }
 
     fn changed(change: impl Fn(&mut RecordedStrike)) -> String {
