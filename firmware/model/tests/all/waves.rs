@@ -55,8 +55,8 @@ fn two_strikes_at_any_time_apart_are_measured_each_or_flagged_and_none_is_lost()
                 "{gap} ms: {} samples, A {:+.2} %, B {:+.2} %, {flags:?}",
                 report.samples, errors[0], errors[1]
             );
-            // So close, both look like the double pulse in a row of heavy intruders, but A and B differ.
-            let double = gap < 0.6 && flags.has(StrikeFlags::ESTIMATES_DIFFER);
+            // So close, both look like the double pulse in a row of heavy intruders, but the model of the bead does not.
+            let double = gap < 0.6 && flags.has(StrikeFlags::MODEL_DIFFERS);
             let another =
                 flags.has(StrikeFlags::ANOTHER_WAVE) || flags.has(StrikeFlags::WINDOW_CUT) || double;
             assert!(
