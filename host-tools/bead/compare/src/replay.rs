@@ -352,7 +352,12 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
 
 /// Cuts the window of a strike after its last scan, as the wave did that the window does not have: the force holds
 /// still until it rises at its trigger.
-fn cut(meter: &mut Meter, mut settings: Settings, strike: &RecordedStrike, output: &mut MeterOutput) {
+fn cut_as_the_wave_did(
+    meter: &mut Meter,
+    mut settings: Settings,
+    strike: &RecordedStrike,
+    output: &mut MeterOutput,
+) {
     let Some(last) = strike.scans.last() else { return };
     let held = last.scan();
     let [_, wide, acceleration, wide_acceleration] = held.codes();
@@ -400,7 +405,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         }
     }
     if strike.said.flags.has(StrikeFlags::WINDOW_CUT) {
-        cut(&mut meter, settings, strike, &mut output);
+        cut_as_the_wave_did(&mut meter, settings, strike, &mut output);
     }
     let report = output
         .report
