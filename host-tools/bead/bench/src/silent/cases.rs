@@ -4,8 +4,8 @@ use bead_model::design::Description;
 use bead_wire::StrikeFlags as Flags;
 use hertz_chain::{Material, Scenario, Section, Wall};
 
+use super::case::{Signal, SilentCase};
 use super::law::SpringLaw;
-use super::{Signal, SilentCase};
 use crate::faults::{Planned, PlannedKind};
 use crate::tables::Sensors;
 use bead_compare::front_end::AnalogFrontEnd;
