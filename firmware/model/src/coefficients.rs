@@ -21,19 +21,19 @@ use crate::calibration::Channel;
 use crate::company::Company;
 use crate::converter::CONVERSION;
 use crate::correction::{Correction, in_range, sin_cos};
-use crate::description::{Description, require};
+use crate::description::Description;
 use crate::front_end::SensorScale;
 use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::physics::{Bead, Intruder, SOLITARY_WAVE_ENERGY, power};
-use crate::quantity::SensedForce;
+use crate::quantity::{SensedForce, nearest, two_to};
 use crate::quiet::{CodeNoise, Quiet};
 use crate::reduced_chain::ReducedChain;
 use crate::ring_down::RingDown;
 use crate::scale::{INCOMING_MAX, POWERS_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::{Fine, Ringing};
-use crate::violation::{Bound, Coefficient, SettingKey as Key, Violation};
+use crate::violation::{Bound, Coefficient, SettingKey as Key, Violation, require};
 use crate::waveform::WaveformJudge;
 
 /// Coefficients of both estimators in their formats.
@@ -349,11 +349,6 @@ pub(crate) fn sensor<F: LeEqU32>(
     })
 }
 
-/// 2^`power`, for powers in ±300.
-fn two_to(power: i32) -> f64 {
-    f64::from_bits(((1023 + power) as u64) << 52)
-}
-
 /// The least powers of two, up to `most`, that bring all coefficients below a half. What is still
 /// too large then, its format does not hold.
 fn shift(values: &[f64], most: u8) -> u8 {
@@ -388,11 +383,6 @@ pub(crate) fn window(description: &Description, dt: f64) -> WindowSettings {
         threshold: whole(capture.threshold / description.force.per_code),
         lookback: whole(capture.lookback / dt),
     }
-}
-
-/// The nearest number of a format.
-pub(crate) fn nearest<F: LeEqU32>(value: f64) -> FixedI32<F> {
-    FixedI32::from_bits(libm::rint(value * two_to(F::I32)) as i32)
 }
 
 #[cfg(test)]

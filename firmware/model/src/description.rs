@@ -10,7 +10,7 @@ use crate::front_end::{FrontEnd, SensorEnds, SensorScale};
 use crate::name::Name;
 use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use crate::uncertainty::Uncertainty;
-use crate::violation::{Bound, SettingKey as Key, Violation};
+use crate::violation::{Bound, SettingKey as Key, Violation, check_each, check_ranges, require};
 
 /// Address to which every bead listens.
 const EVERY_BEAD: u8 = 0xFF;
@@ -234,39 +234,5 @@ impl Description {
         ];
         check_each(&positive, Bound::Positive, |value| value > 0.0)?;
         require(company.mass < bead.mass, Key::CompanyMass, Bound::BelowBead)
-    }
-}
-
-/// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list,
-/// which takes 2 KiB of the image.
-#[inline(never)]
-fn check_each(values: &[(Key, f64)], bound: Bound, holds: fn(f64) -> bool) -> Result<(), Violation> {
-    match values
-        .iter()
-        .find(|(_, value)| !(value.is_finite() && holds(*value)))
-    {
-        Some(&(key, _)) => Err(Violation { key, bound }),
-        None => Ok(()),
-    }
-}
-
-/// Checks that each value is in a range.
-#[inline(never)]
-fn check_ranges(values: &[(Key, f64)], [least, most]: [f64; 2]) -> Result<(), Violation> {
-    match values.iter().find(|(_, value)| !(least..=most).contains(value)) {
-        Some(&(key, _)) => Err(Violation {
-            key,
-            bound: Bound::Range { least, most },
-        }),
-        None => Ok(()),
-    }
-}
-
-/// Refuses the setting `key` unless its bound `holds`.
-pub(crate) fn require(holds: bool, key: Key, bound: Bound) -> Result<(), Violation> {
-    if holds {
-        Ok(())
-    } else {
-        Err(Violation { key, bound })
     }
 }

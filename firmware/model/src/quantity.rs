@@ -192,6 +192,16 @@ pub(crate) fn square(value: i32) -> u64 {
 /// Energy dissipated by the intruder's damping per squared velocity and sample, nJ/(µm/sample)².
 pub type EnergyScale = I16F16;
 
+/// 2^`power`, for powers in ±300.
+pub(crate) fn two_to(power: i32) -> f64 {
+    f64::from_bits(((1023 + power) as u64) << 52)
+}
+
+/// The nearest number of a format.
+pub(crate) fn nearest<F: LeEqU32>(value: f64) -> FixedI32<F> {
+    FixedI32::from_bits(libm::rint(value * two_to(F::I32)) as i32)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,18 +16,18 @@ use serde::Serialize;
 use crate::calibration::Channel;
 use crate::coefficients::{self, Coefficients};
 use crate::company::Company;
-use crate::description::{Description, Supply, require};
+use crate::description::{Description, Supply};
 use crate::energy_uncertainty::UncertaintyTerms;
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
-use crate::quantity::{SensedAcceleration, SensedForce};
+use crate::quantity::{SensedAcceleration, SensedForce, nearest};
 use crate::quiet::Quiet;
 use crate::reduced_chain::ReducedChain;
 use crate::ring_down::RingDown;
 use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
-use crate::violation::{Bound, SettingKey, Violation};
+use crate::violation::{Bound, SettingKey, Violation, require};
 use crate::waveform::WaveformJudge;
 
 /// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may all
@@ -172,7 +172,7 @@ impl Settings {
             observer,
             chain,
             incident,
-            disagreement: coefficients::nearest(description.capture.disagreement),
+            disagreement: nearest(description.capture.disagreement),
             ringing,
             ring_down,
             quiet,
@@ -343,9 +343,7 @@ const NEAR_END: f64 = 0.99;
 
 /// The least value that may be cut; the greatest number if the end is unknown.
 fn near_end<F: LeEqU32>(end: Option<f32>) -> FixedI32<F> {
-    end.map_or(FixedI32::MAX, |end| {
-        coefficients::nearest(NEAR_END * f64::from(end))
-    })
+    end.map_or(FixedI32::MAX, |end| nearest(NEAR_END * f64::from(end)))
 }
 
 fn check_sensor<F: LeEqU32>(sensor: &Sensor<F>, most: u32, units: [SettingKey; 2]) -> Result<(), Violation> {

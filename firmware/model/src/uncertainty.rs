@@ -3,10 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::day::Day;
-use crate::description::require;
 use crate::name::Name;
 use crate::relative::Relative;
-use crate::violation::{Bound, SettingKey as Key, Violation};
+use crate::violation::{Bound, SettingKey as Key, Violation, require};
 
 /// Range of a relative standard uncertainty.
 const RANGE: [f64; 2] = [1e-6, 0.5];

@@ -238,3 +238,41 @@ impl fmt::Display for Violation {
 }
 
 impl core::error::Error for Violation {}
+
+/// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list,
+/// which takes 2 KiB of the image.
+#[inline(never)]
+pub(crate) fn check_each(
+    values: &[(SettingKey, f64)],
+    bound: Bound,
+    holds: fn(f64) -> bool,
+) -> Result<(), Violation> {
+    match values
+        .iter()
+        .find(|(_, value)| !(value.is_finite() && holds(*value)))
+    {
+        Some(&(key, _)) => Err(Violation { key, bound }),
+        None => Ok(()),
+    }
+}
+
+/// Checks that each value is in a range.
+#[inline(never)]
+pub(crate) fn check_ranges(values: &[(SettingKey, f64)], [least, most]: [f64; 2]) -> Result<(), Violation> {
+    match values.iter().find(|(_, value)| !(least..=most).contains(value)) {
+        Some(&(key, _)) => Err(Violation {
+            key,
+            bound: Bound::Range { least, most },
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses the setting `key` unless its bound `holds`.
+pub(crate) fn require(holds: bool, key: SettingKey, bound: Bound) -> Result<(), Violation> {
+    if holds {
+        Ok(())
+    } else {
+        Err(Violation { key, bound })
+    }
+}

@@ -30,11 +30,10 @@
 //! (`cargo test --release -p bead-model spheres -- --nocapture`): it matters below 9 samples or above 10 % of
 //! the mass.
 
-use crate::coefficients::nearest;
 use crate::converter::CONVERSION;
 use crate::correction::Correction;
 use crate::physics::Bead;
-use crate::quantity::{SensedAcceleration, Step, high_rounded, square};
+use crate::quantity::{SensedAcceleration, Step, high_rounded, nearest, square};
 use bead_wire::{Fraction, WaveformMatch};
 use fixed::types::{I0F32, I16F16};
 use serde::Serialize;

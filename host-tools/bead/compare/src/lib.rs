@@ -8,6 +8,7 @@ pub mod error;
 pub mod f64_estimators;
 pub mod front_end;
 pub mod given;
+pub mod goal;
 mod pictures;
 mod quantities;
 pub mod reference;

@@ -9,8 +9,9 @@
 
 use serde::Serialize;
 
+use crate::goal::StrikeGoal;
 use crate::report::{count, percent_within};
-use crate::strike::{StrikeGoal, StrikeValues};
+use crate::strike::StrikeValues;
 use crate::student::student;
 
 /// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
+use crate::goal::StrikeGoal;
 use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, ReplayWord, replay};
 use crate::sensed::{
@@ -27,9 +28,6 @@ use crate::signal::{StrikeSignals, force_noise, least};
 use crate::spread::Spread;
 use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
 use bead_recording::strikes::RecordedStrike;
-
-/// Goals for the two estimates against the full chain, for a bead that their reduced chain is like.
-const GOAL: [f64; 2] = [2e-3, 5e-3];
 
 /// The results of a strike by one source, SI units.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, schemars::JsonSchema)]
@@ -233,37 +231,6 @@ impl ShapeValues {
             stiffness: reduced.map(|reduced| reduced * (omega * omega + decay * decay)),
             damping: reduced.map(|reduced| 2.0 * reduced * decay),
         }
-    }
-}
-
-/// Parts of the energy for the estimates of a strike.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct StrikeGoal {
-    /// For A; none if there is no goal for it.
-    pub absorbed_measured: Option<f64>,
-    /// For B; none if there is no goal for it.
-    pub absorbed_predicted: Option<f64>,
-}
-
-impl StrikeGoal {
-    /// The goals where the chain explains errors of A and of B by these parts.
-    fn beyond(explained: [f64; 2]) -> Self {
-        let of = |place: usize| Some(GOAL[place] + explained[place]).filter(|goal| goal.is_finite());
-        Self {
-            absorbed_measured: of(0),
-            absorbed_predicted: of(1),
-        }
-    }
-
-    /// Of A, and of B.
-    pub(crate) fn each(&self) -> [Option<f64>; 2] {
-        [self.absorbed_measured, self.absorbed_predicted]
-    }
-}
-
-impl Default for StrikeGoal {
-    fn default() -> Self {
-        Self::beyond([0.0; 2])
     }
 }
 

@@ -7,6 +7,7 @@ use bead_wire::{Counters, Identity, SettingsSource, Status};
 
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
+use crate::goal::StrikeGoal;
 use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::replay::ReplayWord;
 use crate::report::{
@@ -14,7 +15,7 @@ use crate::report::{
     percent_within,
 };
 use crate::statistics;
-use crate::strike::{StrikeComparison, StrikeGoal};
+use crate::strike::StrikeComparison;
 use crate::verdict::{DECISION_RULE, passed};
 use bead_recording::json::hex;
 

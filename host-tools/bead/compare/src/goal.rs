@@ -1,0 +1,37 @@
+//! The parts of its energy within which the estimates of a strike are to be.
+
+use serde::Serialize;
+
+/// Goals for the two estimates against the full chain, for a bead that their reduced chain is like.
+const GOAL: [f64; 2] = [2e-3, 5e-3];
+
+/// Parts of the energy for the estimates of a strike.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct StrikeGoal {
+    /// For A; none if there is no goal for it.
+    pub absorbed_measured: Option<f64>,
+    /// For B; none if there is no goal for it.
+    pub absorbed_predicted: Option<f64>,
+}
+
+impl StrikeGoal {
+    /// The goals where the chain explains errors of A and of B by these parts.
+    pub(crate) fn beyond(explained: [f64; 2]) -> Self {
+        let of = |place: usize| Some(GOAL[place] + explained[place]).filter(|goal| goal.is_finite());
+        Self {
+            absorbed_measured: of(0),
+            absorbed_predicted: of(1),
+        }
+    }
+
+    /// Of A, and of B.
+    pub(crate) fn each(&self) -> [Option<f64>; 2] {
+        [self.absorbed_measured, self.absorbed_predicted]
+    }
+}
+
+impl Default for StrikeGoal {
+    fn default() -> Self {
+        Self::beyond([0.0; 2])
+    }
+}
