@@ -90,6 +90,7 @@ impl de::Visitor<'_> for TextVisitor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::de::IntoDeserializer;
 
     #[test]
     fn a_name_is_text_without_control_characters_up_to_its_first_zero() {
@@ -109,6 +110,9 @@ mod tests {
             assert_eq!(name.is_text(), is_name, "{text:?}");
             assert_eq!(Name::new(text), is_name.then_some(name), "{text:?}");
             assert!(!is_name || name.as_str() == text);
+            // As a table of settings has it.
+            let read: Result<_, de::value::Error> = Name::deserialize(text.into_deserializer());
+            assert_eq!(read.ok(), is_name.then_some(name), "{text:?}");
         }
         assert_eq!(Name::new("seventeen bytes.."), None);
         let mut wrong = Name::default();

@@ -147,14 +147,19 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies
-    /// absorbed and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
-    fn closed(state: &mut ObserverState, mean: u64, close: impl FnOnce(&mut ObserverState)) -> [i64; 4] {
-        let observer = Observer {
+    /// An observer whose energy is 1 nJ/(m/s²)².
+    fn observer_of_one() -> Observer {
+        Observer {
             start: I0F32::ZERO,
             end: I0F32::ZERO,
             energy: I2F30::ONE,
-        };
+        }
+    }
+
+    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies
+    /// absorbed and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
+    fn closed(state: &mut ObserverState, mean: u64, close: impl FnOnce(&mut ObserverState)) -> [i64; 4] {
+        let observer = observer_of_one();
         (state.piece, state.piece_samples) = ((32 * mean) << (2 * SensedAcceleration::FRAC_NBITS), 32);
         let energies = |state: &ObserverState| {
             [observer.absorbed(0, state), observer.noise(0, state)].map(|energy| energy.bits() >> 24)
@@ -179,6 +184,7 @@ mod tests {
             let most = state.noise - 1;
             louder.close_noise(most);
             assert_eq!(louder.noise, most);
+            assert_eq!(observer_of_one().noise_square(&state), noise as f32 + 1.0);
             let noise = noise as i64 + 1;
             let twice = closed(&mut state, 2 * noise as u64, |state| {
                 assert!(!state.close_piece())

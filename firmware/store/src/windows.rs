@@ -614,6 +614,19 @@ mod tests {
     }
 
     #[test]
+    fn a_window_that_gives_way_while_it_is_sealed_leaves_the_seal_to_those_behind_it() {
+        let mut memory = memory(&mut 9);
+        let mut windows = Windows::new(&mut memory, false);
+        put(&mut windows, &of(0, &[60; 16]));
+        windows.close();
+        assert!(windows.seal() && windows.seal());
+        let newer = [of(1, &[60; 24]), of(2, &[60; 8])];
+        newer.iter().for_each(|new| keep(&mut windows, new));
+        assert_eq!(all(&windows), newer);
+        assert_eq!(all(&Windows::new(&mut memory, true)), newer);
+    }
+
+    #[test]
     fn of_many_small_windows_as_many_are_kept_as_the_directory_has_entries() {
         let mut memory = memory(&mut 11);
         let mut windows = Windows::new(&mut memory, false);

@@ -9,8 +9,8 @@ use bead_recording::file::{About, RecordingWriter};
 use bead_recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
-A bead keeps its last strikes, ten of 672 scans at least, also over a reset; a power cut clears them. It \
-keeps none with longer windows. Without --out they are listed. With --out they are sent again and written to \
+A bead keeps its last strikes also over a reset: twelve at least of 672 scans, eight of the longest windows. \
+A power cut clears them. Without --out they are listed. With --out they are sent again and written to \
 a recording, bit for bit as they were measured, which `bead replay`, `bead compare` and `bead export` read \
 as any other. A fetch changes nothing on the bead and needs no key; strikes that come meanwhile go first.
 

@@ -24,7 +24,7 @@ port here. A port that does not open, that has no bead, or whose bead has anothe
 line; the others go on. A port that goes away is opened again as soon as it is back, and goes on in the same \
 recording.
 
-No strike is lost with the cable: a bead keeps its last ten strikes and more. When one did not come whole, \
+No strike is lost with the cable: a bead keeps its last twelve strikes and more. When one did not come whole, \
 it is asked for, and stands in the recording once. --no-fetch only listens.
 
 Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no \
