@@ -16,11 +16,14 @@ const MARGIN: f64 = 0.03;
 const TARGETS: [(&str, f64); 5] = [
     ("all, while a strike is measured", 500.0),
     ("all, in the busiest block", BUSIEST),
-    ("all, while none is", 80.0),
-    ("flash", 140.0 * 1024.0),
-    ("variables", 62.0 * 1024.0),
+    ("all, while none is", 60.0),
+    // Of 640 KiB that `memory.x` gives: uncertainties, the judge of the wave form and the detector of waves
+    // within a window took 30 KiB, most of it f64 arithmetic when settings are taken.
+    ("flash", 176.0 * 1024.0),
+    ("variables", 65.0 * 1024.0),
 ];
-const BUSIEST: f64 = 450.0;
+/// At 2.72 cycles each, the worst that an instruction of this core may take, 617 fit the 1680 cycles of a sample.
+const BUSIEST: f64 = 560.0;
 
 /// Set by `cargo xtask numbers`: the page is written instead of held to what was measured.
 const WRITE: &str = "BEAD_NUMBERS_WRITE";

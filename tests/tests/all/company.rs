@@ -55,7 +55,7 @@ fn every_bead_of_the_row_measures_a_and_predicts_b_and_none_is_flagged() {
         worst = std::array::from_fn(|n| worst[n].max(errors[n].abs()));
         assert_eq!(flags, StrikeFlags::NONE, "bead {host}");
         assert!(cost.total.is_some_and(|cost| cost < 500.0), "bead {host}");
-        assert!(cost.worst_block.is_some_and(|cost| cost < 550.0), "bead {host}");
+        assert!(cost.worst_block.is_some_and(|cost| cost < 617.0), "bead {host}");
     }
     assert!(worst[0] < 0.2 && worst[1] < 0.5, "{worst:?}");
 }

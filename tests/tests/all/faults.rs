@@ -484,10 +484,10 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
     let bottom = deep - left;
     assert!(bottom.is_multiple_of(1024), "{bottom:#x}: the end of the fence");
     assert_eq!(free(down_to(bottom + 100)), 100);
-    // The tasks themselves use some 5 kB.
+    // Taking settings uses some 12 kB, for their block and what follows from it.
     let used = START - bottom - untouched;
     println!("{used} bytes of stack used, {untouched} never");
-    assert!((2000..8000).contains(&used), "{used}");
+    assert!((2000..16_000).contains(&used), "{used}");
 }
 
 #[test]
