@@ -6,7 +6,7 @@
 use core::ops::Range;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::layout::{HISTORY_MAX, PIECE, WINDOW_MAX};
+use crate::layout::{HISTORY_MAX, LEAD, PIECE, WINDOW_MAX};
 use crate::quantity::{Scan, pack};
 use crate::settings::Settings;
 use crate::shape::WindowRecord;
@@ -114,8 +114,13 @@ pub const REACH: usize = 816;
 /// at its end: of the longest one the whole history waited at first, and of each five scans that came two
 /// were left ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans,
 /// with a history of 160, it comes to this limit in its last piece, and a longer one earlier.
-pub(crate) const LAG_MAX: usize = REACH + 592;
+pub(crate) const LAG_MAX: usize = REACH + 590;
 const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
+
+/// Scans that a call measures at least: a piece, and those before the newest that wait until it is known
+/// whether they are the foot of a wave. So a meter in calls of one scan has its result with the last scan of
+/// a window.
+const LEAST: usize = PIECE + LEAD as usize;
 
 /// Scans of the longest call that the meter is made for.
 const CALL: usize = 256;
@@ -266,8 +271,8 @@ impl Meter {
         self.passed_over
     }
 
-    /// Waves so far that no window could hold: they came before the detector was armed, or while too many scans
-    /// of windows waited to be measured.
+    /// Waves so far that no window could hold: they came before the detector was armed, or while too many
+    /// scans of windows waited to be measured.
     pub fn in_dead_time(&self) -> u32 {
         self.in_dead_time
     }
@@ -310,7 +315,7 @@ impl Meter {
     ///
     /// Every scan is looked at for a rise when it comes. Measuring is most of the work, and when a strike
     /// triggers, its whole history waits to be measured. To
-    /// spread this work, a call measures three fifths as many scans as it was given, and at least [`PIECE`];
+    /// spread this work, a call measures three fifths as many scans as it was given, and at least `LEAST`;
     /// a little less if it has to move scans in its memory. So the meter lags behind during a window: at its
     /// end by the history and two thirds of the length. In calls of up to 256 scans it has room for the lag
     /// of the longest window, so that no call measures more. In longer calls it may meet the limit of its
@@ -323,7 +328,7 @@ impl Meter {
         sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
-        let mut quota = (scans.len() * 3 / 5).max(PIECE);
+        let mut quota = (scans.len() * 3 / 5).max(LEAST);
         let is_short = scans.len() <= CALL;
         let mut end_index = first_index;
         while scans.len() > 0 {
@@ -366,8 +371,8 @@ impl Meter {
         self.process(settings, first_index, scans(words), sink);
     }
 
-    /// Looks for rises in the new scans up to the next one that opens a window, and opens this window if none is
-    /// measured. Returns whether one is. The scan after the last has the index `end_index`.
+    /// Looks for rises in the new scans up to the next one that opens a window, and opens this window if none
+    /// is measured. Returns whether one is. The scan after the last has the index `end_index`.
     fn find(&mut self, settings: &Settings, end_index: u64, sink: &mut (impl Sink + ?Sized)) -> bool {
         loop {
             if !self.has_next
