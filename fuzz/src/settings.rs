@@ -4,7 +4,7 @@
 //! all of them.
 
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{Meter, Scan, Settings};
+use bead_model::{Meter, Scan, Settings, StrikeFlags};
 use bead_recording::physical::{parse, to_toml};
 use bead_recording::signal::Signal;
 use bead_recording::strikes::ScanCodes;
@@ -107,7 +107,9 @@ fn measured(settings: &Settings, bytes: &[u8]) {
     for report in &said.reports {
         let chunks = said.chunks.iter().filter(|chunk| chunk.strike == report.strike);
         let codes: Vec<Scan> = chunks.flat_map(|chunk| chunk.scans.iter().copied()).collect();
-        assert_eq!(codes.len(), usize::from(settings.window.length));
+        assert_eq!(codes.len(), usize::from(report.samples));
+        let is_cut = report.flags.has(StrikeFlags::WINDOW_CUT);
+        assert_eq!(is_cut, report.samples < settings.window.length);
         let codes: Vec<ScanCodes> = codes.iter().map(codes_of).collect();
         let _ = Signal::of(&codes, settings);
     }

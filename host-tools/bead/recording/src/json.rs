@@ -146,7 +146,7 @@ mod tests {
             absorbed_measured: Energy::from_bits(830 << 24),
             absorbed_predicted: Energy::from_bits(1 << 23),
             incident_energy: Energy::from_bits(-(1 << 24)),
-            flags: StrikeFlags::from_bits(0b1100_0000_0000_0010),
+            flags: StrikeFlags::from_bits(1 << 31 | 1 << 14 | 1 << 1),
             ..Strike::draw(&mut || 0)
         };
         let mut bead = Speaker::at(0);
@@ -175,7 +175,7 @@ mod tests {
         for (key, expected) in [
             ("absorbed_measured_raw", json!(830i64 << 24)),
             ("flags", json!(["acceleration_railed", "sensor_fault"])),
-            ("flags_raw", json!(0xc002)),
+            ("flags_raw", json!(0x8000_4002_u32)),
             ("kind", json!("strike")),
             ("lost_before", json!(2)),
             ("arrival", json!("next")),
