@@ -53,7 +53,7 @@ pub(crate) fn show_strike(steps: &Steps) -> Result<(), Stop> {
     let report = steps.built("demo/report.html");
     let emulate = bead(steps, &format!("emulate {scenario} --bead 8 --firmware"))
         .arg(image::path(steps))
-        .words("--overwrite --out")
+        .words("--uncertainty docs/scenarios/paper-bead.toml --overwrite --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
     steps.run(title, &emulate)?;
