@@ -308,6 +308,7 @@ fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> 
     differs("strike", &device, said, rate).or_else(|| differs("shape", &strike.shape?, shape, rate))
 }
 
+/// Results of a meter for the first window that it completes. A wave that cuts this one has another.
 #[derive(Default)]
 struct MeterOutput {
     chunks: Vec<WindowChunk>,
@@ -316,6 +317,9 @@ struct MeterOutput {
 
 impl Sink for MeterOutput {
     fn chunk(&mut self, chunk: &bead_model::Chunk) {
+        if self.report.is_some() {
+            return;
+        }
         let end = self.chunks.last().map_or(0, |chunk| chunk.end) + chunk.scans.len();
         self.chunks.push(WindowChunk {
             end,
@@ -325,7 +329,7 @@ impl Sink for MeterOutput {
     }
 
     fn report(&mut self, strike: &Strike, shape: &Shape) {
-        self.report = Some((*strike, *shape));
+        self.report.get_or_insert((*strike, *shape));
     }
 }
 

@@ -101,7 +101,7 @@ static UNITS: [Unit; 29] = [
     unit(Quantity::Acceleration, 1e-3, "mm/s²", "", &["mm/s2"]),
     unit(Quantity::Acceleration, 1e3, "km/s²", "", &["km/s2"]),
     unit(Quantity::Acceleration, GRAVITY, "g", "", &["g", "gn", "g0"]),
-    unit(Quantity::Voltage, 1.0, "V", "", &["v", "volt", "volts"]),
+    unit(Quantity::Voltage, 1.0, "V", "v", &["v", "volt", "volts"]),
     unit(Quantity::Voltage, 1e-6, "µV", "", &["uv"]),
     unit(Quantity::Voltage, 1e-3, "mV", "", &["mv"]),
     unit(Quantity::Voltage, 1e3, "kV", "", &["kv"]),

@@ -30,8 +30,7 @@ fn the_first_recording_is_decoded_to_the_same_numbers_and_its_replay_says_that_i
     for part in [
         "strike 0: made by an image whose estimates this program no longer makes",
         "Its codes, settings and times hold",
-        " peak_force, peak_index, acceleration_max, acceleration_min,",
-        " arrival, width, impulse, ring_frequency, ring_decay",
+        " peak_index, acceleration_max, acceleration_min,",
     ] {
         assert!(why.contains(part), "{part}: {why}");
     }
