@@ -143,16 +143,16 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay.
-    /// Returns whether scans had to be moved.
-    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) -> bool {
+    /// Appends as many of `scans` as there is room for. Those before the scan `needed` may go. Returns whether
+    /// scans had to be moved.
+    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, needed: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
             (self.length, self.next, self.looked) = (HISTORY_MAX, HISTORY_MAX, HISTORY_MAX);
         }
         let moves = self.length == ROOM;
         if moves {
-            self.make_room(keep);
+            self.make_room(needed);
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
@@ -163,9 +163,8 @@ impl Recent {
         moves
     }
 
-    /// Moves the scans that are still needed to the front: those to be taken, and `keep` before them.
-    fn make_room(&mut self, keep: usize) {
-        let unwanted = self.next.saturating_sub(keep);
+    /// Moves the scans from `unwanted` on to the front.
+    fn make_room(&mut self, unwanted: usize) {
         self.scans.copy_within(unwanted..self.length, 0);
         self.length -= unwanted;
         self.next -= unwanted;
@@ -333,11 +332,9 @@ impl Meter {
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
-            // The next window may begin a history before the end of this one.
-            let reach = if self.is_measuring() { 0 } else { REACH };
-            let keep = reach + usize::from(settings.window.history);
+            let needed = self.needed(settings, end_index - scans.len() as u64);
             let offered = scans.len();
-            if self.recent.append(&mut scans, keep) && self.is_measuring() {
+            if self.recent.append(&mut scans, needed) && self.is_measuring() {
                 // To move them is work too.
                 quota -= quota / 4;
             }
@@ -357,6 +354,24 @@ impl Meter {
                 }
             }
         }
+    }
+
+    /// Place of the first scan that is still needed. The scan after the last has the index `end_index`.
+    fn needed(&self, settings: &Settings, end_index: u64) -> usize {
+        let Recent {
+            length, next, looked, ..
+        } = self.recent;
+        let [history, lookback] = [settings.window.history, settings.window.lookback].map(usize::from);
+        if !self.is_measuring() {
+            return next.saturating_sub(REACH + history);
+        }
+        // Where the next window begins, or may begin yet.
+        let begins = if self.has_next {
+            length.saturating_sub((end_index - self.next.first) as usize)
+        } else {
+            looked.saturating_sub(history + lookback)
+        };
+        next.min(begins)
     }
 
     /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for

@@ -303,7 +303,7 @@ impl Emulation {
             ("reduced_chain", "bead_model::reduced_chain::"),
             ("window", "bead_model::window::"),
             ("window", "bead_model::meter::Measurement::"),
-            ("trigger", "bead_model::meter::before_rise"),
+            ("trigger", "bead_model::waves::before_rise"),
             ("framing", "bead_wire::"),
         ]
         .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
