@@ -4,8 +4,8 @@
 //! The internal reference voltage tells the supply. It and the temperature sensor have to be sampled for at
 //! least 10 µs (DocID022152, embedded reference voltage), and between two scans there are 4.9 µs. An injected
 //! conversion would delay scans or cost them. But only ADC1 can convert the two (RM0090 section 13.10), and
-//! the scans are ADC3's. So no scan is lost for them. `bead_app` says when they are converted. The programmable
-//! voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
+//! the scans are ADC3's. So no scan is lost for them. `bead_app` says when they are converted. The
+//! programmable voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
 //!
 //! A supply that rises slowly passes through voltages at which the core runs and flash is read wrongly. So
 //! nothing is done at first but [`wait`]. Flash is erased only after the supply has been good, and is not

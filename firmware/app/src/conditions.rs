@@ -45,7 +45,8 @@ impl ConditionsMeter {
     }
 
     /// Goes on with a measurement, once in a block. Returns its result with its last block, and that of its
-    /// first pair if there was none for [`LATEST`] blocks. `None` too where the codes are none of a good part.
+    /// first pair if there was none for [`LATEST`] blocks. `None` too where the codes are none of a good
+    /// part.
     pub(crate) fn take(&mut self, device: &impl Device, is_measuring: bool) -> Option<Conditions> {
         self.age = self.age.saturating_add(1);
         if self.age < EVERY || is_measuring && self.age < LATEST {

@@ -1,9 +1,9 @@
 //! Every bit of the results of windows that are made up: on any machine, and in any later version.
 //!
 //! A recording replays bit for bit. So a version that changes a bit of what an earlier one computed says so
-//! (CHANGELOG), and a replay of the earlier recording does. The windows go where the arithmetic branches: both
-//! gains, rails, noise, powers of two, intruders behind. Their codes are made by sums and products alone, which
-//! are the same everywhere.
+//! (CHANGELOG), and a replay of the earlier recording does. The windows go where the arithmetic branches:
+//! both gains, rails, noise, powers of two, intruders behind. Their codes are made by sums and products
+//! alone, which are the same everywhere.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use crate::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive_among};

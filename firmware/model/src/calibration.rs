@@ -2,9 +2,9 @@
 //!
 //! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives. So
 //! an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s into y
-//! with `s = y + ẏ/ω_p`, and a channel that is converted a time δ after the first channel of its sensor is late
-//! by δ. Both are taken out with three codes ([`correction`](crate::correction)), so the value of a sample is
-//! known one sample later:
+//! with `s = y + ẏ/ω_p`, and a channel that is converted a time δ after the first channel of its sensor is
+//! late by δ. Both are taken out with three codes ([`correction`](crate::correction)), so the value of a
+//! sample is known one sample later:
 //!
 //! ```text
 //! s[n-1] = g (code[n-1] - zero) + slope (code[n] - code[n-2]) + curve (code[n] - 2 code[n-1] + code[n-2])
@@ -100,8 +100,8 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Returns `true` if every value that the codes can give is below `most`: it is greatest where each code is at
-    /// the rail that its weight favours, and the zero at a rail too.
+    /// Returns `true` if every value that the codes can give is below `most`: it is greatest where each code
+    /// is at the rail that its weight favours, and the zero at a rail too.
     pub fn is_below(&self, most: u32) -> bool {
         let [per_code, slope, curve] =
             [self.per_code, self.slope, self.curve].map(|value| i64::from(value.to_bits()));

@@ -117,9 +117,10 @@ impl Exact {
     }
 }
 
-/// Part that estimate A has of the power of an oscillation with the phase `ring` (rad a sample): between samples
-/// it takes the acceleration for a straight line. With `decay` = λ dt and H the transfer from a to y,
-/// `|1 - H|²` of the samples over that of the signal. 0.9995 for an intruder of 5 kHz, 0.996 for one of 9 kHz.
+/// Part that estimate A has of the power of an oscillation with the phase `ring` (rad a sample): between
+/// samples it takes the acceleration for a straight line. With `decay` = λ dt and H the transfer from a to y,
+/// `|1 - H|²` of the samples over that of the signal. 0.9995 for an intruder of 5 kHz, 0.996 for one of 9
+/// kHz.
 fn hold_power(decay: f64, ring: f64) -> f64 {
     let ring = in_range(ring);
     let lost = -libm::expm1(-decay);
@@ -294,6 +295,7 @@ impl Coefficients {
                 description.acceleration.per_code,
                 dt,
                 exact.ring_phase,
+                description.company.elsewhere == 1 && behind == 0,
             ),
             phase: exact.ring_phase,
             scale,

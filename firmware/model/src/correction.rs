@@ -9,9 +9,10 @@
 //! s[n-1] = y[n-1] + slope (y[n] - y[n-2]) + curve (y[n] - 2 y[n-1] + y[n-2])
 //! ```
 //!
-//! A Taylor expansion has `slope = (ℓ - θ)/2` and `curve = θ²/2 - ℓ θ`. Its error grows with the square of the
-//! frequency: for an intruder of 9.4 kHz at 100 kHz it costs 1 % of the energy. So both are chosen such that
-//! an oscillation at one frequency, that of the intruder's ringing, comes out exactly, as a constant does:
+//! A Taylor expansion has `slope = (ℓ - θ)/2` and `curve = θ²/2 - ℓ θ`. Its error grows with the square of
+//! the frequency: for an intruder of 9.4 kHz at 100 kHz it costs 1 % of the energy. So both are chosen such
+//! that an oscillation at one frequency, that of the intruder's ringing, comes out exactly, as a constant
+//! does:
 //!
 //! ```text
 //! 1 + 2i slope sin φ - 2 curve (1 - cos φ) = (1 + iφℓ) e^(-iφθ)
@@ -33,8 +34,8 @@ pub(crate) struct Correction {
 }
 
 impl Correction {
-    /// Takes out a filter with the time constant `lag` and a `delay`, both in samples; exact at `phase`, rad a
-    /// sample.
+    /// Takes out a filter with the time constant `lag` and a `delay`, both in samples; exact at `phase`, rad
+    /// a sample.
     pub(crate) fn new(lag: f64, delay: f64, phase: f64) -> Self {
         let phase = in_range(phase);
         let ([sin, cos], [late_sin, late_cos]) = (sin_cos(phase), sin_cos(phase * delay));
@@ -51,7 +52,8 @@ pub(crate) fn in_range(phase: f64) -> f64 {
     phase.clamp(PHASES[0], PHASES[1])
 }
 
-/// Sine and cosine of up to ±3 rad within 1e-8, and of up to ±1 rad within 1e-15, by their series: those of `libm` take 5 KiB of the image.
+/// Sine and cosine of up to ±3 rad within 1e-8, and of up to ±1 rad within 1e-15, by their series: those of
+/// `libm` take 5 KiB of the image.
 pub(crate) fn sin_cos(angle: f64) -> [f64; 2] {
     let square = angle * angle;
     let series = |first: f64, start: f64| {

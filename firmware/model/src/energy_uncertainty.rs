@@ -5,15 +5,15 @@
 //! on the strike is computed once, in f64, when settings are taken. A strike then costs two polynomials and
 //! three roots in f32, so that it follows from settings and codes alone.
 //!
-//! **A.** With the intruder ringing at ω behind the low-pass λ = k/c of [`observer`](crate::observer), A goes with
-//! m²/c · ω²/(ω² + λ²) and the square of the gain.
+//! **A.** With the intruder ringing at ω behind the low-pass λ = k/c of [`observer`](crate::observer), A goes
+//! with m²/c · ω²/(ω² + λ²) and the square of the gain.
 //!
 //! **B** depends on the pulse too: on x, the phase by which the intruder rings while the force is above its
 //! half. Its sensitivities to k, c, m, κ and τ are cubics in x whose coefficients are linear in the damping
 //! cω/k and in m/M. They were fitted to those of 101 strikes of 3 to 10 mm strikers at 0.1 to 2.5 m/s on six
-//! beads, by the differences of `bead budget`; u(B) is then within 8 % of its. Two more follow from dimensions:
-//! a force in other units, or all masses, k, c and κ in other ones, give the same motion, so
-//! `s_F = 2 + s_κ/2` and `s_k + s_c + s_m + s_M + 3/2 s_κ = -1`.
+//! beads, by the differences of `bead budget`; u(B) is then within 8 % of its. Two more follow from
+//! dimensions: a force in other units, or all masses, k, c and κ in other ones, give the same motion, so `s_F
+//! = 2 + s_κ/2` and `s_k + s_c + s_m + s_M + 3/2 s_κ = -1`.
 //!
 //! **Noise** of A is that of the quiet within the resonance of the intruder, of B that of the force over the
 //! width of the pulse.
@@ -40,8 +40,8 @@ type Cubic = [f64; 4];
 /// Sensitivity of A, and of B.
 type Pair = (f64, Cubic);
 
-/// Fitted sensitivities of B. Each row: the constant, x, x², x³, what the damping adds to the first two, and what
-/// the ratio of masses adds to them.
+/// Fitted sensitivities of B. Each row: the constant, x, x², x³, what the damping adds to the first two, and
+/// what the ratio of masses adds to them.
 const STIFFNESS: [f64; 8] = [0.9111, 0.8952, -0.6876, 0.0662, -3.3099, 1.1566, -2.146, 0.735];
 const DAMPING: [f64; 8] = [1.4449, -1.1576, 0.2554, -0.0145, -1.1988, 0.2157, 1.6188, -0.1736];
 const MASS: [f64; 8] = [-1.3764, 0.3771, 0.3841, -0.047, 4.4761, -1.3127, -1.7234, -0.6725];

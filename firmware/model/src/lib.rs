@@ -68,9 +68,10 @@ mod waves;
 pub mod window;
 
 pub use bead_wire::{Energy, Shape, Strike, StrikeFlags};
-pub use meter::{Chunk, Meter, Origin, Sink, scans};
+pub use meter::{Chunk, Meter, Sink, scans};
 pub use quantity::{AdcCode, Pair, Scan};
 pub use settings::{Settings, SettingsError};
 pub use shape::WindowRecord;
 pub use violation::Violation;
+pub use waves::Origin;
 pub use window::Window;

@@ -6,11 +6,12 @@
 use core::ops::Range;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::layout::{HISTORY_MAX, LEAD, PIECE, WINDOW_MAX};
+use crate::layout::{HISTORY_MAX, LEAD, PIECE};
 use crate::quantity::{Scan, pack};
 use crate::settings::Settings;
 use crate::shape::WindowRecord;
-use crate::waves::{PlannedWindow, Wave, Waves};
+pub use crate::waves::REACH;
+use crate::waves::{Around, LAG_MAX, Origin, PlannedWindow, Wave, Waves};
 use crate::window::Window;
 use bead_wire::{Energy, Kind, MAX_SCANS, Packed, Shape, Strike, Waveform};
 
@@ -67,19 +68,6 @@ impl Chunk {
     }
 }
 
-/// The cause of a window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Origin {
-    /// The force rose by the threshold.
-    #[default]
-    Force = 0,
-    /// Another bead found a strike.
-    Line,
-    /// A host asked for it.
-    Request,
-}
-
 /// Where the meter's results go.
 pub trait Sink {
     /// The force has triggered at this scan, and a window will be opened for it. The one before may still be
@@ -107,16 +95,6 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
     })
 }
 
-/// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
-pub const REACH: usize = 816;
-
-/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000
-/// at its end: of the longest one the whole history waited at first, and of each five scans that came two
-/// were left ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans,
-/// with a history of 160, it comes to this limit in its last piece, and a longer one earlier.
-pub(crate) const LAG_MAX: usize = REACH + 590;
-const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
-
 /// Scans that a call measures at least: a piece, and those before the newest that wait until it is known
 /// whether they are the foot of a wave. So a meter in calls of one scan has its result with the last scan of
 /// a window.
@@ -143,8 +121,8 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Those before the scan `needed` may go. Returns whether
-    /// scans had to be moved.
+    /// Appends as many of `scans` as there is room for. Those before the scan `needed` may go. Returns
+    /// whether scans had to be moved.
     fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, needed: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
@@ -189,25 +167,6 @@ enum Phase {
     Idle,
     /// Measures a strike.
     Measuring(Measurement),
-}
-
-/// A window that was asked for.
-#[derive(Clone, Copy)]
-pub(crate) struct Around {
-    /// Sample index of the scan that is to count as the one that triggers.
-    pub(crate) trigger: u64,
-    /// The window is opened at this sample index, if the force has opened none before.
-    pub(crate) at: u64,
-    /// Who asks; the force if nobody does.
-    pub(crate) origin: Origin,
-}
-
-impl Around {
-    const NOTHING: Self = Self {
-        trigger: 0,
-        at: 0,
-        origin: Origin::Force,
-    };
 }
 
 /// Finds strikes in the stream of scans and measures each. It has state only: the settings come with every

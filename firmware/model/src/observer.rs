@@ -21,9 +21,9 @@
 //! # Noise
 //!
 //! Noise in the acceleration always adds energy to the sum. The same sum before the strike measures how much
-//! it adds a sample, and this is subtracted, but no more than the noise that the settings explain: an intruder
-//! that still rings from an earlier strike is not noise. A piece of the window does not count if its sum is not
-//! more than twice what noise gives: the intruder has stopped ringing, until another wave comes.
+//! it adds a sample, and this is subtracted, but no more than the noise that the settings explain: an
+//! intruder that still rings from an earlier strike is not noise. A piece of the window does not count if its
+//! sum is not more than twice what noise gives: the intruder has stopped ringing, until another wave comes.
 
 use crate::quantity::{SensedAcceleration, SquareSum, high_rounded, square};
 use bead_wire::Energy;
@@ -63,7 +63,8 @@ pub struct ObserverState {
 }
 
 impl ObserverState {
-    /// The piece is complete, and had noise only, of a mean square of `most` at most. More than that is a signal.
+    /// The piece is complete, and had noise only, of a mean square of `most` at most. More than that is a
+    /// signal.
     pub(crate) fn close_noise(&mut self, most: u64) {
         let (squares, samples) = self.quiet;
         self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);

@@ -6,8 +6,8 @@ use crate::quantity::{SensedAcceleration, SensedForce};
 use crate::shape::WindowRecord;
 use serde::Serialize;
 
-/// Mean square of a quiet signal over that of its known noise beyond which it is louder. The mean of 32 samples of
-/// noise scatters by a quarter of itself, so noise alone gets there once in 10^13 strikes.
+/// Mean square of a quiet signal over that of its known noise beyond which it is louder. The mean of 32
+/// samples of noise scatters by a quarter of itself, so noise alone gets there once in 10^13 strikes.
 const LOUDER: f64 = 4.0;
 /// Mean square of the converter's rounding and of its own noise, half a code rms, in codes.
 const CONVERTER: f64 = 1.0 / 12.0 + 0.25;

@@ -174,8 +174,8 @@ impl ReducedChainState {
 
 impl ReducedChain {
     /// Takes the forces at the host's incoming contact at the next samples, at most
-    /// [`PIECE`](crate::layout::PIECE), and writes the acceleration of the intruder at each into `predicted`, in
-    /// twelfths. Never inlined, so that its instructions can be counted by its symbol.
+    /// [`PIECE`](crate::layout::PIECE), and writes the acceleration of the intruder at each into `predicted`,
+    /// in twelfths. Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(
         &self,

@@ -30,8 +30,8 @@ use crate::shape::Ringing;
 use crate::violation::{Bound, SettingKey, Violation, require};
 use crate::waveform::WaveformJudge;
 
-/// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may all
-/// be absent.
+/// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may
+/// all be absent.
 pub const VERSION: u16 = 7;
 /// The version without those sections.
 const FIRST: u16 = 1;
@@ -192,8 +192,9 @@ impl Settings {
     }
 
     /// Returns `true` if a strike in these conditions has to be flagged
-    /// [`SUPPLY_OFF`](bead_wire::StrikeFlags::SUPPLY_OFF): the supply is more than 0.3 % away from that of the
-    /// calibration, or was not measured. Always `false` if the settings do not state that of the calibration.
+    /// [`SUPPLY_OFF`](bead_wire::StrikeFlags::SUPPLY_OFF): the supply is more than 0.3 % away from that of
+    /// the calibration, or was not measured. Always `false` if the settings do not state that of the
+    /// calibration.
     ///
     /// Bead and replay compute the same: every operation is one of IEEE 754.
     pub fn supply_is_off(&self, conditions: Option<&Conditions>) -> bool {

@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! The force *rises* at a scan if its code is higher by the threshold than `lookback` scans before. An offset
-//! that drifts does not matter, and a recorded window alone tells when the force rises. Every scan is looked at,
-//! those of a window and after it too. Time from a rise to the next is *quiet*.
+//! that drifts does not matter, and a recorded window alone tells when the force rises. Every scan is looked
+//! at, those of a window and after it too. Time from a rise to the next is *quiet*.
 //!
 //! | a rise after a quiet of | outside of a window | in a window that has a wave |
 //! |---|---|---|
@@ -12,23 +12,65 @@
 //! | `lookback` or more | is missed and counted: there is no quiet to find its zero in | is a part of it ([`Window`](crate::Window) flags it) |
 //! | less | belongs to a train of waves | belongs to a train |
 //!
-//! **Cut.** A window that is cut ends [`LEAD`] scans before the trigger of the next, so the foot of the wave is
-//! not in it. What its intruder still holds then is in its energies ([`RingDown`](crate::ring_down::RingDown)).
-//! An eighth of the force brings 3 % of the energy.
+//! **Cut.** A window that is cut ends [`LEAD`] scans before the trigger of the next, so the foot of the wave
+//! is not in it. What its intruder still holds then is in its energies
+//! ([`RingDown`](crate::ring_down::RingDown)). An eighth of the force brings 3 % of the energy.
 //!
 //! **Overlap.** Windows that overlap have more scans than came. A meter measures three of five that come. A
-//! window that overlaps the one before is opened only if the meter, in calls of any length, would not lag too far
-//! behind for it: else the wave is a part of the window, or missed.
+//! window that overlaps the one before is opened only if the meter, in calls of any length, would not lag too
+//! far behind for it: else the wave is a part of the window, or missed.
 
 use core::ops::Range;
 
-use crate::layout::LEAD;
-use crate::meter::{Around, LAG_MAX, Origin};
+use crate::layout::{HISTORY_MAX, LEAD, WINDOW_MAX};
 use crate::quantity::Scan;
 use crate::settings::Settings;
 
 /// Inverse of the part of the highest force that a wave must have to be one of its own.
 const PART: i32 = 8;
+
+/// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
+pub const REACH: usize = 816;
+
+/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000
+/// at its end: of the longest one the whole history waited at first, and of each five scans that came two
+/// were left ([`Meter::process`](crate::Meter::process)). One that was opened from outside waits [`REACH`]
+/// longer. Of 672 scans, with a history of 160, it comes to this limit in its last piece, and a longer one
+/// earlier.
+pub(crate) const LAG_MAX: usize = REACH + 590;
+const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
+
+/// The cause of a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Origin {
+    /// The force rose by the threshold.
+    #[default]
+    Force = 0,
+    /// Another bead found a strike.
+    Line,
+    /// A host asked for it.
+    Request,
+}
+
+/// A window that was asked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Around {
+    /// Sample index of the scan that is to count as the one that triggers.
+    pub(crate) trigger: u64,
+    /// The window is opened at this sample index, if the force has opened none before.
+    pub(crate) at: u64,
+    /// Who asks; the force if nobody does.
+    pub(crate) origin: Origin,
+}
+
+impl Around {
+    pub(crate) const NOTHING: Self = Self {
+        trigger: 0,
+        at: 0,
+        origin: Origin::Force,
+    };
+}
 
 /// A window to be measured.
 #[derive(Clone, Copy, Debug)]
@@ -118,8 +160,9 @@ impl Waves {
         }
     }
 
-    /// Looks at the scans `new`, of which the first has the sample index `index`, up to the next wave. `may_cut`
-    /// says if a wave may cut the window that it comes in. Returns the wave and the number of scans passed.
+    /// Looks at the scans `new`, of which the first has the sample index `index`, up to the next wave.
+    /// `may_cut` says if a wave may cut the window that it comes in. Returns the wave and the number of scans
+    /// passed.
     pub(crate) fn look(
         &mut self,
         settings: &Settings,
@@ -135,27 +178,7 @@ impl Waves {
             return (None, passed);
         }
         if self.is_rising {
-            let (lookback, threshold) = (settings.window.lookback, i32::from(settings.window.threshold));
-            let force = |at: usize| i32::from(scans[at].force.sensitive().get());
-            let rise = force(new.start) - force(new.start - usize::from(lookback));
-            self.is_rising = rise >= threshold;
-            if !self.is_rising {
-                self.highest = self.highest.max(self.height);
-                self.candidate = None;
-                self.pass_quiet(settings, 1);
-                return (None, 1);
-            }
-            (self.quiet, self.is_armed) = (0, false);
-            self.height = self.height.max(rise);
-            let is_high = self.height * PART >= self.highest;
-            let candidate = self
-                .candidate
-                .take_if(|at| is_high || index > *at + u64::from(lookback));
-            let cuts = candidate.filter(|_| is_high).map(|trigger| Wave::Triggers {
-                trigger,
-                cut: Some(trigger + 1 - u64::from(LEAD)),
-            });
-            return (cuts, 1);
+            return self.follow_rise(settings, scans, new, index);
         }
         let passed = before_rise(settings, scans, new.clone());
         self.pass_quiet(settings, passed);
@@ -165,6 +188,42 @@ impl Waves {
         let wave = self.rise(settings, index + passed as u64, may_cut);
         (self.is_rising, self.height) = (true, 0);
         (wave, passed)
+    }
+
+    /// Follows a rise through the scans `new` to its end, or to the scan at which it cuts a window. As
+    /// [`look`](Self::look).
+    fn follow_rise(
+        &mut self,
+        settings: &Settings,
+        scans: &[Scan],
+        new: Range<usize>,
+        index: u64,
+    ) -> (Option<Wave>, usize) {
+        let (lookback, threshold) = (settings.window.lookback, i32::from(settings.window.threshold));
+        let force = |scan: &Scan| i32::from(scan.force.sensitive().get());
+        (self.quiet, self.is_armed) = (0, false);
+        let before = &scans[new.start - usize::from(lookback)..];
+        for (passed, (before, now)) in (0..).zip(before.iter().zip(&scans[new.clone()])) {
+            let rise = force(now) - force(before);
+            if rise < threshold {
+                self.is_rising = false;
+                self.highest = self.highest.max(self.height);
+                self.candidate = None;
+                self.pass_quiet(settings, 1);
+                return (None, passed + 1);
+            }
+            self.height = self.height.max(rise);
+            let Some(trigger) = self.candidate else { continue };
+            let is_high = self.height * PART >= self.highest;
+            if is_high || index + passed as u64 > trigger + u64::from(lookback) {
+                self.candidate = None;
+            }
+            if is_high {
+                let cut = Some(trigger + 1 - u64::from(LEAD));
+                return (Some(Wave::Triggers { trigger, cut }), passed + 1);
+            }
+        }
+        (None, new.len())
     }
 
     /// The force rises at the scan `index`.
@@ -197,8 +256,8 @@ impl Waves {
         self.done.max(self.newest.opened) + end.saturating_sub(self.newest.first) * 5 / 3
     }
 
-    /// True if the meter would lag no more than it may with a window that the scan `trigger` opens, if the newest
-    /// ends at `end`.
+    /// True if the meter would lag no more than it may with a window that the scan `trigger` opens, if the
+    /// newest ends at `end`.
     fn is_in_time(&self, settings: &Settings, trigger: u64, end: u64) -> bool {
         let window = &settings.window;
         let [history, length] = [window.history, window.length].map(u64::from);
@@ -231,8 +290,8 @@ impl Waves {
         self.newest
     }
 
-    /// The window that was asked for, if it can be opened at the scan `index`: the detector is armed, and all of
-    /// its scans are there, from `kept` on, and in no other window.
+    /// The window that was asked for, if it can be opened at the scan `index`: the detector is armed, and all
+    /// of its scans are there, from `kept` on, and in no other window.
     pub(crate) fn asked(
         &mut self,
         settings: &Settings,
@@ -246,8 +305,8 @@ impl Waves {
         is_free.then(|| self.plan(settings, trigger, index, origin))
     }
 
-    /// Index of the scan up to which it is known that no wave cuts the window that ends at `end`, if the scans
-    /// before `looked` were looked at.
+    /// Index of the scan up to which it is known that no wave cuts the window that ends at `end`, if the
+    /// scans before `looked` were looked at.
     pub(crate) fn known_until(&self, looked: u64, end: u64) -> u64 {
         match self.candidate {
             None if looked >= end => end,

@@ -187,7 +187,8 @@ impl Window {
         settings.chain.absorbed(settings.scale.predicted, &self.chain)
     }
 
-    /// The energy that the intruder holds at the end of the window. Below the noise it has none in estimate A.
+    /// The energy that the intruder holds at the end of the window. Below the noise it has none in estimate
+    /// A.
     fn left(&self, settings: &Settings, record: &WindowRecord) -> Option<LeftEnergy> {
         let last = self.samples / PIECE as u16 * PIECE as u16;
         let rings = self.ring_end > 0 && self.ring_end == last;
@@ -307,9 +308,9 @@ impl Window {
 
 /// True if the forces of a window have more waves than the one that it was opened for.
 ///
-/// After a quiet of `lookback` samples, a wave that is an eighth as high as the highest before brings 3 % of its
-/// energy. Sooner after it, the waves that a heavy striker sends one after another come, each lower than the one
-/// before: another strike is one that is about as high, with a fall between both.
+/// After a quiet of `lookback` samples, a wave that is an eighth as high as the highest before brings 3 % of
+/// its energy. Sooner after it, the waves that a heavy striker sends one after another come, each lower than
+/// the one before: another strike is one that is about as high, with a fall between both.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
@@ -319,24 +320,24 @@ fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce) 
     let threshold = (i64::from(per_code.to_bits()) * i64::from(settings.window.threshold))
         >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS);
     let threshold = threshold as i32;
+    // What runs ahead of a wave is no wave.
+    let floor = threshold.max(peak.to_bits() / 8);
     let (mut highest, mut quiet) = (0, 0_usize);
     let [mut again, mut anew] = [i32::MAX; 2];
-    for (before, now) in forces.iter().zip(forces.iter().skip(lookback)) {
-        let [before, now] = [before, now].map(|force| force.to_bits());
+    let later = forces.get(lookback..).unwrap_or_default();
+    for (now, before) in later.iter().zip(forces) {
+        let (now, before) = (now.to_bits(), before.to_bits());
         let rise = now.saturating_sub(before);
         if now >= again || rise >= anew {
             return true;
         }
         quiet = if rise >= threshold { 0 } else { quiet + 1 };
         highest = highest.max(now);
-        // What runs ahead of a wave is no wave.
-        if highest < threshold.max(peak.to_bits() / 8) {
-            continue;
-        }
-        if quiet >= lookback {
+        if quiet == lookback && highest >= floor {
             anew = threshold.max(highest / 8);
         }
-        if again == i32::MAX && now < highest / 2 && now < highest.saturating_sub(threshold) {
+        // Below half of the highest, the wave has fallen.
+        if again == i32::MAX && now < highest / 2 && highest >= floor && now < highest - threshold {
             again = highest / 8 * 7;
         }
     }

@@ -309,20 +309,20 @@ impl Fault {
 /// The kind of failure.
 ///
 /// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor crash. The vector
-/// of the DMA stream that serves the converter that samples is overwritten in flash, and the next interrupt of that stream does the
-/// rest. The reset brings flash back. Nothing happens if no stream serves it.
+/// of the DMA stream that serves the converter that samples is overwritten in flash, and the next interrupt
+/// of that stream does the rest. The reset brings flash back. Nothing happens if no stream serves it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// The converter that samples loses a conversion, as it does when the DMA does not fetch in time. SR.OVR is set. DMA requests
-    /// and triggers stop until it is cleared (RM0090 section 13.8.1).
+    /// The converter that samples loses a conversion, as it does when the DMA does not fetch in time. SR.OVR
+    /// is set. DMA requests and triggers stop until it is cleared (RM0090 section 13.8.1).
     AdcOverrun,
-    /// The converter that samples starts a scan without a trigger: as soon as it waits for triggers, if it does not yet. A trigger
-    /// that comes before that scan is over does nothing.
+    /// The converter that samples starts a scan without a trigger: as soon as it waits for triggers, if it
+    /// does not yet. A trigger that comes before that scan is over does nothing.
     ExtraScan,
     /// The converter that samples misses the next trigger that it waits for.
     MissedTrigger,
-    /// The DMA stream that serves the converter that samples meets a bus error. TEIF is set and the stream stops (section 10.3.18).
-    /// Nothing happens if no stream serves it.
+    /// The DMA stream that serves the converter that samples meets a bus error. TEIF is set and the stream
+    /// stops (section 10.3.18). Nothing happens if no stream serves it.
     AdcDmaError,
     /// USART1 ends no frame for some time. What is in its registers stays there, and the DMA waits. A USART
     /// without flow control never does this by itself. A transmitter that CTS holds, or a DMA stream that is

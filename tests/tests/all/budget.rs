@@ -22,8 +22,11 @@ const TARGETS: [(&str, f64); 5] = [
     ("flash", 176.0 * 1024.0),
     ("variables", 65.0 * 1024.0),
 ];
-/// At 2.72 cycles each, the worst that an instruction of this core may take, 617 fit the 1680 cycles of a sample.
+/// At 2.72 cycles each, the worst that an instruction of this core may take, 617 fit the 1680 cycles of a
+/// sample.
 const BUSIEST: f64 = 560.0;
+/// In any settings.
+const BUSIEST_OF_ANY: f64 = 617.0;
 
 /// Set by `cargo xtask numbers`: the page is written instead of held to what was measured.
 const WRITE: &str = "BEAD_NUMBERS_WRITE";
@@ -127,7 +130,7 @@ fn the_image_names_no_folder_of_the_computer_that_built_it() {
 }
 
 #[test]
-fn the_longest_window_makes_no_block_busier_than_the_built_in_one() {
+fn the_longest_window_makes_no_block_busier_than_any_settings_may() {
     let longest = Capture {
         history: 2.56e-3,
         length: 10.24e-3,
@@ -145,7 +148,7 @@ fn the_longest_window_makes_no_block_busier_than_the_built_in_one() {
         .worst_block
         .unwrap();
     println!("{busiest:.1} instructions a sample");
-    assert!(busiest < BUSIEST, "{busiest:.1}");
+    assert!(busiest < BUSIEST_OF_ANY, "{busiest:.1}");
 }
 
 #[test]

@@ -121,7 +121,7 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         bead.write("rate.settings", &block(&settings_at(50_000)));
         let why = "sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
         bead.refused("settings write @rate.settings", why);
-        bead.write("long.settings", &[0; 257]);
+        bead.write("long.settings", &[0; 449]);
         assert_eq!(bead.run("settings write @long.settings").0, 2);
         assert_eq!(bead.run("settings write @missing.settings").0, 2);
 

@@ -157,7 +157,8 @@ fn after_any_valid_settings_a_bead_is_disarmed_within_a_second() {
         assert_eq!(answered.received.status().overruns, 0);
     }
     println!("slowest reply {worst:.3} s; {triggers} strikes triggered");
-    assert!(triggers > 100);
+    // To arm takes a quiet of history and lookback.
+    assert!(triggers > 50, "{triggers}");
 }
 
 #[test]

@@ -60,7 +60,8 @@ fn each_strike_has_supply_and_temperature_and_is_flagged_beyond_a_third_of_a_per
 
 #[test]
 fn a_supply_that_was_never_measured_is_no_zero_and_flags_strikes_of_a_calibrated_bead() {
-    // Words of flash that is erased, codes of a converter that hangs, and a temperature sensor without points.
+    // Words of flash that is erased, codes of a converter that hangs, and a temperature sensor without
+    // points.
     type Break = fn(&mut TestBead);
     let breaks: [Break; 3] = [
         |bead| {

@@ -76,8 +76,8 @@ fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() 
         assert_eq!(armed(&|_| level, never), Some(history - 1), "{level}");
     }
     assert_eq!(armed(&|_| 128, 100), Some(100 + history - 1));
-    // After a rise, which lasts for the lookback here, it takes the lookback more. A fall does not matter, nor
-    // does a rise across a restart.
+    // After a rise, which lasts for the lookback here, it takes the lookback more. A fall does not matter,
+    // nor does a rise across a restart.
     let step = |at: usize, from: u16, to: u16| move |index: usize| if index < at { from } else { to };
     for at in [60, 100, history - 1] {
         let rearmed = at + 2 * usize::from(settings.window.lookback) + history - 1;

@@ -370,8 +370,8 @@ fn poles_and_units_have_their_limits() {
     };
     let powers = small(1.0).unwrap().scale.incoming;
     assert!(powers > 2, "{powers}");
-    // Without a pole, slope and curve take out the delay δ of 9/70 samples: the weights above 0 are 1 - δ² of the
-    // middle code and (δ + δ²)/2 of the oldest.
+    // Without a pole, slope and curve take out the delay δ of 9/70 samples: the weights above 0 are 1 - δ² of
+    // the middle code and (δ + δ²)/2 of the oldest.
     let delay = 9.0_f64 / 70.0;
     let most = f64::from(1 << (15 - powers)) / (1.0 + 0.5 * (delay - delay * delay));
     assert!(small(0.999 * most).is_ok());

@@ -1,7 +1,8 @@
 //! The judge of the wave form on beads that are not what their settings say:
 //! `cargo test --release -p bead-model waveform -- --nocapture` prints the residuals.
 //!
-//! The chain of the wrong beads is a small one of its own, RK4 in f64, whose intruder may be held by anything.
+//! The chain of the wrong beads is a small one of its own, RK4 in f64, whose intruder may be held by
+//! anything.
 
 use std::f64::consts::TAU;
 
@@ -201,8 +202,8 @@ fn a_bead_that_is_not_what_its_settings_say_is_told_by_its_wave_form_though_both
     }
 }
 
-/// Codes of both gains of the reference front end, without filters, with noise of its size, at a `phase` of the
-/// sample clock, and the energy that the intruder of `host` absorbs in the simulation, J.
+/// Codes of both gains of the reference front end, without filters, with noise of its size, at a `phase` of
+/// the sample clock, and the energy that the intruder of `host` absorbs in the simulation, J.
 fn codes(scenario: &Scenario, host: usize, phase: u32) -> (FrontEnd, Vec<Scan>) {
     let solution = simulate(scenario).unwrap();
     let mut front_end = FrontEnd::reference();

@@ -1,5 +1,5 @@
-//! Two equal strikes, one after the other: `cargo test --release -p bead-model waves -- --nocapture` prints what
-//! each window has of them.
+//! Two equal strikes, one after the other: `cargo test --release -p bead-model waves -- --nocapture` prints
+//! what each window has of them.
 
 use crate::replayed;
 use crate::sensed::{HOST, felt, front_end, scan};
@@ -27,7 +27,8 @@ fn settings() -> Settings {
     derive(&Bead::paper(), &front_end([32.0, 600.0]), &Capture::default()).unwrap()
 }
 
-/// What a meter gives for scans that come in calls of `call`, and the number of waves that no window could hold.
+/// What a meter gives for scans that come in calls of `call`, and the number of waves that no window could
+/// hold.
 fn heard(settings: &Settings, scans: &[Scan], call: usize) -> (Collector, u32) {
     let (mut meter, mut heard) = (Meter::new(), Collector::default());
     for (n, some) in scans.chunks(call).enumerate() {
@@ -55,7 +56,8 @@ fn two_strikes_at_any_time_apart_are_measured_each_or_flagged_and_none_is_lost()
                 "{gap} ms: {} samples, A {:+.2} %, B {:+.2} %, {flags:?}",
                 report.samples, errors[0], errors[1]
             );
-            // So close, both look like the double pulse in a row of heavy intruders, but the model of the bead does not.
+            // So close, both look like the double pulse in a row of heavy intruders, but the model of the
+            // bead does not.
             let double = gap < 0.6 && flags.has(StrikeFlags::MODEL_DIFFERS);
             let another =
                 flags.has(StrikeFlags::ANOTHER_WAVE) || flags.has(StrikeFlags::WINDOW_CUT) || double;

@@ -46,7 +46,8 @@ body! {
 
 body! {
     /// Energy that the intruder still held at the end of a window: ½μv² + ½kx² with μ = m(M - m)/M, which its
-    /// damper takes up after the window. It is part of a shape frame, and of the energies of the strike frame.
+    /// damper takes up after the window. It is part of a shape frame, and of the energies of the strike
+    /// frame.
     pub struct LeftEnergy: Copy {
         /// From the acceleration, in `absorbed_measured`.
         pub measured: Energy,

@@ -50,21 +50,22 @@ bits! {
         2 "another_wave" ANOTHER_WAVE,
         /// A state of the reduced chain exceeded half the range of its format.
         3 "chain_range" CHAIN_RANGE,
-        /// The two estimates differ by more than three times the uncertainty of their difference, or, where that
-        /// is unknown, by more than the settings allow, and no other flag says why.
+        /// The two estimates differ by more than three times the uncertainty of their difference, or, where
+        /// that is unknown, by more than the settings allow, and no other flag says why.
         4 "estimates_differ" ESTIMATES_DIFFER,
         /// The frequency or the decay of the intruder's ringing is not what the settings say.
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
-        /// The energies do not cover the whole window: they end before another wave, which has a window of its
-        /// own or is counted in `strikes_in_dead_time`.
+        /// The energies do not cover the whole window: they end before another wave, which has a window of
+        /// its own or is counted in `strikes_in_dead_time`.
         7 "window_cut" WINDOW_CUT,
-        /// At the end of the window the intruder still held more than half a percent of the absorbed energy. It
-        /// is in both energies, by a closed form that is wrong if another wave follows.
+        /// At the end of the window the intruder still held more than half a percent of the absorbed energy.
+        /// It is in both energies, by a closed form that is wrong if another wave follows.
         8 "ringing_left" RINGING_LEFT,
         /// The supply next to the strike, in `conditions` of the shape frame, differs by more than 0.3 % from
-        /// that of the calibration in the settings, or was not measured yet: 1 % of it is 2 % of both energies.
+        /// that of the calibration in the settings, or was not measured yet: 1 % of it is 2 % of both
+        /// energies.
         9 "supply_off" SUPPLY_OFF,
         /// Another bead found a strike: it opened this window by the trigger line. The force here rose by
         /// less than the threshold until then.
@@ -80,16 +81,17 @@ bits! {
         /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
         /// which.
         14 "sensor_fault" SENSOR_FAULT,
-        /// The acceleration that the reduced chain predicts from the force is not the one that was measured, by
-        /// more than noise and the chain's own error explain: spring, damper, a mass, a contact or a gain is not
-        /// what the settings say. No flag is set that says so more exactly.
+        /// The acceleration that the reduced chain predicts from the force is not the one that was measured,
+        /// by more than noise and the chain's own error explain: spring, damper, a mass, a contact or a gain
+        /// is not what the settings say. No flag is set that says so more exactly.
         15 "model_differs" MODEL_DIFFERS,
         /// A sensor reached its own end, as the settings state it, before the converter reached a rail.
         16 "sensor_end" SENSOR_END,
         /// The intruder was not at rest before the strike, or the quiet was louder than the settings say.
         17 "not_at_rest" NOT_AT_REST,
-        /// Over the strikes so far, k, c, a gain or the ratio of both energies is off the settings by more than
-        /// three standard errors. A bead does not set it: `bead replay` tells it, of the strikes of a recording.
+        /// Over the strikes so far, k, c, a gain or the ratio of both energies is off the settings by more
+        /// than three standard errors. A bead does not set it: `bead replay` tells it, of the strikes of a
+        /// recording.
         18 "drifting" DRIFTING,
         /// The force was a train of waves, for which the reduced chain is not right behind this bead.
         19 "wave_train" WAVE_TRAIN,

@@ -2,14 +2,15 @@
 //!
 //! # Design
 //!
-//! One strike tells k within 0.1 to 0.3 % and c within 0.5 %, far less than what flags it. Over several strikes
-//! the mean is sure enough to tell a bead whose k is 0.5 % off.
+//! One strike tells k within 0.1 to 0.3 % and c within 0.5 %, far less than what flags it. Over several
+//! strikes the mean is sure enough to tell a bead whose k is 0.5 % off.
 //!
-//! The ringing does not serve for this: contacts that have not opened yet change its frequency by up to 3 %, and
-//! its decay by 10 %. The wave form does, since the reduced chain knows these contacts. Its residual is computed
-//! again with k, c and the gain of the accelerometer changed by [`STEP`], each and by pairs, through the bead's own
-//! code; the quadratic form through these ten residuals has its least value at the bead's own k, c and gain.
-//! All follows from the recorded codes and settings, so whoever has the recording gets the same.
+//! The ringing does not serve for this: contacts that have not opened yet change its frequency by up to 3 %,
+//! and its decay by 10 %. The wave form does, since the reduced chain knows these contacts. Its residual is
+//! computed again with k, c and the gain of the accelerometer changed by [`STEP`], each and by pairs, through
+//! the bead's own code; the quadratic form through these ten residuals has its least value at the bead's own
+//! k, c and gain. All follows from the recorded codes and settings, so whoever has the recording gets the
+//! same.
 
 use bead_model::design::Description;
 use bead_model::{Scan, Settings, Window, WindowRecord};
@@ -144,8 +145,8 @@ impl Mean {
     }
 }
 
-/// Parts by which k, c and the gain of the accelerometer over that of the force fit the wave form best. `None`
-/// if they have no best: the strike is too weak.
+/// Parts by which k, c and the gain of the accelerometer over that of the force fit the wave form best.
+/// `None` if they have no best: the strike is too weak.
 fn best(strike: &RecordedStrike, settings: &Settings) -> Option<[f64; 3]> {
     let scans: Vec<Scan> = strike.scans.iter().map(ScanCodes::scan).collect();
     let power = |steps: [f64; 3]| {

@@ -15,9 +15,10 @@ use crate::front_end::first_order_hold;
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
 
-/// Removes a one-pole low-pass with the time constant `lag`, and a `delay`, both in samples, from its samples:
-/// `s = y + ẏ (lag - delay) + ÿ (delay²/2 - lag delay)`. The derivatives are five-point central differences
-/// (fourth order); at either end the two last samples use the samples there are. An unknown sample is NaN.
+/// Removes a one-pole low-pass with the time constant `lag`, and a `delay`, both in samples, from its
+/// samples: `s = y + ẏ (lag - delay) + ÿ (delay²/2 - lag delay)`. The derivatives are five-point central
+/// differences (fourth order); at either end the two last samples use the samples there are. An unknown
+/// sample is NaN.
 pub fn lead(samples: &[f64], lag: f64, delay: f64) -> Vec<f64> {
     let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
     (0..samples.len() as isize)

@@ -186,8 +186,9 @@ impl AnalogFrontEnd {
         self
     }
 
-    /// The codes that a scan has at another supply than [`REFERENCE_VOLTS`]. The converter compares the signals
-    /// with it. The bias is divided from it, so a zero keeps its code; and so does a signal at a rail.
+    /// The codes that a scan has at another supply than [`REFERENCE_VOLTS`]. The converter compares the
+    /// signals with it. The bias is divided from it, so a zero keeps its code; and so does a signal at a
+    /// rail.
     #[must_use]
     pub fn at_supply(&self, scan: [u16; 4], volts: f64) -> [u16; 4] {
         let (mut own, mut scan) = (*self, scan);

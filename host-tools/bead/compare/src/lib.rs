@@ -26,5 +26,6 @@ mod student;
 #[cfg(test)]
 mod testing;
 mod traces;
+pub mod values;
 pub mod velocity;
 pub mod verdict;

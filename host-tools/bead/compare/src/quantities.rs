@@ -1,7 +1,8 @@
 //! The quantities of a strike, as tables show them: values by four sources, and how far the device is off.
 
 use crate::report::EnergyUnit;
-use crate::strike::{ShapeValues, StrikeComparison, StrikeValues};
+use crate::strike::{ShapeValues, StrikeComparison};
+use crate::values::StrikeValues;
 
 /// Places of the values of a quantity: by the device, by replay, by f64 from the same samples, and by the
 /// full chain. Each adds one source of error to the one after it.
@@ -45,8 +46,8 @@ const fn quantity(
 }
 
 /// Bounds of the errors of k and c from the ringing that are not noise: the fit takes the bead for one that
-/// flies free, and the beads around it still touch it. In the paper's chain at 0.1 to 5 m/s k is off by -0.6 to
-/// +1.9 %, c by -3.0 to +2.3 %.
+/// flies free, and the beads around it still touch it. In the paper's chain at 0.1 to 5 m/s k is off by -0.6
+/// to +1.9 %, c by -3.0 to +2.3 %.
 const RING_BIAS: [f64; 2] = [2.2e-2, 3.5e-2];
 
 const fn biased(bias: f64, quantity: StrikeQuantity) -> StrikeQuantity {

@@ -200,8 +200,8 @@ struct FieldNumber {
     si: Option<(f64, &'static str)>,
 }
 
-/// The fields that an older image computed as this program does, if one sent the strike: its shape has no energy
-/// left.
+/// The fields that an older image computed as this program does, if one sent the strike: its shape has no
+/// energy left.
 fn is_of_an_older_image(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
     let device = strike
         .shape
@@ -278,8 +278,8 @@ fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, FieldNumber)> {
     all
 }
 
-/// The results of replay in the conditions that the bead measured, which no sample tells. If the shape was not
-/// received, they are not known, and neither is the flag that follows from them.
+/// The results of replay in the conditions that the bead measured, which no sample tells. If the shape was
+/// not received, they are not known, and neither is the flag that follows from them.
 fn in_conditions(
     strike: &RecordedStrike,
     settings: &Settings,
@@ -354,8 +354,8 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
     })
 }
 
-/// Cuts the window of a strike after its last scan, as the wave did that the window does not have: the force holds
-/// still until it rises at its trigger.
+/// Cuts the window of a strike after its last scan, as the wave did that the window does not have: the force
+/// holds still until it rises at its trigger.
 fn cut_as_the_wave_did(
     meter: &mut Meter,
     mut settings: Settings,

@@ -38,8 +38,8 @@ impl<'a> StrikeSignals<'a> {
         })
     }
 
-    /// Energies that the bead found left in the intruder at the end of the window, J, by estimates A and B. A sum
-    /// over the samples lacks them.
+    /// Energies that the bead found left in the intruder at the end of the window, J, by estimates A and B. A
+    /// sum over the samples lacks them.
     pub(crate) fn left(&self) -> [f64; 2] {
         let left = self.strike.shape.and_then(|shape| shape.left);
         left.map_or([0.0; 2], |left| {
@@ -92,8 +92,8 @@ fn sensed(scans: &[ScanCodes], sensor: usize, scale: &SensorScale, rate: f64) ->
     (0..scans.len()).map(value).collect()
 }
 
-/// A channel's codes in its unit. Its filter has the time constant `lag` in samples, infinite for none, and it
-/// is converted `delay` samples after the first channel of its sensor.
+/// A channel's codes in its unit. Its filter has the time constant `lag` in samples, infinite for none, and
+/// it is converted `delay` samples after the first channel of its sensor.
 fn channel(codes: &[f64], per_code: f64, lag: f64, delay: f64) -> Vec<f64> {
     let quiet = &codes[..usize::from(BASELINE)];
     let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;

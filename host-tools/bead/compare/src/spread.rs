@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use crate::goal::StrikeGoal;
 use crate::report::{count, percent_within};
-use crate::strike::StrikeValues;
 use crate::student::student;
+use crate::values::StrikeValues;
 
 /// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what
 /// docs/accuracy.md promises with the front end's noise.
@@ -74,8 +74,8 @@ pub(crate) struct Deviations {
 }
 
 impl Deviations {
-    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted, and
-    /// with these goals.
+    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted,
+    /// and with these goals.
     pub(crate) fn within(truth: f64, goal: StrikeGoal) -> Self {
         Self {
             truth,

@@ -94,9 +94,9 @@ impl Echoes {
     }
 }
 
-/// A warning where the truth is not of the bead's window: the scenario ends before the energy is absorbed which
-/// the bead measures, or the scenario lasts so much longer that it holds energy of waves that come after the
-/// window.
+/// A warning where the truth is not of the bead's window: the scenario ends before the energy is absorbed
+/// which the bead measures, or the scenario lasts so much longer that it holds energy of waves that come
+/// after the window.
 pub fn other_length(
     scenario: &Scenario,
     solution: &Solution,
@@ -229,8 +229,8 @@ const RAILED: &str = "; a strike left the range of a sensor: sensors = \"strong\
 pub const DECISION_RULE: &str = "JCGM 106, guarded rejection: a goal is missed where the deviation is beyond it by more than \
      its expanded uncertainty (95 %), which stands after ±";
 
-/// The first check that failed, gravest first. `differs` is the first difference of a replay; strikes that are
-/// `railed` left the range of a sensor.
+/// The first check that failed, gravest first. `differs` is the first difference of a replay; strikes that
+/// are `railed` left the range of a sensor.
 pub(crate) fn failure(
     differs: Option<&str>,
     soundness: &Soundness,

@@ -2,15 +2,15 @@
 
 /// Equal rows side by side at least, for a record that is taken for cut off.
 const FLAT: usize = 4;
-/// Steps by which a smooth top that stays within one step over some rows falls at most over as many more rows:
-/// nine of a parabola, and rounding.
+/// Steps by which a smooth top that stays within one step over some rows falls at most over as many more
+/// rows: nine of a parabola, and rounding.
 const SMOOTH: f64 = 15.0;
 /// Rows at least for a noise.
 const FEW: usize = 16;
 
-/// The longest run of rows at the highest or the lowest value, if the record seems to be cut off there: number of
-/// rows, and the value. A top may also be flat as the steps of the converter are coarse, or as each value stands
-/// several times.
+/// The longest run of rows at the highest or the lowest value, if the record seems to be cut off there:
+/// number of rows, and the value. A top may also be flat as the steps of the converter are coarse, or as each
+/// value stands several times.
 pub(super) fn cut_off(values: &[f64]) -> Option<(usize, f64)> {
     let first = *values.first()?;
     let most = values
@@ -42,9 +42,9 @@ pub(super) fn cut_off(values: &[f64]) -> Option<(usize, f64)> {
     (rows >= FLAT && rows > 2 * held && is_steep).then_some((rows, flat))
 }
 
-/// Noise before the strike, rms: of the rows of the zero, of which there are `quiet`, or, where noise left only a
-/// few of these, by the changes from row to row on the first quarter of the way to the top. 0 if there are too few
-/// rows.
+/// Noise before the strike, rms: of the rows of the zero, of which there are `quiet`, or, where noise left
+/// only a few of these, by the changes from row to row on the first quarter of the way to the top. 0 if there
+/// are too few rows.
 pub(super) fn noise(values: &[f64], quiet: usize) -> f64 {
     let size = |row: &usize| values[*row].abs();
     let top = (0..values.len())

@@ -216,8 +216,8 @@ fn lagrange(times: &Times, values: &[f64], near: std::ops::Range<usize>, time: f
     near.clone().map(|row| values[row] * weight(row)).sum()
 }
 
-/// Subtracts the value at rest, and returns it and its number of rows: the mean of the first half of the rows before the first that
-/// differs from the first value by a twentieth of the greatest difference.
+/// Subtracts the value at rest, and returns it and its number of rows: the mean of the first half of the rows
+/// before the first that differs from the first value by a twentieth of the greatest difference.
 pub(super) fn zeroed(values: &mut [f64]) -> (f64, usize) {
     let first = values.first().copied().unwrap_or(0.0);
     let most = values

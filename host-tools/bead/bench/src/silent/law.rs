@@ -75,8 +75,8 @@ pub(super) struct LawChain<'a> {
 }
 
 impl<'a> LawChain<'a> {
-    /// The chain of `model`, whose intruder in `host` hangs on springs of this law. It has no wall, no gap and
-    /// no static load. `None` if no intruder is in `host`.
+    /// The chain of `model`, whose intruder in `host` hangs on springs of this law. It has no wall, no gap
+    /// and no static load. `None` if no intruder is in `host`.
     pub(super) fn new(model: &'a Model, host: usize, law: SpringLaw) -> Option<Self> {
         let hosted = model.intruders().iter().find(|one| one.bead == host)?;
         Some(Self {

@@ -14,7 +14,8 @@ use crate::spread::RunningMean;
 use crate::student::student;
 use bead_recording::strikes::RecordedStrike;
 
-/// Least step of a code. Over fewer than four the rounding of B shows; over 32 the estimators are still linear.
+/// Least step of a code. Over fewer than four the rounding of B shows; over 32 the estimators are still
+/// linear.
 const STEP: f64 = 8.0;
 /// Greatest code.
 const CODE_MOST: u16 = 4095;

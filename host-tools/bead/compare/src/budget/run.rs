@@ -9,9 +9,9 @@ use bead_recording::strikes::{RecordedStrike, ScanCodes};
 use crate::budget::input::scale;
 use crate::error::CompareError;
 
-/// Relative step of an input, for the difference that gives a sensitivity. Of the paper's strike, steps of 0.5
-/// to 8 % give gains, masses and k alike within 1 %: below, B's rounding shows, above, the curvature of A over k.
-/// The sensitivities to κ and τ and B's to c, which are small, are within 6 %.
+/// Relative step of an input, for the difference that gives a sensitivity. Of the paper's strike, steps of
+/// 0.5 to 8 % give gains, masses and k alike within 1 %: below, B's rounding shows, above, the curvature of A
+/// over k. The sensitivities to κ and τ and B's to c, which are small, are within 6 %.
 const STEP: f64 = 0.02;
 
 /// A strike that can be measured again.

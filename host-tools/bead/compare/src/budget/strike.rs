@@ -268,7 +268,8 @@ fn settings_inputs(
     Ok((inputs, unknown))
 }
 
-/// The correlations of k, c and m, by the places of the inputs. One with an input that is unknown is left out.
+/// The correlations of k, c and m, by the places of the inputs. One with an input that is unknown is left
+/// out.
 pub(super) fn correlated(stated: &Uncertainty, inputs: &[BudgetInput]) -> Vec<Correlated> {
     use SettingKey::{UDamping, UIntruderMass, UStiffness};
     let pairs = [
@@ -342,8 +343,8 @@ mod tests {
         let budget = StrikeBudget::of(&strike, Some(one_percent()), None).unwrap();
         let shape = strike.shape.unwrap();
         let bead = strike.settings.unwrap().description().physics();
-        // E = (m²/c) ∫ (a - y)² dt, where y is a behind a low-pass with λ = k/c: at the ring's frequency a - y
-        // has ω²/(ω² + λ²) of the square of a.
+        // E = (m²/c) ∫ (a - y)² dt, where y is a behind a low-pass with λ = k/c: at the ring's frequency a -
+        // y has ω²/(ω² + λ²) of the square of a.
         let (lambda, ring) = (
             bead.stiffness / bead.damping,
             std::f64::consts::TAU * shape.ring_frequency.hertz(),

@@ -15,8 +15,8 @@ use crate::frames::{Frames, Item, Piece};
 use crate::strikes::{FetchedNames, StrikeName};
 use bead_tables::printable::one_line;
 
-/// The note in a recovered recording that says in which state the file was that it comes from: one of these, or
-/// what was lost.
+/// The note in a recovered recording that says in which state the file was that it comes from: one of these,
+/// or what was lost.
 pub(crate) const RECOVERED_FROM: &str = "recovered_from";
 pub(crate) const WHOLE: &str = "whole";
 pub(crate) const CUT_IN_INDEX: &str = "cut short in its index";

@@ -99,8 +99,8 @@ pub(crate) struct Arguments {
     /// recording.
     #[arg(long, value_name = "F")]
     stimulus: Option<PathBuf>,
-    /// Let the settings state the uncertainties of this file, as bead.toml has them: the bead then sends those of
-    /// its energies.
+    /// Let the settings state the uncertainties of this file, as bead.toml has them: the bead then sends
+    /// those of its energies.
     #[arg(long, value_name = "F.toml|F.settings")]
     uncertainty: Option<PathBuf>,
     /// Number of strikes; how often the waveform is played.
