@@ -151,7 +151,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     let folder = folder();
     let [good, mut wrong] = [8, 8].map(ModelBead::at);
     wrong.wrong_by = 1;
-    record(&folder.join("x.mcap"), &Scenario::paper(), &[good], 1);
+    record(&folder.join("x.mcap"), &Scenario::paper(), &[ModelBead::at(8)], 1);
     record(&folder.join("twice.mcap"), &Scenario::paper(), &[good], 2);
     record(&folder.join("wrong.mcap"), &Scenario::paper(), &[wrong], 1);
     let hold = |name: &str, line: &str| hold(&folder, name, line);
