@@ -3,7 +3,7 @@
 //! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives. So
 //! an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s into y
 //! with `s = y + ẏ/ω_p`, and a channel that is converted a time δ after the first channel of its sensor is
-//! late by δ. Both are taken out with three codes ([`correction`](crate::correction)), so the value of a
+//! late by δ. Both are taken out with three codes (`correction`), so the value of a
 //! sample is known one sample later:
 //!
 //! ```text

@@ -12,7 +12,7 @@
 //!
 //! **One time.** The acceleration is converted two conversions after the force. Of an intruder of 1.7 kHz
 //! this alone would be a residual of 2.7 %, so a filter of three taps takes the measured acceleration back to
-//! the time of the force ([`Correction`]). It is exact at the frequency of the ringing.
+//! the time of the force (`Correction`). It is exact at the frequency of the ringing.
 //!
 //! **What is compared.** Samples from the end of the noise to the end of the window, in the units of the
 //! reduced chain, by whole pieces. A piece in which the acceleration was at a rail is left out. Once the

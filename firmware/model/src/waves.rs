@@ -8,9 +8,12 @@
 //!
 //! | a rise after a quiet of | outside of a window | in a window that has a wave |
 //! |---|---|---|
-//! | history and `lookback`, or more | opens a window, which may overlap the one before | cuts it, if it is an eighth as high as the highest before, and opens a window of its own |
-//! | `lookback` or more | is missed and counted: there is no quiet to find its zero in | is a part of it ([`Window`](crate::Window) flags it) |
+//! | history and `lookback` or more | opens a window, perhaps over the one before | cuts it, if high enough |
+//! | `lookback` or more | is missed and counted: there is no quiet for its zero | is a part of it |
 //! | less | belongs to a train of waves | belongs to a train |
+//!
+//! A wave that is a part of a window is flagged ([`Window`](crate::Window)). One that cuts it is an eighth as
+//! high as the highest before, and opens a window of its own.
 //!
 //! **Cut.** A window that is cut ends [`LEAD`] scans before the trigger of the next, so the foot of the wave
 //! is not in it. What its intruder still holds then is in its energies

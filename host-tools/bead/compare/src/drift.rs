@@ -7,7 +7,7 @@
 //!
 //! The ringing does not serve for this: contacts that have not opened yet change its frequency by up to 3 %,
 //! and its decay by 10 %. The wave form does, since the reduced chain knows these contacts. Its residual is
-//! computed again with k, c and the gain of the accelerometer changed by [`STEP`], each and by pairs, through
+//! computed again with k, c and the gain of the accelerometer changed by `STEP`, each and by pairs, through
 //! the bead's own code; the quadratic form through these ten residuals has its least value at the bead's own
 //! k, c and gain. All follows from the recorded codes and settings, so whoever has the recording gets the
 //! same.

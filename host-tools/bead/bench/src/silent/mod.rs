@@ -4,7 +4,7 @@
 //! # Design
 //! A case is a real chain, and how it differs from what the settings state. Settings are derived from the
 //! real chain, as for any emulated bead, and then restated. A signal is the simulated one, two of it one
-//! after the other, one that a sensor clips, or that of springs with a law of their own ([`law`]).
+//! after the other, one that a sensor clips, or that of springs with a law of their own (`law`).
 
 mod case;
 mod cases;
