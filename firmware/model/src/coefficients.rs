@@ -295,7 +295,7 @@ impl Coefficients {
                 description.acceleration.per_code,
                 dt,
                 exact.ring_phase,
-                description.company.elsewhere == 1 && places == 0,
+                places != 0b1111 && (places != 0 || description.company.elsewhere == 1),
             ),
             phase: exact.ring_phase,
             scale,

@@ -87,9 +87,9 @@ pub struct WaveformState {
 
 impl WaveformJudge {
     /// Of a bead whose accelerometer has `per_code` m/s² at the high gain, sampled every `dt` seconds. The
-    /// intruder rings with `phase` rad a sample. `is_last` for the last host of a row: the intruders in front
-    /// push it too, which the reduced chain does not know.
-    pub(crate) fn new(bead: &Bead, per_code: f64, dt: f64, phase: f64, is_last: bool) -> Self {
+    /// intruder rings with `phase` rad a sample. `is_near_end` for the last hosts of a row: the intruders in front
+    /// push them too, which the reduced chain does not know.
+    pub(crate) fn new(bead: &Bead, per_code: f64, dt: f64, phase: f64, is_near_end: bool) -> Self {
         // m/s² of a bit of a twelfth of a µm/sample².
         let unit = 12e-6 / (dt * dt) * Step::DELTA.to_num::<f64>();
         // It is converted after both conversions of the force.
@@ -102,7 +102,7 @@ impl WaveformJudge {
         let half = 0.5 * per_code / unit;
         let (width, part) = (bead.pulse_width(1.0), bead.intruder_mass / bead.mass);
         // 2.2 % with intruders of 9 % of the mass, 9.1 % with 24 %.
-        let row = if is_last {
+        let row = if is_near_end {
             0.8 * part * libm::sqrt(part)
         } else {
             0.0

@@ -23,9 +23,11 @@ use std::thread;
 use std::time::Duration;
 
 use crate::program::{PROGRAM, ROOT, assert_says};
+use crate::rows::{ModelBead, record};
 use bead_recording::physical::to_toml;
 use bead_testing::paper_settings;
 use clap::CommandFactory;
+use hertz_chain::Scenario;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 const TABLE: &str = include_str!("../inputs.txt");
@@ -67,12 +69,13 @@ fn fixture(folder: &Path) {
         ("s.toml", "docs/scenarios/paper-strike.toml"),
         ("ten.toml", "docs/scenarios/ten-intruders.toml"),
         ("faults.toml", "docs/scenarios/faults.toml"),
-        ("x.mcap", "tests/data/recording-v1.mcap"),
-        ("run/bead-8.mcap", "tests/data/recording-v1.mcap"),
         ("bead.settings", "tests/data/settings-v1.bin"),
         ("future.bin", "tests/data/frame-of-the-future.bin"),
     ] {
         write(name, &read(of));
+    }
+    for name in ["x.mcap", "run/bead-8.mcap"] {
+        record(&folder.join(name), &Scenario::paper(), &[ModelBead::at(8)], 1);
     }
     let noise = (1..4000_u32).map(|n| (n.wrapping_mul(0x9E37_79B9) >> 24) as u8);
     let noise: Vec<u8> = noise.collect();

@@ -151,24 +151,29 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     let folder = folder();
     let [good, mut wrong] = [8, 8].map(ModelBead::at);
     wrong.wrong_by = 1;
-    record(&folder.join("x.mcap"), &Scenario::paper(), &[ModelBead::at(8)], 1);
+    record(
+        &folder.join("good.mcap"),
+        &Scenario::paper(),
+        &[ModelBead::at(8)],
+        1,
+    );
     record(&folder.join("twice.mcap"), &Scenario::paper(), &[good], 2);
     record(&folder.join("wrong.mcap"), &Scenario::paper(), &[wrong], 1);
     let hold = |name: &str, line: &str| hold(&folder, name, line);
-    assert_eq!(hold("replay", "replay x.mcap")["identical"], true);
+    assert_eq!(hold("replay", "replay good.mcap")["identical"], true);
     assert_eq!(hold("replay", "replay wrong.mcap")["identical"], false);
-    assert_eq!(hold("compare", "compare x.mcap")["failure"], Value::Null);
-    assert!(hold("compare", "compare x.mcap --velocity 0.6")["failure"].is_string());
+    assert_eq!(hold("compare", "compare good.mcap")["failure"], Value::Null);
+    assert!(hold("compare", "compare good.mcap --velocity 0.6")["failure"].is_string());
     for (name, line) in [
-        ("compare", "compare x.mcap --velocity fit"),
+        ("compare", "compare good.mcap --velocity fit"),
         ("compare", "compare twice.mcap"),
         // Against itself, and against a force alone.
-        ("compare-reference", "compare x.mcap --reference x.mcap"),
-        ("compare-reference", "compare x.mcap --reference force.csv"),
-        ("budget", "budget x.mcap --monte-carlo 1000"),
-        ("clock", "clock x.mcap"),
+        ("compare-reference", "compare good.mcap --reference good.mcap"),
+        ("compare-reference", "compare good.mcap --reference force.csv"),
+        ("budget", "budget good.mcap --monte-carlo 1000"),
+        ("clock", "clock good.mcap"),
         ("settings", "settings show bead.settings"),
-        ("recover", "recover x.mcap --out a.mcap"),
+        ("recover", "recover good.mcap --out a.mcap"),
     ] {
         hold(name, line);
     }
