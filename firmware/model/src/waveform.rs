@@ -87,8 +87,8 @@ pub struct WaveformState {
 
 impl WaveformJudge {
     /// Of a bead whose accelerometer has `per_code` m/s² at the high gain, sampled every `dt` seconds. The
-    /// intruder rings with `phase` rad a sample. `is_near_end` for the last hosts of a row: the intruders in front
-    /// push them too, which the reduced chain does not know.
+    /// intruder rings with `phase` rad a sample. `is_near_end` for the last hosts of a row: the intruders in
+    /// front push them too, which the reduced chain does not know.
     pub(crate) fn new(bead: &Bead, per_code: f64, dt: f64, phase: f64, is_near_end: bool) -> Self {
         // m/s² of a bit of a twelfth of a µm/sample².
         let unit = 12e-6 / (dt * dt) * Step::DELTA.to_num::<f64>();
