@@ -101,9 +101,9 @@ impl WaveformJudge {
         }
         let half = 0.5 * per_code / unit;
         let (width, part) = (bead.pulse_width(1.0), bead.intruder_mass / bead.mass);
-        // 2.2 % with intruders of 9 % of the mass, 9.1 % with 24 %.
+        // 2.4 to 4.5 % with intruders of 9 % of the mass, 9.1 % with 24 %.
         let row = if is_near_end {
-            0.8 * part * libm::sqrt(part)
+            1.4 * part * libm::sqrt(part)
         } else {
             0.0
         };
