@@ -48,7 +48,7 @@ const MASS: [f64; 8] = [-1.3764, 0.3771, 0.3841, -0.047, 4.4761, -1.3127, -1.723
 const CONTACT: [f64; 8] = [-0.5647, -0.8231, 0.3894, -0.0355, 1.638, -0.4859, 0.2068, -0.4615];
 const RELAXATION: [f64; 8] = [0.0781, -0.1255, 0.0289, -0.002, 0.004, 0.0093, 0.3256, -0.0337];
 
-/// What the uncertainties of a strike's energies follow from, squares of relative standard uncertainties.
+/// Squares of relative standard uncertainties, from which those of a strike's energies follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct UncertaintyTerms {
     /// Of A.

@@ -217,7 +217,7 @@ impl Window {
             acceleration,
         } = record.peaks();
         let incident_energy = incident_energy(settings.incident, peak_force);
-        // What the settings expect is there too where no code scatters.
+        // The noise that the settings state counts even where no code scatters.
         let force_noise = self.chain.gate().max(settings.chain.gate).to_num::<f32>() / 3.0;
         let force_noise = force_noise / peak_force.to_num::<f32>().max(f32::MIN_POSITIVE);
         let shape = Shape {
@@ -320,7 +320,7 @@ fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce) 
     let threshold = (i64::from(per_code.to_bits()) * i64::from(settings.window.threshold))
         >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS);
     let threshold = threshold as i32;
-    // What runs ahead of a wave is no wave.
+    // A rise far below the peak runs ahead of a wave, and is none itself.
     let floor = threshold.max(peak.to_bits() / 8);
     let (mut highest, mut quiet) = (0, 0_usize);
     let [mut again, mut anew] = [i32::MAX; 2];

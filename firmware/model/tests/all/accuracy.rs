@@ -161,7 +161,7 @@ fn a_strike_upon_an_intruder_that_still_rings_is_flagged_and_its_ringing_is_not_
             .iter()
             .map(|one| one.flags.has(StrikeFlags::NOT_AT_REST));
         assert_eq!(restless.collect::<Vec<_>>(), [false, rings]);
-        // What rings on adds up to a third of the amplitude to the second strike, or takes it off.
+        // The ringing adds up to a third of the amplitude to the second strike, or takes it off.
         assert!((0.4..2.0).contains(&(energies[1] / energies[0])), "{energies:?}");
     }
 }

@@ -27,14 +27,14 @@ fn settings() -> Settings {
     derive(&Bead::paper(), &front_end([32.0, 600.0]), &Capture::default()).unwrap()
 }
 
-/// What a meter gives for scans that come in calls of `call`, and the number of waves that no window could
+/// Results of a meter for scans that come in calls of `call`, and the number of waves that no window could
 /// hold.
-fn heard(settings: &Settings, scans: &[Scan], call: usize) -> (Collector, u32) {
-    let (mut meter, mut heard) = (Meter::new(), Collector::default());
+fn metered(settings: &Settings, scans: &[Scan], call: usize) -> (Collector, u32) {
+    let (mut meter, mut results) = (Meter::new(), Collector::default());
     for (n, some) in scans.chunks(call).enumerate() {
-        meter.process(settings, (n * call) as u64, some.iter().copied(), &mut heard);
+        meter.process(settings, (n * call) as u64, some.iter().copied(), &mut results);
     }
-    (heard, meter.in_dead_time())
+    (results, meter.in_dead_time())
 }
 
 #[test]
@@ -46,9 +46,9 @@ fn two_strikes_at_any_time_apart_are_measured_each_or_flagged_and_none_is_lost()
     for tenths in 5..=120 {
         let gap = f64::from(tenths) / 10.0;
         let scans = two_strikes(&solution, 100.0 * gap);
-        let (heard, missed) = heard(&settings, &scans, 200);
+        let (results, missed) = metered(&settings, &scans, 200);
         let mut is_told = false;
-        for (report, shape) in heard.reports.iter().zip(&heard.shapes) {
+        for (report, shape) in results.reports.iter().zip(&results.shapes) {
             let errors = [report.absorbed_measured, report.absorbed_predicted]
                 .map(|energy| 1e11 * energy.joules() / truth - 100.0);
             let flags = report.flags;
@@ -56,8 +56,8 @@ fn two_strikes_at_any_time_apart_are_measured_each_or_flagged_and_none_is_lost()
                 "{gap} ms: {} samples, A {:+.2} %, B {:+.2} %, {flags:?}",
                 report.samples, errors[0], errors[1]
             );
-            // So close, both look like the double pulse in a row of heavy intruders, but the model of the
-            // bead does not.
+            // This close, both look like the double pulse in a row of heavy intruders, which the model of
+            // this bead does not have.
             let double = gap < 0.6 && flags.has(StrikeFlags::MODEL_DIFFERS);
             let another =
                 flags.has(StrikeFlags::ANOTHER_WAVE) || flags.has(StrikeFlags::WINDOW_CUT) || double;
@@ -79,9 +79,9 @@ fn two_strikes_at_any_time_apart_are_measured_each_or_flagged_and_none_is_lost()
         }
         // From a history and twice the lookback after the first pulse on, there is a window for each.
         let each = if gap < 2.8 { 1 } else { 2 };
-        assert_eq!((heard.reports.len(), missed), (each, 0), "{gap} ms");
+        assert_eq!((results.reports.len(), missed), (each, 0), "{gap} ms");
         assert!(is_told == (gap < 5.2), "{gap} ms");
-        let is_cut = heard.reports[0].flags.has(StrikeFlags::WINDOW_CUT);
+        let is_cut = results.reports[0].flags.has(StrikeFlags::WINDOW_CUT);
         assert_eq!(is_cut, (2.8..5.2).contains(&gap), "{gap} ms");
     }
 }
@@ -93,10 +93,10 @@ fn windows_that_overlap_do_not_depend_on_how_the_scans_come() {
     let (solution, settings) = (simulate(&scenario).unwrap(), settings());
     for gap in [300.0, 400.0, 510.0, 515.0, 600.0] {
         let scans = two_strikes(&solution, gap);
-        let whole = heard(&settings, &scans, 200);
+        let whole = metered(&settings, &scans, 200);
         assert_eq!(whole.0.reports.len(), 2);
         for call in [1, 33, 256, 999] {
-            assert_eq!(heard(&settings, &scans, call), whole, "{gap}, {call}");
+            assert_eq!(metered(&settings, &scans, call), whole, "{gap}, {call}");
         }
     }
 }
@@ -121,8 +121,8 @@ fn of_many_waves_each_is_in_a_window_or_is_counted() {
         let scans: Vec<Scan> = (0..16_000)
             .map(|n| Scan::new([128 + pulse(n), 128 + pulse(n), 2048, 2048]))
             .collect();
-        let (heard, in_dead_time) = heard(&settings, &scans, 200);
-        let opened = heard
+        let (results, in_dead_time) = metered(&settings, &scans, 200);
+        let opened = results
             .opened
             .iter()
             .map(|(trigger, _)| (*trigger as usize - 1000) / every);
@@ -133,6 +133,6 @@ fn of_many_waves_each_is_in_a_window_or_is_counted() {
         assert!(opened.eq(windows.iter().copied()), "{every}");
         assert_eq!(in_dead_time, missed, "{every}");
         let doubtful = |report: &bead_model::Strike| report.flags.has(StrikeFlags::ANOTHER_WAVE);
-        assert_eq!(heard.reports.iter().any(doubtful), every < 512, "{every}");
+        assert_eq!(results.reports.iter().any(doubtful), every < 512, "{every}");
     }
 }

@@ -146,7 +146,7 @@ pub struct MeasuredStrike {
     /// The result of the replay.
     #[serde(skip)]
     pub replay: ReplayWord,
-    /// What is wrong with it.
+    /// The fault that was found.
     #[serde(skip)]
     pub replay_failure: Option<String>,
 }

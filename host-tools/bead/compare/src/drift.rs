@@ -57,7 +57,7 @@ pub struct Drift {
 /// A mean over strikes, as a part by which the bead is above its settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct DriftMean {
-    /// What it is the mean of.
+    /// The quantity of which it is the mean.
     pub quantity: &'static str,
     /// Strikes that tell it.
     pub strikes: u32,

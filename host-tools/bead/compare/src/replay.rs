@@ -40,7 +40,7 @@ pub struct Replay {
     pub energies: Vec<(Energy, Energy)>,
     /// The first difference of device and replay; none if they agree in every bit that was replayed.
     pub first_difference: Option<String>,
-    /// What kept it from being replayed to its end; none if nothing did.
+    /// Cause for which it was not replayed to its end, if there is one.
     pub incomplete: Option<String>,
 }
 

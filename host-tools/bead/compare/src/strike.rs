@@ -96,7 +96,7 @@ pub struct StrikeComparison {
     pub replay_identical: bool,
     /// Their first difference.
     pub first_difference: Option<String>,
-    /// What kept it from being replayed to its end.
+    /// Cause for which it was not replayed to its end.
     pub replay_incomplete: Option<String>,
     /// The result of the replay.
     #[serde(skip)]

@@ -148,7 +148,7 @@ const BUSY_MOST: f64 = 0.75;
 /// The checks of the run as a whole.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Soundness {
-    /// What of the recording is missing, in one line; none if all of it is there.
+    /// Missing parts of the recording, in one line; none if all of it is there.
     pub incomplete: Option<String>,
     /// Frames lost.
     pub lost: u64,

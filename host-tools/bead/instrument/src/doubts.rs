@@ -1,4 +1,4 @@
-//! What speaks against a record: values that were cut off, and noise that its zero drowns in.
+//! Faults of a record: values that were cut off, and noise in which its zero drowns.
 
 /// Equal rows side by side at least, for a record that is taken for cut off.
 const FLAT: usize = 4;

@@ -61,7 +61,7 @@ pub struct SilentCase {
     pub(super) state: Box<dyn Fn(&mut Description) + Send + Sync>,
 }
 
-/// What the image said of a case.
+/// The image's verdict on a case.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SilentOutcome {
     /// Group of cases with one cause.
@@ -114,7 +114,7 @@ impl SilentCase {
         run.faults.clone_from(&self.faults);
         let frames = run.run()?.whole()?.frames;
         let counted = frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Guard(guard) => Some(guard.strikes_passed_over as usize),
+            Message::Guard(guard) => Some((guard.strikes_passed_over + guard.strikes_in_dead_time) as usize),
             _ => None,
         });
         // Later windows of a wave are its echoes.
@@ -180,8 +180,7 @@ impl SilentCase {
         each.collect()
     }
 
-    /// What the sensors feel of a strike, the energy that one wave of it leaves in the intruder, J, and the
-    /// number of its waves.
+    /// Signals at the sensors, the energy that one wave leaves in the intruder, J, and the number of waves.
     fn waveform(&self, solution: &Solution, absorbed: f64) -> Result<(Waveform, f64, usize), BenchError> {
         let rows = (solution.end() / STEP) as usize;
         let signals = || {

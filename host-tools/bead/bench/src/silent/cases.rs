@@ -1,6 +1,6 @@
 //! The cases, by their causes.
 
-use bead_model::design::Description;
+use bead_model::design::{Description, SensorEnds};
 use bead_wire::StrikeFlags as Flags;
 use hertz_chain::{Material, Scenario, Section, Wall};
 
@@ -279,7 +279,13 @@ fn sensors() -> Vec<SilentCase> {
             "both sensors end at 90 % of the peaks",
             Flags::SENSOR_END,
         )
-        .feeling(Signal::Clipped([5.8, 175.0])),
+        .feeling(Signal::Clipped([5.8, 175.0]))
+        .stating(|stated| {
+            stated.sensor_end = Some(SensorEnds {
+                force: Some(5.8),
+                acceleration: Some(175.0),
+            });
+        }),
         wide,
         rest(1.0),
         rest(2.0),

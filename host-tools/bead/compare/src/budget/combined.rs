@@ -7,7 +7,7 @@ use crate::student::student;
 /// More degrees of freedom than this are infinitely many.
 const FREE_MOST: f64 = 1e6;
 
-/// What one input adds to the uncertainty of a result.
+/// Part of one input in the uncertainty of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Contribution {
     /// Standard uncertainty of the input times the sensitivity of the result, with its sign.

@@ -96,7 +96,7 @@ const HEADINGS: &str = "input | value | u | ~unit | type | ~distribution | ~ν |
 
 fn input_table(budget: &StrikeBudget) -> Grid {
     let percent = |share: f64| GridCell::from(number(share, 1));
-    // What an input that is 1 % greater does to the energy. Errors of an estimate have no such part.
+    // Effect on the energy of an input that is 1 % greater. Errors of an estimate have no such part.
     let slope = |input: &BudgetInput, sensitivity: f64| match input.key {
         Some(_) => significant(sensitivity * input.value * 1e9 * 0.01, 4),
         None => DASH.to_owned(),

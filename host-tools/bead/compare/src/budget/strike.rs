@@ -84,7 +84,7 @@ pub struct StrikeBudget {
     pub difference: Combined,
     /// Inputs whose uncertainty is unknown: those of the results lack their part.
     pub unknown: Vec<&'static str>,
-    /// The same by draws through the bead's code.
+    /// Uncertainties found by draws through the bead's code.
     pub monte_carlo: Option<MonteCarlo>,
     /// The stated uncertainties.
     #[serde(skip)]
@@ -382,7 +382,7 @@ mod tests {
     #[test]
     fn the_uncertainties_that_a_bead_sends_are_those_of_the_budget_within_a_tenth() {
         let part = |part| Some(Relative::new(part));
-        // What a laboratory would state, and k, c and m alone.
+        // All that a laboratory would state, and k, c and m alone.
         let usual = Uncertainty {
             force_gain: part(0.0105),
             force_gain_ratio: part(1e-5),

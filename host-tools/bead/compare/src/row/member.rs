@@ -109,7 +109,7 @@ pub struct BeadOfRow {
     pub replay_identical: Option<bool>,
     /// The first difference of a replay.
     pub first_difference: Option<String>,
-    /// What of its frames is missing.
+    /// Frames of it that are missing.
     pub incomplete: Option<String>,
     /// Frames lost.
     pub frames_lost: u64,

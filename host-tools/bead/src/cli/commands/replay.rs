@@ -66,7 +66,7 @@ struct ReplayedStrike {
     /// In one word.
     replay: ReplayWord,
     first_difference: Option<String>,
-    /// What kept it from being replayed to its end.
+    /// Cause for which it was not replayed to its end.
     incomplete: Option<String>,
     #[serde(skip)]
     failure: Option<String>,
