@@ -319,10 +319,7 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
         rows.push(vec!["supply, temperature".into(), conditions.to_string().into()]);
     }
     if strike.uncertainty.is_some() {
-        rows.push(vec![
-            "±".into(),
-            "2 u; goals by simple acceptance (JCGM 106)".into(),
-        ]);
+        rows.push(vec!["± of the device's energies".into(), "2 u".into()]);
     }
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
