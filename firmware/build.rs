@@ -1,8 +1,16 @@
-//! Hands the linker its scripts and the image its git version.
+//! Hands the linker its scripts, and the image its loader, its git version and the pins of its board.
+//!
+//! # Design
+//! A probe flashes one file, and CI runs the same: the image brings the loader along, as bytes in a section.
+//! The loader is a program of its own, so a cargo of its own builds it here, in a target directory of its
+//! own: the one around is locked.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::{env, fs};
+
+use bead_update::manifest::DEVELOPMENT_KEY;
+use object::{Object as _, ObjectSegment as _};
 
 /// The sources of the image, from the workspace's root: a change in any of these makes a build "dirty".
 const SOURCES: [&str; 6] = [
@@ -25,17 +33,141 @@ fn main() {
     }
 
     link(root, &out);
-    println!("cargo::rustc-env=BEAD_GIT={}", git_version(root));
+    load(root, &out);
+    take_key(&out);
+    let board = wire(root, &out);
+    let git = git_version(root);
+    println!("cargo::rustc-env=BEAD_GIT={git}");
+    // For src/image_name.rs. `bead flash` knows mark and end.
+    let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
+    println!("cargo::rustc-env=BEAD_IMAGE_NAME=bead-image:{version} {git} {board};");
 }
 
 fn link(root: &Path, out: &Path) {
-    fs::copy(root.join("memory.x"), out.join("memory.x")).expect("memory.x is at the workspace's root");
+    fs::copy(root.join("memory.x"), out.join("memory.x")).expect("it lies in the workspace's root");
     println!("cargo::rustc-link-search={}", out.display());
     if env::var("TARGET").is_ok_and(|target| target.starts_with("thumb")) {
         for script in ["link.x", "defmt.x"] {
             println!("cargo::rustc-link-arg-bins=-T{script}");
         }
     }
+}
+
+/// Settings of this build, which are not for the loader.
+const OF_THIS_BUILD: [&str; 8] = [
+    "CARGO_FEATURE_",
+    "CARGO_CFG_",
+    "CARGO_PKG_",
+    "CARGO_MANIFEST_",
+    "DEP_",
+    "RUSTC_WORKSPACE_WRAPPER",
+    "CLIPPY_ARGS",
+    "CARGO_ENCODED_RUSTFLAGS",
+];
+
+/// Builds the loader, and writes what it has in flash as `loader.bin`; nothing on a host, where no image is
+/// linked.
+fn load(root: &Path, out: &Path) {
+    let binary = out.join("loader.bin");
+    let target = env::var("TARGET").expect("cargo sets it");
+    if !target.starts_with("thumb") {
+        fs::write(binary, []).expect("cargo made OUT_DIR");
+        return;
+    }
+    let mut cargo = Command::new(env::var_os("CARGO").expect("cargo sets it"));
+    cargo.current_dir(root).stdin(Stdio::null());
+    cargo.args([
+        "build",
+        "-p",
+        "bead-loader",
+        "--profile",
+        "firmware",
+        "--target",
+        &target,
+    ]);
+    let folder = out.join("loader");
+    cargo.arg("--target-dir").arg(&folder);
+    for (name, _) in env::vars_os() {
+        let name = name.to_string_lossy().into_owned();
+        if OF_THIS_BUILD.iter().any(|start| name.starts_with(start)) {
+            cargo.env_remove(name);
+        }
+    }
+    let built = cargo.output().expect("cargo runs");
+    let said = String::from_utf8_lossy(&built.stderr);
+    assert!(built.status.success(), "the loader does not build:\n{said}");
+
+    let elf = fs::read(folder.join(&target).join("firmware/bead-loader")).expect("it was built");
+    let elf = object::File::parse(&*elf).expect("the linker made an ELF file");
+    // One after the other: vectors, code, constants. There are no variables with a value.
+    let mut bytes = Vec::new();
+    let start = elf.segments().map(|segment| segment.address()).min();
+    assert_eq!(start, Some(0x0800_0000), "the part starts there");
+    for segment in elf.segments() {
+        let data = segment.data().expect("the file is whole");
+        if !data.is_empty() {
+            bytes.resize((segment.address() - start.expect("it has one")) as usize, 0xFF);
+            bytes.extend(data);
+        }
+    }
+    assert!(bytes.len() <= 32 * 1024, "the loader has two sectors");
+    fs::write(binary, bytes).expect("cargo made OUT_DIR");
+}
+
+/// Writes the row of the board that the image is built for, as what `src/wiring.rs` includes; returns the
+/// board's name.
+fn wire(root: &Path, out: &Path) -> String {
+    println!("cargo::rerun-if-env-changed=BEAD_BOARD");
+    let table = fs::read_to_string(root.join("firmware/boards.txt")).expect("it lies beside this file");
+    let rows = table
+        .lines()
+        .filter(|line| line.contains('|') && !line.starts_with('#'));
+    let mut rows = rows.map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
+    let row = match env::var("BEAD_BOARD") {
+        Ok(name) => rows.find(|row| row[0] == name),
+        Err(_) => rows.next(),
+    };
+    let Some(&[name, _, port, sync, line, light, ..]) = row.as_deref() else {
+        panic!(
+            "BEAD_BOARD names no board of firmware/boards.txt that works; `cargo xtask build NAME` says why"
+        );
+    };
+    let pins = |cell: &str| {
+        let pins: Vec<_> = cell.split(' ').map(|pin| format!("$p.{pin}")).collect();
+        pins.join(", ")
+    };
+    let (light, lit) = light.split_once(' ').expect("the light has a level");
+    let is_high = lit == "high";
+    let code = format!(
+        "/// Name of the board.\npub(crate) const NAME: &str = {name:?};\n\
+         /// The light is lit when its pin is high.\npub(crate) const LIT_HIGH: bool = {is_high};\n\
+         /// Port, sync input, trigger line, light.\n\
+         macro_rules! pins {{ ($p:ident) => {{ (({}), {}, ({}), {}) }} }}\npub(crate) use pins;\n",
+        pins(port),
+        pins(sync),
+        pins(line),
+        pins(light)
+    );
+    fs::write(out.join("wiring.rs"), code).expect("cargo made OUT_DIR");
+    name.to_owned()
+}
+
+/// Writes the public key of those who may sign an update: 64 hexadecimal digits in `BEAD_UPDATE_KEY`, or the
+/// development key's.
+fn take_key(out: &Path) {
+    println!("cargo::rerun-if-env-changed=BEAD_UPDATE_KEY");
+    let digit = |at: usize, text: &str| u8::from_str_radix(text.get(2 * at..2 * at + 2)?, 16).ok();
+    let key = env::var("BEAD_UPDATE_KEY").map_or_else(
+        |_| DEVELOPMENT_KEY,
+        |text| {
+            std::array::from_fn(|at| digit(at, &text).filter(|_| text.len() == 64))
+                .map(|byte| byte.expect("BEAD_UPDATE_KEY has the 64 hexadecimal digits of a public key"))
+        },
+    );
+    let code = format!(
+        "/// Public key of those who may sign an update.\npub(crate) const KEY: [u8; 32] = {key:?};\n"
+    );
+    fs::write(out.join("update_key.rs"), code).expect("cargo made OUT_DIR");
 }
 
 /// The commit that the image is built from, with `-dirty` if any of its sources differs; "unknown" without

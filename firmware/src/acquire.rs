@@ -43,7 +43,6 @@ pub(crate) async fn acquire(mut converter: Converter, mut clock: SampleClock) ->
     };
     loop {
         let lost = epoch(&mut converter, &mut clock, &mut outlet).await;
-        clock.close();
         outlet.epoch += 1;
         BEAD.update(|c| {
             c.overruns += 1;
@@ -55,9 +54,17 @@ pub(crate) async fn acquire(mut converter: Converter, mut clock: SampleClock) ->
 
 /// Acquires until samples are lost. Returns why.
 async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut Outlet) -> &'static str {
-    const LATE: &str = "a block was not taken in time";
     let (adc, channels) = converter.parts();
     let mut scanning = Scanning::begin(Adc::new(adc), channels, outlet.filling, outlet.next);
+    let lost = scan(&mut scanning, clock, outlet).await;
+    // Before the converter is turned off: no trigger finds it half taken down.
+    clock.close();
+    lost
+}
+
+/// Passes on the blocks of an epoch until samples are lost. Returns why.
+async fn scan(scanning: &mut Scanning<'_>, clock: &mut SampleClock, outlet: &mut Outlet) -> &'static str {
+    const LATE: &str = "a block was not taken in time";
     let mut index = clock.open() + 1;
     defmt::info!("acquiring from sample {=u64}, epoch {=u32}", index, outlet.epoch);
 

@@ -3,11 +3,12 @@
 //! # Design
 //! [`Estimation`] does it, at the middle priority: acquisition interrupts it, telemetry waits for it.
 
-use bead_app::{BLOCK_US, Estimation, SensorWatch};
+use bead_app::{BLOCK_US, Device as _, Estimation, SensorWatch};
+use bead_wire::FaultCause;
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::board::{BEAD, Stm32Board};
-use crate::handover;
+use crate::{clocks, handover};
 
 /// Measures strikes for ever.
 #[embassy_executor::task]
@@ -21,16 +22,28 @@ pub(crate) async fn estimate(estimation: &'static mut Estimation<Stm32Board>) ->
 }
 
 /// In place of [`estimate`] while there are no samples: takes settings, and watches the supply. The index
-/// goes on with the time, which is what a signed request holds until.
+/// goes on with the time, which is what a signed request holds until. A bead whose crystal was `silent`
+/// starts anew when it swings.
 #[embassy_executor::task]
-pub(crate) async fn idle() -> ! {
+pub(crate) async fn idle(silent: bool) -> ! {
     let mut watch = SensorWatch::default();
+    let mut still = Instant::now();
     loop {
         Timer::after(Duration::from_micros(BLOCK_US.into())).await;
         let _ = BEAD.take_settings();
         watch.check_supply(&BEAD);
         // A tick is a sample period.
         BEAD.update(|c| c.newest_index = Instant::now().as_ticks());
+        if !silent || !clocks::crystal_swings() {
+            still = Instant::now();
+        } else if still.elapsed() > clocks::STEADY {
+            BEAD.fault(
+                FaultCause::CrystalFailed,
+                "the crystal swings again: the bead starts anew",
+            );
+            Timer::after(Duration::from_millis(100)).await;
+            BEAD.device().reset()
+        }
     }
 }
 

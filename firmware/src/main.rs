@@ -13,10 +13,15 @@ mod acquire;
 mod board;
 mod clocks;
 mod converter;
+mod coupled;
 mod estimate;
 mod handover;
 mod heartbeat;
+mod image_name;
 mod line;
+mod loader;
+mod masked;
+mod outputs;
 mod port;
 mod priorities;
 mod receive;
@@ -28,14 +33,17 @@ mod supply;
 mod sync;
 mod trace;
 mod transmit;
+mod update;
 mod watch;
 mod watchdog;
+mod wiring;
 
 use bead_app::Device as _;
 use bead_app::{Commands, Estimation, Loaded, ThisBoot};
-use bead_model::{Meter, WindowRecord};
-use bead_wire::{FaultCause, MAX_FRAME, Standing};
+use bead_model::WindowRecord;
+use bead_wire::{FaultCause, MAX_FRAME, Standing, UpdateStage};
 use board::{BEAD, Stm32Board};
+use clocks::NoClock;
 use converter::Converter;
 use defmt_rtt as _;
 use line::LinePins;
@@ -56,7 +64,6 @@ fn main() -> ! {
 #[inline(never)]
 fn start() {
     static BOOT: StaticCell<ThisBoot> = StaticCell::new();
-    static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
     static WINDOW: ConstStaticCell<WindowRecord> = ConstStaticCell::new(WindowRecord::new());
     static COMMANDS: StaticCell<Commands<Stm32Board>> = StaticCell::new();
     static ESTIMATION: StaticCell<Estimation<Stm32Board>> = StaticCell::new();
@@ -70,12 +77,14 @@ fn start() {
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
     let supply_is_good = supply::wait();
-    let sampling = clocks::start_crystal();
-    let p = embassy_stm32::init(clocks::config(sampling));
+    let source = clocks::source();
+    let p = embassy_stm32::init(clocks::config(source.as_ref().ok().copied()));
     supply::watch();
-    if sampling {
+    if source.is_ok() {
         clocks::guard_crystal();
     }
+    let images = update::begin(trace::take_receive());
+    let sampling = source.is_ok() && update::stage() != UpdateStage::Receiving;
     defmt::info!(
         "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",
         env!("CARGO_PKG_VERSION"),
@@ -98,25 +107,28 @@ fn start() {
     BEAD.begin(boot, loaded, trace::windows());
 
     let converter = Converter::new(p.ADC3, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
+    outputs::claim(p.DAC1, p.TIM6, p.DMA1_CH5, p.PA4, p.PA5);
     let clock = SampleClock::new(p.TIM3);
-    let edges = SyncInput::new(p.TIM2, p.PA15);
-    let line = LinePins::new(p.PB10, p.PB11);
-    let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
-    let commands = COMMANDS.init(Commands::new(&BEAD, boot, store, WINDOW.take()));
+    let ((transmits, receives), sync, (pulls, listens), light) = wiring::pins!(p);
+    let edges = SyncInput::new(p.TIM2, sync);
+    let line = LinePins::new(pulls, listens);
+    let (transmitter, receiver) = port::open(p.USART1, transmits, receives, p.DMA2_CH7, p.DMA2_CH2);
+    let commands = COMMANDS.init(Commands::new(&BEAD, boot, store, WINDOW.take(), images));
     handover::begin();
 
     let found = [
         (!supply_is_good).then_some((
             FaultCause::SupplyLow,
-            "the supply was not good for 20 ms within 5 s: the bead started all the same",
+            "the supply was not good for 20 ms within 5 s: the bead started all the same".into(),
         )),
-        (!sampling).then_some((
-            FaultCause::CrystalFailed,
-            "the crystal does not start: the bead answers, and takes no samples",
-        )),
+        source.as_ref().err().map(NoClock::told),
     ];
-    if !sampling {
-        BEAD.update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
+    if let Err(why) = &source {
+        let stands = match why {
+            NoClock::Part(_) => Standing::PART_WRONG,
+            _ => Standing::CRYSTAL_FAILED,
+        };
+        BEAD.update(|c| c.health.standing = c.health.standing.with(stands));
     }
 
     const ONCE: &str = "each task is spawned once";
@@ -129,15 +141,15 @@ fn start() {
     rest.spawn(report::report(boot, refused, found.into_iter().flatten().collect()).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
     rest.spawn(estimate::seal().expect(ONCE));
-    rest.spawn(heartbeat::heartbeat(p.PC13, boot.ended_by.is_some()).expect(ONCE));
+    rest.spawn(heartbeat::heartbeat(light.into(), boot.ended_by.is_some()).expect(ONCE));
     if sampling {
         supply::begin(p.ADC1);
-        let estimation = ESTIMATION.init(Estimation::new(&BEAD, settings, METER.take(), line));
+        let estimation = ESTIMATION.init(Estimation::new(&BEAD, settings, coupled::meter(), line));
         estimate.spawn(estimate::estimate(estimation).expect(ONCE));
         acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
         rest.spawn(sync::sync(edges).expect(ONCE));
     } else {
-        estimate.spawn(estimate::idle().expect(ONCE));
+        estimate.spawn(estimate::idle(matches!(source, Err(NoClock::Silent))).expect(ONCE));
     }
     rest.spawn(watch::watch(p.IWDG, sampling).expect(ONCE));
 }

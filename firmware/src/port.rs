@@ -15,7 +15,7 @@ use embassy_stm32::gpio::{AfType, Flex, Pull};
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac::dma::vals::{Dir, Pl, Size};
 use embassy_stm32::pac::{DMA2, USART1};
-use embassy_stm32::usart::{Config, UartTx};
+use embassy_stm32::usart::{Config, RxPin, TxPin, UartTx};
 use embassy_stm32::{Peri, bind_interrupts, dma, peripherals};
 use embassy_time::{Duration, Timer};
 
@@ -24,7 +24,7 @@ bind_interrupts!(struct Irqs {
 });
 
 const BAUD: u32 = 2_000_000;
-/// Alternate function of PA10 as USART1_RX (DocID022152 table 9).
+/// Alternate function of PA10 and PB7 as USART1_RX (DocID022152 table 9).
 const AF7: u8 = 7;
 /// The receiver's stream, and USART1_RX's channel there (RM0090 table 43).
 const STREAM: usize = 2;
@@ -43,8 +43,8 @@ static ROUNDS: AtomicU32 = AtomicU32::new(0);
 /// Sets up the port.
 pub(crate) fn open(
     usart: Peri<'static, peripherals::USART1>,
-    tx: Peri<'static, peripherals::PA9>,
-    rx: Peri<'static, peripherals::PA10>,
+    tx: Peri<'static, impl TxPin<peripherals::USART1>>,
+    rx: Peri<'static, impl RxPin<peripherals::USART1>>,
     tx_dma: Peri<'static, peripherals::DMA2_CH7>,
     rx_dma: Peri<'static, peripherals::DMA2_CH2>,
 ) -> (UartTx<'static, Async>, Receiver) {
@@ -66,16 +66,21 @@ pub(crate) struct Receiver {
     erred: u32,
 }
 
-/// Why bytes are missing.
+/// Why bytes are missing, or doubtful.
 pub(crate) enum Missing {
     /// More came than the ring holds.
     Overrun,
-    /// The line had noise or no stop bit.
-    LinePins,
+    /// A byte had no stop bit, or came before the one before it was fetched.
+    Broken,
+    /// None: a byte had noise, and the checksum of its frame will tell if it is wrong.
+    Noise,
 }
 
 impl Receiver {
-    fn new(pin: Peri<'static, peripherals::PA10>, stream: Peri<'static, peripherals::DMA2_CH2>) -> Self {
+    fn new(
+        pin: Peri<'static, impl RxPin<peripherals::USART1>>,
+        stream: Peri<'static, peripherals::DMA2_CH2>,
+    ) -> Self {
         // A pin without a wire is then an idle line, not noise.
         let mut pin = Flex::new(pin);
         pin.set_as_af_unchecked(AF7, AfType::input(Pull::Up));
@@ -110,12 +115,17 @@ impl Receiver {
         loop {
             let status = USART1.sr().read();
             let came = came();
-            if (status.fe() || status.ne() || status.ore()) && came != self.erred {
+            let broken = status.fe() || status.ore();
+            if (broken || status.ne()) && came != self.erred {
+                self.erred = came;
+                if !broken {
+                    // The status was read, so the stream's next fetch clears the flag.
+                    return Err(Missing::Noise);
+                }
                 // With the status before, this clears the flags (RM0090 section 30.6.1). A byte may get lost,
                 // and all are dropped now.
                 let _ = USART1.dr().read();
-                self.erred = came;
-                return Err(Missing::LinePins);
+                return Err(Missing::Broken);
             }
             let waiting = came.wrapping_sub(self.taken) as usize;
             if waiting > 0 {

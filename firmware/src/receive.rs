@@ -7,19 +7,30 @@
 //! Bytes that are no request get no reply, so noise cannot fill the outbox.
 
 use bead_app::Commands;
-use bead_wire::RequestDecoder;
+use bead_wire::{RequestDecoder, UpdateStage};
 use embassy_futures::yield_now;
+use embassy_time::{Duration, with_timeout};
 
 use crate::board::{BEAD, Stm32Board};
 use crate::port::{Missing, Receiver};
+use crate::update;
 
 /// Receives for ever.
 #[embassy_executor::task]
 pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<Stm32Board>) -> ! {
     let mut decoder = RequestDecoder::new();
     let mut bytes = [0; 64];
+    commands.end_trial().await;
     loop {
-        match port.read(&mut bytes).await {
+        commands.end_idle_update().await;
+        let came = port.read(&mut bytes);
+        let came = if update::stage() == UpdateStage::Receiving {
+            // Or an update whose line is cut would never end.
+            with_timeout(Duration::from_secs(1), came).await.unwrap_or(Ok(0))
+        } else {
+            came.await
+        };
+        match came {
             Ok(length) => {
                 for &byte in &bytes[..length] {
                     if let Some(Ok(heard)) = decoder.push(byte) {
@@ -31,9 +42,11 @@ pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<
             Err(missing) => {
                 BEAD.update_link(|link| match missing {
                     Missing::Overrun => link.overruns += 1,
-                    Missing::LinePins => link.line_errors += 1,
+                    Missing::Broken | Missing::Noise => link.line_errors += 1,
                 });
-                port.quiet().await;
+                if !matches!(missing, Missing::Noise) {
+                    port.quiet().await;
+                }
             }
         }
         // While a host sends, the next bytes are there at once. The other tasks of this priority need the

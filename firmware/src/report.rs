@@ -1,7 +1,7 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
 use bead_app::{RefusedSettings, ThisBoot};
-use bead_wire::FaultCause;
+use bead_wire::{Detail, FaultCause};
 use embassy_time::{Duration, Ticker};
 
 use crate::board::BEAD;
@@ -10,7 +10,7 @@ use crate::board::BEAD;
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// Faults found at start-up: each cause with a line about it.
-pub(crate) type FoundFaults = heapless::Vec<(FaultCause, &'static str), 2>;
+pub(crate) type FoundFaults = heapless::Vec<(FaultCause, Detail), 2>;
 
 /// Reports for ever.
 #[embassy_executor::task]

@@ -1,8 +1,9 @@
 //! Depth of the stack so far, and a fence at its end.
 //!
 //! # Design
-//! The stack has the core-coupled memory for itself: no DMA and no variable is there, and below its start
-//! there is no memory at all. So a stack that grows too far destroys nothing, however large the step.
+//! The stack lies at the start of the core-coupled memory: no DMA reaches it, variables are above it only,
+//! and below it there is no memory at all. So a stack that grows too far destroys nothing, however large the
+//! step.
 //!
 //! Start-up code fills this memory with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack grows
 //! down into it. Bytes that still have the pattern were never used. All tasks and handlers share the one
@@ -80,7 +81,7 @@ pub(crate) fn never_used() -> u32 {
     (used - bottom) as u32
 }
 
-/// The lowest word of the stack's memory and one past its highest: the region CCM of `memory.x`.
+/// The lowest word of the stack's memory and one past its highest: the region STACK of `memory.x`.
 #[allow(unsafe_code, reason = "symbols of the linker script are foreign")]
 fn bounds() -> (*const u32, *const u32) {
     unsafe extern "C" {

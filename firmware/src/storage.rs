@@ -18,7 +18,7 @@ use embassy_stm32::flash::{self, Blocking};
 use embassy_stm32::pac::TIM5;
 use embassy_stm32::{Peri, peripherals};
 
-use crate::watchdog;
+use crate::{clocks, watchdog};
 
 /// Region STORE of `memory.x`, as offsets from the start of flash.
 const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
@@ -53,15 +53,23 @@ impl NorFlash for SettingsFlash {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), flash::Error> {
         watchdog::feed();
-        TIM5.cr1().modify(|w| w.set_cen(false));
-        let erased = self.0.blocking_erase(from, to);
-        TIM5.cr1().modify(|w| w.set_cen(true));
-        erased
+        without_time(|| self.0.blocking_erase(from, to))
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), flash::Error> {
-        self.0.blocking_write(offset, bytes)
+        let written = self.0.blocking_write(offset, bytes);
+        // Otherwise a check of the word would read the cache's copy, and not the flash.
+        clocks::forget_data();
+        written
     }
+}
+
+/// Erases while the time stands still: see the head of this page.
+pub(crate) fn without_time<T>(erase: impl FnOnce() -> T) -> T {
+    TIM5.cr1().modify(|w| w.set_cen(false));
+    let erased = erase();
+    TIM5.cr1().modify(|w| w.set_cen(true));
+    erased
 }
 
 /// Opens the store. It may take seconds, so it is called before acquisition begins. With a supply that is not

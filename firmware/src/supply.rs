@@ -38,6 +38,9 @@ const PATIENCE: u32 = 5 * INTERNAL_HZ;
 /// internal oscillator, first of all but for the watchdog.
 pub(crate) fn wait() -> bool {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
+    // A peripheral can be written two clocks after its own was turned on (ES0182, delay after RCC peripheral
+    // clock enabling). To read this back takes as long.
+    let _ = RCC.apb1enr().read();
     watch();
     let start = DWT::cycle_count();
     let mut low = start;

@@ -62,6 +62,23 @@ pub(crate) fn keep_frames_waiting(frames: u32) {
 struct Region {
     record: BootRecord,
     waiting: FramesWaiting,
+    /// [`RECEIVE`] if the next start is to wait for an image.
+    receive: u32,
+}
+
+/// "image", as no RAM has it after power-up.
+const RECEIVE: u32 = u32::from_be_bytes(*b"imag");
+
+/// Lets the next start wait for an image.
+pub(crate) fn receive_after_reset() {
+    region::write_receive(RECEIVE);
+}
+
+/// Returns `true` if this start is to wait for an image; once only. Called after [`begin`].
+pub(crate) fn take_receive() -> bool {
+    let receive = region::read_receive() == RECEIVE && BOOT.load(Ordering::Relaxed) > 0;
+    region::write_receive(0);
+    receive
 }
 
 const _: () = assert!(
@@ -119,6 +136,17 @@ mod region {
         unsafe { (&raw const REGION.waiting).read_volatile() }
     }
 
+    pub(super) fn read_receive() -> u32 {
+        // SAFETY: as for `read`; any contents are a number.
+        unsafe { (&raw const REGION.receive).read_volatile() }
+    }
+
+    pub(super) fn write_receive(receive: u32) {
+        // SAFETY: as for `read`. Written by the start, and by one task; nobody holds a reference. Volatile,
+        // since a boot after this one reads it.
+        unsafe { (&raw mut REGION.receive).write_volatile(receive) }
+    }
+
     pub(super) fn write_waiting(waiting: FramesWaiting) {
         // SAFETY: as for `read`. Written by `begin`, and within the lock of the counters; nobody holds a
         // reference. Volatile, since a boot after this one reads it.
@@ -129,10 +157,8 @@ mod region {
 /// True once this boot is ending.
 static ENDING: AtomicBool = AtomicBool::new(false);
 
-/// Writes the record of this boot's end and resets.
-///
-/// The log comes last, when the record is whole: what ends the boot may have happened inside a log statement,
-/// and then the logger panics. Whatever goes wrong here comes back here, and resets at once.
+/// Writes the record of this boot's end and resets. It logs nothing, since the boot may end inside the
+/// logger: the next one logs the record. Whatever goes wrong here comes back here, and resets at once.
 fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
     if ENDING.swap(true, Ordering::Relaxed) {
@@ -141,12 +167,6 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     record(cause, pc, "");
     let text = Detail::new(detail);
     record(cause, pc, text.as_str());
-    defmt::error!(
-        "boot {=u32} ends at {=u32:#010x}: {=str}",
-        BOOT.load(Ordering::Relaxed),
-        pc,
-        text.as_str()
-    );
     SCB::sys_reset()
 }
 

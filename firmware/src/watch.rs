@@ -14,14 +14,17 @@
 //! task finds a wait before the watchdog resets.
 
 use bead_app::{BootRecord, Progress};
+use bead_wire::UpdateStage;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Timer};
 
 use crate::board::BEAD;
-use crate::{trace, watchdog};
+use crate::{trace, update, watchdog};
 
 const TIMEOUT_US: u32 = 2_000_000;
+/// Timeout while the bead waits for an image: a sector is erased in 2 s at most, and nothing is measured.
+const RECEIVING_US: u32 = 16_000_000;
 const PERIOD: Duration = Duration::from_millis(250);
 /// Checks after which a boot has proven itself, its tasks of the lowest priority included: 1 s.
 const PROVEN: u32 = 4;
@@ -31,7 +34,9 @@ const PROVEN: u32 = 4;
 pub(crate) async fn watch(independent: Peri<'static, peripherals::IWDG>, sampling: bool) -> ! {
     // Fed first: the start has used up some of its long time, and a short one begins now.
     watchdog::feed();
-    let mut independent = IndependentWatchdog::new(independent, TIMEOUT_US);
+    let receives = update::stage() == UpdateStage::Receiving;
+    let timeout = if receives { RECEIVING_US } else { TIMEOUT_US };
+    let mut independent = IndependentWatchdog::new(independent, timeout);
     independent.unleash();
     let mut progress = Progress::new(sampling, BEAD.snapshot());
     let mut checks = 0_u32;

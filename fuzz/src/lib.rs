@@ -13,6 +13,7 @@ pub mod campaign;
 pub mod faults;
 mod file;
 pub mod frames;
+pub mod limits;
 pub mod line;
 pub mod recordings;
 pub mod requests;
@@ -40,4 +41,5 @@ pub const TARGETS: &[FuzzTarget] = &[
     ("faults", faults::check),
     ("sweeps", sweeps::check),
     ("beads", beads::check),
+    ("limits", limits::check),
 ];

@@ -313,6 +313,14 @@ impl Requests {
     }
 }
 
+impl RequestsRun {
+    /// The store at the end: flash sectors 10 and 11.
+    pub fn store(&self) -> &[u8] {
+        let bytes = &self.outcome.flash.1;
+        &bytes[bytes.len() - 256 * 1024..]
+    }
+}
+
 /// Outcome of a run with requests.
 pub struct RequestsRun {
     /// Outcome from the emulator.

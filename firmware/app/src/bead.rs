@@ -13,6 +13,7 @@ use crate::counters::{BeadCounters, LoadCounter};
 use crate::device::Device;
 use crate::exchange::Exchange;
 use crate::outbox::Outbox;
+use crate::played_scans::PlayedScans;
 use crate::settings::Loaded;
 use crate::shared::SharedCell;
 
@@ -39,6 +40,8 @@ pub struct BeadState<D> {
     /// The scan around which a host wants the window kept.
     pub(crate) wanted_scan: Signal<CriticalSectionRawMutex, u64>,
     pub(crate) raw_blocks_left: AtomicU32,
+    /// The scans that find what the bead's own outputs played last.
+    pub(crate) played: SharedCell<PlayedScans>,
     pub(crate) load: SharedCell<LoadCounter>,
 }
 
@@ -58,6 +61,7 @@ impl<D: Device> BeadState<D> {
             disarmed: AtomicBool::new(false),
             wanted_scan: Signal::new(),
             raw_blocks_left: AtomicU32::new(0),
+            played: SharedCell::new(),
             load: SharedCell::new(),
         }
     }
@@ -68,7 +72,7 @@ impl<D: Device> BeadState<D> {
         self.windows.set(windows);
         self.window_closed.signal(());
         self.arm(loaded.arm());
-        self.settings.in_force.set(loaded);
+        self.settings.in_force().set(loaded);
         self.settings_changed();
     }
 
@@ -94,7 +98,7 @@ impl<D: Device> BeadState<D> {
 
     /// Notes that other settings are in force, and gives them. The next frames have their address.
     pub(crate) fn settings_changed(&self) -> Settings {
-        let settings = self.settings.in_force.with(|loaded| loaded.settings);
+        let settings = self.settings.in_force().with(|loaded| loaded.settings);
         self.outbox.set_address(settings.description().address);
         self.settings.changes.fetch_add(1, Ordering::Release);
         settings

@@ -8,16 +8,21 @@
 
 use bead_model::WindowRecord;
 use bead_store::{Pace, Secret, StoreError, Vault};
+use bead_update::swap::Images;
 use bead_wire::{
     AHEAD, ANY, Cause, Detail, KEY, Key, Lock, Moment, Outcome, ReceivedRequest, Reply, Request, Standing,
+    UpdateStage,
 };
 
 use crate::bead::BeadState;
 use crate::block::SAMPLE_RATE_HZ;
 use crate::boot::ThisBoot;
-use crate::device::{Device, MS};
+use crate::device::{Device, MS, SUPPLY_LOW};
 use crate::keep::{Refetch, RefetchStep};
+use crate::played::{self, Play};
+use crate::self_test::Verdict;
 use crate::settings::Loaded;
+use crate::update::Updates;
 use crate::{raw, self_test, settings};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
@@ -25,6 +30,10 @@ const DRAIN: u64 = 500 * MS;
 
 /// A strike is sent again within this time, or not: other requests wait meanwhile.
 const FETCH: u64 = 500 * MS;
+
+/// Time after the start at which an image on trial checks itself: one second, in which a boot proves itself,
+/// and some more, so that sensors and supply were looked at.
+const TRIAL: u64 = 1200 * MS;
 
 /// Scans of a minute: a window that is asked for comes within it.
 const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
@@ -43,10 +52,17 @@ pub struct Commands<D: Device> {
     lock: Lock,
     /// Room for the window of a self-test.
     window: &'static mut WindowRecord,
+    updates: Updates<D::ImageFlash>,
 }
 
 /// The outcome of a request, and a line about it.
 struct ReplyContent(Outcome, Detail);
+
+impl From<(Outcome, Detail)> for ReplyContent {
+    fn from((outcome, detail): (Outcome, Detail)) -> Self {
+        Self(outcome, detail)
+    }
+}
 
 impl ReplyContent {
     fn done() -> Self {
@@ -63,7 +79,10 @@ enum RequestStep {
     SelfTest,
     /// A strike is to be sent again.
     Fetch(Refetch),
+    Image,
+    Play(Play),
     Reboot,
+    Hang,
 }
 
 impl<D: Device> Commands<D> {
@@ -73,6 +92,7 @@ impl<D: Device> Commands<D> {
         boot: &'static ThisBoot,
         store: Vault<D::Flash>,
         window: &'static mut WindowRecord,
+        images: Images<D::ImageFlash>,
     ) -> Self {
         let secret = store.secret();
         let key = secret.and_then(|secret| Key::new(secret.key));
@@ -88,6 +108,7 @@ impl<D: Device> Commands<D> {
             pace: Pace::new(boot.settings_written),
             lock: Lock::new(bead.device.uid(), key, counter),
             window,
+            updates: Updates::new(images),
         }
     }
 
@@ -107,7 +128,7 @@ impl<D: Device> Commands<D> {
                 ReplyContent(Outcome::Done, if taken { line } else { later }.into())
             }
             RequestStep::SelfTest => {
-                let (failed, checks) = self_test::run(bead, &mut self.store, self.window).await;
+                let Verdict { failed, checks, .. } = self_test::run(bead, &mut self.store, self.window).await;
                 let passed = checks - failed;
                 ReplyContent(
                     Outcome::Done,
@@ -115,12 +136,55 @@ impl<D: Device> Commands<D> {
                 )
             }
             RequestStep::Fetch(refetch) => fetch(bead, refetch).await,
+            RequestStep::Image => {
+                played::send_image(bead).await;
+                ReplyContent::done()
+            }
+            RequestStep::Play(play) => {
+                play.carry_out(bead).await;
+                ReplyContent::done()
+            }
             RequestStep::Reboot => {
                 reply(bead, number, ReplyContent::done());
                 reboot(bead).await
             }
+            RequestStep::Hang => {
+                reply(bead, number, ReplyContent::done());
+                drain(bead).await;
+                bead.device.hang()
+            }
         };
         reply(bead, number, answer);
+    }
+
+    /// A bead that waits for an image and hears nothing more of it goes back to measuring. Called every
+    /// second.
+    pub async fn end_idle_update(&mut self) {
+        if self.updates.is_idle(&self.bead.device) {
+            reboot(self.bead).await
+        }
+    }
+
+    /// If the image is on trial: checks it, and confirms it or gives it up; a reset follows.
+    ///
+    /// # Panics
+    /// The image failed its self-test: the loader goes back to the one before, which sends the text.
+    pub async fn end_trial(&mut self) {
+        let device = &self.bead.device;
+        if device.update_stage() != UpdateStage::OnTrial {
+            return;
+        }
+        device.sleep(TRIAL).await;
+        let verdict = self_test::run(self.bead, &mut self.store, self.window).await;
+        if let Some(check) = verdict.image_failed {
+            panic!("the image on trial failed its self-test: {check}");
+        }
+        // Flash that is written at a low supply may be read as something else.
+        while device.supply_is_low() {
+            device.sleep(MS).await;
+        }
+        self.updates.confirm();
+        reboot(self.bead).await
     }
 
     /// Does what a request asks for, as far as nothing has to be waited for.
@@ -248,13 +312,8 @@ impl<D: Device> Commands<D> {
                 return found.map(RequestStep::Fetch).ok_or_else(not_kept);
             }
             Request::Keep { index } => {
+                self.scans_come()?;
                 let now = self.bead.snapshot();
-                if now.health.standing.has(Standing::CRYSTAL_FAILED) {
-                    return Err(ReplyContent(
-                        Outcome::OutOfRange,
-                        "no scan comes: the crystal does not run".into(),
-                    ));
-                }
                 let ahead = index.saturating_sub(now.newest_index);
                 if !(1..=MINUTE).contains(&ahead) {
                     return Err(ReplyContent(
@@ -266,20 +325,76 @@ impl<D: Device> Commands<D> {
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
+            Request::Image => return Ok(RequestStep::Image),
+            Request::Hold {
+                force,
+                acceleration,
+                duration_ms,
+            } => return self.play(Play::hold([force, acceleration], duration_ms)),
+            Request::Play { strikes, interval_ms } => return self.play(Play::strikes(strikes, interval_ms)),
             Request::Reboot => return Ok(RequestStep::Reboot),
+            Request::Hang => return Ok(RequestStep::Hang),
+            Request::BeginUpdate { manifest, older } => {
+                let resets = self.updates.begin(self.bead, manifest.bytes(), older);
+                if resets.map_err(ReplyContent::from)? {
+                    return Ok(RequestStep::Reboot);
+                }
+            }
+            Request::UpdateData { offset, bytes } => {
+                let taken = self.updates.take(&self.bead.device, offset, bytes.bytes());
+                taken.map_err(ReplyContent::from)?;
+            }
+            Request::FinishUpdate => {
+                let finished = self.updates.finish(&self.bead.device);
+                finished.map_err(ReplyContent::from)?;
+                return Ok(RequestStep::Reboot);
+            }
         }
         Ok(RequestStep::Reply(ReplyContent::done()))
     }
 
-    /// Checks new settings, stores them, reads them back and offers them.
+    fn play(&self, play: Option<Play>) -> Result<RequestStep, ReplyContent> {
+        self.scans_come()?;
+        play.map(RequestStep::Play).ok_or_else(|| {
+            ReplyContent(
+                Outcome::OutOfRange,
+                "codes are 0 to 4095; all lasts 400 ms at most, and 5 ms are from strike to strike".into(),
+            )
+        })
+    }
+
+    /// Refuses what needs scans while none comes.
+    fn scans_come(&self) -> Result<(), ReplyContent> {
+        let standing = self.bead.snapshot().health.standing;
+        if standing.has(Standing::CRYSTAL_FAILED) || standing.has(Standing::PART_WRONG) {
+            return Err(ReplyContent(
+                Outcome::OutOfRange,
+                "no scan comes: the crystal does not run, or the part is another one".into(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Checks new settings, stores them, reads them back and offers them. They are derived twice, so that
+    /// none are on the stack while the store is written.
     fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, ReplyContent> {
-        let loaded = settings::judge(block).map_err(|(outcome, why)| ReplyContent(outcome, why))?;
+        check_settings(block)?;
         self.write(|store| store.write(block))?;
-        self.bead.offer_settings(loaded);
+        self.offer_stored(block);
         Ok(RequestStep::InForce(""))
     }
 
-    /// Erases the stored settings and offers the next ones. The reply says where those come from.
+    /// Offers settings that were checked. Never inlined: they would be in the frame of a task.
+    #[inline(never)]
+    fn offer_stored(&self, block: &[u8]) {
+        if let Ok(loaded) = settings::judge(block) {
+            self.bead.offer_settings(loaded);
+        }
+    }
+
+    /// Erases the stored settings and offers the next ones. The reply says where those come from. Never
+    /// inlined, as the other.
+    #[inline(never)]
     fn erase_settings(&mut self) -> Result<RequestStep, ReplyContent> {
         self.write(Vault::clear)?;
         let loaded = Loaded::beneath(self.bead.device.probe_settings(), None);
@@ -326,11 +441,19 @@ impl<D: Device> Commands<D> {
     }
 }
 
+/// Refuses settings that the bead cannot work with. Never inlined: they would be in the frame of a task.
+#[inline(never)]
+fn check_settings(block: &[u8]) -> Result<(), ReplyContent> {
+    match settings::judge(block) {
+        Ok(_) => Ok(()),
+        Err((outcome, why)) => Err(ReplyContent(outcome, why)),
+    }
+}
+
 // Once in the image: an answer is long to build.
 #[inline(never)]
 fn supply_low() -> ReplyContent {
-    let why = "the supply is below 2.93 V: nothing was written; try again when it is good";
-    ReplyContent(Outcome::FlashFailed, why.into())
+    ReplyContent(Outcome::FlashFailed, SUPPLY_LOW.into())
 }
 
 fn too_soon(wait_ms: u64) -> ReplyContent {
@@ -394,6 +517,12 @@ fn not_kept() -> ReplyContent {
 
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].
 async fn reboot<D: Device>(bead: &BeadState<D>) -> ! {
+    drain(bead).await;
+    bead.device.reset()
+}
+
+/// Waits until all frames have left, before a reset, or for [`DRAIN`].
+async fn drain<D: Device>(bead: &BeadState<D>) {
     // Or strikes would go on to fill the outbox.
     bead.arm(false);
     let deadline = bead.device.now() + DRAIN;
@@ -403,6 +532,5 @@ async fn reboot<D: Device>(bead: &BeadState<D>) -> ! {
     // When the DMA is done, the last two bytes are still being sent: 10 µs.
     bead.device.sleep(MS).await;
     #[cfg(feature = "defmt")]
-    defmt::info!("reboot, as asked");
-    bead.device.reset()
+    defmt::info!("reset, as asked");
 }

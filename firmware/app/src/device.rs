@@ -1,8 +1,13 @@
 //! The hardware as the rest of the bead sees it.
 
 use bead_store::nor_flash::NorFlash;
+use bead_wire::{Board, UpdateStage};
 
 use crate::block::SAMPLE_RATE_HZ;
+
+/// The answer to what would write flash while the supply is low.
+pub(crate) const SUPPLY_LOW: &str =
+    "the supply is below 2.93 V: nothing was written; try again when it is good";
 
 /// Sample periods in a millisecond.
 pub const MS: u64 = SAMPLE_RATE_HZ as u64 / 1000;
@@ -13,20 +18,32 @@ pub trait Device: 'static {
     type Flash: NorFlash;
     /// Timer behind the trigger line.
     type Line: LineTimer;
+    /// Flash that images lie in.
+    type ImageFlash: NorFlash;
 
     /// Version of the firmware.
     const FIRMWARE: &'static str;
     /// Commit that the firmware is built from.
     const GIT: &'static str;
 
+    /// What the image runs on.
+    fn board(&self) -> Board;
     /// Unique number of the part.
     fn uid(&self) -> [u8; 12];
     /// Time since the start.
     fn now(&self) -> u64;
+    /// Public key of those who may sign an image.
+    const UPDATE_KEY: [u8; 32];
+    /// The stage of an update that the running image is in.
+    fn update_stage(&self) -> UpdateStage;
+    /// Lets the next start wait for an image.
+    fn receive_after_reset(&self);
     /// Waits at least for this time.
     fn sleep(&self, periods: u64) -> impl Future<Output = ()>;
     /// Clocks of the core; wraps.
     fn core_clocks(&self) -> u32;
+    /// Clocks of the longest stretch without interrupts since this was last called.
+    fn take_longest_mask(&self) -> u32;
     /// Clocks of the core in a microsecond.
     const CORE_MHZ: u32;
     /// Codes that the factory measured with this part.
@@ -35,6 +52,22 @@ pub trait Device: 'static {
     fn convert(&self, channel: InternalChannel);
     /// The code of the conversion that was started; `None` if it is not over.
     fn converted(&self) -> Option<u16>;
+    /// Puts these codes on the two outputs, PA4 and PA5, or switches them off.
+    fn hold(&self, codes: Option<[u16; 2]>);
+    /// Starts to play pairs of codes on outputs that hold a pair, one each sample period, at most
+    /// [`PLAYED`](bead_model::made_up::PLAYED) of them. `about` is the index of a scan of the last seconds.
+    /// Returns the index of the first scan that finds the first pair.
+    fn play(&self, codes: impl Iterator<Item = [u16; 2]>, about: u64) -> u64;
+    /// Ends to play: the last pair stays. Returns `true` if all were played.
+    fn end_play(&self) -> bool;
+    /// The image in flash.
+    fn image(&self) -> &'static [u8];
+    /// Address of its first byte.
+    fn image_address(&self) -> u32 {
+        self.image().as_ptr().addr() as u32
+    }
+    /// Hangs, for the watchdog.
+    fn hang(&self) -> !;
     /// Returns `true` while the supply is below 2.93 V.
     fn supply_is_low(&self) -> bool;
     /// Bytes of stack that were never used.

@@ -196,7 +196,10 @@ struct StrikeResults<D: Device> {
 
 impl<D: Device> Sink for StrikeResults<D> {
     fn found(&mut self, trigger_index: u64) {
-        self.line.pull(trigger_index);
+        // The bead plays this strike to itself: its neighbours have none.
+        if !self.bead.played.get().is_in(trigger_index, 1) {
+            self.line.pull(trigger_index);
+        }
     }
 
     fn opened(&mut self, _: u64, origin: Origin) {
@@ -231,6 +234,10 @@ impl<D: Device> Sink for StrikeResults<D> {
             (
                 bead.settings.is_supply_off(self.conditions.as_ref()),
                 StrikeFlags::SUPPLY_OFF,
+            ),
+            (
+                bead.played.get().is_in(strike.first_index, strike.samples),
+                StrikeFlags::PLAYED,
             ),
             (
                 bead.snapshot().health.standing != Standing::NONE,

@@ -1,6 +1,6 @@
 //! The settings in force, and those that are offered to the estimators.
 
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 
 use bead_wire::{Block, Conditions, MAX_BLOCK, SettingsSource};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -10,13 +10,16 @@ use crate::settings::Loaded;
 use crate::shared::SharedCell;
 
 /// Settings in force, and those that are offered to the estimators.
+///
+/// They change places by a number: to copy them under a lock would keep interrupts waiting.
 pub(crate) struct Exchange {
-    pub(crate) in_force: SharedCell<Loaded>,
+    places: [SharedCell<Loaded>; 2],
+    /// Which place has those in force.
+    place: AtomicUsize,
     /// Number of their changes; wraps.
     pub(crate) changes: AtomicU32,
-    pub(crate) offered: SharedCell<Loaded>,
     /// True while settings are offered. It is read for every block, and costs little.
-    pub(crate) is_offered: AtomicBool,
+    is_offered: AtomicBool,
     /// The estimators have taken the settings that were offered.
     pub(crate) taken: Signal<CriticalSectionRawMutex, ()>,
 }
@@ -24,12 +27,32 @@ pub(crate) struct Exchange {
 impl Exchange {
     pub(crate) const fn new() -> Self {
         Self {
-            in_force: SharedCell::new(),
+            places: [SharedCell::new(), SharedCell::new()],
+            place: AtomicUsize::new(0),
             changes: AtomicU32::new(0),
-            offered: SharedCell::new(),
             is_offered: AtomicBool::new(false),
             taken: Signal::new(),
         }
+    }
+
+    /// The settings in force.
+    pub(crate) fn in_force(&self) -> &SharedCell<Loaded> {
+        &self.places[self.place.load(Ordering::Acquire) & 1]
+    }
+
+    /// Offers settings. An offer that was not taken gives way.
+    pub(crate) fn offer(&self, loaded: Loaded) {
+        // Withdrawn first: else it could be taken now, and its place would be the one in force.
+        self.is_offered.store(false, Ordering::Relaxed);
+        self.taken.reset();
+        self.places[(self.place.load(Ordering::Acquire) ^ 1) & 1].set(loaded);
+        self.is_offered.store(true, Ordering::Release);
+    }
+
+    /// Puts the settings that are offered in force.
+    pub(crate) fn take(&self) {
+        self.is_offered.store(false, Ordering::Relaxed);
+        self.place.fetch_xor(1, Ordering::AcqRel);
     }
 
     /// Returns `true` if settings are offered.
@@ -39,12 +62,12 @@ impl Exchange {
 
     /// Returns `true` if the bead looks for strikes unasked with the settings in force.
     pub(crate) fn arm(&self) -> bool {
-        self.in_force.with(|loaded| loaded.arm())
+        self.in_force().with(|loaded| loaded.arm())
     }
 
     /// Where the settings in force came from.
     pub(crate) fn source(&self) -> SettingsSource {
-        self.in_force.with(|loaded| loaded.source)
+        self.in_force().with(|loaded| loaded.source)
     }
 
     /// Returns `true` if the settings in force are not the owner's: built in, with or without a refused block
@@ -58,14 +81,14 @@ impl Exchange {
 
     /// Returns `true` if a strike in these conditions is not at the supply of the settings in force.
     pub(crate) fn is_supply_off(&self, conditions: Option<&Conditions>) -> bool {
-        self.in_force
+        self.in_force()
             .with(|loaded| loaded.settings.supply_is_off(conditions))
     }
 
     /// The block in force.
     #[inline(never)]
     pub(crate) fn block(&self) -> Block {
-        let settings = self.in_force.with(|loaded| loaded.settings);
+        let settings = self.in_force().with(|loaded| loaded.settings);
         let mut bytes = [0; MAX_BLOCK];
         // No `expect`: it would print the error, and formats take 4 KB of flash.
         let Some(Ok(block)) = settings

@@ -16,7 +16,7 @@ use crate::device::{Device, MS};
 
 /// Steps of a checksum in each [`PAUSE`], 18 instructions a sample. A window of 672 scans takes 25 ms, or 40
 /// if it is loud.
-const STEPS: u32 = 4;
+const STEPS: u32 = 8;
 const PAUSE: u64 = 2 * MS;
 
 /// A strike that is being sent again.

@@ -3,6 +3,7 @@
 //! The results on the bead must be the same, bit for bit, as on any other computer: a test on the host is
 //! compiled with this file too, and holds the results in `built_in.rs`.
 
+use bead_model::made_up::{MadeUpIntruder, pulse};
 use bead_model::{Scan, Settings, Window, WindowRecord};
 
 /// Number of results of a window.
@@ -14,12 +15,12 @@ pub(crate) fn results(settings: &Settings, record: &mut WindowRecord) -> [i64; R
     let mut window = Window::open(0, 0);
     record.clear();
     let mut scans = [Scan::ZERO; bead_model::layout::PIECE];
-    let mut intruder = MadeUpIntruder { now: 0, before: 0 };
+    let mut intruder = MadeUpIntruder::default();
     let mut first = 0;
     while first < settings.window.length {
         let count = scans.len().min(usize::from(settings.window.length - first));
         for (scan, at) in scans[..count].iter_mut().zip(first..) {
-            let force = REST + noise(at) + pulse(at, settings.window.history);
+            let force = REST + noise(at) + pulse(i32::from(at) - i32::from(settings.window.history));
             let acceleration = REST.saturating_add_signed(intruder.step(force - REST)) + noise(!at);
             // The wide channels have a sixteenth of the gain.
             let wide = |code: u16| REST + (code - REST / 2) / 16;
@@ -44,30 +45,7 @@ pub(crate) fn results(settings: &Settings, record: &mut WindowRecord) -> [i64; R
 /// Code of a channel at rest.
 const REST: u16 = 1024;
 
-/// A parabola of 1500 codes, 40 samples wide, right after the history.
-fn pulse(at: u16, history: u16) -> u16 {
-    const HALF: i32 = 20;
-    let off = i32::from(at) - i32::from(history) - HALF;
-    (1500 * (HALF * HALF - off * off) / (HALF * HALF)).max(0) as u16
-}
-
 /// 0 or 1, in an irregular order.
 fn noise(at: u16) -> u16 {
     at.wrapping_mul(40503) >> 15
-}
-
-/// A damped oscillator: y'' = f - y' / 16 - y / 128, in codes and samples.
-struct MadeUpIntruder {
-    now: i32,
-    before: i32,
-}
-
-impl MadeUpIntruder {
-    fn step(&mut self, force: u16) -> i16 {
-        let next = 2 * self.now - self.before + 2 * i32::from(force)
-            - (self.now - self.before) / 16
-            - self.now / 128;
-        self.before = core::mem::replace(&mut self.now, next);
-        (next / 256).clamp(-900, 900) as i16
-    }
 }

@@ -29,6 +29,8 @@ mod known_answer;
 mod load;
 mod offer;
 mod outbox;
+mod played;
+mod played_scans;
 mod progress;
 mod raw;
 mod report;
@@ -38,6 +40,7 @@ mod shared;
 #[cfg(test)]
 mod tests;
 mod trigger_line;
+mod update;
 
 pub use bead::{BeadState, RING};
 pub use block::{BLOCK_US, BlockCodes, CHANNELS, SAMPLE_RATE_HZ, SCANS_PER_BLOCK, ScanBlock};

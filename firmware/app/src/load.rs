@@ -30,6 +30,7 @@ impl<D: Device> BeadState<D> {
             worst_cycles: worst,
             mean_cycles: (total / u64::from(blocks.max(1))) as u32,
             period_cycles: D::CORE_MHZ * BLOCK_US,
+            masked_cycles: self.device.take_longest_mask(),
         });
     }
 }

@@ -28,9 +28,7 @@ impl<D: Device> BeadState<D> {
         }
         #[cfg(feature = "defmt")]
         defmt::info!("settings: {=str}", loaded.origin());
-        self.settings.taken.reset();
-        self.settings.offered.set(loaded);
-        self.settings.is_offered.store(true, Ordering::Release);
+        self.settings.offer(loaded);
     }
 
     /// Waits until the settings that were offered are in force. A strike that is being measured is finished
@@ -45,8 +43,7 @@ impl<D: Device> BeadState<D> {
         if !self.settings.is_offered() {
             return None;
         }
-        self.settings.is_offered.store(false, Ordering::Relaxed);
-        self.settings.in_force.swap(&self.settings.offered);
+        self.settings.take();
         let settings = self.settings_changed();
         self.send_settings();
         self.settings.taken.signal(());

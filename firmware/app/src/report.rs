@@ -1,6 +1,6 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
-use bead_wire::{Detail, Fault, FaultCause, Identity, LastFault, ResetCauses, Status};
+use bead_wire::{Detail, Fault, FaultCause, Identity, LastFault, ResetCauses, Status, Update, UpdateStage};
 
 use crate::bead::BeadState;
 use crate::block::{CHANNELS, SAMPLE_RATE_HZ};
@@ -15,7 +15,7 @@ impl<D: Device> BeadState<D> {
         &self,
         boot: &ThisBoot,
         refused: Option<RefusedSettings>,
-        found: impl IntoIterator<Item = (FaultCause, &'static str)>,
+        found: impl IntoIterator<Item = (FaultCause, Detail)>,
     ) {
         self.update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
         self.guard.update(|guard| guard.boots_failed = boot.failed);
@@ -32,7 +32,7 @@ impl<D: Device> BeadState<D> {
             self.fault_with(FaultCause::SettingsRefused, refused.detail());
         }
         for (cause, detail) in found {
-            self.fault(cause, detail);
+            self.fault_with(cause, detail);
         }
     }
 
@@ -62,6 +62,11 @@ impl<D: Device> BeadState<D> {
             sample_rate_hz: SAMPLE_RATE_HZ,
             channels: CHANNELS as u8,
         });
+        self.send(self.device.board());
+        let stage = self.device.update_stage();
+        if stage != UpdateStage::Settled {
+            self.send(Update { stage });
+        }
     }
 
     /// Sends status, health, link and guard.

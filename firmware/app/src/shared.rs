@@ -21,11 +21,9 @@ impl<T> SharedCell<T> {
     }
 
     pub(crate) fn set(&self, value: T) {
-        self.0.lock(|cell| *cell.borrow_mut() = Slot::Full(value));
-    }
-
-    pub(crate) fn swap(&self, other: &Self) {
-        self.0.lock(|cell| other.0.lock(|other| cell.swap(other)));
+        // Made before: under the lock it is copied once.
+        let slot = Slot::Full(value);
+        self.0.lock(|cell| *cell.borrow_mut() = slot);
     }
 
     /// Lets `act` use the value. Panics if there is none.

@@ -104,10 +104,10 @@ fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
         stiffness: 0.9 * bead.stiffness,
         damping: 1.2 * bead.damping,
     };
-    let neighbours = Neighbours::new([0, 1, 2, 3].map(|n| behind >> n & 1 == 1), false, intruder);
+    let neighbours = Neighbours::new(core::array::from_fn(|n| behind >> n & 1 == 1), false, intruder);
     let front_end = FrontEnd::reference();
     let capture = Capture::of(&bead, &front_end);
-    derive_among(&bead, &neighbours, &front_end, &capture).unwrap()
+    derive_among(&bead, &neighbours.into(), &front_end, &capture).unwrap()
 }
 
 /// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot
@@ -126,7 +126,7 @@ fn strikes([force, width, ringing, more]: PulseForm, noise: u64, samples: usize)
     (0..samples)
         .map(|n| {
             let x = ((n % 1500) as f64 - 400.0) / width;
-            let inside = (0.0..1.0).contains(&x);
+            let inside = n < 3000 && (0.0..1.0).contains(&x);
             let pulse = if inside {
                 16.0 * (x * (1.0 - x)) * (x * (1.0 - x))
             } else {
@@ -166,26 +166,26 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
     // The bead and the intruders behind it, the pulse, codes of noise, the checksum.
     type Case = (&'static str, Likeness, u8, PulseForm, u64, u32);
     let cases: [Case; 20] = [
-        ("within the sensitive range", PAPER, 0, SOFT, 1, 0x79f6_76fc),
-        ("no noise", PAPER, 0, SOFT, 0, 0xc2cf_338f),
-        ("much noise", PAPER, 0, SOFT, 9, 0x9d6e_9d3c),
-        ("faint", PAPER, 0, FAINT, 2, 0x4bdf_6e82),
-        ("wide channels", PAPER, 0, LOUD, 3, 0x5cfb_3b07),
-        ("wide, no noise", PAPER, 0, LOUD, 0, 0x6c38_7360),
-        ("of another gain", PAPER, 0, AMPLIFIED, 4, 0xc91c_1153),
-        ("at the rails", PAPER, 0, RAILED, 4, 0x6b2d_abd5),
-        ("narrow", PAPER, 0, NARROW, 4, 0xdd43_aae6),
-        ("little damping", UNDAMPED, 0, MIDDLE, 4, 0x032d_8422),
-        ("much damping", DAMPED, 0, MIDDLE, 4, 0x7d95_ad7a),
-        ("small", SMALL, 0, SHORT, 4, 0x1a82_9f0f),
-        ("light intruder", LIGHT, 0, SHORT, 4, 0x41a8_cb2a),
-        ("heavy intruder", HEAVY, 0, HARD, 4, 0x9121_9838),
-        ("large", LARGE, 0, LONG, 4, 0x7de2_328d),
-        ("one behind", PAPER, 1, FIRM, 4, 0x3765_6c9c),
-        ("two behind", PAPER, 0b1010, FIRM, 4, 0x7d8b_0a2d),
-        ("behind a small one", SMALL, 0b1111, SHORT, 4, 0x855f_8953),
-        ("heavy behind", HEAVY, 0b0101, HARD, 4, 0x357c_2356),
-        ("out of range", TINY, 0b0100, VIOLENT, 4, 0x266d_63c5),
+        ("within the sensitive range", PAPER, 0, SOFT, 1, 0x666b_e19c),
+        ("no noise", PAPER, 0, SOFT, 0, 0x3dea_cf4c),
+        ("much noise", PAPER, 0, SOFT, 9, 0x1966_df5f),
+        ("faint", PAPER, 0, FAINT, 2, 0xe81d_370b),
+        ("wide channels", PAPER, 0, LOUD, 3, 0x811b_6179),
+        ("wide, no noise", PAPER, 0, LOUD, 0, 0x6818_8475),
+        ("of another gain", PAPER, 0, AMPLIFIED, 4, 0x25b1_18c8),
+        ("at the rails", PAPER, 0, RAILED, 4, 0xb988_8eb7),
+        ("narrow", PAPER, 0, NARROW, 4, 0x67ed_edf1),
+        ("little damping", UNDAMPED, 0, MIDDLE, 4, 0x2149_67d6),
+        ("much damping", DAMPED, 0, MIDDLE, 4, 0x00fc_880e),
+        ("small", SMALL, 0, SHORT, 4, 0x7ed7_ff3b),
+        ("light intruder", LIGHT, 0, SHORT, 4, 0x0910_a49e),
+        ("heavy intruder", HEAVY, 0, HARD, 4, 0xb797_1a4d),
+        ("large", LARGE, 0, LONG, 4, 0x2772_7e1b),
+        ("one behind", PAPER, 1, FIRM, 4, 0x41a8_8020),
+        ("two behind", PAPER, 0b1010, FIRM, 4, 0xb30b_3c40),
+        ("behind a small one", SMALL, 0b1111, SHORT, 4, 0xedcb_6292),
+        ("heavy behind", HEAVY, 0b0101, HARD, 4, 0x4a4d_aff1),
+        ("out of range", TINY, 0b0100, VIOLENT, 4, 0xc2d1_e02c),
     ];
     let (mut measured, mut stated) = (Vec::new(), Vec::new());
     for (n, (what, bead, behind, shape, noise, checksum)) in cases.into_iter().enumerate() {
@@ -194,7 +194,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             continue;
         }
         let settings = settings(bead, behind);
-        let found = metered(&settings, &strikes(shape, noise, 3600), 200);
+        let found = metered(&settings, &strikes(shape, noise, 4400), 200);
         measured.push(format!("{what}, {:?}: {found:#010x}", settings.scale));
         stated.push(format!("{what}, {:?}: {checksum:#010x}", settings.scale));
     }

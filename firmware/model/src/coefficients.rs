@@ -10,23 +10,24 @@
 //! ([`observer`](crate::observer)); estimate B, Eqs. 1 to 3 of the paper in units of µm and samples
 //! ([`reduced_chain`](crate::reduced_chain)).
 
+use core::array;
 use core::f64::consts::TAU;
 use core::ops::Range;
 
 use fixed::FixedI32;
-use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
+use fixed::types::{I0F32, I16F16};
 
 use crate::calibration::Channel;
-use crate::company::Company;
+use crate::company::{Company, FOLLOWERS, Follower};
 use crate::converter::CONVERSION;
 use crate::correction::{Correction, in_range, sin_cos};
 use crate::description::Description;
 use crate::front_end::SensorScale;
 use crate::layout::WindowSettings;
 use crate::observer::Observer;
-use crate::physics::{Bead, Intruder, SOLITARY_WAVE_ENERGY, power};
-use crate::quantity::{SensedForce, nearest, two_to};
+use crate::physics::{Bead, Followers, SOLITARY_WAVE_DELAY, SOLITARY_WAVE_ENERGY, power};
+use crate::quantity::{SensedForce, Step, nearest, two_to};
 use crate::quiet::{CodeNoise, Quiet};
 use crate::reduced_chain::ReducedChain;
 use crate::ring_down::RingDown;
@@ -99,8 +100,7 @@ impl Exact {
             end: 1.0 - mean,
             measured: bead.intruder_mass * bead.intruder_mass / bead.damping * dt * nj
                 / hold_power(phase, ring_phase),
-            // 1e3 is the root of the µm in a metre.
-            contact: scale * bead.contact_stiffness / 1e3 / bead.mass * twelfth,
+            contact: contact(bead.contact_stiffness, bead.mass, dt),
             relaxation: 1.5 * bead.relaxation / dt,
             incoming: scale / host_mass * twelfth * um,
             stiffness: 4.0 * bead.stiffness / bead.intruder_mass * twelfth,
@@ -130,15 +130,131 @@ fn hold_power(decay: f64, ring: f64) -> f64 {
     mean * mean * step * (decay * decay + ring * ring) / (ring * ring * (lost * lost + kept * step))
 }
 
-/// Stiffness, damping and mass ratio of an intruder in a follower of mass `bead_mass`: the coefficients of
-/// [`Company`].
-fn behind(intruder: &Intruder, bead_mass: f64, dt: f64) -> [f64; 3] {
-    let twelfth = dt * dt / 12.0;
-    [
-        4.0 * intruder.stiffness / intruder.mass * twelfth,
-        intruder.damping / intruder.mass * twelfth / dt,
-        intruder.mass / (bead_mass - intruder.mass),
-    ]
+/// Force that accelerates a bead of this mass by one bit of a [`Step`], counted in twelfths, N.
+fn unit_of_force(mass: f64, dt: f64) -> f64 {
+    mass * 12.0 * two_to(-(Step::FRAC_NBITS as i32)) / 1e6 / (dt * dt)
+}
+
+/// [`ReducedChain::delay`], samples: from contact to contact of beads of a mass and contact stiffness, of a
+/// solitary wave whose peak accelerates a host by one bit.
+fn delay(host_mass: f64, [mass, stiffness]: [f64; 2], dt: f64) -> f64 {
+    let force = unit_of_force(host_mass, dt);
+    let root = power(stiffness, 1.0 / 3.0) * power(force, 1.0 / 6.0);
+    SOLITARY_WAVE_DELAY * libm::sqrt(mass) / root / dt
+}
+
+/// Coefficients of [`Company`] before they are converted to their formats.
+struct ExactCompany {
+    stiffness: f64,
+    damping: f64,
+    /// For each follower.
+    contacts: [f64; FOLLOWERS],
+    relaxations: [f64; FOLLOWERS],
+    overlaps: [f64; FOLLOWERS],
+    lightness: [f64; FOLLOWERS],
+    ratios: [f64; FOLLOWERS],
+    load: f64,
+    delay: f64,
+}
+
+impl ExactCompany {
+    /// Of the intruders at these `places` in beads like the host, or in those that the description has.
+    #[inline(never)]
+    fn new(description: &Description, places: u8, dt: f64) -> Self {
+        let bead = description.physics();
+        let followers = description.followers.unwrap_or_else(|| Followers::like(&bead));
+        let intruder = description.company.intruder();
+        let [mut stiffness, mut damping] = [0.0; 2];
+        let twelfth = dt * dt / 12.0;
+        if places != 0 {
+            stiffness = 4.0 * intruder.stiffness / intruder.mass * twelfth;
+            damping = intruder.damping / intruder.mass * twelfth / dt;
+        }
+        let each = |value: fn(&Followers, usize) -> f64| array::from_fn(|n| value(&followers, n));
+        let mass: [f64; FOLLOWERS] = each(|all, n| all.mass[n].into());
+        let kappa: [f64; FOLLOWERS] = each(|all, n| all.stiffness[n].into());
+        let load = f64::from(followers.load);
+        let compressed = |kappa: f64| {
+            if kappa > 0.0 {
+                power(load / kappa, 2.0 / 3.0)
+            } else {
+                0.0
+            }
+        };
+        let last = FOLLOWERS - 1;
+        let ratios = array::from_fn(|n| {
+            let is_held = places >> n & 1 == 1;
+            if is_held {
+                intruder.mass / (mass[n] - intruder.mass)
+            } else {
+                0.0
+            }
+        });
+        Self {
+            stiffness,
+            damping,
+            contacts: kappa.map(|kappa| contact(kappa, bead.mass, dt)),
+            relaxations: each(|all, n| all.relaxation[n].into()).map(|tau: f64| 1.5 * tau / dt),
+            overlaps: kappa.map(|kappa| if load > 0.0 { 1e6 * compressed(kappa) } else { 0.0 }),
+            lightness: array::from_fn(|n| {
+                if followers.is_wall(n) {
+                    0.0
+                } else {
+                    bead.mass / mass[n]
+                }
+            }),
+            ratios,
+            load: load / unit_of_force(bead.mass, dt),
+            delay: if kappa[last] > 0.0 {
+                delay(bead.mass, [mass[last], kappa[last]], dt)
+            } else {
+                0.0
+            },
+        }
+    }
+
+    /// In their formats, with these powers of two taken out.
+    fn company(&self, description: &Description, places: u8, scale: &Scale) -> Result<Company, Violation> {
+        use Coefficient as C;
+        let [contact, masses] = [scale.contact, scale.masses].map(|powers| two_to(-i32::from(powers)));
+        let follower = |n: usize| {
+            let is_held = places >> n & 1 == 1;
+            Ok(Follower {
+                contact: signed(Key::FollowersStiffness, C::Contact, self.contacts[n] * contact)?,
+                relaxation: signed(Key::FollowersRelaxation, C::Relaxation, self.relaxations[n])?,
+                overlap: nearest(self.overlaps[n]),
+                load: if self.overlaps[n] > 0.0 {
+                    libm::rint(self.load) as i32
+                } else {
+                    0
+                },
+                lightness: nearest(self.lightness[n]),
+                ratio: if is_held {
+                    signed(Key::CompanyMass, C::CompanyRatio, self.ratios[n] * masses)?
+                } else {
+                    I0F32::ZERO
+                },
+            })
+        };
+        let mut followers = [Follower::default(); FOLLOWERS];
+        for (n, one) in followers.iter_mut().enumerate() {
+            *one = follower(n)?;
+        }
+        Ok(Company {
+            behind: places,
+            elsewhere: description.company.elsewhere == 1,
+            unlike: description.followers.is_some(),
+            stiffness: signed(Key::CompanyStiffness, C::CompanyStiffness, self.stiffness)?,
+            damping: signed(Key::CompanyDamping, C::CompanyDamping, self.damping)?,
+            followers,
+        })
+    }
+}
+
+/// [`ReducedChain::contact`] of a contact stiffness, between hosts of this mass.
+fn contact(stiffness: f64, mass: f64, dt: f64) -> f64 {
+    // 1e3 is the root of the µm in a metre.
+    256.0 * stiffness / 1e3 / mass * (dt * dt / 12.0)
 }
 
 /// A fixed-point format of 32 bits.
@@ -220,15 +336,15 @@ impl Coefficients {
             noise: sensor.noise,
             correction: Correction::new(lag(sensor.pole) / dt, 0.0, exact.ring_phase),
         };
-        let [stiffness, damping, ratio] = if places == 0 {
-            [0.0; 3]
-        } else {
-            behind(&description.company.intruder(), description.bead.mass, dt)
-        };
+        let company = ExactCompany::new(description, places, dt);
+        let greatest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
         let scale = Scale {
-            contact: shift(&[exact.contact], SHIFT_MAX),
+            contact: shift(&[exact.contact, greatest(&company.contacts)], SHIFT_MAX),
             incoming: shift(&[exact.incoming], INCOMING_MAX),
-            masses: shift(&[exact.intruder, exact.host, ratio], SHIFT_MAX),
+            masses: shift(
+                &[exact.intruder, exact.host, greatest(&company.ratios)],
+                SHIFT_MAX,
+            ),
             observer: shift(&[exact.end], 1),
             measured: shift_into(exact.measured, 1.0 / 65536.0..1.0),
             predicted: shift_into(exact.predicted, 0.1..16384.0),
@@ -269,6 +385,8 @@ impl Coefficients {
                 host: signed(Key::BeadMass, C::Host, without(exact.host, scale.masses))?,
                 gate: gate(&description.force),
                 energy: signed(Key::IntruderDamping, C::EnergyByVelocity, predicted)?,
+                // One that is too long for its format is longer than the line at every force.
+                delay: nearest(company.delay),
             },
             incident: signed(Key::ContactStiffness, C::Incident, exact.incident)?,
             ringing: Ringing {
@@ -283,19 +401,12 @@ impl Coefficients {
                 &noise(&description.acceleration),
                 [exact.start, exact.end],
             ),
-            company: Company {
-                behind: places,
-                elsewhere: description.company.elsewhere == 1,
-                stiffness: signed(Key::CompanyStiffness, C::CompanyStiffness, stiffness)?,
-                damping: signed(Key::CompanyDamping, C::CompanyDamping, damping)?,
-                ratio: signed(Key::CompanyMass, C::CompanyRatio, without(ratio, scale.masses))?,
-            },
+            company: company.company(description, places, &scale)?,
             waveform: WaveformJudge::new(
                 &description.physics(),
                 description.acceleration.per_code,
                 dt,
                 exact.ring_phase,
-                places != 0b1111 && (places != 0 || description.company.elsewhere == 1),
             ),
             phase: exact.ring_phase,
             scale,

@@ -6,9 +6,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Capture;
+use crate::company::FOLLOWERS;
 use crate::front_end::{FrontEnd, SensorEnds, SensorScale};
 use crate::name::Name;
-use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours};
+use crate::physics::{Bead, Followers, Intruder, LEAST_WIDTH, Neighbours, Surroundings};
 use crate::uncertainty::Uncertainty;
 use crate::violation::{Bound, SettingKey as Key, Violation, check_each, check_ranges, require};
 
@@ -18,6 +19,8 @@ const EVERY_BEAD: u8 = 0xFF;
 const NOISE_MOST: f64 = 1e4;
 /// Range of VDDA, V: that of the part (DocID022152, general operating conditions).
 const SUPPLY: [f64; 2] = [1.8, 3.6];
+/// Most times that a bead behind may be lighter than the host.
+const LIGHTEST: f64 = 64.0;
 /// Range of a tolerance. A smaller one loses more than 1 % in its format.
 const TOLERANCE: [f64; 2] = [1e-3, 1e4];
 
@@ -59,6 +62,9 @@ pub struct Description {
     /// Where the sensors end, if that is known.
     #[serde(default)]
     pub sensor_end: Option<SensorEnds>,
+    /// The beads behind, if they are not like this one.
+    #[serde(default)]
+    pub followers: Option<Followers>,
 }
 
 /// The bead around the intruder.
@@ -95,7 +101,7 @@ pub struct Supply {
 
 impl Description {
     /// A bead without a name, with address 0.
-    pub fn new(bead: &Bead, neighbours: &Neighbours, front_end: &FrontEnd, capture: &Capture) -> Self {
+    pub fn new(bead: &Bead, around: &Surroundings, front_end: &FrontEnd, capture: &Capture) -> Self {
         Self {
             name: Name::default(),
             address: 0,
@@ -108,13 +114,22 @@ impl Description {
                 stiffness: bead.contact_stiffness,
                 relaxation: bead.relaxation,
             },
-            company: *neighbours,
+            company: around.intruders,
             force: front_end.force,
             acceleration: front_end.acceleration,
             capture: *capture,
             uncertainty: None,
             supply: None,
             sensor_end: None,
+            followers: around.followers,
+        }
+    }
+
+    /// The beads around.
+    pub fn surroundings(&self) -> Surroundings {
+        Surroundings {
+            intruders: self.company,
+            followers: self.followers,
         }
     }
 
@@ -140,6 +155,7 @@ impl Description {
         require(self.address != EVERY_BEAD, Key::Address, Bound::OneBead)?;
         self.check_numbers()?;
         self.check_masses()?;
+        self.check_followers()?;
         self.uncertainty.as_ref().map_or(Ok(()), Uncertainty::check)?;
         let samples = self.physics().pulse_width(1.0) * f64::from(self.capture.sample_rate_hz);
         require(
@@ -210,6 +226,38 @@ impl Description {
             Some(supply) => check_ranges(&[(Key::SupplyVoltage, supply.voltage)], SUPPLY),
             None => Ok(()),
         }
+    }
+
+    /// Checks the beads behind, where they are not like the host.
+    fn check_followers(&self) -> Result<(), Violation> {
+        let Some(followers) = &self.followers else {
+            return Ok(());
+        };
+        let Followers {
+            mass,
+            stiffness,
+            relaxation,
+            wall,
+            load,
+        } = followers;
+        let lightest = self.bead.mass / LIGHTEST;
+        let is_bead = |mass: &f32| (lightest..).contains(&f64::from(*mass)) && mass.is_finite();
+        require(mass.iter().all(is_bead), Key::FollowersMass, Bound::NotLight)?;
+        let holds = |values: &[f32]| values.iter().all(|value| value.is_finite() && *value >= 0.0);
+        require(holds(stiffness), Key::FollowersStiffness, Bound::NotNegative)?;
+        require(holds(relaxation), Key::FollowersRelaxation, Bound::NotNegative)?;
+        require(usize::from(*wall) <= FOLLOWERS, Key::Wall, Bound::Place)?;
+        require(holds(&[*load]), Key::Load, Bound::NotNegative)?;
+        let places = self.company.places().unwrap_or(0);
+        let has_room = |(n, mass): (usize, &f32)| {
+            let is_held = places >> n & 1 == 1;
+            !is_held || !followers.is_wall(n) && self.company.mass < f64::from(*mass)
+        };
+        require(
+            mass.iter().enumerate().all(has_room),
+            Key::CompanyMass,
+            Bound::BelowBead,
+        )
     }
 
     /// Checks that each mass is a part of the one that it belongs to, and the intruders behind.

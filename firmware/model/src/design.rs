@@ -11,7 +11,9 @@ pub use crate::capture::Capture;
 pub use crate::day::Day;
 pub use crate::description::{Contact, Description, Host, Supply};
 pub use crate::front_end::{FrontEnd, SensorEnds, SensorScale};
-pub use crate::physics::{Bead, Intruder, LEAST_WIDTH, Neighbours, SOLITARY_WAVE_ENERGY};
+pub use crate::physics::{
+    Bead, Followers, Intruder, LEAST_WIDTH, Neighbours, SOLITARY_WAVE_ENERGY, Surroundings,
+};
 pub use crate::relative::Relative;
 use crate::settings::Settings;
 pub use crate::uncertainty::Uncertainty;
@@ -22,18 +24,18 @@ use crate::violation::Violation;
 /// # Errors
 /// As [`Settings::new`].
 pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Settings, Violation> {
-    derive_among(bead, &Neighbours::default(), front_end, capture)
+    derive_among(bead, &Surroundings::default(), front_end, capture)
 }
 
-/// Derives the settings of a bead among others that hold intruders.
+/// Derives the settings of a bead among others that hold intruders, or are not like it.
 ///
 /// # Errors
 /// As [`Settings::new`].
 pub fn derive_among(
     bead: &Bead,
-    neighbours: &Neighbours,
+    around: &Surroundings,
     front_end: &FrontEnd,
     capture: &Capture,
 ) -> Result<Settings, Violation> {
-    Settings::new(&Description::new(bead, neighbours, front_end, capture))
+    Settings::new(&Description::new(bead, around, front_end, capture))
 }

@@ -15,6 +15,10 @@
 //! dimensions: a force in other units, or all masses, k, c and κ in other ones, give the same motion, so `s_F
 //! = 2 + s_κ/2` and `s_k + s_c + s_m + s_M + 3/2 s_κ = -1`.
 //!
+//! **Wave form.** A frequency that is off by δω and a decay that is off by δγ change the ringing e^(-γt) cos
+//! ωt by the parts δω/(√2 γ) and δγ/(2γ) of its root mean square, apart from its amplitude. The amplitudes
+//! that the force and the accelerometer give differ as the roots of B and A do.
+//!
 //! **Noise** of A is that of the quiet within the resonance of the intruder, of B that of the force over the
 //! width of the pulse.
 
@@ -28,12 +32,18 @@ use crate::description::Description;
 use crate::relative::Relative;
 use crate::uncertainty::Uncertainty;
 
-/// Worst errors of A and of B of 1000 strikes with right settings, docs/accuracy.md: rectangular.
-const ESTIMATOR: [f64; 2] = [4e-4, 3.5e-3];
+/// Greatest errors of A and of B by the estimators themselves, as parts: the worst of 1000 strikes with right
+/// settings (docs/accuracy.md). Rectangular.
+pub const ESTIMATOR: [f64; 2] = [4e-4, 3.5e-3];
 /// Range of x to which the sensitivities were fitted; beyond it they are those of its end.
 const PHASES: [f32; 2] = [1.5, 7.0];
 /// Noise of B over that of the force times the width of the pulse over its impulse, within 25 %.
 const FORCE_NOISE: f32 = 1.13;
+
+/// Sensitivity of the wave form to κ, apart from its amplitude: found with 300 drawn beads.
+const WAVEFORM_CONTACT: f64 = 0.4;
+/// Standard uncertainties up to which a difference is explained.
+const EXPLAINED: f64 = 3.0;
 
 /// A cubic in x, the constant first.
 type Cubic = [f64; 4];
@@ -61,6 +71,9 @@ pub struct UncertaintyTerms {
     phase: f32,
     /// Square of the noise of A, nJ, for a mean square of the quiet of 1 (m/s²)² and an energy of 1 nJ.
     noise: f32,
+    /// Square of the part of the acceleration that the uncertainties of ringing and contact explain, apart
+    /// from its amplitude.
+    waveform: f32,
 }
 
 impl UncertaintyTerms {
@@ -82,8 +95,17 @@ impl UncertaintyTerms {
         (front <= stated.front_mass.is_some()).then_some(Self {
             phase: (ring * dt) as f32,
             noise: (4.0 * energy * passed / passed_of_noise) as f32,
+            waveform: waveform(description, stated, ring)? as f32,
             ..terms
         })
+    }
+
+    /// Square of the part of the acceleration by which its wave form may differ from the predicted one within
+    /// the uncertainties, if the energies agree within theirs.
+    #[inline(never)]
+    pub(crate) fn of_waveform(&self, [measured, predicted]: [Energy; 2]) -> f32 {
+        let amplitude = 1.0 - libm::sqrtf(predicted.bits() as f32 / measured.bits() as f32);
+        self.waveform + amplitude * amplitude
     }
 
     /// The uncertainties of a strike's energies A and B. The quiet has the mean square `noise`, (m/s²)², and
@@ -117,6 +139,26 @@ impl UncertaintyTerms {
             difference: part(square(&self.difference) + of_measured + of_predicted),
         })
     }
+}
+
+/// Square of the part of the acceleration that the uncertainties of k, c, m and κ explain, apart from its
+/// amplitude, of an intruder that rings at `ring` rad/s. `None` if one is unknown.
+fn waveform(description: &Description, stated: &Uncertainty, ring: f64) -> Option<f64> {
+    let (bead, intruder) = (&description.bead, &description.intruder);
+    let [k, c, m, contact] = [
+        stated.stiffness?,
+        stated.damping?,
+        stated.intruder_mass?,
+        stated.contact_stiffness?,
+    ]
+    .map(Relative::part);
+    let [_, k_m, c_m] = stated.correlations();
+    let decay = 0.5 * intruder.damping * (1.0 / intruder.mass + 1.0 / (bead.mass - intruder.mass));
+    let frequency = 0.25 * (k * k + m * m - 2.0 * k_m * k * m);
+    let decays = c * c + m * m - 2.0 * c_m * c * m;
+    let square = 0.5 * (ring / decay) * (ring / decay) * frequency + 0.25 * decays;
+    let contact = WAVEFORM_CONTACT * contact;
+    Some(EXPLAINED * EXPLAINED * (square + contact * contact))
 }
 
 /// A fitted row for a bead with this damping and ratio of masses.
@@ -193,6 +235,7 @@ fn terms(
         difference: difference.map(|term| term as f32),
         phase: 0.0,
         noise: 0.0,
+        waveform: 0.0,
     })
 }
 

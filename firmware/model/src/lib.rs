@@ -8,13 +8,14 @@
 //!
 //! * **A**, [`observer`], *measures* the energy, from the acceleration of the intruder alone;
 //! * **B**, [`reduced_chain`], *predicts* the energy, from the contact force alone, by a model of the host,
-//!   its intruder and the four beads behind it.
+//!   its intruder and the six beads behind it.
 //!
 //! They share nothing but the calibration. So a difference between them is a diagnosis.
 //!
 //! The window is a pure function of [`Settings`] and of the ADC codes in it: a host that has both gets the
 //! result of the bead bit for bit. Every estimator is `config` (immutable) + `state` + `process(&self, &mut
-//! state, sample)`. There is no float in the work per sample. Bead and host derive the coefficients once, in
+//! state, sample)`. There is no float in the work per sample, but for one root in estimate B when the
+//! wave behind its last bead grows. Bead and host derive the coefficients once, in
 //! f64, when settings are taken ([`Settings::new`]).
 //!
 //! # Units
@@ -45,8 +46,10 @@ mod day;
 mod description;
 pub mod design;
 pub mod energy_uncertainty;
+mod far_end;
 mod front_end;
 pub mod layout;
+pub mod made_up;
 pub mod meter;
 pub mod name;
 pub mod observer;

@@ -11,7 +11,7 @@ use crate::quantity::{Scan, pack};
 use crate::settings::Settings;
 use crate::shape::WindowRecord;
 pub use crate::waves::REACH;
-use crate::waves::{Around, LAG_MAX, Origin, PlannedWindow, Wave, Waves};
+use crate::waves::{Around, LAG_MAX, MEASURED, Origin, PlannedWindow, Wave, Waves};
 use crate::window::Window;
 use bead_wire::{Energy, Kind, MAX_SCANS, Packed, Shape, Strike, Waveform};
 
@@ -272,12 +272,11 @@ impl Meter {
     /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
     /// Every scan is looked at for a rise when it comes. Measuring is most of the work, and when a strike
-    /// triggers, its whole history waits to be measured. To
-    /// spread this work, a call measures three fifths as many scans as it was given, and at least `LEAST`;
-    /// a little less if it has to move scans in its memory. So the meter lags behind during a window: at its
-    /// end by the history and two thirds of the length. In calls of up to 256 scans it has room for the lag
-    /// of the longest window, so that no call measures more. In longer calls it may meet the limit of its
-    /// room, and then measures what it must.
+    /// triggers, its whole history waits to be measured. To spread this work, a call measures 3 of 8 scans
+    /// that it was given, and at least `LEAST`; a little less if it has to move scans in its memory, or to
+    /// work out a report. So the meter lags behind during a window: at its end by the history and 5/3 of the
+    /// length. In calls of up to 256 scans it has room for the lag of the longest window, so that no call
+    /// measures more. A longer call measures all that it can.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -286,25 +285,33 @@ impl Meter {
         sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
-        let mut quota = (scans.len() * 3 / 5).max(LEAST);
+        let [measured, of] = MEASURED;
         let is_short = scans.len() <= CALL;
+        let allowed = if is_short {
+            (scans.len() * measured / of).max(LEAST)
+        } else {
+            usize::MAX
+        };
+        let mut quota = allowed;
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
             let needed = self.needed(settings, end_index - scans.len() as u64);
-            let offered = scans.len();
             if self.recent.append(&mut scans, needed) && self.is_measuring() {
                 // To move them is work too.
                 quota -= quota / 4;
             }
-            let is_full = scans.len() == offered;
             end_index -= scans.len() as u64;
             while self.find(settings, end_index, sink) {
-                if quota == 0 && (self.recent.waiting().len() > LAG_MAX || is_full) {
+                let lags = self.recent.waiting().len() > LAG_MAX;
+                if quota == 0 && lags {
                     // The limit of the lag.
                     quota = PIECE;
                 }
-                if !self.measure(settings, end_index, &mut quota, sink) {
+                // A report takes as long as some scans. The next call has time for it, unless calls are so
+                // short that this one may be the last.
+                let may_wait = is_short && allowed > LEAST && !lags;
+                if !self.measure(settings, end_index, &mut quota, may_wait, sink) {
                     break;
                 }
                 if is_short && matches!(self.phase, Phase::Idle) {
@@ -422,12 +429,14 @@ impl Meter {
         }
     }
 
-    /// Measures some of the scans that wait. Returns false if none can be.
+    /// Measures some of the scans that wait. Returns false if none can be. The last scan of a window, with
+    /// which its report is made, `may_wait` for a call that has time for it.
     fn measure(
         &mut self,
         settings: &Settings,
         end_index: u64,
         quota: &mut usize,
+        may_wait: bool,
         sink: &mut (impl Sink + ?Sized),
     ) -> bool {
         let new = self.recent.waiting();
@@ -437,7 +446,11 @@ impl Meter {
         let index = end_index - new.len() as u64;
         let looked = end_index - (self.recent.length - self.recent.looked) as u64;
         let known = self.waves.known_until(looked, strike.end).saturating_sub(index) as usize;
-        let some = new.start..new.end.min(new.start + known.min(*quota));
+        let mut some = new.start..new.end.min(new.start + known.min(*quota));
+        let ends = index + some.len() as u64 == strike.end;
+        if ends && may_wait && *quota < some.len() + strike.report_scans() {
+            some.end -= 1;
+        }
         if some.is_empty() {
             return false;
         }
@@ -477,6 +490,11 @@ impl Measurement {
                 ..Chunk::default()
             },
         }
+    }
+
+    /// Scans that could be measured in the time of the report.
+    fn report_scans(&self) -> usize {
+        (self.end - self.first) as usize / 16
     }
 
     /// Takes the next scans, none beyond the end of the window. Returns whether it is over.
@@ -541,7 +559,7 @@ mod tests {
             let late = (REACH - call) as u64;
             meter.keep_around(at as u64 - late, at as u64, Origin::Line);
         }
-        for first in (0..5000).step_by(call) {
+        for first in (0..6000).step_by(call) {
             let force = |index| if by_force && index >= at { 500 } else { 128 };
             let scans = (first..first + call).map(|index| Scan::new([force(index), 128, 2048, 2048]));
             meter.process(&settings, first as u64, scans, &mut Nowhere);
@@ -554,15 +572,15 @@ mod tests {
 
     #[test]
     #[cfg_attr(miri, ignore = "thousands of scans")]
-    fn a_call_measures_three_fifths_of_its_scans_and_a_quarter_less_if_it_moves_those_in_memory() {
-        // The room is full after eleven calls, of which the eighth has the trigger.
-        let (call, measured) = (128, 76);
-        let lags = lags([160, 672], call, true, 1000);
-        assert_eq!((ROOM - HISTORY_MAX, call * 3 / 5), (11 * call, measured));
-        let more: Vec<usize> = lags[7..12].windows(2).map(|lags| lags[1] - lags[0]).collect();
-        assert_eq!(more, [52, 52, 52, 52 + measured / 4]);
+    fn a_call_measures_its_part_of_its_scans_and_a_quarter_less_if_it_moves_those_in_memory() {
+        // The room is full after twelve calls, of which the seventh has the trigger.
+        let (call, measured) = (232, 87);
+        let lags = lags([160, 672], call, true, 1500);
+        assert_eq!((ROOM - HISTORY_MAX, call * 3 / 8), (12 * call, measured));
+        let more: Vec<usize> = lags[6..13].windows(2).map(|lags| lags[1] - lags[0]).collect();
+        assert_eq!(more, [145, 145, 145, 145, 145, 145 + measured / 4]);
         // The call that completes the window leaves nothing: each scan was looked at when it came.
-        let end = 1000 + 1 - 160 + 672;
+        let end = 1500 + 1 - 160 + 672;
         let last = lags.iter().rposition(|&lag| lag > 0).unwrap();
         let left = lags[last] - ((last + 1) * call - end);
         assert!((1..=measured).contains(&left), "{left}");
@@ -576,11 +594,11 @@ mod tests {
             let [history, length] = window.map(usize::from);
             for call in [32, 50, 100, 199, 200, 201, 256] {
                 for at in [2000, 2000 + call / 3, 2000 + call / 2, 2000 + call - 1] {
-                    // The history waits, and two of five scans that come; so does the rest of a call, in
+                    // The history waits, and 5 of 8 scans that come; so does the rest of a call, in
                     // which the scans may have been moved.
                     let most = |by_force| lags(window, call, by_force, at).into_iter().max().unwrap();
                     let by_force = most(true);
-                    let bound = history + length * 2 / 3 + call + call / 10;
+                    let bound = history + length * 5 / 3 + call + call / 10;
                     assert!(by_force <= bound, "{window:?}, {call}, {at}: {by_force}");
                     let asked = most(false);
                     assert!(asked <= LAG_MAX, "{window:?}, {call}, {at}: {asked}");
@@ -588,6 +606,9 @@ mod tests {
                 }
             }
         }
-        assert_eq!(nearest, LAG_MAX, "the limit is met");
+        assert!(
+            nearest * 20 >= LAG_MAX * 19,
+            "no more room than is needed: {nearest}"
+        );
     }
 }

@@ -11,6 +11,10 @@ use crate::company::FOLLOWERS;
 /// beads around the pulse that are counted changes it by less than 1e-15.
 pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
 
+/// Time from contact to contact of a solitary wave of an elastic chain, `t = 1.10444 √M κ^(-1/3) F_m^(-1/6)`.
+/// Found as [`SOLITARY_WAVE_ENERGY`] is.
+pub(crate) const SOLITARY_WAVE_DELAY: f64 = 1.104_44;
+
 /// w of [`Bead::pulse_width`]. Found from the pulse at contact 70 of an elastic chain; a test finds it again.
 const PULSE_WIDTH: f64 = 1.556;
 /// Least width of the pulse of a wave of 1 m/s, samples. Estimate A is then off by 0.2 %, and estimate B by
@@ -92,8 +96,8 @@ pub struct Intruder {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Neighbours {
-    /// The beads behind the host that hold an intruder, by their places: 1234 for all four, 0 for none.
-    pub behind: u16,
+    /// The beads behind the host that hold an intruder, by their places: 123456 for all six, 0 for none.
+    pub behind: u32,
     /// 1 if beads near by hold an intruder that `behind` does not name: in front, or further behind.
     pub elsewhere: u8,
     /// Mass of the intruder in each bead that `behind` names, kg.
@@ -122,14 +126,14 @@ impl Neighbours {
         }
     }
 
-    /// `behind` as bits, bit 0 for the bead right behind the host. `None` for a digit other than 1 to 4, or
+    /// `behind` as bits, bit 0 for the bead right behind the host. `None` for a digit other than 1 to 6, or
     /// one that stands twice.
     pub fn places(&self) -> Option<u8> {
         let (mut digits, mut bits) = (self.behind, 0);
         while digits > 0 {
             let place = digits % 10;
             digits /= 10;
-            let bit = if (1..=FOLLOWERS as u16).contains(&place) {
+            let bit = if (1..=FOLLOWERS as u32).contains(&place) {
                 1 << (place - 1)
             } else {
                 return None;
@@ -157,6 +161,62 @@ impl Neighbours {
     }
 }
 
+/// The six beads behind the host, from the one next to it on, where they are not like the host. A wave goes
+/// on behind the last of them as if all others were like it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Followers {
+    /// Mass of each with its intruder, kg.
+    pub mass: [f32; FOLLOWERS],
+    /// κ of the contact in front of each, N/m^1.5; 0 where the chain has ended.
+    pub stiffness: [f32; FOLLOWERS],
+    /// τ of that contact, s.
+    pub relaxation: [f32; FOLLOWERS],
+    /// Place of a wall, from 1, in place of a bead; 0 for none.
+    #[serde(default)]
+    pub wall: u8,
+    /// Force that presses the chain together at rest, N.
+    #[serde(default)]
+    pub load: f32,
+}
+
+/// The beads around a host.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surroundings {
+    /// The intruders in them.
+    pub intruders: Neighbours,
+    /// Those behind, if they are not like the host.
+    pub followers: Option<Followers>,
+}
+
+impl From<Neighbours> for Surroundings {
+    fn from(intruders: Neighbours) -> Self {
+        Self {
+            intruders,
+            followers: None,
+        }
+    }
+}
+
+impl Followers {
+    /// Followers that are like the host.
+    pub fn like(bead: &Bead) -> Self {
+        Self {
+            mass: [bead.mass as f32; FOLLOWERS],
+            stiffness: [bead.contact_stiffness as f32; FOLLOWERS],
+            relaxation: [bead.relaxation as f32; FOLLOWERS],
+            wall: 0,
+            load: 0.0,
+        }
+    }
+
+    /// True if a wall stands in the place of the follower with this number, from 0.
+    pub fn is_wall(&self, follower: usize) -> bool {
+        usize::from(self.wall) == follower + 1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_digits_from_1_to_4_each_at_most_once() {
+    fn places_are_digits_from_1_to_6_each_at_most_once() {
         let places = |behind| {
             Neighbours {
                 behind,
@@ -183,17 +243,20 @@ mod tests {
             }
             .places()
         };
-        for (behind, bits) in [(0, 0), (4, 8), (13, 0b101), (31, 0b101), (4321, 15)] {
+        for (behind, bits) in [(0, 0), (4, 8), (13, 0b101), (31, 0b101), (654321, 63)] {
             assert_eq!(places(behind), Some(bits), "{behind}");
         }
-        for behind in [5, 9, 10, 11, 15, 105, 1231, 12345, u16::MAX] {
+        for behind in [7, 9, 10, 11, 17, 105, 1231, 1234567, u32::MAX] {
             assert_eq!(places(behind), None, "{behind}");
         }
-        for bits in 0..16_u8 {
+        for bits in 0..64_u8 {
             let behind = core::array::from_fn(|follower| bits >> follower & 1 == 1);
             let neighbours = Neighbours::new(behind, bits == 3, Intruder::default());
             assert_eq!(neighbours.places(), Some(bits));
-            assert_eq!([0, 1, 2, 3].map(|follower| neighbours.holds(follower)), behind);
+            assert_eq!(
+                [0, 1, 2, 3, 4, 5].map(|follower| neighbours.holds(follower)),
+                behind
+            );
             assert_eq!(neighbours.elsewhere, u8::from(bits == 3));
         }
     }

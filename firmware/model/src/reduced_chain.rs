@@ -1,9 +1,8 @@
 //! Estimate B: the absorbed energy, predicted from the contact force alone.
 //!
 //! The measured force at the host's incoming contact drives a model of the host, its intruder and
-//! [`FOLLOWERS`] beads behind it. The last bead is free: while the pulse passes, a free end is within 0.006 %
-//! of an endless chain, and a wall is 30 % off. The contacts obey the paper's Eq. 1 (Hertz and
-//! Kuwabara-Kono), the host Eq. 2 with M - m, the intruder Eq. 3.
+//! [`FOLLOWERS`] beads behind it, of which the last is pushed back as if the chain went on (`far_end`). The
+//! contacts obey the paper's Eq. 1 (Hertz and Kuwabara-Kono), the host Eq. 2 with M - m, the intruder Eq. 3.
 //!
 //! # Scheme
 //!
@@ -20,13 +19,14 @@
 //! the Taylor expansion, with a at n extrapolated from the two samples before.) It needs a quarter of the
 //! force evaluations of RK4, and no force between samples.
 
-use crate::company::Company;
 pub use crate::company::FOLLOWERS;
+use crate::company::{Company, Follower};
+use crate::far_end::{FarEnd, Onward};
 use crate::quantity::{EnergyScale, Length, SensedForce, SquareSum, Step, high, high_rounded, square};
 use crate::scale::Scale;
 use crate::sqrt::sqrt;
 use bead_wire::Energy;
-use fixed::types::{I0F32, I2F30};
+use fixed::types::{I0F32, I2F30, I8F24, I16F16};
 use serde::{Deserialize, Serialize};
 
 /// Number of samples in a row below the gate that still belong to a pulse.
@@ -56,6 +56,9 @@ pub struct ReducedChain {
     pub gate: SensedForce,
     /// c (1 µm/sample)² dt, nJ.
     pub energy: EnergyScale,
+    /// Time that a solitary wave takes from contact to contact if its peak is one bit of acceleration,
+    /// samples.
+    pub delay: I16F16,
 }
 
 /// One coordinate with the state of its next step, as bits of their formats.
@@ -134,6 +137,8 @@ pub struct ReducedChainState {
     intruder: Coordinate,
     /// Displacements of the followers' intruders relative to their hosts, where they hold one.
     behind: [Coordinate; FOLLOWERS],
+    /// The chain behind the last follower.
+    end: FarEnd,
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
     watch: Watch,
     /// Samples since the force was above the gate, or since the start.
@@ -166,6 +171,11 @@ impl ReducedChainState {
         [POSITION * position as f32, VELOCITY * velocity as f32]
     }
 
+    /// Returns `true` once the chain behind the last follower may be felt at the host.
+    pub(crate) fn echoes(&self) -> bool {
+        self.end.echoes()
+    }
+
     /// Returns `true` if a state left half the range of its format since the window opened.
     pub fn saturated(&self) -> bool {
         self.watch.0 >= LIMIT
@@ -187,18 +197,18 @@ impl ReducedChain {
     ) {
         let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
         let powers = &Powers::new(scale);
-        match (scaled, company.behind > 0) {
-            (false, false) => self.run::<false, false>(powers, company, state, forces, predicted),
-            (true, false) => self.run::<true, false>(powers, company, state, forces, predicted),
-            (false, true) => self.run::<false, true>(powers, company, state, forces, predicted),
-            (true, true) => self.run::<true, true>(powers, company, state, forces, predicted),
+        match (scaled, company.is_uniform()) {
+            (false, true) => self.run::<false, false>(powers, company, state, forces, predicted),
+            (true, true) => self.run::<true, false>(powers, company, state, forces, predicted),
+            (false, false) => self.run::<false, true>(powers, company, state, forces, predicted),
+            (true, false) => self.run::<true, true>(powers, company, state, forces, predicted),
         }
     }
 
     /// [`ReducedChain::process`], with `powers` if `SCALED`, and as if they were zero otherwise; with the
-    /// intruders of `company` if `ROW`, and as if there were none otherwise.
+    /// followers of `company` if `UNLIKE`, and as if they were like the host otherwise.
     #[inline(always)]
-    fn run<const SCALED: bool, const ROW: bool>(
+    fn run<const SCALED: bool, const UNLIKE: bool>(
         &self,
         powers: &Powers,
         company: &Company,
@@ -215,19 +225,46 @@ impl ReducedChain {
             mut watch,
             ..
         } = *state;
+        let end = &mut state.end;
+        let onward = &self.onward(company);
+        let force = |follower: usize, overlaps: &[Coordinate; FOLLOWERS], watch: &mut Watch| {
+            let Coordinate {
+                position, velocity, ..
+            } = overlaps[follower];
+            if UNLIKE {
+                let Follower {
+                    contact,
+                    relaxation,
+                    overlap,
+                    load,
+                    ..
+                } = company.followers[follower];
+                let position = position.saturating_add(overlap.to_bits());
+                contact_force::<SCALED>(
+                    [contact.to_bits(), relaxation.to_bits()],
+                    powers,
+                    position,
+                    velocity,
+                    watch,
+                ) - load
+            } else {
+                let coefficients = [self.contact.to_bits(), self.relaxation.to_bits()];
+                contact_force::<SCALED>(coefficients, powers, position, velocity, watch)
+            }
+        };
         let mut squares = 0;
         for (&measured, predicted) in forces.iter().zip(predicted) {
-            // From the free end to the host: in this order the fewest values are needed at a time.
-            let mut contact = self.contact_force::<SCALED>(powers, &overlaps[FOLLOWERS - 1], &mut watch);
+            // From the end to the host: in this order the fewest values are needed at a time.
+            let mut contact = force(FOLLOWERS - 1, &overlaps, &mut watch);
             // Acceleration of the bead behind the contact.
-            let mut behind = contact;
-            if ROW {
-                behind = company.follow::<SCALED>(FOLLOWERS - 1, contact, powers, &mut intruders, &mut watch);
+            let mut behind = contact - end.push(contact, onward);
+            if UNLIKE {
+                behind = company.follow::<SCALED>(FOLLOWERS - 1, behind, powers, &mut intruders, &mut watch);
             }
             for i in (1..FOLLOWERS).rev() {
-                let ahead = self.contact_force::<SCALED>(powers, &overlaps[i - 1], &mut watch);
+                let ahead = force(i - 1, &overlaps, &mut watch);
                 let mut bead = ahead - contact;
-                if ROW {
+                if UNLIKE {
                     bead = company.follow::<SCALED>(i - 1, bead, powers, &mut intruders, &mut watch);
                 }
                 overlaps[i].advance(bead - behind, &mut watch);
@@ -263,37 +300,17 @@ impl ReducedChain {
             watch.state(intruder.position);
         }
         (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
-        if ROW {
+        if UNLIKE {
             state.behind = intruders;
         }
         state.silent = silent;
         state.squares.add(squares);
     }
 
-    /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, in twelfths of the acceleration of a bead.
-    #[inline(always)]
-    fn contact_force<const SCALED: bool>(
-        &self,
-        powers: &Powers,
-        contact: &Coordinate,
-        watch: &mut Watch,
-    ) -> i32 {
-        let overlap = contact.position;
-        if overlap <= 0 {
-            // Beads that have parted may drift until the overlap saturates. The contact stays open.
-            return 0;
-        }
-        watch.state(overlap);
-        let root = |overlap| sqrt(Length::from_bits(overlap)).to_bits();
-        let stiffness = if SCALED {
-            let overlap = overlap.min(powers.most);
-            watch.state(overlap << powers.watch);
-            high(self.contact.to_bits(), root(overlap)) << powers.contact
-        } else {
-            high(self.contact.to_bits(), root(overlap))
-        };
-        let viscous = high_rounded(self.relaxation.to_bits(), contact.velocity);
-        watch.limited(high_rounded(stiffness, overlap.saturating_add(viscous)))
+    /// How the wave goes on behind the last follower.
+    fn onward(&self, company: &Company) -> Onward {
+        let Follower { relaxation, load, .. } = company.followers[FOLLOWERS - 1];
+        Onward::new(self.delay, relaxation, load)
     }
 
     /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
@@ -302,9 +319,36 @@ impl ReducedChain {
     }
 }
 
+/// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, in twelfths of the acceleration of a host; from the bits of
+/// κ and τ ([`ReducedChain`]), of an overlap and of its change.
+#[inline(always)]
+fn contact_force<const SCALED: bool>(
+    [contact, relaxation]: [i32; 2],
+    powers: &Powers,
+    overlap: i32,
+    velocity: i32,
+    watch: &mut Watch,
+) -> i32 {
+    if overlap <= 0 {
+        // Beads that have parted may drift until the overlap saturates. The contact stays open.
+        return 0;
+    }
+    watch.state(overlap);
+    let root = |overlap| sqrt(Length::from_bits(overlap)).to_bits();
+    let stiffness = if SCALED {
+        let overlap = overlap.min(powers.most);
+        watch.state(overlap << powers.watch);
+        high(contact, root(overlap)) << powers.contact
+    } else {
+        high(contact, root(overlap))
+    };
+    let viscous = high_rounded(relaxation, velocity);
+    watch.limited(high_rounded(stiffness, overlap.saturating_add(viscous)))
+}
+
 impl Company {
-    /// The acceleration of a follower, in twelfths, on which its contacts alone would have `pushed`. Advances
-    /// its intruder, if it holds one.
+    /// The acceleration of a follower, in twelfths, on which its contacts push as much as they would
+    /// accelerate a host by `pushed`. Advances its intruder, if it holds one.
     #[inline(always)]
     fn follow<const SCALED: bool>(
         &self,
@@ -314,6 +358,14 @@ impl Company {
         intruders: &mut [Coordinate; FOLLOWERS],
         watch: &mut Watch,
     ) -> i32 {
+        let Follower { lightness, ratio, .. } = self.followers[follower];
+        let pushed = if self.unlike {
+            let scaled = i64::from(pushed) * i64::from(lightness.to_bits());
+            // Forces are below 2^24 and a bead is at most 64 times as light: there is room.
+            watch.limited((scaled >> I8F24::FRAC_NBITS) as i32)
+        } else {
+            pushed
+        };
         if !self.holds(follower) {
             return pushed;
         }
@@ -325,7 +377,7 @@ impl Company {
         );
         // M/(M - m) = 1 + m/(M - m). Both terms are limited, so there is room for the powers.
         let drawn = (pushed + springs) << if SCALED { powers.masses } else { 0 };
-        let bead = watch.limited(pushed + high_rounded(self.ratio.to_bits(), drawn));
+        let bead = watch.limited(pushed + high_rounded(ratio.to_bits(), drawn));
         intruder.advance(-springs - bead, watch);
         watch.state(intruder.position);
         bead
@@ -405,29 +457,14 @@ mod tests {
 
     #[test]
     fn an_overlap_beyond_half_of_what_its_powers_leave_room_for_is_remembered() {
-        // No force, so nothing but the overlap is watched.
-        let chain = ReducedChain {
-            contact: I0F32::ZERO,
-            relaxation: I2F30::ZERO,
-            incoming: I0F32::ZERO,
-            stiffness: I0F32::ZERO,
-            damping: I0F32::ZERO,
-            intruder: I0F32::ZERO,
-            host: I0F32::ZERO,
-            gate: SensedForce::ZERO,
-            energy: EnergyScale::ZERO,
-        };
         let left = |contact: u8, position: i32| {
             let powers = Powers::new(&Scale {
                 contact,
                 ..Scale::default()
             });
-            let overlap = Coordinate {
-                position,
-                ..Coordinate::default()
-            };
+            // No stiffness, so nothing but the overlap is watched.
             let mut watch = Watch::default();
-            chain.contact_force::<true>(&powers, &overlap, &mut watch);
+            contact_force::<true>([0; 2], &powers, position, 0, &mut watch);
             watch.0 >= LIMIT
         };
         // 256 µm of the paper's bead; 4^(6 - contact)/2 µm if there is less room.

@@ -36,7 +36,7 @@ pub const VERSION: u16 = 7;
 /// The version without those sections.
 const FIRST: u16 = 1;
 /// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
-const SECTIONS_SINCE: usize = 3;
+const SECTIONS_SINCE: usize = 4;
 /// The last version of the time before the first release. Those were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.
@@ -244,6 +244,17 @@ impl Settings {
     /// # Errors
     /// No intact block of this version, or settings that [`Self::new`] refuses.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
+        let description = Self::described(bytes)?;
+        match Self::new(&description) {
+            Ok(settings) => Ok(settings),
+            Err(violation) => Err(violation.into()),
+        }
+    }
+
+    /// The description in a block. Never inlined: its buffer would be on the stack while settings are
+    /// derived.
+    #[inline(never)]
+    fn described(bytes: &[u8]) -> Result<Description, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
         if header.iter().all(|&byte| byte == 0xff) {
             return Err(SettingsError::Erased);
@@ -271,7 +282,7 @@ impl Settings {
         if !rest.is_empty() {
             return Err(SettingsError::Body);
         }
-        Ok(Self::new(&description)?)
+        Ok(description)
     }
 
     /// Length of the block at the start of `bytes`, if there is a header.

@@ -77,6 +77,11 @@ keys! {
     SupplyVoltage "supply.voltage"
     ForceEnd "sensor_end.force"
     AccelerationEnd "sensor_end.acceleration"
+    FollowersMass "followers.mass"
+    FollowersStiffness "followers.stiffness"
+    FollowersRelaxation "followers.relaxation"
+    Wall "followers.wall"
+    Load "followers.load"
 }
 
 /// A coefficient that follows from the settings; its format may not hold it.
@@ -114,7 +119,7 @@ pub enum Coefficient {
     CompanyStiffness,
     /// [`Company::damping`](crate::company::Company::damping).
     CompanyDamping,
-    /// [`Company::ratio`](crate::company::Company::ratio).
+    /// [`Follower::ratio`](crate::company::Follower::ratio).
     CompanyRatio,
 }
 
@@ -140,8 +145,12 @@ pub enum Bound {
     OneBead,
     /// Text without control characters.
     Text,
-    /// Digits from 1 to 4, each at most once.
+    /// Digits from 1 to 6, each at most once.
     Places,
+    /// 0 to 6.
+    Place,
+    /// At least 1/64 of the mass of the bead.
+    NotLight,
     /// 0 or 1.
     Flag,
     /// A wave of 1 m/s at least [`LEAST_WIDTH`](crate::physics::LEAST_WIDTH) samples wide.
@@ -199,6 +208,8 @@ impl Bound {
             Self::OneBead => "is 255, the address of every bead",
             Self::Text => "is not UTF-8, or has a control character",
             Self::Places => "names no beads behind",
+            Self::Place => "is not the place of one of the six beads behind",
+            Self::NotLight => "must be at least 1/64 of the mass of the bead",
             Self::Flag => "must be 0 or 1",
             Self::Width { .. } => "makes a wave of 1 m/s too short for the sample rate",
             Self::Format { .. } => "gives a coefficient that its format does not hold",

@@ -19,7 +19,7 @@
 //! is not in it. What its intruder still holds then is in its energies
 //! ([`RingDown`](crate::ring_down::RingDown)). An eighth of the force brings 3 % of the energy.
 //!
-//! **Overlap.** Windows that overlap have more scans than came. A meter measures three of five that come. A
+//! **Overlap.** Windows that overlap have more scans than came. A meter measures 3 of 8 that come. A
 //! window that overlaps the one before is opened only if the meter, in calls of any length, would not lag too
 //! far behind for it: else the wave is a part of the window, or missed.
 
@@ -35,13 +35,26 @@ const PART: i32 = 8;
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
 pub const REACH: usize = 816;
 
-/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000
-/// at its end: of the longest one the whole history waited at first, and of each five scans that came two
-/// were left ([`Meter::process`](crate::Meter::process)). One that was opened from outside waits [`REACH`]
-/// longer. Of 672 scans, with a history of 160, it comes to this limit in its last piece, and a longer one
-/// earlier.
-pub(crate) const LAG_MAX: usize = REACH + 590;
-const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
+/// Part of the scans that come which the meter measures, as a fraction: so the busiest block is as busy as
+/// estimate B with six followers may make it.
+pub(crate) const MEASURED: [usize; 2] = [3, 8];
+
+/// Scans that come while a window of `length` is measured.
+const fn meanwhile(length: u64) -> u64 {
+    length * MEASURED[1] as u64 / MEASURED[0] as u64
+}
+
+/// Scans by which the meter lags behind when it has measured a window that the force opened: its whole
+/// history waited at first.
+const fn lag(history: u64, length: u64) -> u64 {
+    history + meanwhile(length) - length
+}
+
+/// Most scans by which the meter may lag behind after a call: two strikes have a window of 672 scans each,
+/// with a history of 160, however soon one comes after the other. A window that was opened from outside waits
+/// [`REACH`] longer than one that the force opened; the longest of these come near this limit.
+pub(crate) const LAG_MAX: usize = REACH + 1952;
+const _: () = assert!(LAG_MAX as u64 >= lag(HISTORY_MAX as u64, WINDOW_MAX as u64));
 
 /// The cause of a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -256,7 +269,7 @@ impl Waves {
 
     /// Sample index at which the newest window is measured if it ends at `end`.
     fn done(&self, end: u64) -> u64 {
-        self.done.max(self.newest.opened) + end.saturating_sub(self.newest.first) * 5 / 3
+        self.done.max(self.newest.opened) + meanwhile(end.saturating_sub(self.newest.first))
     }
 
     /// True if the meter would lag no more than it may with a window that the scan `trigger` opens, if the
@@ -265,7 +278,7 @@ impl Waves {
         let window = &settings.window;
         let [history, length] = [window.history, window.length].map(u64::from);
         let first = (trigger + 1).saturating_sub(history);
-        first >= self.newest.end || self.done(end) + history + length * 2 / 3 <= first + LAG_MAX as u64
+        first >= self.newest.end || self.done(end) + lag(history, length) <= first + LAG_MAX as u64
     }
 
     /// The window around a scan, opened at the scan `opened`. It is the newest from now on.

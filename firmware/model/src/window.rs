@@ -24,9 +24,12 @@ const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::CHAIN_RANGE)
     .with(StrikeFlags::GAINS_DIFFER)
     .with(StrikeFlags::SENSOR_END)
-    .with(StrikeFlags::NOT_AT_REST)
-    .with(StrikeFlags::WAVE_TRAIN)
-    .with(StrikeFlags::UNLIKE_NEIGHBOUR);
+    .with(StrikeFlags::NOT_AT_REST);
+
+/// Eighths of the highest force below which a wave has fallen, so that another one may come; and those where
+/// two waves come within the width of one.
+const FALLEN: i32 = 4;
+const FALLEN_OF_DOUBLE: i32 = 5;
 
 /// Part of an energy, as its inverse, above which the energy left is flagged: 0.5 %.
 const RINGING: i128 = 200;
@@ -160,7 +163,8 @@ impl Window {
             self.ring_end = self.samples;
         }
         let force_known = self.railed.without(StrikeFlags::FORCE_RAILED) == self.railed;
-        self.waveform.close_piece(force_known && self.unknown == 0);
+        self.waveform
+            .close_piece(force_known && self.unknown == 0, self.chain.echoes());
         self.unknown = self.unknown.saturating_sub(1);
     }
 
@@ -200,7 +204,6 @@ impl Window {
     /// The result of the window and its shape, once its last sample has been taken. Flags of
     /// [`StrikeFlags::OF_THE_BEAD`] are not set: they do not follow from the window.
     pub fn report(&self, settings: &Settings, record: &WindowRecord) -> (Strike, Shape) {
-        let is_cut = self.samples < settings.window.length;
         let left = self.left(settings, record);
         let parts = left.map_or([Energy::default(); 2], |left| [left.measured, left.predicted]);
         let [measured, predicted] = [
@@ -211,15 +214,14 @@ impl Window {
             .into_iter()
             .any(|(part, whole)| i128::from(part.bits()) * RINGING > i128::from(whole.bits()));
         let noise_energy = settings.observer.noise(settings.scale.measured, &self.observer);
+        let peaks = record.peaks();
         let WindowPeaks {
             force: peak_force,
             sample: peak_sample,
-            acceleration,
-        } = record.peaks();
+            ref acceleration,
+        } = peaks;
         let incident_energy = incident_energy(settings.incident, peak_force);
-        // The noise that the settings state counts even where no code scatters.
-        let force_noise = self.chain.gate().max(settings.chain.gate).to_num::<f32>() / 3.0;
-        let force_noise = force_noise / peak_force.to_num::<f32>().max(f32::MIN_POSITIVE);
+        let force_noise = self.part_of_noise(settings, peak_force);
         let shape = Shape {
             strike: self.strike,
             first_index: self.first_index,
@@ -236,50 +238,16 @@ impl Window {
                 settings.ringing.frequency,
             )
         };
-        let swing = (*acceleration.end()).max(acceleration.start().saturating_neg());
-        let at_end = peak_force >= settings.force_end || swing >= settings.acceleration_end;
         let uncertainty = settings.uncertainty.as_ref().and_then(|terms| {
             let noise = settings.observer.noise_square(&self.observer);
             terms.of(&shape, [measured, predicted], noise, self.force_noise())
         });
         let shape = Shape { uncertainty, ..shape };
-        let drifted = settings.company.is_alone() && settings.ringing.is_other_than(&shape);
-        let gains = [shape.force_gains, shape.acceleration_gains];
-        let gains_differ = gains
-            .into_iter()
-            .flatten()
-            .any(|gains| gains_differ(gains, GAIN_TOLERANCE));
-        let flags = self
-            .railed
-            .with_if(self.chain.saturated(), StrikeFlags::CHAIN_RANGE)
-            .with_if(at_end, StrikeFlags::SENSOR_END)
-            .with_if(gains_differ, StrikeFlags::GAINS_DIFFER)
-            .with_if(
-                settings.quiet.is_exceeded(&settings.window, record),
-                StrikeFlags::NOT_AT_REST,
-            )
-            .with_if(
-                is_cut || another_wave(settings, record.forces(), peak_force),
-                StrikeFlags::ANOTHER_WAVE,
-            )
-            .with_if(is_cut, StrikeFlags::WINDOW_CUT);
-        let width = shape.width.samples() as f32;
-        let differs = |waveform| settings.waveform.differs(waveform, width);
-        let model_differs = shape.waveform.is_some_and(differs) && flags.without(EXPLAIN) == flags;
-        let flags = flags
-            .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
-            .with_if(model_differs, StrikeFlags::MODEL_DIFFERS);
-        // Another flag explains a difference. Energy that is left explains none: both estimates have it. The
-        // uncertainty of the difference has the noise's in it.
-        let (part, noise) = match uncertainty {
-            Some(known) => (
-                I16F16::from_bits(known.difference.bits().saturating_mul(COVERAGE)),
-                Energy::default(),
-            ),
-            None => (settings.disagreement, noise_energy),
-        };
-        let unexplained = flags == StrikeFlags::NONE && differ([measured, predicted], part, noise);
-        let flags = flags.with_if(ringing_left, StrikeFlags::RINGING_LEFT);
+        let found = self.found(settings, record, &peaks, &shape);
+        let energies = [measured, predicted];
+        let flags = found
+            .with(self.judged(settings, record, peaks.force, &shape, energies, found))
+            .with_if(ringing_left, StrikeFlags::RINGING_LEFT);
         let strike = Strike {
             strike: self.strike,
             first_index: self.first_index,
@@ -295,9 +263,101 @@ impl Window {
             absorbed_fraction: fraction(measured, incident_energy),
             noise_energy,
             force_noise: self.force_noise(),
-            flags: flags.with_if(unexplained, StrikeFlags::ESTIMATES_DIFFER),
+            flags,
         };
         (strike, shape)
+    }
+
+    /// Flags of what stands in the record, whatever the model says.
+    fn found(
+        &self,
+        settings: &Settings,
+        record: &WindowRecord,
+        peaks: &WindowPeaks,
+        shape: &Shape,
+    ) -> StrikeFlags {
+        let is_cut = self.samples < settings.window.length;
+        let WindowPeaks {
+            force, acceleration, ..
+        } = peaks;
+        let swing = (*acceleration.end()).max(acceleration.start().saturating_neg());
+        let at_end = *force >= settings.force_end || swing >= settings.acceleration_end;
+        let gains_differ = [shape.force_gains, shape.acceleration_gains]
+            .into_iter()
+            .flatten()
+            .any(|gains| gains_differ(gains, GAIN_TOLERANCE));
+        self.railed
+            .with_if(self.chain.saturated(), StrikeFlags::CHAIN_RANGE)
+            .with_if(at_end, StrikeFlags::SENSOR_END)
+            .with_if(gains_differ, StrikeFlags::GAINS_DIFFER)
+            .with_if(
+                settings.quiet.is_exceeded(&settings.window, record),
+                StrikeFlags::NOT_AT_REST,
+            )
+            .with_if(
+                is_cut || another_wave(settings, record.forces(), *force, FALLEN),
+                StrikeFlags::ANOTHER_WAVE,
+            )
+            .with_if(is_cut, StrikeFlags::WINDOW_CUT)
+    }
+
+    /// Flags of a bead that is not what the model of it says, unless those that were `found` explain it.
+    fn judged(
+        &self,
+        settings: &Settings,
+        record: &WindowRecord,
+        peak: SensedForce,
+        shape: &Shape,
+        energies: [Energy; 2],
+        found: StrikeFlags,
+    ) -> StrikeFlags {
+        let width = shape.width.samples() as f32;
+        // The uncertainty of the difference has the noise's in it.
+        let (part, noise) = match shape.uncertainty {
+            Some(known) => (
+                I16F16::from_bits(known.difference.bits().saturating_mul(COVERAGE)),
+                Energy::default(),
+            ),
+            None => (
+                settings.disagreement,
+                settings.observer.noise(settings.scale.measured, &self.observer),
+            ),
+        };
+        let is_apart = differ(energies, part, noise);
+        let explained = match &settings.uncertainty {
+            Some(terms) if shape.uncertainty.is_some() && !is_apart => terms.of_waveform(energies),
+            _ => 0.0,
+        };
+        let is_unexplained = found.without(EXPLAIN) == found;
+        let differs = |waveform| settings.waveform.differs(waveform, width, explained);
+        let model_differs = is_unexplained && shape.waveform.is_some_and(differs);
+        // In a row of heavy intruders one wave looks like two so close, but the forms agree.
+        let is_double = model_differs && another_wave(settings, record.forces(), peak, FALLEN_OF_DOUBLE);
+        let later = || {
+            let whole = settings
+                .waveform
+                .whole(&self.waveform, self.part_of_noise(settings, peak));
+            whole.is_some_and(|whole| settings.waveform.differs_later(whole, width, explained))
+        };
+        let drifted = settings.company.is_alone() && settings.ringing.is_other_than(shape);
+        let flags = StrikeFlags::NONE
+            .with_if(drifted, StrikeFlags::INTRUDER_DRIFTED)
+            .with_if(model_differs, StrikeFlags::MODEL_DIFFERS)
+            .with_if(is_double, StrikeFlags::ANOTHER_WAVE)
+            .with_if(
+                is_unexplained && !model_differs && later(),
+                StrikeFlags::WAVE_TRAIN,
+            );
+        // Another flag explains a difference. Energy that is left explains none: both estimates have it.
+        let is_unexplained = found.with(flags) == StrikeFlags::NONE;
+        flags.with_if(is_unexplained && is_apart, StrikeFlags::ESTIMATES_DIFFER)
+    }
+
+    /// Noise of the force over its `peak`. The noise that the settings state counts even where no code
+    /// scatters.
+    fn part_of_noise(&self, settings: &Settings, peak: SensedForce) -> f32 {
+        let noise = self.chain.gate().max(settings.chain.gate).to_num::<f32>() / 3.0;
+        noise / peak.to_num::<f32>().max(f32::MIN_POSITIVE)
     }
 
     /// Rms noise of the force in the quiet.
@@ -310,11 +370,11 @@ impl Window {
 ///
 /// After a quiet of `lookback` samples, a wave that is an eighth as high as the highest before brings 3 % of
 /// its energy. Sooner after it, the waves that a heavy striker sends one after another come, each lower than
-/// the one before: another strike is one that is about as high, with a fall between both.
+/// the one before: another strike is one that is about as high, with a fall between both to `fallen` eighths.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
-fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce) -> bool {
+fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce, fallen: i32) -> bool {
     let lookback = usize::from(settings.window.lookback);
     let per_code = settings.force.sensitive.per_code;
     let threshold = (i64::from(per_code.to_bits()) * i64::from(settings.window.threshold))
@@ -336,8 +396,7 @@ fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce) 
         if quiet == lookback && highest >= floor {
             anew = threshold.max(highest / 8);
         }
-        // Below half of the highest, the wave has fallen.
-        if again == i32::MAX && now < highest / 2 && highest >= floor && now < highest - threshold {
+        if again == i32::MAX && now < highest / 8 * fallen && highest >= floor && now < highest - threshold {
             again = highest / 8 * 7;
         }
     }

@@ -2,8 +2,8 @@
 
 use bead_model::Settings;
 use bead_model::design::{
-    Bead, Capture, Day, Description, FrontEnd, Intruder, Neighbours, Relative, SensorEnds, Uncertainty,
-    derive,
+    Bead, Capture, Day, Description, Followers, FrontEnd, Intruder, Neighbours, Relative, SensorEnds,
+    Surroundings, Uncertainty, derive,
 };
 use bead_model::name::Name;
 use bead_model::settings::BLOCK_MAX;
@@ -86,6 +86,19 @@ fn any_uncertainty(random: &mut dyn FnMut() -> u64) -> Uncertainty {
     }
 }
 
+/// Beads behind that are heavier than any intruder drawn here.
+fn unlike_followers(bead: &Bead, random: &mut dyn FnMut() -> u64) -> Followers {
+    let like = Followers::like(bead);
+    let mut times = |least: u64| (least + random() % 16) as f32 / 8.0;
+    Followers {
+        mass: like.mass.map(|mass| mass * times(2)),
+        stiffness: like.stiffness.map(|stiffness| stiffness * times(0)),
+        relaxation: like.relaxation.map(|relaxation| relaxation * times(0)),
+        load: times(0),
+        wall: (random() % 16).saturating_sub(9) as u8,
+    }
+}
+
 fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
     /// An end of the range, one beside it, or any of it.
     fn corner(random: &mut dyn FnMut() -> u64, least: u64, most: u64) -> f64 {
@@ -110,7 +123,11 @@ fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
         places >> 8 & 1 == 1,
         intruder,
     );
-    let mut description = Description::new(&bead, &neighbours, &front_end, &Capture::default());
+    let around = Surroundings {
+        intruders: neighbours,
+        followers: (random() & 3 == 0).then(|| unlike_followers(&bead, random)),
+    };
+    let mut description = Description::new(&bead, &around, &front_end, &Capture::default());
     // Units over the range of their formats: 32 kN and 65 km/s² over 4095 codes, with the slope.
     for (sensor, last, most) in [
         (&mut description.force, 30, (1 << 31) - 1),

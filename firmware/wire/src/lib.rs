@@ -32,6 +32,7 @@ pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS, unpacked};
 pub use decoder::{Counters, Decoder};
 pub use edge::unwrapped;
 pub use frame::{Frame, Header, MAX_FRAME, Packed, encode};
+pub use message::board::MAX_BOARD;
 pub use message::fault::{Detail, FaultCause, MAX_DETAIL};
 pub use message::health::Standing;
 pub use message::identity::{MAX_FIRMWARE, MAX_GIT, ResetCauses};
@@ -40,6 +41,7 @@ pub use message::self_test::Check;
 pub use message::shape::{Conditions, EnergyUncertainty, GainMatch, LeftEnergy, WaveformMatch};
 pub use message::status::SettingsSource;
 pub use message::strike::StrikeFlags;
+pub use message::update::UpdateStage;
 // Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
 pub use message::*;
 pub use names::named;
@@ -53,6 +55,6 @@ pub use request::{
 };
 pub use sequence::{Arrival, REORDER};
 pub use signed::{AHEAD, KEY, Key, Lock, Moment, Ticket};
-pub use text::{Block, BlockTooLong, BoundedBytes, Inner, MAX_BLOCK, Text};
+pub use text::{Block, BlockTooLong, BoundedBytes, Inner, MAX_BLOCK, MAX_PIECE, Manifest, Piece, Text};
 pub use unit::Unit;
 pub use version::{VERSION, reader};

@@ -10,16 +10,19 @@
 //!
 //! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 
+pub(crate) mod board;
 pub(crate) mod fault;
 pub(crate) mod fetched;
 pub(crate) mod gap;
 pub(crate) mod guard;
 pub(crate) mod health;
 pub(crate) mod identity;
+pub(crate) mod image;
 pub(crate) mod kept;
 pub(crate) mod last_fault;
 pub(crate) mod link;
 pub(crate) mod load;
+pub(crate) mod played;
 pub(crate) mod raw;
 pub(crate) mod reply;
 pub(crate) mod self_test;
@@ -28,6 +31,7 @@ pub(crate) mod shape;
 pub(crate) mod status;
 pub(crate) mod strike;
 pub(crate) mod sync;
+pub(crate) mod update;
 pub(crate) mod waveform;
 
 use crate::body::{Body, FieldDoc, Fields, Value};
@@ -53,4 +57,8 @@ messages! {
     23 guard Guard,
     24 fetched Fetched,
     25 kept Kept,
+    26 board Board,
+    27 update Update,
+    32 played Played,
+    33 image Image,
 }

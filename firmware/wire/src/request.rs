@@ -18,7 +18,7 @@ use crate::cause::{Cause, Rejected};
 use crate::deframer::Deframer;
 use crate::payload::{BufferTooSmall, CRC_LENGTH, open, seal, whole};
 use crate::table::requests;
-use crate::text::{Block, Inner};
+use crate::text::{Block, Inner, Manifest, Piece};
 use crate::version::VERSION;
 
 /// Version, kind, number, address.
@@ -32,7 +32,7 @@ pub const MAX_REQUEST: usize = 1 + MAX_ENCODED + 1;
 pub const ANY: u8 = 0xFF;
 
 requests! {
-    /// Send an identity frame.
+    /// Send an identity frame and a board frame.
     64 "identity" Identity,
     /// Send status, health and link frames.
     65 "status" Status,
@@ -103,6 +103,48 @@ requests! {
         /// The sample index of the scan.
         index: u64,
     },
+    /// Take another image. A bead that measures judges its manifest, and resets: from the next start on it
+    /// takes no samples and waits for the image, for ten seconds at most from request to request. A bead
+    /// that waits makes room for it, which takes one to four seconds.
+    80 "begin update" BeginUpdate {
+        /// The signed manifest that stands at the end of the image's file: what is to come.
+        manifest: Manifest,
+        /// True to take an image that is older than the one that runs.
+        older: bool,
+    },
+    /// Bytes of the image that was begun.
+    81 "update data" UpdateData {
+        /// The place of the first of them in the image; a multiple of 4.
+        offset: u32,
+        /// The bytes; a multiple of 4 of them, except for the last.
+        bytes: Piece,
+    },
+    /// The image is whole: compare it with its manifest, reply, and reset. The next start tries it, and
+    /// keeps it if it passes its self-test. Else the one after that goes back to the image before.
+    82 "finish update" FinishUpdate,
+    /// Send an image frame. It takes the bead some 50 ms to read its flash.
+    88 "image" Image,
+    /// On a bench: put these codes on the two outputs, PA4 and PA5, and send every scan for this time, in raw
+    /// frames, as far as the link can carry them. Look for no strikes meanwhile. Then send a played frame.
+    89 "hold" Hold {
+        /// The code of PA4, 0 to 4095.
+        force: u16,
+        /// The code of PA5, 0 to 4095.
+        acceleration: u16,
+        /// The time, in ms, at most 400.
+        duration_ms: u32,
+    },
+    /// On a bench: play a made-up strike on the outputs, so often, and look for strikes meanwhile, armed or
+    /// not. A window that has any of this time in it is a strike with the flag `played`. Send a played frame
+    /// after each.
+    90 "play" Play {
+        /// The number of strikes. All of them may take 400 ms.
+        strikes: u32,
+        /// The time from one to the next, in ms, at least 5.
+        interval_ms: u32,
+    },
+    /// On a bench: reply, send the frames that wait, and hang, so that the watchdog resets the bead.
+    91 "hang" Hang,
 }
 
 /// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead

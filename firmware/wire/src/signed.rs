@@ -115,6 +115,7 @@ impl Request {
                 | Self::Raw { .. }
                 | Self::ListKept
                 | Self::Fetch { .. }
+                | Self::Image
         )
     }
 

@@ -74,6 +74,13 @@ pub const MAX_BLOCK: usize = 448;
 /// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
 pub type Block = BoundedBytes<MAX_BLOCK>;
 
+/// The signed manifest of an image. This crate does not look into it.
+pub type Manifest = BoundedBytes<256>;
+/// Most bytes of an image in one request.
+pub const MAX_PIECE: usize = 440;
+/// Bytes of an image.
+pub type Piece = BoundedBytes<MAX_PIECE>;
+
 /// Longest body of a frame that another one carries, in bytes: that of a settings block.
 const MAX_INNER: usize = counted(MAX_BLOCK);
 /// The body of a frame that another one carries.

@@ -17,7 +17,7 @@
 
 use std::borrow::Cow;
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
@@ -27,7 +27,7 @@ use crate::given::{Inputs, Run};
 use crate::outcome::{Sampling, StretchWork};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 12;
+pub(crate) const FORMAT: u32 = 15;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -43,7 +43,7 @@ pub(crate) const RTT: &str = "rtt.bin";
 pub(crate) const OUTCOME: &str = "outcome.json";
 /// Text that the image wrote by semihosting.
 pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
-/// Contents of flash sectors 10 and 11 at the end of the run.
+/// Contents of the flash that can be written at the end of the run.
 pub(crate) const FLASH: &str = "flash.bin";
 
 /// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes
@@ -71,6 +71,8 @@ pub(crate) struct RunDescription<'a> {
     pub(crate) run: Cow<'a, Run>,
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
+    /// Address of the image's vector table.
+    pub(crate) vectors: u32,
     /// First addresses of the handlers of faults: vectors 3 to 6.
     pub(crate) fault_handlers: Vec<u32>,
     /// First addresses of the functions that a panic enters.
@@ -81,6 +83,8 @@ pub(crate) struct RunDescription<'a> {
     pub(crate) work: Vec<usize>,
     /// True if the host advances virtual time step by step.
     pub(crate) live: bool,
+    /// Path of the file of executed addresses, without its end.
+    pub(crate) coverage: Option<PathBuf>,
 }
 
 /// On standard input of QEMU: the host wants the report of a run that takes too long.

@@ -46,6 +46,9 @@ pub struct Run {
     pub work: Vec<String>,
     /// Counts instructions. This costs QEMU about half of its speed. Turn it off for long runs.
     pub count_instructions: bool,
+    /// Estimates the cycles of the instructions that are counted ([`Cycles`](crate::Cycles)). The run takes
+    /// three to five times as long.
+    pub count_cycles: bool,
     /// Virtual time that the run continues after the last row, ns.
     pub tail_ns: u64,
     /// When to give up, in ns of virtual time, if the first externally triggered scan has not come.
@@ -60,6 +63,8 @@ pub struct Run {
     pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
+    /// DEV_ID of the part (RM0090 section 38.6.1): 0x413 is the STM32F405. Nothing else changes with it.
+    pub dev_id: u16,
     /// Frequency error of the crystal, ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
@@ -93,6 +98,13 @@ pub struct Run {
     /// Wires from pin to pin, for example `("PA9".into(), "PA10".into())`. A wire carries the level of an
     /// output, and the frames of a USART to the receiver of a USART.
     pub wires: Vec<(String, String)>,
+    /// Wires from the outputs of the DAC to analog inputs. An input whose output is off has what it has
+    /// without the wire.
+    pub analog_wires: Vec<AnalogWire>,
+    /// Triggers that the DAC misses, by their number since its channel was enabled: the first is 0.
+    pub dac_misses: Vec<u64>,
+    /// Frequency of the oscillator behind the watchdog, Hz. `None` for 32 kHz; silicon has 17 to 47.
+    pub lsi_hz: Option<u32>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
     /// Faults on demand.
@@ -117,12 +129,14 @@ impl Run {
             functions: Vec::new(),
             work: Vec::new(),
             count_instructions: true,
+            count_cycles: false,
             tail_ns: 10_000_000,
             sampling_deadline_ns: 2_000_000_000,
             timeout: Duration::from_secs(120),
             qemu: None,
             overlay: None,
             hse_hz: 8_000_000,
+            dev_id: 0x413,
             hse_ppm: 0.0,
             shift: None,
             software_scan_under_trigger: true,
@@ -135,6 +149,9 @@ impl Run {
             record_pins: false,
             analog_inputs: Vec::new(),
             wires: Vec::new(),
+            analog_wires: Vec::new(),
+            dac_misses: Vec::new(),
+            lsi_hz: None,
             pokes: Vec::new(),
             faults: Vec::new(),
             gdb: None,
@@ -236,6 +253,48 @@ impl AnalogInput {
         let last = self.codes.len().saturating_sub(1);
         let position = usize::try_from(passed).map_or(last, |position| position.min(last));
         self.codes.get(position).copied().unwrap_or(0)
+    }
+}
+
+/// A wire from an output of the DAC to an analog input. The two have the same supply, so the code of one is
+/// that of the other, but for resistors in the wire and what may be wrong with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AnalogWire {
+    /// `PA4` or `PA5`.
+    pub from: String,
+    /// For example `PA0`.
+    pub to: String,
+    /// Part of the voltage that comes through: 1, or that of a divider.
+    pub gain: f64,
+    /// Codes that are added.
+    pub offset: f64,
+    /// Deviation from a straight line at both ends, in codes: a parabola that is 0 in the middle.
+    pub bend: f64,
+    /// Change of the code for a change of the other output by half its range.
+    pub cross_talk: f64,
+    /// Noise of the input, in codes rms.
+    pub noise: f64,
+    /// Time by which the input is behind, ns: a period of what is played at most.
+    pub delay_ns: u64,
+    /// Time constant of a capacitor at the input, ns.
+    pub lag_ns: u64,
+}
+
+impl AnalogWire {
+    /// A wire with nothing in it and nothing wrong.
+    pub fn new(from: impl Into<String>, to: impl Into<String>) -> Self {
+        Self {
+            from: from.into(),
+            to: to.into(),
+            gain: 1.0,
+            offset: 0.0,
+            bend: 0.0,
+            cross_talk: 0.0,
+            noise: 0.0,
+            delay_ns: 0,
+            lag_ns: 0,
+        }
     }
 }
 

@@ -12,10 +12,12 @@ mod run;
 mod vcd;
 
 pub use ending::{CodeAddress, Exception, RunEnd};
-pub use given::{AnalogInput, Fault, FaultKind, Inputs, Level, PinInput, Poke, Run, Since, UartInput};
+pub use given::{
+    AnalogInput, AnalogWire, Fault, FaultKind, Inputs, Level, PinInput, Poke, Run, Since, UartInput,
+};
 pub use outcome::{
-    BlockCost, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin, Reset,
-    ResetCause, Sampling, StretchWork, Uart, UnknownRegister,
+    BlockCost, Cycles, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin,
+    Reset, ResetCause, Sampling, StretchWork, Uart, UnknownRegister,
 };
 #[doc(hidden)]
 pub use run::carry;

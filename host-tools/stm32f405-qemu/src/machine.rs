@@ -37,7 +37,7 @@ mod wiring;
 pub use board::{Exterior, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::StimulusPlayer;
-pub(crate) use wiring::{USARTS, interrupt_name, pin};
+pub(crate) use wiring::{USARTS, analog_pin, interrupt_name, pin};
 
 use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
@@ -54,7 +54,7 @@ use sampling::Scans;
 use table::DMA2_LINES;
 use transfers::{Context, Transfers, part, serving};
 use unknown::UnknownRegisters;
-use wires::Wires;
+use wires::{AnalogLoop, Wires};
 use wiring::{SERVERS, known_pin};
 
 /// An STM32F405 without its processor and memory.
@@ -71,6 +71,8 @@ pub struct Machine {
     /// The cause of a reset that was asked for and has not come yet.
     reset_wanted: Option<ResetCause>,
     resets: Vec<Reset>,
+    /// Address of the image's vector table.
+    vectors: u32,
 }
 
 impl Machine {
@@ -82,7 +84,7 @@ impl Machine {
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
         let stimulus = StimulusPlayer::new(&run, hse_hz);
-        let mut chip = Chip::new(hse_hz, run.uid, stimulus);
+        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, stimulus);
         for converter in &mut chip.units.adc.converters {
             converter.software_scan_under_trigger = run.software_scan_under_trigger;
         }
@@ -98,6 +100,11 @@ impl Machine {
             .iter()
             .map(|wire| [known_pin(&wire.0), known_pin(&wire.1)]);
         chip.wires = Wires::new(wires.collect());
+        chip.analog_wires = run.analog_wires.iter().map(AnalogLoop::new).collect();
+        chip.units.dac.misses = run.dac_misses;
+        if let Some(hz) = run.lsi_hz {
+            chip.units.iwdg.lsi_hz = hz;
+        }
         Self {
             levels: Levels::new(&run.pin_inputs, &mut chip),
             chip,
@@ -108,6 +115,7 @@ impl Machine {
             stuck: None,
             reset_wanted: None,
             resets: Vec::new(),
+            vectors: FLASH.start,
         }
     }
 
@@ -238,7 +246,7 @@ impl Machine {
             | FaultKind::RunawayStack => {
                 // Every converter is served by DMA2.
                 if let Some(place) = serving_adc {
-                    crash(kind, DMA2_LINES[place.stream], board);
+                    crash(kind, self.vectors, DMA2_LINES[place.stream], board);
                 }
             }
         }
@@ -285,12 +293,17 @@ impl Machine {
         &self.chip.units.flash.contents
     }
 
+    /// The vector table lies here: not at the start of flash if another program starts first.
+    pub fn set_vectors(&mut self, address: u32) {
+        self.vectors = address;
+    }
+
     /// Puts these bytes there.
     ///
     /// # Panics
     /// The number of bytes is another one.
     pub fn set_flash(&mut self, contents: Vec<u8>) {
-        assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
+        assert_eq!(contents.len(), WRITABLE.len(), "all bytes that can be written");
         self.chip.units.flash.contents = contents;
     }
 

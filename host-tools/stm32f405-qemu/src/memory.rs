@@ -6,8 +6,21 @@ use std::ops::Range;
 pub const SRAM: Range<u32> = 0x2000_0000..0x2002_0000;
 /// Flash, on the AHB.
 pub const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
-/// The part of flash that the firmware can write: sectors 10 and 11.
-pub const WRITABLE: Range<u32> = 0x080c_0000..0x0810_0000;
+/// The part of flash that the firmware can write: all but sectors 0 and 1, where a program starts.
+pub const WRITABLE: Range<u32> = 0x0800_8000..0x0810_0000;
+
+/// The sector of flash with this number, if there is one (table 5).
+pub(crate) fn sector(number: u32) -> Option<Range<u32>> {
+    let (start, kib) = match number {
+        0..4 => (16 * number, 16),
+        4 => (64, 64),
+        5..12 => (128 * (number - 4), 128),
+        _ => return None,
+    };
+    let start = FLASH.start + (start << 10);
+    Some(start..start + (kib << 10))
+}
+
 /// Core-coupled memory. It is on the processor's bus only: the DMA does not reach it.
 pub(crate) const CCM: Range<u32> = 0x1000_0000..0x1001_0000;
 
@@ -29,4 +42,19 @@ pub(crate) fn is_beyond_every_bus(address: u32) -> bool {
 pub(crate) fn is_ram(address: u32, bytes: usize) -> bool {
     let within = |ram: &Range<u32>| ram.contains(&address) && (ram.end - address) as usize >= bytes;
     within(&SRAM) || within(&CCM)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twelve_sectors_make_the_flash() {
+        let sectors: Vec<_> = (0..12).map_while(sector).collect();
+        assert_eq!((sectors[0].start, sectors[11].end), (FLASH.start, FLASH.end));
+        assert!(sectors.windows(2).all(|pair| pair[0].end == pair[1].start));
+        assert_eq!(sectors[2].start, WRITABLE.start);
+        assert_eq!(sectors[10], 0x080c_0000..0x080e_0000);
+        assert_eq!(sector(12), None);
+    }
 }

@@ -1,6 +1,7 @@
 //! Outcome of a run.
 
 use std::fmt;
+use std::ops::{Add, Sub};
 
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +59,8 @@ pub struct Outcome {
     pub never_came: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
-    /// Contents at the end of flash sectors 10 and 11, which firmware can write: address and bytes, as for
+    /// Contents at the end of the flash that firmware can write, which is all but sectors 0 and 1: address
+    /// and bytes. A part of it that holds none of the image can be a block of
     /// [`Run::flash`](crate::Run::flash).
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
@@ -168,17 +170,23 @@ impl Outcome {
 pub struct Instructions {
     /// By the whole image.
     pub total: u64,
+    /// Cycles that they would take. `None` if they were not counted
+    /// ([`Run::count_cycles`](crate::Run::count_cycles)).
+    pub cycles: Option<Cycles>,
     /// One entry for each label, in the order given.
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
     pub worst_block: Option<BlockCost>,
+    /// The one of these stretches with the most cycles a scan, by the upper bound. `None` if cycles were not
+    /// counted.
+    pub slowest_block: Option<BlockCost>,
     /// All stretches in which a function of [`Run::work`](crate::Run::work) ran, taken together. `None` if
     /// there were none.
     pub working: Option<BlockCost>,
     /// All other stretches, taken together. `None` if there were none.
     pub idle: Option<BlockCost>,
     /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream
-    /// on.
+    /// on: by the upper bound of its cycles, or by its instructions if cycles were not counted.
     pub masked: Option<Masked>,
 }
 
@@ -188,6 +196,8 @@ pub struct Instructions {
 pub struct Masked {
     /// Executed instructions.
     pub instructions: u64,
+    /// Cycles that they would take, if these were counted.
+    pub cycles: Option<Cycles>,
     /// Where it begins.
     pub from: CodeAddress,
 }
@@ -200,6 +210,8 @@ pub struct FunctionCount {
     pub label: String,
     /// Instructions executed.
     pub instructions: u64,
+    /// Cycles that they would take, if these were counted.
+    pub cycles: Option<Cycles>,
     /// Number of calls of these functions.
     pub calls: u64,
     /// Number of functions of the image that have the label. 0 means that the compiler inlined them all, or
@@ -346,6 +358,8 @@ pub struct Pin {
 pub struct BlockCost {
     /// Instructions of the whole image, with its interrupts.
     pub instructions: u64,
+    /// Cycles that they would take, if these were counted.
+    pub cycles: Option<Cycles>,
     /// Scans of the ADC in the same time.
     pub scans: u64,
 }
@@ -354,5 +368,60 @@ impl BlockCost {
     /// Instructions for each scan of the ADC.
     pub fn instructions_per_scan(&self) -> f64 {
         self.instructions as f64 / self.scans as f64
+    }
+
+    /// Cycles for each scan of the ADC, in the order of the fields of [`Cycles`]; `None` if they were not
+    /// counted.
+    pub fn cycles_per_scan(&self) -> Option<[f64; 4]> {
+        let Cycles {
+            ideal,
+            cached,
+            uncached,
+            most,
+        } = self.cycles?;
+        Some([ideal, cached, uncached, most].map(|cycles| cycles as f64 / self.scans as f64))
+    }
+}
+
+/// Cycles of the core's clock, by what the memory is taken to be: estimated from the timing tables of the
+/// core (DDI0439B) and the description of the flash at 168 MHz (RM0090 section 3.5), not measured. Sleep
+/// takes none.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Cycles {
+    /// Memory that is always ready.
+    pub ideal: u64,
+    /// Flash with caches and prefetch on.
+    pub cached: u64,
+    /// Flash with caches and prefetch off.
+    pub uncached: u64,
+    /// An upper bound: nothing overlaps, and whatever may wait does.
+    pub most: u64,
+}
+
+impl Cycles {
+    fn with(self, other: Self, of: impl Fn(u64, u64) -> u64) -> Self {
+        Self {
+            ideal: of(self.ideal, other.ideal),
+            cached: of(self.cached, other.cached),
+            uncached: of(self.uncached, other.uncached),
+            most: of(self.most, other.most),
+        }
+    }
+}
+
+impl Add for Cycles {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        self.with(other, |one, other| one + other)
+    }
+}
+
+impl Sub for Cycles {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        self.with(other, |one, other| one - other)
     }
 }

@@ -15,6 +15,7 @@ pub(crate) mod adc;
 pub(crate) mod adc_common;
 pub(crate) mod clock;
 pub(crate) mod core;
+pub(crate) mod dac;
 pub(crate) mod dbgmcu;
 pub(crate) mod dma;
 pub(crate) mod dwt;

@@ -15,6 +15,8 @@
 mod blocks;
 mod callbacks;
 mod count;
+mod coverage;
+mod cycles;
 mod failures;
 mod handlers;
 mod idle;

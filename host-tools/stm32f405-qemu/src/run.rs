@@ -7,6 +7,7 @@
 //! they may go in parallel.
 
 mod checks;
+mod coverage;
 mod error;
 mod folder;
 mod image;
@@ -32,7 +33,7 @@ pub use qemu::qemu_version;
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, RunDescription};
 use crate::given::{AnalogInput, Run};
-use crate::machine::USARTS;
+use crate::machine::{USARTS, analog_pin, pin};
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
 use checks::{TWELVE_BITS, check_pin, check_usart};
@@ -151,10 +152,12 @@ impl Run {
         Ok(RunDescription {
             format: FORMAT,
             rtt: image.rtt,
+            vectors: image.vectors,
             fault_handlers: image.fault_handlers.clone(),
             panic_functions: image.panic_functions(),
             work: self.work.iter().map(position).collect::<Result<_, _>>()?,
             live,
+            coverage: coverage::stem(&image.bytes)?,
             labels,
             functions,
             run: Cow::Borrowed(self),
@@ -220,6 +223,21 @@ impl Run {
             check_pin(to)?;
             if from == to {
                 return refused(format!("a wire leads from {from} to itself; give two pins"));
+            }
+        }
+        for wire in &self.analog_wires {
+            if !["PA4", "PA5"].contains(&&*wire.from) {
+                let from = &wire.from;
+                return refused(format!(
+                    "an analog wire begins at {from}; the outputs of the DAC are PA4 and PA5"
+                ));
+            }
+            check_pin(&wire.to)?;
+            if !(0..3).any(|adc| (0..16).any(|channel| analog_pin(adc, channel) == pin(&wire.to))) {
+                let to = &wire.to;
+                return refused(format!(
+                    "an analog wire leads to {to}, which is no input of a converter"
+                ));
             }
         }
         for AnalogInput {

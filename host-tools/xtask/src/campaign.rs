@@ -1,15 +1,21 @@
-//! The fault campaign: scripts of faults that chance draws, and the image under each.
+//! The fault campaign: scripts of faults that chance draws, and the image under each; and an update whose
+//! power is cut in each operation.
 
 use crate::image;
 use crate::packages::DEMO;
 use crate::setup::{Need, setup};
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs as many scripts as the words say: `N [--seed S]`.
+/// Runs as many scripts as the words say, `N [--seed S]`, or the power cuts: `update`.
 ///
 /// # Errors
-/// A script fails; the smallest one that does is in target/campaign.
+/// A script fails; the smallest one that does is in target/campaign. Or a power cut leaves a bead without an
+/// image.
 pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    if words == ["update"] {
+        let line = "cargo test --release -p bead-update --test power_cuts -- --ignored --nocapture";
+        return steps.run("an update, cut in each operation", &CommandLine::new(line));
+    }
     let number = |word: &&String| word.parse::<u64>().is_ok();
     let good = match words {
         [count] => number(count),
@@ -18,7 +24,7 @@ pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     };
     if !good {
         return Err(Stop::failed(
-            "give how many scripts, and perhaps the number that draws the first: `campaign 300 --seed 1000`",
+            "give how many scripts, and perhaps the number that draws the first: `campaign 300 --seed 1000`; or `update`",
         ));
     }
     setup(steps, Need::Run)?;

@@ -1,5 +1,5 @@
 //! The archive that a release carries: `bead` with all that it needs inside, completions, manual pages,
-//! scenarios, and the image for a debug probe.
+//! scenarios, and the images for all boards.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::files::{below, write};
 use crate::setup::find;
 use crate::step::{CommandLine, Steps, Stop};
-use crate::supply;
+use crate::{board_table, boards, supply};
 
 /// Files beside the program and the pages.
 const BESIDE: [&str; 4] = ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.md", "CHANGELOG.md"];
@@ -25,20 +25,20 @@ strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be 
 | `docs/` | the book, and scenarios to start from |
 | `completions/` | for bash, zsh (`_bead`) and fish |
 | `man/` | manual pages: `man -M man bead` |
-| `firmware/` | the image, for a debug probe: docs/how-to.md |
+| `firmware/` | the image for each board, which `bead flash --board NAME` finds there, and their SHA-256: docs/how-to.md |
 | `THIRD-PARTY.md`, `notices/` | the packages of others in programs and image: licences, their texts, bills of materials (CycloneDX) |
 ";
 
 /// The programs, and where each is built from.
 const PROGRAMS: [(&str, &str); 2] = [
-    ("bead", "host-tools"),
+    ("bead", "host-tools/bead"),
     ("bead-figures", "host-tools/hertz/figures-command"),
 ];
 
 /// Greatest size of a program, bytes.
 const MOST: u64 = 40 << 20;
 
-/// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The image is
+/// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The images are
 /// built.
 ///
 /// # Errors
@@ -81,7 +81,19 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
             )));
         }
     }
-    copy(&steps.root.join(image), "firmware/bead-firmware.elf")?;
+    let mut boards = board_table::names(steps)?;
+    copy(
+        &steps.root.join(image),
+        &format!("firmware/{}.elf", boards.remove(0)),
+    )?;
+    for board in &boards {
+        copy(&boards::path(steps, board), &format!("firmware/{board}.elf"))?;
+    }
+    let sums = CommandLine::new("sh -c")
+        .arg("sha256sum *.elf")
+        .within(packed.join("firmware"));
+    let sums = steps.read("the SHA-256 of each image", &sums)?;
+    put_text(&packed.join("firmware/SHA256SUMS"), &sums)?;
     let docs = steps.root.join("docs");
     let pages =
         below(&docs, &|_| true).map_err(|error| Stop::failed(format!("cannot read docs/: {error}")))?;
@@ -143,6 +155,7 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
             "compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html",
             "export run/bead-8.mcap --out tables",
             "figures 2a --check",
+            "flash --probe --dry-run --board pyboard-1.1",
         ] {
             let line = CommandLine::new("env -i -C")
                 .arg(&home)

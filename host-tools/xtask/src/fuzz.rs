@@ -12,7 +12,7 @@ const LONGEST: usize = 16 << 10;
 /// Limits of an input: s and MB.
 const LIMITS: &str = "-timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256";
 /// Targets that take TOML: they get words of which it is made.
-const OF_TOML: [&str; 4] = ["beads", "faults", "scenarios", "sweeps"];
+const OF_TOML: [&str; 5] = ["beads", "faults", "limits", "scenarios", "sweeps"];
 /// The project's code has no `unsafe` here, so that the address sanitizer would cost two thirds of the speed
 /// for nothing but its dependencies.
 const OPTIONS: &str = "--fuzz-dir fuzz --sanitizer none --features libfuzzer";

@@ -2,26 +2,92 @@
 
 use std::path::{Path, PathBuf};
 
+use bead_update::manifest::DEVELOPMENT_SEED;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::packages::IMAGE;
-use crate::paths;
 use crate::setup::TARGET;
 use crate::step::{CommandLine, Steps, Stop};
+use crate::{board_table, paths};
 
 /// Where cargo puts it.
 pub(crate) fn path(steps: &Steps) -> PathBuf {
     steps.built(&format!("{TARGET}/firmware/bead-firmware"))
 }
 
-/// Builds it, and says what it takes.
+/// Builds it, signs it, and says what it takes.
 ///
 /// # Errors
 /// It does not build.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &CommandLine::new("cargo build").words(IMAGE))?;
+    let first = board_table::names(steps)?.swap_remove(0);
+    sign(&steps.root.join(path(steps)), &first)?;
     tell_size(steps)
+}
+
+/// The file that names the key that signs images: 64 hexadecimal digits. Without it the development key does,
+/// which everybody has.
+const KEY: &str = "BEAD_SIGNING_KEY";
+
+/// Signs an image for a board, so that beads take it over their line. Its time stays what it was: what is
+/// compiled from it need not be compiled anew.
+///
+/// # Errors
+/// There is no such image, or no such key.
+pub(crate) fn sign(image: &Path, board: &str) -> Result<(), Stop> {
+    let cannot = |what: &Path, why: &dyn std::fmt::Display| {
+        Stop::failed(format!("cannot sign the image: {}: {why}", what.display()))
+    };
+    let seed = match std::env::var_os(KEY) {
+        None => DEVELOPMENT_SEED,
+        Some(file) => read_key(Path::new(&file))?,
+    };
+    let bytes = std::fs::read(image).map_err(|error| cannot(image, &error))?;
+    let signed = bead_update::file::sign(&bytes, board, env!("CARGO_PKG_VERSION"), &seed);
+    let signed = signed.map_err(|error| cannot(image, &error))?;
+    // Beside it, and then in its place: cargo's own copy is another name of the same file.
+    let beside = image.with_extension("signed");
+    let put = || {
+        let modified = image.metadata()?.modified()?;
+        std::fs::write(&beside, &signed)?;
+        std::fs::File::options()
+            .write(true)
+            .open(&beside)?
+            .set_modified(modified)?;
+        std::fs::rename(&beside, image)
+    };
+    put().map_err(|error| cannot(image, &error))
+}
+
+/// Prints the public part of the key in a file.
+///
+/// # Errors
+/// There is no such key.
+pub(crate) fn public_key(_: &Steps, words: &[&String]) -> Result<(), Stop> {
+    let [file] = words else {
+        return Err(Stop::failed(
+            "give the file with the key: `public-key image.secret`",
+        ));
+    };
+    let public = bead_update::manifest::public_key(&read_key(Path::new(file))?);
+    println!("{}", public.map(|byte| format!("{byte:02x}")).concat());
+    Ok(())
+}
+
+/// Reads a key that signs.
+fn read_key(file: &Path) -> Result<[u8; 32], Stop> {
+    let cannot = |why: &dyn std::fmt::Display| Stop::failed(format!("the key in {}: {why}", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|error| cannot(&error))?;
+    digits(text.trim()).ok_or_else(|| cannot(&"give a file of 64 hexadecimal digits"))
+}
+
+/// The bytes of 64 hexadecimal digits.
+fn digits(text: &str) -> Option<[u8; 32]> {
+    let digit = |at: usize| u8::from_str_radix(text.get(2 * at..2 * at + 2)?, 16).ok();
+    let bytes = Vec::from_iter((0..32).map_while(digit));
+    bytes.try_into().ok().filter(|_| text.len() == 64)
 }
 
 fn tell_size(steps: &Steps) -> Result<(), Stop> {
@@ -31,17 +97,19 @@ fn tell_size(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// End of the flash and start of the RAM. The image loads nothing between them.
-const FLASH_END: u32 = 0x1000_0000;
-const RAM: u32 = 0x2000_0000;
+/// Start of the core-coupled memory, which is beyond the flash, and of the SRAM.
+const COUPLED: u32 = 0x1000_0000;
+const SRAM: u32 = 0x2000_0000;
 
 /// Memory that an image takes, bytes.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Size {
     /// Code, constants and the initial values of variables.
     pub(crate) flash: u32,
-    /// Variables. The stack has a memory of its own.
-    pub(crate) ram: u32,
+    /// Variables, and buffers that the DMA reaches.
+    pub(crate) sram: u32,
+    /// Variables beside the stack.
+    pub(crate) coupled: u32,
 }
 
 impl Size {
@@ -57,15 +125,17 @@ impl Size {
 
     fn of_elf(bytes: &[u8]) -> Result<Size, object::Error> {
         let elf: ElfFile32<'_> = ElfFile32::parse(bytes)?;
-        let (mut size, endian) = (Size { flash: 0, ram: 0 }, elf.endian());
+        let (mut size, endian) = (Size::default(), elf.endian());
         let segments = elf.elf_program_headers().iter();
         for segment in segments.filter(|segment| segment.p_type(endian) == object::elf::PT_LOAD) {
-            // Loaded from flash and, for initialised variables, copied to RAM at start: counted in both.
-            if segment.p_paddr(endian) < FLASH_END {
+            // Loaded from flash and, for initialised variables, copied to SRAM at start: counted in both.
+            if segment.p_paddr(endian) < COUPLED {
                 size.flash += segment.p_filesz(endian);
             }
-            if segment.p_vaddr(endian) >= RAM {
-                size.ram += segment.p_memsz(endian);
+            match segment.p_vaddr(endian) {
+                SRAM.. => size.sram += segment.p_memsz(endian),
+                COUPLED.. => size.coupled += segment.p_memsz(endian),
+                _ => {}
             }
         }
         Ok(size)
@@ -74,10 +144,11 @@ impl Size {
 
 impl std::fmt::Display for Size {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [flash, ram] = [self.flash, self.ram].map(|bytes| f64::from(bytes) / 1024.0);
+        let [flash, sram, coupled] =
+            [self.flash, self.sram, self.coupled].map(|bytes| f64::from(bytes) / 1024.0);
         write!(
             f,
-            "{flash:.1} KiB of flash and {ram:.1} KiB of RAM; the stack has 64 KiB of its own"
+            "{flash:.1} KiB of flash, {sram:.1} KiB of SRAM and {coupled:.1} KiB beside the stack"
         )
     }
 }
@@ -116,12 +187,18 @@ mod tests {
     }
 
     #[test]
-    fn initialised_variables_take_flash_and_ram_and_zeroed_ones_ram_only() {
+    fn initialised_variables_take_flash_and_sram_and_others_the_memory_they_lie_in() {
         let code = [0x0800_0000, 0x0800_0000, 5000, 5000];
         let data = [0x2000_0000, 0x0800_1388, 100, 100];
         let zeroed = [0x2000_0064, 0x2000_0064, 0, 3000];
-        let size = Size::of_elf(&elf(&[code, data, zeroed])).unwrap();
-        assert_eq!((size.flash, size.ram), (5100, 3100));
+        let coupled = [0x1000_7000, 0x1000_7000, 0, 700];
+        let size = Size::of_elf(&elf(&[code, data, zeroed, coupled])).unwrap();
+        let expected = Size {
+            flash: 5100,
+            sram: 3100,
+            coupled: 700,
+        };
+        assert_eq!(size, expected);
         assert!(Size::of_elf(&[b'x'; 100]).is_err());
     }
 }

@@ -4,9 +4,13 @@
 //! command of `demo` fails, `demo` ends with its status.
 
 mod bench;
+mod board_table;
+mod boards;
 mod book;
 mod campaign;
 mod checks;
+mod code_lines;
+mod coverage;
 mod demo;
 mod dist;
 mod files;
@@ -62,9 +66,17 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "build",
-        about: "Build the flash image and, in release, the host tools",
-        more: "",
-        run: TaskFunction::Alone(demo::build_all),
+        about: "Build the flash image and, in release, the host tools; or the image for a BOARD, such as `weact-f405`",
+        more: "The boards are the rows of firmware/boards.txt; `boards` builds the images of all. They are left in \
+               target/boards. The image that the other commands take is for the first board.",
+        run: TaskFunction::WithWords(boards::build),
+    },
+    XtaskCommand {
+        name: "public-key",
+        about: "Print the public part of the key in a FILE, with which images are signed: for BEAD_UPDATE_KEY",
+        more: "The file has 64 hexadecimal digits; BEAD_SIGNING_KEY names it to `build`. docs/security.md says how to make \
+               one.",
+        run: TaskFunction::WithWords(image::public_key),
     },
     XtaskCommand {
         name: "demo",
@@ -102,6 +114,14 @@ const TASKS: &[XtaskCommand] = &[
         run: TaskFunction::Alone(lines::print),
     },
     XtaskCommand {
+        name: "coverage",
+        about: "Run the tests that run the image, and list the lines of the image that none of them reaches",
+        more: "What counts is the flash image itself, in QEMU: a line is reached if an instruction of it was executed. It \
+               leaves image.lcov and unreached.txt in target/coverage, prints a table by file, and fails below 90 % of \
+               the image's own lines. `join` joins what is there, and runs nothing.",
+        run: TaskFunction::WithWords(coverage::measure),
+    },
+    XtaskCommand {
         name: "numbers",
         about: "Measure what a sample costs and what the image takes, and write it into docs/budget.md",
         more: "",
@@ -130,9 +150,11 @@ const TASKS: &[XtaskCommand] = &[
         name: "dist",
         about: "Make the archive of a release in target/dist, and try it from an empty folder without Rust",
         more: "In it are `bead` as `cargo install --path host-tools/bead` makes it, with the emulator's overlay and the flash \
-               image inside, completions, manual pages, the book, notices, bills of materials, and the image for a debug \
-               probe. Beside it lies its SHA-256.",
+               image inside, completions, manual pages, the book, notices, bills of materials, and the images for all boards \
+               with their SHA-256. Beside it lies its own.",
         run: TaskFunction::Alone(|steps| {
+            setup(steps, Need::Run)?;
+            boards::build_images(steps)?;
             demo::build(steps)?;
             dist::make(steps, &image::path(steps))
         }),
@@ -147,8 +169,9 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "reproducible",
-        about: "Build the flash image in another folder with another home too, and compare all bytes",
-        more: "It takes as long as a first build of the image. What is built is the commit, so sources of the image must \
+        about: "Build the images for all boards in another folder with another home too, and compare all bytes",
+        more: "It takes as long as a first build of the image, and a minute more for each board. It prints the SHA-256 of \
+               each, which are those of `dist`. What is built is the commit, so sources of the image must \
                not differ from it.",
         run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Run)?;
@@ -157,7 +180,7 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "python",
-        about: "Set up target/python with pandas, polars, xarray, pyuff and mcap, which a test opens exported files with",
+        about: "Set up target/python with pandas, endaq, GTC and more, which tests compare exports, budgets and spectra with",
         more: "",
         run: TaskFunction::Alone(python::setup),
     },
@@ -179,7 +202,8 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "campaign",
-        about: "Run the image under scripts of faults that chance draws: N [--seed S], such as `300`; two a second",
+        about: "Run the image under scripts of faults that chance draws: N [--seed S], such as `300`; two a second; or cut \
+                the power in each operation of an update: `update`",
         more: "A script that fails is made smaller as long as it fails, and left in target/campaign: it can join those \
                in fuzz/scripts, which `test` runs. docs/reliability.md says what has to hold.",
         run: TaskFunction::WithWords(campaign::campaign),
@@ -249,6 +273,20 @@ mod tests {
         let fuzz = "`frame` is no target and no time; give one of beads, ";
         let (campaign, mutants) = ("give how many", "give nothing, or one of model");
         for (name, words, why) in [
+            ("build", "feather-f405", "feather-f405 cannot be a bead"),
+            ("build", "weact-f405 boards", "give one board"),
+            ("public-key", "", "give the file with the key"),
+            (
+                "public-key",
+                "no-such-file",
+                "the key in no-such-file: No such file",
+            ),
+            (
+                "public-key",
+                "Cargo.toml",
+                "the key in Cargo.toml: give a file of 64 hexadecimal digits",
+            ),
+            ("coverage", "all", "give nothing, or `join`"),
             ("fuzz", "frame", fuzz),
             ("campaign", "", campaign),
             ("campaign", "many", campaign),

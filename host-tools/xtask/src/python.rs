@@ -1,5 +1,5 @@
 //! A Python with the packages of others, for the tests that open what `bead export` writes, and that combine
-//! what `bead budget` prints.
+//! what `bead budget` and `bead analyse` print.
 
 use crate::step::{CommandLine, Steps, Stop};
 
@@ -27,7 +27,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
         .words("-m pip install --quiet --no-compile --requirement")
         .arg(REQUIREMENTS);
     steps.run(
-        "pandas, polars, xarray, pyuff, mcap and GTC, some 190 MB",
+        "pandas, polars, xarray, pyuff, mcap, GTC, endaq and lmfit, some 650 MB",
         &install,
     )?;
     std::fs::write(steps.root.join(&ready), wanted)

@@ -1,4 +1,4 @@
-//! Check that a commit gives an equal flash image in another folder, to another person.
+//! Check that a commit gives equal flash images in another folder, to another person.
 //!
 //! # Design
 //! The commit is cloned into a folder for temporary files: below this one cargo would read this one's
@@ -10,14 +10,14 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use crate::packages::IMAGE;
 use crate::step::{CommandLine, Steps, Stop};
-use crate::{image, paths};
+use crate::{board_table, boards, image, paths};
 
 /// Sources that `firmware/build.rs` examines for "-dirty".
-const SOURCES: &str = "Cargo.lock Cargo.toml firmware memory.x rust-toolchain.toml .cargo";
+const SOURCES: &str = "Cargo.lock Cargo.toml firmware rust-toolchain.toml .cargo";
 
-/// Builds the image here and elsewhere, and compares all bytes: code, constants and debug information.
+/// Builds the image for each board here and elsewhere, and compares all bytes: code, constants and debug
+/// information.
 ///
 /// # Errors
 /// Sources of the image are not committed, it cannot be built, or the bytes differ.
@@ -28,6 +28,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
             "sources of the image differ from the commit, and the image names it: commit them first",
         ));
     }
+    boards::build_images(steps)?;
     image::build(steps)?;
     let elsewhere = std::env::temp_dir().join(format!("bead's other folder {}", std::process::id()));
     let home = elsewhere.join("another person/.cargo");
@@ -39,38 +40,60 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
         .arg(&other.root);
     steps.run("a clone in another folder", &clone)?;
     paths::leave_out(&other, Some(&home))?;
-    let build = CommandLine::new("cargo build").words(IMAGE).within(&other.root);
-    let build = build
-        .env("CARGO_HOME", &home.to_string_lossy())
-        .env("CARGO_TARGET_DIR", &other.target.to_string_lossy());
-    other.run("the flash image there, with another home", &build)?;
+    let boards = board_table::names(steps)?;
+    let first = steps.root.join(image::path(steps));
+    let mut images = Vec::new();
+    for (number, board) in boards.iter().enumerate() {
+        let build = boards::line(board).within(&other.root);
+        let build = build
+            .env("CARGO_HOME", &home.to_string_lossy())
+            .env("CARGO_TARGET_DIR", &other.target.to_string_lossy());
+        other.run(
+            &format!("the flash image for {board} there, with another home"),
+            &build,
+        )?;
+        let here = if number == 0 {
+            first.clone()
+        } else {
+            boards::path(steps, board)
+        };
+        let there = other.root.join(image::path(&other));
+        image::sign(&there, board)?;
+        compare(board, &here, &there)?;
+        images.push(here);
+    }
+    let _ = fs::remove_dir_all(&elsewhere);
+    let sums = images
+        .iter()
+        .fold(CommandLine::new("sha256sum"), CommandLine::arg);
+    print!("{}", steps.read("the SHA-256 of each", &sums)?);
+    steps.announce(&format!(
+        "two folders and two homes give the same images, byte for byte, for {}",
+        boards.join(", ")
+    ));
+    Ok(())
+}
 
-    let files = [
-        steps.root.join(image::path(steps)),
-        other.root.join(image::path(&other)),
-    ];
-    let [here, there] = files
-        .each_ref()
-        .map(|path| fs::read(path).map_err(|error| Stop::failed(format!("{}: {error}", path.display()))));
-    let (here, there) = (here?, there?);
-    if here == there {
-        let _ = fs::remove_dir_all(&elsewhere);
-        steps.announce("two folders and two homes give the same image, byte for byte");
+/// Compares two images for a board, byte by byte. If they differ, both stay where they are, to be looked at.
+fn compare(board: &str, here: &Path, there: &Path) -> Result<(), Stop> {
+    let read =
+        |path: &Path| fs::read(path).map_err(|error| Stop::failed(format!("{}: {error}", path.display())));
+    let (one, other) = (read(here)?, read(there)?);
+    if one == other {
         return Ok(());
     }
-    // Both stay there, to be looked at.
-    let same = here
+    let same = one
         .iter()
-        .zip(&there)
+        .zip(&other)
         .take_while(|(one, other)| one == other)
         .count();
     Err(Stop::failed(format!(
-        "two folders and two homes give two images, of {} and {} bytes, which differ from byte {same:#x} on. \
+        "two folders and two homes give two images for {board}, of {} and {} bytes, which differ from byte {same:#x} on. \
          They are {} and {}",
-        here.len(),
-        there.len(),
-        files[0].display(),
-        files[1].display()
+        one.len(),
+        other.len(),
+        here.display(),
+        there.display()
     )))
 }
 

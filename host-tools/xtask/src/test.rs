@@ -11,7 +11,7 @@ use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::suite::Job;
-use crate::{checks, demo, image, lint, mutants, python, suite};
+use crate::{boards, checks, demo, image, lint, mutants, python, suite};
 
 /// Runs every check.
 ///
@@ -25,13 +25,14 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     let mut jobs = Vec::new();
     steps.both(
         |steps| {
-            jobs = programs(steps)?;
+            jobs = programs(steps, HOST)?;
             Ok(())
         },
         part,
     )?;
     jobs.extend(slow_core(steps, &jobs));
     jobs.push(figures(steps));
+    jobs.push(silent_strikes(steps));
     // Last: cargo compiles them, and waits for the lints.
     jobs.push(documented_examples());
     let mut passed = 0;
@@ -53,9 +54,9 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Compiles the host's programs and tests, and lists the programs of the tests.
-fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
-    let compile = CommandLine::new("cargo test --no-run --all-targets --release").words(HOST);
+/// Compiles programs and tests of packages of the host, and lists the programs of the tests.
+pub(crate) fn programs(steps: &Steps, packages: &str) -> Result<Vec<Job>, Stop> {
+    let compile = CommandLine::new("cargo test --no-run --all-targets --release").words(packages);
     let compile = compile.words("--message-format json-render-diagnostics");
     let built = steps.read("build the host tools and their tests", &compile)?;
     // The program that draws the figures runs their checks as well.
@@ -69,6 +70,7 @@ fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
 /// Builds and checks the images, packs the crates, and fetches a Python over the network.
 fn part(steps: &Steps) -> Result<(), Stop> {
     image::build(steps)?;
+    boards::build_images(steps)?;
     lint::image(steps)?;
     let images = CommandLine::new("cargo build").words(IMAGES);
     for programs in ["--bins", ON_EMBASSY] {
@@ -92,7 +94,7 @@ const SPEED_MATTERS: &str = "strikes:: faults:: link::";
 
 /// Jobs that depend on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, about
 /// the most that the core can take (docs/emulator.md).
-fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
+pub(crate) fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let tests = jobs
         .iter()
         .filter(|job| job.title.ends_with("-p bead-tests --test all"));
@@ -118,6 +120,14 @@ fn documented_examples() -> Job {
     Job {
         title: line.to_string(),
         line,
+    }
+}
+
+/// The rows of docs/doubts.md: no strike is off unless a flag names the cause.
+pub(crate) fn silent_strikes(steps: &Steps) -> Job {
+    Job {
+        title: "strikes that are wrong, and say so".to_owned(),
+        line: CommandLine::program(steps.built("release/bead")).words("proof silent"),
     }
 }
 

@@ -13,7 +13,12 @@ use hertz_chain::{Scenario, Solution};
 /// Hosts of the row.
 const HOSTS: std::ops::RangeInclusive<usize> = 7..=16;
 
-fn emulation(scenario: &Scenario, solution: &Solution, host: usize, noise: Option<u64>) -> Emulation {
+pub(crate) fn emulation(
+    scenario: &Scenario,
+    solution: &Solution,
+    host: usize,
+    noise: Option<u64>,
+) -> Emulation {
     let (front_end, timing) = (AnalogFrontEnd::default(), timed(0.02, 1, 0.1));
     let placed = Placed::alone(host, noise);
     Emulation::place(scenario, solution, placed, &front_end, timing, &image())

@@ -419,8 +419,9 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.received.details()
     );
     assert_eq!(survived.received.boots()[1], (1, SOFTWARE));
-    // Frames that were made at 1 s, and could not leave: identity, settings, status, health, link, guard.
-    assert_eq!(survived.received.health().frames_lost_by_reset, 6);
+    // Frames that were made at 1 s, and could not leave: identity, board, settings, status, health, link,
+    // guard.
+    assert_eq!(survived.received.health().frames_lost_by_reset, 7);
 }
 
 #[test]
@@ -461,8 +462,8 @@ fn a_bead_whose_blocks_are_all_lost_gives_itself_up_though_samples_arrive() {
 
 #[test]
 fn the_stack_that_was_never_used_is_counted_to_the_word() {
-    /// The stack's highest address, one past the region CCM of `memory.x`.
-    const START: u32 = 0x1001_0000;
+    /// The stack's highest address, one past the region STACK of `memory.x`.
+    const START: u32 = 0x1000_8800;
     let free = |pokes: Vec<Poke>| {
         let survived = Survived::poked(strike_at(0.02), NONE, pokes);
         survived.received.status().stack_free_min
@@ -479,15 +480,15 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
         .collect()
     };
     let untouched = free(Vec::new());
-    let deep = START - 40_000;
+    let deep = START - 20_000;
     let left = free(down_to(deep));
     let bottom = deep - left;
     assert!(bottom.is_multiple_of(1024), "{bottom:#x}: the end of the fence");
     assert_eq!(free(down_to(bottom + 100)), 100);
-    // Taking settings uses some 12 kB, for their block and what follows from it.
+    // Taking settings uses some 17 kB, for their block and what follows from it, while a strike is measured.
     let used = START - bottom - untouched;
     println!("{used} bytes of stack used, {untouched} never");
-    assert!((2000..16_000).contains(&used), "{used}");
+    assert!((2000..19_000).contains(&used), "{used}");
 }
 
 #[test]

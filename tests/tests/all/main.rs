@@ -1,5 +1,6 @@
 //! The end-to-end tests: one program, linked once.
 
+mod boards;
 mod budget;
 mod chain;
 mod company;
@@ -7,6 +8,7 @@ mod faults;
 mod kept;
 mod key;
 mod live;
+mod loopback;
 mod requests;
 mod requests_at_a_socket;
 mod settings;
@@ -17,5 +19,6 @@ mod store;
 mod strikes;
 mod time;
 mod trigger_line;
+mod update;
 mod within_reach;
 mod wraps;

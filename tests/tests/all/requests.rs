@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Requests, RequestsRun, paper};
 use bead_wire::Message;
-use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, encode_request};
+use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, StrikeFlags, encode_request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -158,9 +158,10 @@ fn each_request_is_answered_with_what_it_asks_for() {
     let answers: Vec<Vec<&Message>> = (0..sent.len() as u16)
         .map(|number| answered.received.answered(number))
         .collect();
-    let [Message::Identity(identity)] = answers[0][..] else {
+    let [Message::Identity(identity), Message::Board(board)] = answers[0][..] else {
         panic!("{:?}", answers[0]);
     };
+    assert_eq!((board.name.as_str(), board.crystal_mhz), ("stm32f405rg", 8));
     assert_eq!((identity.boot, u64::from(identity.sample_rate_hz)), (0, RATE));
     let [
         Message::Status(status),
@@ -299,4 +300,36 @@ fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
         Outcome::Done,
         "when the line is quiet again"
     );
+}
+
+#[test]
+fn the_window_around_a_scan_that_a_host_asks_for_comes_and_one_that_is_past_is_refused() {
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
+    let (past, coming) = (1, 30_000);
+    for (at, request) in [
+        (0.2, Request::Keep { index: past }),
+        (0.22, Request::Keep { index: coming }),
+        (0.5, Request::Identity),
+    ] {
+        requests.request(at, &request);
+    }
+    let answered = requests.run();
+    let outcomes = answered
+        .received
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::Reply(reply) => Some(reply.outcome),
+            _ => None,
+        });
+    let outcomes: Vec<_> = outcomes.collect();
+    assert_eq!(outcomes, [Outcome::OutOfRange, Outcome::Done, Outcome::Done]);
+    let strikes = assemble(answered.received.frames.clone(), None);
+    let kept = strikes.iter().map(|strike| &strike.said);
+    let kept: Vec<_> = kept.map(|said| (said.trigger_index, said.flags)).collect();
+    let [(index, flags)] = kept[..] else {
+        panic!("{kept:?}")
+    };
+    assert_eq!(index, coming);
+    assert!(flags.has(StrikeFlags::TRIGGERED_ON_REQUEST));
 }

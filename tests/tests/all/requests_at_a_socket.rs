@@ -11,9 +11,20 @@ use std::time::Duration;
 use bead::cli::Cli;
 use bead_bench::bridge::{Bridge, Door, serve};
 use bead_bench::emulation::Emulation;
+use bead_line::conversation::Conversation;
 use bead_testing::{block, settings_at};
 use bead_tests::paper;
+use bead_update::file::UpdateFile;
+use bead_update::manifest::DEVELOPMENT_SEED;
+use bead_wire::{ANY, UpdateStage};
 use clap::Parser;
+use object::{Object, ObjectSegment};
+use stm32f405_qemu::AnalogWire;
+
+use crate::update::{NEW, signed_file};
+
+/// The board of the image.
+const BOARD: &str = "stm32f405rg";
 
 /// A bead behind a socket, and a folder.
 struct Served<'a> {
@@ -29,11 +40,16 @@ impl Served<'_> {
     /// Runs a command line to its end, where `@name` stands for a file in the folder: its exit status and the
     /// line on standard error.
     fn run(&self, line: &str) -> (u8, String) {
+        self.type_in(&format!("{line} --timeout 20"))
+    }
+
+    /// As [`run`](Self::run), with the time-outs of the command.
+    fn type_in(&self, line: &str) -> (u8, String) {
         let words = line.split(' ').map(|word| match word.strip_prefix('@') {
             Some(name) => self.path(name).display().to_string(),
             None => word.to_owned(),
         });
-        let port = ["--port", &self.address, "--timeout", "20"].map(str::to_owned);
+        let port = ["--port", &self.address].map(str::to_owned);
         let line = ["bead".to_owned()].into_iter().chain(words).chain(port);
         let parsed = Cli::try_parse_from(line).unwrap_or_else(|error| panic!("{error}"));
         match parsed.run() {
@@ -130,6 +146,40 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         bead.done("settings reset");
         assert_eq!(bead.settings(), run.block);
     });
+}
+
+#[test]
+fn a_board_on_a_bench_is_checked_from_the_command_line_and_the_wires_are_what_the_last_line_is_about() {
+    let mut run = paper(0, 0.1, Some(1));
+    let wire = |from, to| {
+        let mut wire = AnalogWire::new(from, to);
+        wire.noise = 0.4;
+        wire
+    };
+    for (wires, said) in [
+        ([wire("PA4", "PA0"), wire("PA5", "PA2")], (0, String::new())),
+        (
+            [wire("PA5", "PA0"), wire("PA4", "PA2")],
+            (
+                1,
+                "the wires are exchanged: PA0 follows PA5 and PA2 follows PA4; swap them".to_owned(),
+            ),
+        ),
+    ] {
+        run.wires = wires.to_vec();
+        behind_a_socket(&run, |bead| {
+            let line = "bench --requests 4 --no-resets --out @capture.json --format json";
+            assert_eq!(bead.run(line), said);
+            let kept =
+                fs::read_to_string(bead.path("capture.json")).unwrap_or_else(|error| panic!("{error}"));
+            assert!(
+                kept.contains("\"schema_version\"") && kept.contains("\"stm32f405rg\""),
+                "{kept}"
+            );
+            let again = bead.run(line);
+            assert!(again.0 == 2 && again.1.contains("is there already"), "{again:?}");
+        });
+    }
 }
 
 #[test]
@@ -233,4 +283,100 @@ fn a_key_is_given_used_replaced_and_taken_away_from_the_command_line() {
         bead.done("settings key --remove --key @second.key");
         bead.done("command arm");
     });
+}
+
+#[test]
+fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_line() {
+    let run = paper(1, 0.1, Some(1));
+    behind_a_socket(&run, |bead| {
+        let refused = |file: &[u8], status: u8, why: &str| {
+            bead.write("new.elf", file);
+            let (found, said) = bead.type_in("flash @new.elf");
+            assert_eq!(found, status, "{said}");
+            assert!(said.contains(why) && !said.contains('\n'), "{said}");
+        };
+        let file = signed_file(BOARD, "0.1.0", &DEVELOPMENT_SEED);
+        refused(
+            &signed_file("pyboard-1.1", "0.1.0", &DEVELOPMENT_SEED),
+            1,
+            "refused: image refused; the image is for pyboard-1.1, this is stm32f405rg",
+        );
+        refused(
+            &signed_file(BOARD, "0.0.9", &DEVELOPMENT_SEED),
+            1,
+            "refused: image refused; the image is 0.0.9, older than 0.1.0",
+        );
+        refused(
+            &signed_file(BOARD, "0.1.0", &[7; 32]),
+            1,
+            "refused: image refused; the image is not signed with the key",
+        );
+        refused(
+            &file[..file.len() - 192],
+            2,
+            "the image is not signed; give the image that",
+        );
+        let mut changed = file.clone();
+        let name = changed.windows(NEW.len()).position(|bytes| bytes == NEW);
+        changed[name.expect("it has the name")] = b'A';
+        refused(
+            &changed,
+            2,
+            "the image was changed after it was signed, or is cut",
+        );
+
+        // A line that was cut: the bead waits for the rest, and takes the whole anew.
+        let address = bead.address.parse().unwrap_or_else(|error| panic!("{error}"));
+        let patience = Duration::from_secs(5);
+        let mut line =
+            Conversation::open(&address, 0, ANY, patience).unwrap_or_else(|error| panic!("{error}"));
+        let update = UpdateFile::read(&file).unwrap_or_else(|error| panic!("{error}"));
+        let mut parts = 0;
+        let cut = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            line.update(&update, false, |_| {
+                parts += 1;
+                assert!(parts < 20, "the line is cut");
+            })
+        }));
+        assert!(cut.is_err() && parts == 20);
+        drop(line);
+        refused(
+            &resets_at_once(&file),
+            1,
+            "the new image did not pass its trial, and 0.1.0 (",
+        );
+
+        bead.write("new.elf", &file);
+        assert_eq!(bead.type_in("flash @new.elf"), (0, String::new()));
+        let mut line =
+            Conversation::open(&address, 0, ANY, patience).unwrap_or_else(|error| panic!("{error}"));
+        let image = line.image().unwrap_or_else(|error| panic!("{error}"));
+        assert!(image.identity.git.as_str().as_bytes().starts_with(NEW));
+        assert_eq!(image.stage, UpdateStage::Settled);
+    });
+}
+
+/// The image of a file with a start that resets the part, signed.
+fn resets_at_once(file: &[u8]) -> Vec<u8> {
+    /// `nop`; `ldr r0, =0x05fa0004`, `ldr r1, =0xe000ed0c`, `str r0, [r1]`, `b .`, and both words.
+    const CODE: [u16; 9] = [
+        0xbf00, 0x4801, 0x4902, 0x6008, 0xe7fe, 0x0004, 0x05fa, 0xed0c, 0xe000,
+    ];
+    let mut file = file.to_vec();
+    let (at, address) = {
+        let elf = object::File::parse(&*file).unwrap_or_else(|error| panic!("{error}"));
+        let reset = elf.entry() & !1;
+        let mut segments = elf.segments();
+        let segment =
+            segments.find(|segment| (segment.address()..segment.address() + segment.size()).contains(&reset));
+        let segment = segment.expect("the start lies in a segment");
+        (segment.file_range().0 + reset - segment.address(), reset)
+    };
+    // The words are aligned, with a `nop` before them or without.
+    let code = &CODE[usize::from(address.is_multiple_of(4))..];
+    for (n, half) in code.iter().enumerate() {
+        file[at as usize + 2 * n..][..2].copy_from_slice(&half.to_le_bytes());
+    }
+    bead_update::file::sign(&file, BOARD, "0.1.0", &DEVELOPMENT_SEED)
+        .unwrap_or_else(|error| panic!("{error}"))
 }

@@ -46,9 +46,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
 
 /// Returns the settings in the store at the end of a run, as the next start would find them.
 fn stored(answered: &RequestsRun) -> Option<Vec<u8>> {
-    let (address, bytes) = &answered.outcome.flash;
-    assert_eq!(*address, STORE_ADDRESS);
-    let (mut store, opened) = Store::open(StoreFlash::holding(bytes.clone()), STORE_RANGE);
+    let (mut store, opened) = Store::open(StoreFlash::holding(answered.store().to_vec()), STORE_RANGE);
     assert!(!opened.lost);
     store.read().ok().flatten().map(<[u8]>::to_vec)
 }

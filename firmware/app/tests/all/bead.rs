@@ -15,9 +15,12 @@ use bead_model::{Meter, WindowRecord};
 use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use bead_store::{Opened, Store, Vault, WindowMemory, Windows};
 use bead_testing::{FlashFailure, PowerCutFlash, block, paper_settings};
+use bead_update::layout::{Layout, PAGE};
+use bead_update::manifest::DEVELOPMENT_KEY;
+use bead_update::swap::{Images, Running, prepare};
 use bead_wire::{
-    ANY, Decoder, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST, Message, Outcome,
-    Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, encode_request,
+    ANY, Board, Decoder, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST, Message,
+    Outcome, Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, UpdateStage, encode_request,
 };
 
 pub(crate) const SECTOR: usize = 16 * 1024;
@@ -78,10 +81,35 @@ pub(crate) struct Hardware {
     pub(crate) probe: Cell<&'static [u8]>,
     settings_written: Cell<u32>,
     frames_waiting: Cell<u32>,
+    /// The stage of an update, and whether the next start waits for an image.
+    stage: Cell<u8>,
+    pub(crate) receives_next: Cell<bool>,
     /// The line's level, the count at its last edge, and the counts at which the bead pulled it.
     pub(crate) line_is_low: Cell<bool>,
     pub(crate) line_edge: Cell<u32>,
     pub(crate) line_pulls: RefCell<Vec<u32>>,
+    pub(crate) outputs: RefCell<FakeOutputs>,
+}
+
+/// The codes that the outputs hold, and those that they play from an index on.
+#[derive(Default)]
+pub(crate) struct FakeOutputs {
+    hold: Option<[u16; 2]>,
+    playing: Option<(u64, Vec<[u16; 2]>)>,
+}
+
+impl FakeOutputs {
+    /// The codes at a scan.
+    pub(crate) fn at(&self, index: u64) -> Option<[u16; 2]> {
+        let hold = self.hold?;
+        let Some((first, codes)) = &self.playing else {
+            return Some(hold);
+        };
+        let played = index
+            .checked_sub(*first)
+            .and_then(|place| codes.get(place as usize));
+        Some(played.copied().unwrap_or(hold))
+    }
 }
 
 impl Hardware {
@@ -97,13 +125,34 @@ pub(crate) struct FakeBoard(&'static Hardware);
 impl Device for FakeBoard {
     type Flash = SharedFlash;
     type Line = FakeLineTimer;
+    type ImageFlash = SharedFlash;
 
+    const UPDATE_KEY: [u8; 32] = DEVELOPMENT_KEY;
     const FIRMWARE: &'static str = "1.2.3";
     const GIT: &'static str = "0123456789ab";
     const CORE_MHZ: u32 = 168;
 
+    fn board(&self) -> Board {
+        Board {
+            name: "fake".into(),
+            crystal_mhz: 8,
+            part: 0x413,
+            revision: 0x1001,
+            brown_out_level: 3,
+            read_protection: 0,
+        }
+    }
+
     fn uid(&self) -> [u8; 12] {
         UID
+    }
+
+    fn update_stage(&self) -> UpdateStage {
+        UpdateStage::from_number(self.0.stage.get())
+    }
+
+    fn receive_after_reset(&self) {
+        self.0.receives_next.set(true);
     }
 
     fn now(&self) -> u64 {
@@ -123,6 +172,10 @@ impl Device for FakeBoard {
 
     fn core_clocks(&self) -> u32 {
         self.now() as u32
+    }
+
+    fn take_longest_mask(&self) -> u32 {
+        0
     }
 
     fn factory_codes(&self) -> FactoryCodes {
@@ -157,6 +210,29 @@ impl Device for FakeBoard {
 
     fn probe_settings(&self) -> &'static [u8] {
         self.0.probe.get()
+    }
+
+    fn hold(&self, codes: Option<[u16; 2]>) {
+        self.0.outputs.borrow_mut().hold = codes;
+    }
+
+    fn play(&self, codes: impl Iterator<Item = [u16; 2]>, _: u64) -> u64 {
+        let first = self.now() + 2;
+        let mut outputs = self.0.outputs.borrow_mut();
+        outputs.playing = Some((first, codes.collect()));
+        first
+    }
+
+    fn end_play(&self) -> bool {
+        self.0.outputs.borrow_mut().playing.take().is_some()
+    }
+
+    fn image(&self) -> &'static [u8] {
+        b"an image"
+    }
+
+    fn hang(&self) -> ! {
+        panic!("hang")
     }
 
     fn keep_frames_waiting(&self, frames: u32) {
@@ -202,6 +278,9 @@ pub(crate) struct StartState {
     pub(crate) record: Option<BootRecord>,
     pub(crate) reset_cause: u8,
     pub(crate) supply_is_good: bool,
+    /// Flash that images lie in, and whether this start waits for one.
+    pub(crate) images: SharedFlash,
+    pub(crate) receives: bool,
 }
 
 impl Default for StartState {
@@ -212,6 +291,8 @@ impl Default for StartState {
             record: None,
             reset_cause: 1 << 3,
             supply_is_good: true,
+            images: SharedFlash(Rc::new(RefCell::new(PowerCutFlash::blank(48)))),
+            receives: false,
         }
     }
 }
@@ -228,6 +309,7 @@ pub(crate) struct TestBead {
     decoder: RequestDecoder,
     next_number: u16,
     pub(crate) flash: SharedFlash,
+    pub(crate) images: SharedFlash,
     pub(crate) running: RunningBead,
 }
 
@@ -243,6 +325,8 @@ pub(crate) struct RunningBead {
     pub(crate) signal: Box<dyn FnMut(u64) -> [u16; 4]>,
     pub(crate) index: u64,
     pub(crate) epoch: u32,
+    /// False for a bead whose acquisition has stopped.
+    pub(crate) acquires: bool,
     /// False for a line that carries nothing.
     pub(crate) line_is_free: bool,
     /// Bytes of the last frame that have not left.
@@ -274,6 +358,16 @@ impl TestBead {
         hardware.factory.set(TYPICAL);
         hardware.supply_is_low.set(!start.supply_is_good);
         hardware.probe.set(start.probe.leak());
+        // The loader.
+        prepare::<_, PAGE>(start.images.clone(), &Layout::BEAD).expect("the power stays");
+        let images = Images::new(start.images.clone(), Layout::BEAD);
+        let stage = match images.running() {
+            Running::Trial => UpdateStage::OnTrial,
+            _ if start.receives => UpdateStage::Receiving,
+            Running::CameBack => UpdateStage::CameBack,
+            Running::Settled => UpdateStage::Settled,
+        };
+        hardware.stage.set(stage.number());
         let (boot, record) = BootRecord::begin(start.record, FramesWaiting::new(0), start.reset_cause);
         let boot = leak(boot);
         let range = 0..2 * SECTOR as u32;
@@ -293,7 +387,8 @@ impl TestBead {
         bead.report_boot(boot, refused, []);
         let line = FakeLineTimer(hardware);
         Self {
-            commands: Commands::new(bead, boot, store, leak(WindowRecord::new())),
+            commands: Commands::new(bead, boot, store, leak(WindowRecord::new()), images),
+            images: start.images,
             decoder: RequestDecoder::new(),
             next_number: 0,
             flash: start.flash,
@@ -307,6 +402,7 @@ impl TestBead {
                 signal: Box::new(quiet),
                 index: 1,
                 epoch: 0,
+                acquires: true,
                 line_is_free: true,
                 sending: 0,
                 stream: Decoder::new(),
@@ -325,6 +421,8 @@ impl TestBead {
             record: Some(record),
             reset_cause,
             supply_is_good: true,
+            images: self.images,
+            receives: self.running.hardware.receives_next.get(),
         })
     }
 
@@ -388,6 +486,30 @@ impl TestBead {
         self.outcome(&request.signed(&key, &UID, ANY, self.next_number, ticket))
     }
 
+    /// Lets the image on trial check itself. Gives the text in which it ended: of a reset, or a panic.
+    pub(crate) fn end_trial(&mut self) -> Option<String> {
+        Self::ended(self.commands.end_trial(), &mut self.running)
+    }
+
+    /// Looks whether an update is idle. Gives the text in which it ended.
+    pub(crate) fn end_idle_update(&mut self) -> Option<String> {
+        Self::ended(self.commands.end_idle_update(), &mut self.running)
+    }
+
+    /// The text of the panic in which `act` ends, if it does.
+    fn ended(act: impl Future, running: &mut RunningBead) -> Option<String> {
+        let mut act = pin!(act);
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            let mut context = Context::from_waker(Waker::noop());
+            while act.as_mut().poll(&mut context).is_pending() {
+                running.take_block();
+            }
+        }));
+        let panic = ended.err()?;
+        let text = panic.downcast_ref::<String>().cloned();
+        text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
+    }
+
     /// Asks for a reboot, and starts again when it came.
     pub(crate) fn reboot(mut self, request: &Request) -> Self {
         let asked = catch_unwind(AssertUnwindSafe(|| self.ask(request)));
@@ -420,7 +542,7 @@ impl RunningBead {
         self.bead.update(|c| {
             c.newest_index = self.index - 1;
             c.samples += SCANS_PER_BLOCK as u64;
-            c.blocks_handed_on += 1;
+            c.blocks_handed_on += u32::from(self.acquires);
         });
         self.estimation.take(&ScanBlock {
             epoch: self.epoch,

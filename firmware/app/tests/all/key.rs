@@ -229,5 +229,9 @@ fn a_request_for_a_scan_is_refused_while_none_comes() {
     }
     let state = bead.running.bead;
     state.update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
-    refused(&mut bead, 1000, "no scan comes: the crystal does not run");
+    refused(
+        &mut bead,
+        1000,
+        "no scan comes: the crystal does not run, or the part is another one",
+    );
 }

@@ -7,6 +7,8 @@ mod conditions;
 mod kept;
 mod key;
 mod line;
+mod played;
 mod requests;
 mod sensors;
 mod settings;
+mod update;

@@ -21,7 +21,7 @@ fn scan(index: u64, height: f64) -> Scan {
 /// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.
 fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Collector {
     let (settings, mut meter, mut heard) = (paper(), Meter::new(), Collector::default());
-    for first in (0..6000).step_by(BLOCK) {
+    for first in (0..8000).step_by(BLOCK) {
         if let Some((trigger, at)) = ask(first) {
             meter.keep_around(trigger, at, Origin::Line);
         }

@@ -17,6 +17,8 @@ mod shape;
 #[cfg(not(miri))]
 mod spheres;
 #[cfg(not(miri))]
+mod trains;
+#[cfg(not(miri))]
 mod waveform;
 #[cfg(not(miri))]
 mod waves;

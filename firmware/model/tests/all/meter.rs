@@ -242,6 +242,7 @@ proptest! {
         }
         chain.relaxation = I2F30::from_bits(next(i32::MAX));
         chain.energy = I16F16::from_bits(next(i32::MAX));
+        chain.delay = I16F16::from_bits(next(i32::MAX));
         // In a build with overflow checks a sum that leaves its format panics.
         let scans: Vec<Scan> = codes.into_iter().map(Scan::new).collect();
         let (window, record) = replayed(&settings, 0, &scans);

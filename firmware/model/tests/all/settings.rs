@@ -2,7 +2,9 @@
 
 use crate::paper;
 use bead_model::company::Company;
-use bead_model::design::{Bead, Capture, Description, LEAST_WIDTH, Neighbours, SensorEnds, Supply};
+use bead_model::design::{
+    Bead, Capture, Description, Followers, LEAST_WIDTH, Neighbours, SensorEnds, Supply,
+};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::BLOCK_MAX;
@@ -33,7 +35,7 @@ fn body() -> &'static [u8] {
 fn in_company() -> Description {
     let bead = Bead::paper();
     Description {
-        company: Neighbours::new([true, false, false, true], false, bead.intruder()),
+        company: Neighbours::new([true, false, false, true, false, true], false, bead.intruder()),
         ..*paper().description()
     }
 }
@@ -78,7 +80,8 @@ fn the_longest_settings_have_room_in_a_block() {
     let mut longest = in_company();
     longest.name = Name::new("sixteen bytes ok").unwrap();
     longest.address = 254;
-    longest.company = Neighbours::new([true; 4], true, longest.intruder);
+    longest.company = Neighbours::new([true; 6], true, longest.intruder);
+    longest.followers = Some(Followers::like(&longest.physics()));
     longest.supply = Some(Supply { voltage: 3.3 });
     let mut buffer = [0; BLOCK_MAX];
     longest.sensor_end = Some(SensorEnds {
@@ -239,7 +242,7 @@ fn masses_address_places_flag_and_noise_have_their_limits() {
             Bound::BelowHost,
         ),
         (|one| one.address = 255, Key::Address, Bound::OneBead),
-        (|one| one.company.behind = 15, Key::Behind, Bound::Places),
+        (|one| one.company.behind = 17, Key::Behind, Bound::Places),
         (|one| one.company.elsewhere = 2, Key::Elsewhere, Bound::Flag),
         (
             |one| one.supply = Some(Supply { voltage: 0.0 }),
@@ -469,7 +472,7 @@ fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
 fn those_behind_stand_in_their_bits_with_their_numbers() {
     let settings = Settings::new(&in_company()).unwrap();
     let company = settings.company;
-    assert_eq!((company.behind, company.elsewhere), (0b1001, false));
+    assert_eq!((company.behind, company.elsewhere), (0b101001, false));
     assert_eq!(company.stiffness, settings.chain.stiffness);
     assert_eq!(company.damping, settings.chain.damping);
     // Where none is behind, the numbers of its intruder do not matter.
@@ -477,7 +480,7 @@ fn those_behind_stand_in_their_bits_with_their_numbers() {
     (alone.company.behind, alone.company.elsewhere) = (0, 1);
     let expected = Company {
         elsewhere: true,
-        ..Company::default()
+        ..paper().company
     };
     assert_eq!(Settings::new(&alone).unwrap().company, expected);
 }

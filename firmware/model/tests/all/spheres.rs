@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use crate::sensed::{HOST, felt, front_end, scan};
-use bead_model::design::{Bead, Capture, derive};
+use bead_model::design::{Bead, Capture, Surroundings, derive_among};
 use bead_model::violation::{Bound, Violation};
 use bead_model::{Energy, Settings, StrikeFlags};
 use bead_testing::Collector;
@@ -76,17 +76,21 @@ fn chain(material: Material, relaxation: f64, diameter: f64, part: f64) -> (Scen
 }
 
 /// Errors of A and B, in per cent, and the flags of the first report; or why there are no settings.
-fn errors(solution: &Solution, bead: &Bead) -> Result<(f64, f64, StrikeFlags), Violation> {
+pub(crate) fn errors(
+    solution: &Solution,
+    bead: &Bead,
+    around: &Surroundings,
+) -> Result<(f64, f64, StrikeFlags), Violation> {
     let samples = (solution.end() * RATE) as usize;
     let felt: Vec<[f64; 2]> = (0..samples).map(|n| felt(solution, n as f64 / RATE)).collect();
     let [force, acceleration] =
         [0, 1].map(|part| felt.iter().map(|felt| felt[part].abs()).fold(0.0, f64::max));
-    let front_end = front_end([1.5 * force, 2.6 * acceleration]);
+    let front_end = front_end([1.5 * force, f64::min(2.6 * acceleration, 60e3)]);
     let capture = Capture {
         threshold: force / 60.0,
         ..Capture::of(bead, &front_end)
     };
-    let settings = derive(bead, &front_end, &capture)?;
+    let settings = derive_among(bead, around, &front_end, &capture)?;
     let mut block = [0; bead_model::settings::BLOCK_MAX];
     settings.encode(&mut block).unwrap();
     assert_eq!(Settings::decode(&block), Ok(settings));
@@ -120,7 +124,7 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                     "{name:9} {diameter:2} mm, intruder {:4.1} %: {width:5.2} samples",
                     100.0 * part
                 );
-                let found = errors(&simulate(&scenario).unwrap(), &bead);
+                let found = errors(&simulate(&scenario).unwrap(), &bead, &Surroundings::default());
                 if width < 2.5 {
                     let bound = found.err().map(|violation| violation.bound);
                     assert!(matches!(bound, Some(Bound::Width { .. })), "{what}: {bound:?}");
@@ -131,7 +135,7 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                 let bound_a = f64::max(0.14 * (3.9 / width).powi(2), 0.05);
                 let mut bound_b = f64::max(1.7 * steps, 0.5);
                 if relaxation > 0.05 * bead.pulse_width(1.0) {
-                    // Viscosity spreads the wave over more than the four beads behind the host.
+                    // Viscosity spreads the wave over more than the five beads behind the host.
                     bound_b = bound_b.max(1.5);
                 }
                 let (a, b, flags) = found.unwrap_or_else(|error| panic!("{what}: {error}"));

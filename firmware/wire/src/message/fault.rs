@@ -49,6 +49,12 @@ names! {
         16 "crystal_failed" CrystalFailed,
         /// The trigger line is held low: no bead on it can tell the others of a strike.
         17 "trigger_line_low" TriggerLineLow,
+        /// The crystal is none that boards have, `detail` says which. The bead runs on its internal
+        /// oscillator. It answers, and it takes no samples.
+        18 "crystal_wrong" CrystalWrong,
+        /// The part is not an STM32F405, `detail` says which. The bead runs on its internal oscillator. It
+        /// answers, and it takes no samples.
+        19 "part_wrong" PartWrong,
     }
 }
 

@@ -40,7 +40,9 @@ bits! {
         3 "acceleration_railed" ACCELERATION_RAILED,
         /// The supply is below its limit.
         4 "supply_low" SUPPLY_LOW,
-        /// The crystal does not run: there are no samples.
+        /// The crystal does not run, or is none that boards have: there are no samples.
         5 "crystal_failed" CRYSTAL_FAILED,
+        /// The part is not an STM32F405: there are no samples.
+        6 "part_wrong" PART_WRONG,
     }
 }

@@ -14,5 +14,7 @@ body! {
         pub mean_cycles: u32,
         /// Cycles from one block to the next: all that there are.
         pub period_cycles: u32,
+        /// Cycles of the longest stretch without interrupts while samples are taken.
+        pub masked_cycles: u32,
     }
 }

@@ -43,6 +43,9 @@ names! {
         15 "not_kept" NotKept,
         /// The line has no room for the answer, because strikes come. Ask again.
         16 "busy" Busy,
+        /// The image is not taken: it is not signed with a key of this bead, is for another board, older, too
+        /// long, or not the one that was announced. The detail says which.
+        17 "image_refused" ImageRefused,
     }
 }
 

@@ -17,7 +17,7 @@ names! {
         3 "acquisition" Acquisition,
         /// The settings block in force passes every check again; `value` is its length in bytes.
         4 "settings" Settings,
-        /// At least 8 KiB of the stack were never used; `value` is the number of bytes that were never used.
+        /// At least 4 KiB of the stack were never used; `value` is the number of bytes that were never used.
         5 "stack" Stack,
         /// For a known window the estimators give, bit for bit, the results that they gave on the computer
         /// that built the firmware; `value` is the number of results that differ.

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use stm32f405_qemu::{Inputs, Live, StretchWork, UartInput};
+use stm32f405_qemu::{Inputs, Live, Run, StretchWork, UartInput};
 
 use crate::emulation::Emulation;
 use crate::error::BenchError;
@@ -96,7 +96,20 @@ impl Bridge {
     /// # Errors
     /// QEMU fails.
     pub fn new(emulation: &Emulation, pace: Option<f64>) -> Result<Self, BenchError> {
+        Self::with(emulation, pace, |_| {})
+    }
+
+    /// The image at power-up in a machine that is changed before.
+    ///
+    /// # Errors
+    /// QEMU fails.
+    pub fn with(
+        emulation: &Emulation,
+        pace: Option<f64>,
+        change: impl FnOnce(&mut Run),
+    ) -> Result<Self, BenchError> {
         let mut machine = emulation.machine();
+        change(&mut machine);
         machine.count_instructions = false;
         // Every edge would be kept for as long as it runs.
         machine.record_pins = false;

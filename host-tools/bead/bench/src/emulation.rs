@@ -10,7 +10,7 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::violation::{Bound, Violation};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
-use stm32f405_qemu::{Outcome, PinInput, Reset, Run, RunEnd, Since};
+use stm32f405_qemu::{AnalogWire, Outcome, PinInput, Reset, Run, RunEnd, Since};
 
 use crate::error::BenchError;
 use crate::faults::{self, Planned};
@@ -18,14 +18,14 @@ use crate::image;
 use crate::playback::{Playback, WithOtherNoise};
 use bead_compare::emulated::{EmulatorReport, InstructionsPerSample, RunTruth};
 use bead_compare::front_end::{AnalogFrontEnd, Digitised, REFERENCE_VOLTS, SAMPLE_RATE_HZ};
-use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
+use bead_compare::sensed::{Sensed, Timing, Truth, bead_of, surroundings_of, unlike_the_reduced_chain};
 use bead_instrument::Waveform;
 use bead_recording::file::{RecordingError, RecordingWriter};
 use bead_recording::frames::{self, Frame};
 use bead_recording::physical::refusal;
 
 /// Flash address at which the image finds settings that a probe wrote (`memory.x`).
-pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
+pub const SETTINGS_ADDRESS: u32 = 0x0800_C000;
 /// Quiet time after the last strike, s: the bead sends its status every second. The noise goes on, since a
 /// sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
@@ -112,6 +112,8 @@ pub struct Placed {
     pub began: f64,
     /// Uncertainties that its settings state, if any.
     pub uncertainty: Option<Uncertainty>,
+    /// Settings that its owner gave it, in place of those that are right for the bead and its front end.
+    pub owners: Option<Settings>,
 }
 
 impl Placed {
@@ -124,6 +126,7 @@ impl Placed {
             clock_ppm: 0.0,
             began: 0.0,
             uncertainty: None,
+            owners: None,
         }
     }
 }
@@ -142,8 +145,13 @@ pub struct Emulation {
     pub shift: Option<u8>,
     /// TCP port for a debugger, as `Run::gdb`.
     pub gdb: Option<u16>,
+    /// Greatest errors of A and of B that the chain explains, as parts; infinite without a bound.
+    pub explained: [f64; 2],
     /// Waveform at the sensors, if it is not a strike of the chain.
     pub waveform: Option<Waveform>,
+    /// Wires from the part's outputs to its inputs. With one or more there are no sensors: inputs without a
+    /// wire are open.
+    pub wires: Vec<AnalogWire>,
     /// True to record [`Ran::pulls_ns`]. Each edge of any pin then takes memory.
     pub pulls: bool,
     codes: Digitised,
@@ -169,7 +177,11 @@ impl Emulation {
         let settings = settings_of(solution, placed, front_end)?;
         let timing = timing.since(placed.began);
         let sensed = Sensed::new(solution, placed.bead, timing);
-        Self::feeling(sensed, settings, truth, placed, front_end, timing, image)
+        let emulation = Self::feeling(sensed, settings, truth, placed, front_end, timing, image)?;
+        Ok(Self {
+            explained: unlike_the_reduced_chain(solution, placed.bead).explained,
+            ..emulation
+        })
     }
 
     /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do.
@@ -251,7 +263,9 @@ impl Emulation {
             faults: Vec::new(),
             shift: None,
             gdb: None,
+            explained: [0.0; 2],
             waveform: None,
+            wires: Vec::new(),
             pulls: false,
             codes,
             again,
@@ -283,6 +297,9 @@ impl Emulation {
 
     /// The codes of the run for one that goes on without end.
     pub(super) fn playback(&self) -> Playback {
+        if !self.wires.is_empty() {
+            return Playback::new(open_inputs(), None);
+        }
         let noise = self.truth.seed.map(|seed| (seed, Arc::clone(&self.again)));
         Playback::new(self.codes.scans.clone(), noise)
     }
@@ -330,6 +347,7 @@ impl Emulation {
             });
         }
         run.record_pins = self.pulls;
+        run.analog_wires.clone_from(&self.wires);
         faults::provoke(&self.faults, &self.truth.front_end, &mut run);
         // An image that keeps the core busy runs some thirty times slower here than on silicon.
         run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
@@ -414,6 +432,19 @@ impl Emulation {
     }
 }
 
+/// Codes of inputs that nothing is connected to, for a period of the mains: hum of 50 Hz and some noise.
+fn open_inputs() -> Vec<[u16; 4]> {
+    const PERIOD: u32 = SAMPLE_RATE_HZ / 50;
+    let row = |n: u32| {
+        let phase = std::f64::consts::TAU * f64::from(n) / f64::from(PERIOD);
+        [900.0, 1100.0, 1300.0, 1000.0].map(|level| {
+            let noise = f64::from(n.wrapping_mul(2_654_435_769) >> 30) - 1.5;
+            (level + 60.0 * libm::sin(phase) + noise).round() as u16
+        })
+    };
+    (0..PERIOD).map(row).collect()
+}
+
 /// Failure of an image that ended before its time was over. A fault that a reset follows is none.
 fn failure(outcome: &Outcome) -> Option<String> {
     // A breakpoint is how test firmware ends. A bead's never does.
@@ -434,7 +465,7 @@ fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     low.map(|pair| [pair[0].0, pair[1].0]).collect()
 }
 
-/// The settings of a bead behind a front end.
+/// The settings of a bead behind a front end: its owner's, or those that are right for both.
 ///
 /// # Errors
 /// The bead has no intruder, or no settings fit it.
@@ -445,8 +476,11 @@ pub fn settings_of(
 ) -> Result<Settings, BenchError> {
     let bead = placed.bead;
     let physics = bead_of(solution, bead)?;
+    if let Some(owners) = placed.owners {
+        return Ok(owners);
+    }
     let front = front_end.calibration();
-    let neighbours = neighbours_of(solution, bead);
+    let around = surroundings_of(solution, bead);
     let capture = Capture::of(&physics, &front);
     let description = Description {
         address: placed.address,
@@ -454,7 +488,7 @@ pub fn settings_of(
             voltage: REFERENCE_VOLTS,
         }),
         uncertainty: placed.uncertainty,
-        ..Description::new(&physics, &neighbours, &front, &capture)
+        ..Description::new(&physics, &around, &front, &capture)
     };
     Settings::new(&description).map_err(|violation| match violation {
         Violation {

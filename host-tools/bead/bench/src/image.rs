@@ -91,6 +91,31 @@ fn link(file: &File) -> PathBuf {
     format!("/proc/{}/fd/{}", process::id(), file.as_raw_fd()).into()
 }
 
+/// The bytes that a part with this image has from an address of flash on. Where the image has nothing, flash
+/// is erased. `None` if the file is no image, or has nothing there.
+pub fn flash_bytes(image: &Path, address: u32, bytes: u32) -> Option<Vec<u8>> {
+    use object::elf::{FileHeader32, PT_LOAD};
+    use object::read::elf::{FileHeader, ProgramHeader};
+    let file = std::fs::read(image).ok()?;
+    let header = FileHeader32::<object::Endianness>::parse(&*file).ok()?;
+    let endian = header.endian().ok()?;
+    let wanted = u64::from(address)..u64::from(address) + u64::from(bytes);
+    let mut flash = vec![0xff; bytes as usize];
+    let mut found = false;
+    for segment in header.program_headers(endian, &*file).ok()? {
+        let start = u64::from(segment.p_paddr(endian));
+        if segment.p_type(endian) != PT_LOAD || !wanted.contains(&start) {
+            continue;
+        }
+        let data = segment.data(endian, &*file).ok()?;
+        let place = (start - wanted.start) as usize;
+        let length = data.len().min(flash.len() - place);
+        flash[place..place + length].copy_from_slice(&data[..length]);
+        found |= length > 0;
+    }
+    found.then_some(flash)
+}
+
 /// The place of an image, for messages.
 pub fn shown(image: &Path) -> String {
     named(image, |path| path.display().to_string())

@@ -1,6 +1,5 @@
 //! A recording of emulated beads.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use bead_wire::Message;
@@ -13,8 +12,9 @@ use bead_compare::front_end::SAMPLE_RATE_HZ;
 use bead_recording::file::{About, Part, RecordingError, RecordingOrigin, RecordingWriter};
 use bead_tables::whole::Target;
 
-/// Writes everything that belongs to a run to one recording, with notes by name, and returns its path.
-/// `scenario` is the text of the scenario's file. A recording that fails is removed.
+/// Writes everything that belongs to a run to one recording, and returns its path. `scenario` is the text of
+/// the scenario's file; `about` has its notes, and gets what the run knows. A recording that fails is
+/// removed.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -23,7 +23,7 @@ pub fn write(
     ran: &[(Emulation, Ran)],
     of_several: bool,
     scenario: &str,
-    notes: BTreeMap<String, String>,
+    about: About,
 ) -> Result<PathBuf, BenchError> {
     let mut frames = ran.iter().flat_map(|(_, ran)| &ran.frames);
     let firmware = frames.find_map(|frame| match &frame.message {
@@ -34,7 +34,7 @@ pub fn write(
         source: "bead emulate".to_owned(),
         firmware,
         sample_rate_hz: SAMPLE_RATE_HZ,
-        notes,
+        ..about
     };
     let mut parts = Vec::new();
     for (emulation, ran) in ran {

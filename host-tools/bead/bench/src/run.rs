@@ -13,12 +13,13 @@ use crate::fault_reports::{CheckedFaults, FaultLog, FaultOutcome, check_reports}
 use crate::faults::{Planned, PlannedKind};
 use crate::tables::Sensors;
 use bead_compare::emulated::InstructionsPerSample;
+use bead_compare::energy_uncertainties::EnergyUncertainties;
 use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::given::GivenEstimates;
 use bead_compare::replay::{ReplayWord, replay};
 use bead_compare::report::count;
 use bead_compare::sensed::Truth;
-use bead_compare::strike::{EnergyUncertainties, StrikeConditions};
+use bead_compare::strike::StrikeConditions;
 use bead_compare::values::StrikeValues;
 use bead_recording::frames::Frame;
 use bead_recording::statuses::LastStatuses;
@@ -133,7 +134,7 @@ pub struct MeasuredStrike {
     pub flags: Vec<&'static str>,
     /// Supply and temperature; none if they were not measured yet.
     pub conditions: Option<StrikeConditions>,
-    /// Standard uncertainties, if the settings state those of all inputs.
+    /// Standard uncertainties of its energies, if the settings state those of all inputs.
     pub uncertainty: Option<EnergyUncertainties>,
     /// By the full chain; none for an echo, and where a waveform was played.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -152,14 +153,14 @@ pub struct MeasuredStrike {
 }
 
 impl MeasuredStrike {
-    fn of(strike: &RecordedStrike) -> Self {
+    fn of(strike: &RecordedStrike, explained: [f64; 2]) -> Self {
         let replay = replay(strike);
         Self {
             sample_index: strike.said.trigger_index,
             device: StrikeValues::of(&strike.said),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
-            uncertainty: EnergyUncertainties::of(strike),
+            uncertainty: EnergyUncertainties::of(strike, explained),
             replay_identical: replay.identical(),
             replay: replay.word(),
             replay_failure: replay.failure(),
@@ -219,7 +220,7 @@ impl RunReport {
         for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
             let is_echo = is_known && begun.is_some() && begun == before;
-            let mut measured = MeasuredStrike::of(&strike);
+            let mut measured = MeasuredStrike::of(&strike, emulation.explained);
             if let Some(waveform) = &emulation.waveform {
                 measured.given = begun.filter(|_| is_known).map(|begun| {
                     let rate = f64::from(emulation.settings.sample_rate_hz);

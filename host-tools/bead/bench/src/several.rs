@@ -74,6 +74,7 @@ pub fn placed(
         },
         began: chance.random_range(0.0..=1.0) * start_spread,
         uncertainty: None,
+        owners: None,
     };
     Ok(beads.iter().enumerate().map(place).collect())
 }

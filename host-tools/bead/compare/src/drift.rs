@@ -19,11 +19,13 @@ use bead_wire::StrikeFlags;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::agreement::agrees;
+
 /// Part by which a quantity is changed.
 const STEP: f64 = 0.03;
 /// Strikes from which on a mean is judged.
 pub const LEAST_STRIKES: u32 = 5;
-/// Standard errors that a mean must be away from the settings.
+/// Coverage factor of a mean.
 const SIGMAS: f64 = 3.0;
 /// Flags of a strike from whose wave form nothing follows about the bead.
 const UNFIT: StrikeFlags = StrikeFlags::FORCE_RAILED
@@ -34,7 +36,7 @@ const UNFIT: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::SENSOR_END)
     .with(StrikeFlags::NOT_AT_REST)
     .with(StrikeFlags::WAVE_TRAIN)
-    .with(StrikeFlags::UNLIKE_NEIGHBOUR);
+    .with(StrikeFlags::PLAYED);
 
 /// Names of the quantities, and the part by which a good bead may seem off: 0.3 %, and what the end of the
 /// reduced chain does to c and to B.
@@ -140,7 +142,8 @@ impl Mean {
             mean: self.mean,
             standard_error,
             drifting: self.values >= LEAST_STRIKES
-                && self.mean.abs() > self.allowed.max(SIGMAS * standard_error),
+                && !agrees(self.mean, self.allowed, 0.0)
+                && !agrees(self.mean, 0.0, SIGMAS * standard_error),
         })
     }
 }

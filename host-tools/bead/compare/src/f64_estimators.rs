@@ -7,7 +7,7 @@
 //! samples; B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated
 //! by cubics.
 
-use bead_model::design::{Bead, Intruder, Neighbours};
+use bead_model::design::{Bead, Intruder, Surroundings};
 use bead_model::reduced_chain::FOLLOWERS;
 
 use crate::front_end::first_order_hold;
@@ -67,14 +67,15 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
 }
 
 /// Estimate B: energy absorbed since the first sample, and work that the force at the host's incoming contact
-/// has done on the host, J, at each sample, from that total force in N. The work is the energy that came in,
-/// less what went back. Everything is at rest, just touching, at the first sample. The followers hold the
-/// intruders of `neighbours`.
-pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<[f64; 2]> {
-    let held = &held(bead, neighbours);
+/// has done on the host, J, at each sample, from that force in N beyond a static load. The work is the energy
+/// that came in, less what went back. Everything is at rest at the first sample. The chain goes on behind the
+/// last follower (`FarEnd`).
+pub fn predicted(bead: &Bead, around: &Surroundings, force: &[f64], rate_hz: f64) -> Vec<[f64; 2]> {
+    let chain = &Chain::new(bead, around);
     let step = 1.0 / rate_hz / SUBSTEPS as f64;
     let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
     let mut state = [0.0; WORK + 1];
+    let mut end = FarEnd::new(chain, step);
     let mut energies = Vec::with_capacity(force.len());
     for i in 0..force.len() as isize {
         energies.push([state[ENERGY], state[WORK]]);
@@ -83,7 +84,9 @@ pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f
             let phase = substep as f64 / SUBSTEPS as f64;
             let half = 0.5 / SUBSTEPS as f64;
             let phases = [phase, phase + half, phase + 2.0 * half];
-            state = runge_kutta(bead, held, &state, step, phases.map(|phase| cubic(points, phase)));
+            let behind = end.push(chain.force(FOLLOWERS - 1, &state));
+            let incoming = phases.map(|phase| cubic(points, phase));
+            state = chain.runge_kutta(&state, step, incoming, behind);
         }
     }
     energies
@@ -106,77 +109,169 @@ const INTRUDERS: usize = 2 * BODIES;
 const ENERGY: usize = 4 * BODIES;
 const WORK: usize = ENERGY + 1;
 
-type Held = [Option<Intruder>; BODIES];
-
-fn held(bead: &Bead, neighbours: &Neighbours) -> Held {
-    std::array::from_fn(|body| match body.checked_sub(1) {
-        None => Some(bead.intruder()),
-        Some(follower) => neighbours.holds(follower).then(|| neighbours.intruder()),
-    })
-}
-
 type ReducedState = [f64; WORK + 1];
 
 fn plus(state: &ReducedState, scale: f64, rate: &ReducedState) -> ReducedState {
     std::array::from_fn(|value| state[value] + scale * rate[value])
 }
 
-fn rate(bead: &Bead, held: &Held, y: &ReducedState, incoming: f64) -> ReducedState {
-    let mut rate = [0.0; WORK + 1];
-    let mut push = incoming;
-    for body in 0..BODIES {
-        let velocity = BODIES + body;
-        let outgoing = match body + 1 {
-            BODIES => 0.0,
-            next => contact_force(bead, y[body] - y[next], y[velocity] - y[velocity + 1]),
+/// The reduced chain.
+struct Chain {
+    /// With their intruders, kg; infinite for a wall.
+    masses: [f64; BODIES],
+    intruders: [Option<Intruder>; BODIES],
+    /// κ, τ and overlap at rest, of the contact behind each body but the last.
+    contacts: [[f64; 3]; FOLLOWERS],
+    /// Static load, N.
+    load: f64,
+}
+
+impl Chain {
+    fn new(bead: &Bead, around: &Surroundings) -> Self {
+        let neighbours = &around.intruders;
+        let contact = [bead.contact_stiffness, bead.relaxation, 0.0];
+        let mut chain = Self {
+            masses: [bead.mass; BODIES],
+            intruders: std::array::from_fn(|body| match body.checked_sub(1) {
+                None => Some(bead.intruder()),
+                Some(follower) => neighbours.holds(follower).then(|| neighbours.intruder()),
+            }),
+            contacts: [contact; FOLLOWERS],
+            load: 0.0,
         };
-        rate[body] = y[velocity];
-        let (displacement, relative) = (INTRUDERS + body, INTRUDERS + BODIES + body);
-        match held[body] {
-            Some(intruder) => {
-                let spring = intruder.stiffness * y[displacement] + intruder.damping * y[relative];
-                rate[velocity] = (push - outgoing + spring) / (bead.mass - intruder.mass);
-                rate[displacement] = y[relative];
-                rate[relative] = -spring / intruder.mass - rate[velocity];
+        if let Some(followers) = &around.followers {
+            chain.load = followers.load.into();
+            for n in 0..FOLLOWERS {
+                let [mass, stiffness, relaxation] =
+                    [followers.mass[n], followers.stiffness[n], followers.relaxation[n]].map(f64::from);
+                let is_wall = followers.is_wall(n);
+                chain.masses[n + 1] = if is_wall { f64::INFINITY } else { mass };
+                let overlap = if stiffness > 0.0 {
+                    (chain.load / stiffness).powf(2.0 / 3.0)
+                } else {
+                    0.0
+                };
+                chain.contacts[n] = [stiffness, relaxation, overlap];
             }
-            None => rate[velocity] = (push - outgoing) / bead.mass,
         }
-        push = outgoing;
+        chain
     }
-    rate[ENERGY] = bead.damping * y[INTRUDERS + BODIES].powi(2);
-    rate[WORK] = incoming * y[BODIES];
-    rate
+
+    /// Eq. 1 with the paper's Eq. 2 for the viscous part, less the static load: the force of the contact
+    /// behind body `body`.
+    fn force(&self, body: usize, y: &ReducedState) -> f64 {
+        let [stiffness, relaxation, at_rest] = self.contacts[body];
+        let load = if at_rest > 0.0 { self.load } else { 0.0 };
+        let overlap = y[body] - y[body + 1] + at_rest;
+        let approach = y[BODIES + body] - y[BODIES + body + 1];
+        if overlap <= 0.0 {
+            return -load;
+        }
+        stiffness * overlap.sqrt() * (overlap + 1.5 * relaxation * approach) - load
+    }
+
+    fn rate(&self, y: &ReducedState, incoming: f64, behind: f64) -> ReducedState {
+        let mut rate = [0.0; WORK + 1];
+        let mut push = incoming;
+        for body in 0..BODIES {
+            let velocity = BODIES + body;
+            let outgoing = if body < FOLLOWERS {
+                self.force(body, y)
+            } else {
+                behind
+            };
+            rate[body] = y[velocity];
+            let (displacement, relative) = (INTRUDERS + body, INTRUDERS + BODIES + body);
+            match self.intruders[body] {
+                Some(intruder) => {
+                    let spring = intruder.stiffness * y[displacement] + intruder.damping * y[relative];
+                    rate[velocity] = (push - outgoing + spring) / (self.masses[body] - intruder.mass);
+                    rate[displacement] = y[relative];
+                    rate[relative] = -spring / intruder.mass - rate[velocity];
+                }
+                None => rate[velocity] = (push - outgoing) / self.masses[body],
+            }
+            push = outgoing;
+        }
+        let damping = self.intruders[0].map_or(0.0, |intruder| intruder.damping);
+        rate[ENERGY] = damping * y[INTRUDERS + BODIES].powi(2);
+        rate[WORK] = incoming * y[BODIES];
+        rate
+    }
+
+    fn runge_kutta(
+        &self,
+        state: &ReducedState,
+        step: f64,
+        [start, middle, end]: [f64; 3],
+        behind: f64,
+    ) -> ReducedState {
+        let k1 = self.rate(state, start, behind);
+        let k2 = self.rate(&plus(state, 0.5 * step, &k1), middle, behind);
+        let k3 = self.rate(&plus(state, 0.5 * step, &k2), middle, behind);
+        let k4 = self.rate(&plus(state, step, &k3), end, behind);
+        let parts = [(6.0, k1), (3.0, k2), (3.0, k3), (6.0, k4)];
+        parts
+            .iter()
+            .fold(*state, |sum, (part, rate)| plus(&sum, step / part, rate))
+    }
 }
 
-/// The paper's Eq. (1): Hertz and Kuwabara-Kono; no force where the beads have parted.
-fn contact_force(bead: &Bead, overlap: f64, approach: f64) -> f64 {
-    if overlap <= 0.0 {
-        return 0.0;
-    }
-    bead.contact_stiffness * overlap.sqrt() * (overlap + 1.5 * bead.relaxation * approach)
+/// The force behind the last bead: that in front of it, when the wave passed there. The time that the wave
+/// takes follows from its peak, the greatest force of the last two spans of two such times each.
+struct FarEnd {
+    forces: Vec<f64>,
+    /// The time of a wave of 1 N, and what the viscosity of a contact takes off it, in steps.
+    unit: f64,
+    sooner: f64,
+    /// A load makes a wave as fast as this force more does.
+    load: f64,
+    peaks: [f64; 2],
+    /// The step with which this span began, and steps after which it ends.
+    began: f64,
+    span: f64,
+    /// The step at which the force is taken that now comes. A wave is not felt twice.
+    then: f64,
 }
 
-fn runge_kutta(
-    bead: &Bead,
-    held: &Held,
-    state: &ReducedState,
-    step: f64,
-    [start, middle, end]: [f64; 3],
-) -> ReducedState {
-    let k1 = rate(bead, held, state, start);
-    let k2 = rate(bead, held, &plus(state, 0.5 * step, &k1), middle);
-    let k3 = rate(bead, held, &plus(state, 0.5 * step, &k2), middle);
-    let k4 = rate(bead, held, &plus(state, step, &k3), end);
-    let parts = [(6.0, k1), (3.0, k2), (3.0, k3), (6.0, k4)];
-    parts
-        .iter()
-        .fold(*state, |sum, (part, rate)| plus(&sum, step / part, rate))
+impl FarEnd {
+    fn new(chain: &Chain, step: f64) -> Self {
+        let [stiffness, relaxation, _] = chain.contacts[FOLLOWERS - 1];
+        Self {
+            forces: Vec::new(),
+            unit: 1.104_44 * chain.masses[FOLLOWERS].sqrt() / stiffness.cbrt() / step,
+            sooner: relaxation / step,
+            // A weak wave takes √(M/K) from contact to contact, with K = 1.5 κ^(2/3) load^(1/3).
+            load: chain.load * (1.104_44 * 1.5_f64.sqrt()).powi(6),
+            peaks: [0.0; 2],
+            began: 0.0,
+            span: 0.0,
+            then: 0.0,
+        }
+    }
+
+    fn push(&mut self, force: f64) -> f64 {
+        let now = self.forces.len() as f64;
+        self.forces.push(force);
+        if now - self.began >= self.span {
+            self.began = now;
+            self.peaks = [self.peaks[1], 0.0];
+        }
+        self.peaks[1] = self.peaks[1].max(force);
+        let peak = self.load + self.peaks[0].max(self.peaks[1]);
+        let took = self.unit * peak.powf(-1.0 / 6.0);
+        // 250 samples at most, while there is hardly a force.
+        self.span = (2.0 * took).min(250.0 * SUBSTEPS as f64);
+        self.then = self.then.max(now - (took - self.sooner).max(0.0));
+        let [before, after] = [self.then.floor(), self.then.ceil()].map(|step| self.forces[step as usize]);
+        before + (after - before) * self.then.fract()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensed::{bead_of, neighbours_of};
+    use crate::sensed::{bead_of, surroundings_of};
     use hertz_chain::Scenario;
 
     const RATE: f64 = 100e3;
@@ -205,13 +300,13 @@ mod tests {
         measured(bead, acceleration, RATE).last().unwrap() / truth - 1.0
     }
 
-    fn error_b(bead: &Bead, neighbours: &Neighbours, force: &[f64], truth: f64) -> f64 {
-        predicted(bead, neighbours, force, RATE).last().unwrap()[0] / truth - 1.0
+    fn error_b(bead: &Bead, around: &Surroundings, force: &[f64], truth: f64) -> f64 {
+        predicted(bead, around, force, RATE).last().unwrap()[0] / truth - 1.0
     }
 
     #[test]
     fn both_are_within_one_part_in_fifty_thousand_of_the_full_chain_also_behind_a_pole() {
-        let nobody = Neighbours::default();
+        let nobody = Surroundings::default();
         let (bead, force, acceleration, truth) = samples(None);
         let errors = [
             error_a(&bead, &acceleration, truth),
@@ -247,7 +342,10 @@ mod tests {
         let solution = crate::sensed::simulate_with_ring_down(&scenario).unwrap();
         let end = (scenario.duration * RATE) as usize;
         for host in [7, 10, 14] {
-            let (bead, neighbours) = (bead_of(&solution, host).unwrap(), neighbours_of(&solution, host));
+            let (bead, around) = (
+                bead_of(&solution, host).unwrap(),
+                surroundings_of(&solution, host),
+            );
             let force = |i: usize| solution.at(i as f64 / RATE).force(host);
             let forces: Vec<f64> = (0..=end).map(force).collect();
             // As long as a window goes on after the wave has come.
@@ -255,8 +353,8 @@ mod tests {
             let forces = &forces[..end.min(came + 512)];
             let last = solution.at(forces.len() as f64 / RATE);
             let truth = last.intruder_dissipated(host).unwrap();
-            let among = error_b(&bead, &neighbours, forces, truth);
-            let alone = error_b(&bead, &Neighbours::default(), forces, truth);
+            let among = error_b(&bead, &around, forces, truth);
+            let alone = error_b(&bead, &Surroundings::default(), forces, truth);
             println!("bead {host}: B {among:.2e} among others, {alone:.2e} as if alone");
             assert!(among.abs() < 1e-3, "{among:e}");
             assert!(alone.abs() > among.abs());

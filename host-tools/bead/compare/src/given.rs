@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use bead_model::Settings;
-use bead_model::design::{Bead, Neighbours};
+use bead_model::design::{Bead, Surroundings};
 use bead_model::layout::{BASELINE, HISTORY_MAX};
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ pub struct GivenEstimates {
 impl GivenEstimates {
     /// Of the stretch of a waveform that a window sees: `time` in s of the waveform.
     pub fn of(waveform: &Waveform, settings: &Settings, time: Range<f64>) -> Self {
-        let (bead, neighbours) = physics(settings);
+        let (bead, around) = physics(settings);
         let rate = f64::from(settings.sample_rate_hz);
         let fine = |trace: &Option<Trace>, finer: usize| {
             let trace = trace.clone()?;
@@ -51,7 +51,7 @@ impl GivenEstimates {
         });
         let predicted = fine(&waveform.force, FINER_B).map(|fine| {
             let force = gated(&fine.values, settings, fine.noise, FINER_B);
-            let energies = f64_estimators::predicted(&bead, &neighbours, &force, rate * FINER_B as f64);
+            let energies = f64_estimators::predicted(&bead, &around, &force, rate * FINER_B as f64);
             energies[energies.len() - 1][0]
         });
         let peak = fine(&waveform.force, FINER_A);
@@ -145,9 +145,9 @@ impl FineWindow {
 }
 
 /// The bead and its neighbours that settings are made for.
-pub(crate) fn physics(settings: &Settings) -> (Bead, Neighbours) {
+pub(crate) fn physics(settings: &Settings) -> (Bead, Surroundings) {
     let description = settings.description();
-    (description.physics(), description.company)
+    (description.physics(), description.surroundings())
 }
 
 #[cfg(test)]

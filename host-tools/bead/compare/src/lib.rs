@@ -1,14 +1,17 @@
 //! A recorded strike, held against replay, f64 estimates and the full chain; and the report of it.
 
+pub mod agreement;
 pub mod bead;
 pub mod budget;
 pub mod drift;
 pub mod emulated;
+pub mod energy_uncertainties;
 pub mod error;
 pub mod f64_estimators;
 pub mod front_end;
 pub mod given;
 pub mod goal;
+pub mod incident;
 mod pictures;
 mod quantities;
 pub mod reference;
@@ -22,7 +25,7 @@ pub mod spread;
 mod statistics;
 pub mod strike;
 pub mod strike_report;
-mod student;
+pub mod student;
 #[cfg(test)]
 mod testing;
 mod traces;

@@ -124,7 +124,7 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
     let of_force = align(&reference.force, "force", force, -before)?;
     let skewed = SCAN_SKEW - before;
     let of_acceleration = align(&reference.acceleration, "acceleration", acceleration, skewed)?;
-    let (bead, neighbours) = physics(settings);
+    let (bead, around) = physics(settings);
     // The stretch of the reference that the bead's window saw, in the time of its traces.
     let window = |aligned: &AlignedQuantity, skew: f64| {
         let first = skew - before - aligned.delay - reference.start;
@@ -144,7 +144,7 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
         absorbed_predicted: Absorbed {
             bead: strike.said.absorbed_predicted.joules(),
             f64_samples: signals
-                .predicted(&bead, &neighbours)
+                .predicted(&bead, &around)
                 .last()
                 .map_or(0.0, |[absorbed, _]| *absorbed)
                 + left_predicted,

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use bead_model::converter::CONVERSION;
-use bead_model::design::{Bead, Neighbours, SensorScale};
+use bead_model::design::{Bead, SensorScale, Surroundings};
 use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
 use bead_model::settings::Settings;
@@ -54,10 +54,10 @@ impl<'a> StrikeSignals<'a> {
 
     /// Energy absorbed by estimate B in f64 since the first sample, and work done on the host, J, at each
     /// sample.
-    pub(crate) fn predicted(&self, bead: &Bead, neighbours: &Neighbours) -> Vec<[f64; 2]> {
+    pub(crate) fn predicted(&self, bead: &Bead, around: &Surroundings) -> Vec<[f64; 2]> {
         let noise = self.strike.said.force_noise.newtons();
         let force = gated(&self.force, self.settings, noise, 1);
-        f64_estimators::predicted(bead, neighbours, &force, self.rate)
+        f64_estimators::predicted(bead, around, &force, self.rate)
     }
 }
 

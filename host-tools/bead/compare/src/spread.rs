@@ -9,6 +9,7 @@
 
 use serde::Serialize;
 
+use crate::agreement::agrees;
 use crate::goal::StrikeGoal;
 use crate::report::{count, percent_within};
 use crate::student::student;
@@ -133,8 +134,8 @@ impl Spread {
 
     /// True if the mean is within its goal, or beyond it by no more than its uncertainty.
     pub fn mean_met(&self) -> bool {
-        let least = self.mean.abs() - self.uncertainty.unwrap_or(0.0);
-        self.goal.is_none_or(|goal| least <= goal)
+        let within = self.uncertainty.unwrap_or(0.0);
+        self.goal.is_none_or(|goal| agrees(self.mean, goal, within))
     }
 
     /// True if the scatter is within its goal, or beyond it by no more than chance explains.

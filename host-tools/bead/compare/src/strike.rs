@@ -10,50 +10,27 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bead_model::design::{Bead, Capture, FrontEnd, Neighbours};
+use bead_model::design::{Bead, Capture, FrontEnd, Surroundings};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Curve, Pulse, PulseSearch, Scenario, Solution};
 use hertz_charts::Chart;
 use serde::Serialize;
 
+use crate::agreement::agrees;
+use crate::energy_uncertainties::EnergyUncertainties;
 use crate::error::CompareError;
 use crate::front_end::SCAN_SKEW;
 use crate::goal::StrikeGoal;
 use crate::pictures::{residual_chart, strike_chart};
 use crate::replay::{Replay, ReplayWord, replay};
 use crate::sensed::{
-    Truth, bead_of, neighbours_of, rings_alone, simulate_with_ring_down, unlike_the_reduced_chain,
+    Truth, bead_of, rings_alone, simulate_with_ring_down, surroundings_of, unlike_the_reduced_chain,
 };
 use crate::signal::{StrikeSignals, force_noise, least};
 use crate::spread::Spread;
 use crate::traces::{AbsorbedPoint, SensedPoint, Traces};
 use crate::values::StrikeValues;
 use bead_recording::strikes::RecordedStrike;
-
-/// Standard uncertainties of the energies of a strike, J, as the bead sent them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct EnergyUncertainties {
-    /// Of estimate A.
-    pub u_absorbed_measured: f64,
-    /// Of estimate B.
-    pub u_absorbed_predicted: f64,
-    /// Of A - B.
-    pub u_difference: f64,
-}
-
-impl EnergyUncertainties {
-    /// `None` if the bead sent none.
-    pub fn of(strike: &RecordedStrike) -> Option<Self> {
-        let known = strike.shape?.uncertainty?;
-        let said = StrikeValues::of(&strike.said);
-        let greater = said.absorbed_measured.max(said.absorbed_predicted);
-        Some(Self {
-            u_absorbed_measured: known.measured.ratio() * said.absorbed_measured,
-            u_absorbed_predicted: known.predicted.ratio() * said.absorbed_predicted,
-            u_difference: known.difference.ratio() * greater,
-        })
-    }
-}
 
 /// Supply and temperature next to a strike, as the bead measured them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
@@ -118,7 +95,7 @@ pub struct StrikeComparison {
     pub flags: Vec<&'static str>,
     /// Supply and temperature; none if they were not measured yet, or not received.
     pub conditions: Option<StrikeConditions>,
-    /// Standard uncertainties of the bead's energies, if its settings state those of all inputs.
+    /// Standard uncertainties of its energies, if the settings state those of all inputs.
     pub uncertainty: Option<EnergyUncertainties>,
     /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
@@ -213,9 +190,11 @@ const PULSE: f64 = 60.0;
 pub struct FullChain {
     bead: usize,
     physics: Bead,
-    neighbours: Neighbours,
+    around: Surroundings,
     /// True if no other intruder changes the bead's ringing.
     rings_alone: bool,
+    /// Greatest errors of A and of B that it explains, as parts; infinite without a bound.
+    explained: [f64; 2],
     /// Goals for its estimates.
     pub(crate) goal: StrikeGoal,
     solution: Arc<Solution>,
@@ -249,6 +228,7 @@ impl FullChain {
         let truth = Truth::of(scenario, solution, bead)?;
         let acceleration = solution.acceleration_curve(bead);
         let load = solution.model().contact(bead).load;
+        let explained = unlike_the_reduced_chain(solution, bead).explained;
         let mut pulses = solution.pulses(bead, &PulseSearch::default());
         pulses.retain(|pulse| pulse.time <= scenario.duration);
         let capture = Capture::of(&physics, &FrontEnd::reference());
@@ -264,9 +244,10 @@ impl FullChain {
         Ok(Self {
             bead,
             physics,
-            neighbours: neighbours_of(solution, bead),
+            around: surroundings_of(solution, bead),
             rings_alone: rings_alone(solution, bead),
-            goal: StrikeGoal::beyond(unlike_the_reduced_chain(solution, bead).explained),
+            goal: StrikeGoal::beyond(explained),
+            explained,
             truth,
             pulse,
             peak: peak.map_or((0.0, 0.0), |(force, time)| (force - load, time)),
@@ -339,7 +320,7 @@ impl FullChain {
         let met = offs
             .into_iter()
             .zip(self.goal.each())
-            .all(|(off, goal)| goal.is_none_or(|goal| off.abs() <= goal));
+            .all(|(off, goal)| goal.is_none_or(|goal| agrees(off, goal, 0.0)));
         let pass = replay.identical() && met;
         let mut comparison = StrikeComparison {
             strike: strike.said.strike,
@@ -358,7 +339,7 @@ impl FullChain {
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
-            uncertainty: EnergyUncertainties::of(strike),
+            uncertainty: EnergyUncertainties::of(strike, self.explained),
             shape: None,
             pass,
             alone: true,
@@ -376,7 +357,7 @@ impl FullChain {
         let StrikeSignals { strike, rate, .. } = *signals;
         let start = self.place(&signals.force, rate);
         let measured = signals.measured(&self.physics);
-        let predicted = signals.predicted(&self.physics, &self.neighbours);
+        let predicted = signals.predicted(&self.physics, &self.around);
         let force = beside(&signals.force, start, rate, &self.force);
         let [left_measured, left_predicted] = signals.left();
         to.f64_samples = Some(StrikeValues {

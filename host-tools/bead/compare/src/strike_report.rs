@@ -5,8 +5,10 @@ use std::collections::BTreeSet;
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
 
+use crate::agreement::{DECISION_RULE, agrees};
 use crate::bead::ComparedBead;
 use crate::emulated::EmulatorReport;
+use crate::energy_uncertainties::EnergyUncertainties;
 use crate::goal::StrikeGoal;
 use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::replay::ReplayWord;
@@ -16,7 +18,7 @@ use crate::report::{
 };
 use crate::statistics;
 use crate::strike::StrikeComparison;
-use crate::verdict::{DECISION_RULE, passed};
+use crate::verdict::passed;
 use bead_recording::json::hex;
 
 /// A bead's strikes, compared, and what is known of the run.
@@ -284,13 +286,10 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
             .values(strike)
             .map(|value| GridCell::known(value.map(shown)));
         let [mut device, mut replay, mut samples, chain] = cells;
-        let known = strike
+        let u = strike
             .uncertainty
-            .map(|of| [of.u_absorbed_measured, of.u_absorbed_predicted]);
-        if let (Some(u), Some(value)) = (
-            known.as_ref().and_then(|of| of.get(place)),
-            quantity.values(strike)[DEVICE],
-        ) {
+            .and_then(|of| of.each().get(place).copied().flatten());
+        if let (Some(u), Some(value)) = (u, quantity.values(strike)[DEVICE]) {
             device = format!("{} ± {}", shown(value), shown(2.0 * u)).into();
         }
         if !quantity.has_four_sources() {
@@ -300,7 +299,7 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
         let goal = goals.get(place).filter(|_| strike.alone);
         let by_noise = allowance.and_then(|allowance| *allowance.get(place)?);
         let within = by_noise.or(quantity.bias);
-        let is_met = |goal: f64| off.is_some_and(|off| off.abs() - by_noise.unwrap_or(0.0) <= goal);
+        let is_met = |goal: f64| off.is_some_and(|off| agrees(off, goal, by_noise.unwrap_or(0.0)));
         let met = goal.copied().flatten().map(is_met);
         let off = off.map_or(DASH.to_owned(), |off| percent_within(off, within));
         let off = GridCell::judged(off, met);
@@ -318,8 +317,8 @@ fn in_full(strike: &StrikeComparison, unit: EnergyUnit) -> Grid {
     if let Some(conditions) = &strike.conditions {
         rows.push(vec!["supply, temperature".into(), conditions.to_string().into()]);
     }
-    if strike.uncertainty.is_some() {
-        rows.push(vec!["± of the device's energies".into(), "2 u".into()]);
+    if let Some(legend) = EnergyUncertainties::legend(&strike.uncertainty) {
+        rows.push(vec!["± of the device's energies".into(), legend.into()]);
     }
     if !strike.flags.is_empty() {
         rows.push(vec!["flags".into(), strike.flags.join(", ").into()]);
@@ -447,7 +446,7 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
 mod tests {
     use super::*;
     use crate::spread::Deviations;
-    use crate::strike::{EnergyUncertainties, FullChain};
+    use crate::strike::FullChain;
     use crate::testing::recorded_strike;
     use bead_recording::strikes::RecordedStrike;
     use bead_wire::{EnergyUncertainty, Fraction};
@@ -567,8 +566,21 @@ mod tests {
             assert_eq!(value, before);
             assert!((within.parse::<f64>().unwrap() - u).abs() < 0.01, "{shown}");
         }
-        let energies = EnergyUncertainties::of(&strike).unwrap();
+        let energies = EnergyUncertainties::of(&strike, [0.0; 2]).unwrap();
         let greater = strike.said.absorbed_measured.max(strike.said.absorbed_predicted);
-        assert_eq!(energies.u_difference, three.ratio() * greater.joules());
+        assert_eq!(energies.u_difference, Some(three.ratio() * greater.joules()));
+        // The chain explains 3 % of A, and an error of B that has no bound.
+        let unlike = EnergyUncertainties::of(&strike, [0.03, f64::INFINITY]).unwrap();
+        let u = 2e-2 * strike.said.absorbed_measured.joules();
+        assert!(
+            (unlike.u_absorbed_measured.unwrap() / u - 1.0).abs() < 1e-3,
+            "{unlike:?}"
+        );
+        assert_eq!((unlike.u_absorbed_predicted, unlike.u_difference), (None, None));
+        let [legend, whole] = [&unlike, &energies].map(|of| EnergyUncertainties::legend([of]).unwrap());
+        assert!(
+            legend.contains("no bound holds") && !whole.contains("no bound"),
+            "{legend}, {whole}"
+        );
     }
 }

@@ -8,7 +8,7 @@ const COVERAGE: f64 = 0.95;
 const PANELS: usize = 400;
 
 /// Student's t with `free` degrees of freedom, 1 or more: it lies within ± this with a probability of 95 %.
-pub(crate) fn student(free: f64) -> f64 {
+pub fn student(free: f64) -> f64 {
     if free > 100.0 {
         // Abramowitz and Stegun, 26.7.5, to third order: within 1e-8 there.
         let z = 1.959_963_984_540_054_f64;

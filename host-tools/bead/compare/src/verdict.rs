@@ -225,10 +225,6 @@ impl Soundness {
 const RAILED: &str = "; a strike left the range of a sensor: sensors = \"strong\" under [front_end] of the scenario reaches \
      further";
 
-/// The rule by which a goal is missed.
-pub const DECISION_RULE: &str = "JCGM 106, guarded rejection: a goal is missed where the deviation is beyond it by more than \
-     its expanded uncertainty (95 %), which stands after ±";
-
 /// The first check that failed, gravest first. `differs` is the first difference of a replay; strikes that
 /// are `railed` left the range of a sensor.
 pub(crate) fn failure(
@@ -337,14 +333,25 @@ mod tests {
         let (own, _) = load_scenario(Path::new(own)).unwrap();
         let mut light = own.clone();
         light.chain.precompression = 0.0;
+        let mut mixed = light.clone();
+        let mut heavier = mixed.intruders[1].clone();
+        (mixed.intruders[1].beads, heavier.beads) = (vec![8], vec![9]);
+        heavier.mass *= 1.2;
+        mixed.intruders.push(heavier);
         for (scenario, bead, notes, [a, b]) in [
             (&Scenario::paper(), 8, &[][..], [Some(2e-3), Some(5e-3)]),
-            (&light, 6, &["3.9 samples wide"], [Some(9e-3), Some(2.7e-2)]),
+            (&light, 6, &["3.9 samples wide"], [Some(8.3e-3), Some(3.1e-2)]),
             (
                 &own,
                 6,
                 &["pressed together by 2 N", "3.9 samples wide"],
-                [Some(9e-3), None],
+                [Some(8.3e-3), Some(3.1e-2)],
+            ),
+            (
+                &mixed,
+                6,
+                &["bead 9 holds another intruder", "3.9 samples wide"],
+                [Some(8.3e-3), None],
             ),
         ] {
             let chain = FullChain::run(scenario, bead).unwrap();

@@ -137,9 +137,7 @@ pub(super) fn pick(path: &Path, headers: &[ColumnHeader], choice: &Choice) -> Re
         picks.remarks.extend(remark);
     }
     table.check_distinct(&picks)?;
-    if choice.names_a_column() {
-        picks.remarks.push(table.taken(&picks));
-    }
+    picks.remarks.push(table.taken(&picks));
     let place = |name: &str| {
         headers
             .iter()

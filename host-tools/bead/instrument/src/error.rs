@@ -45,6 +45,15 @@ impl WaveformError {
         }
     }
 
+    /// The error of a temporary file, as one of the file at `path` that it was unpacked from.
+    pub(super) fn of(self, path: &Path) -> Self {
+        match self {
+            Self::File { source, .. } => Self::unread(path)(source),
+            Self::Unfit { what, .. } => Self::unfit(path, what),
+            Self::Recording(error) => Self::unfit(path, error.to_string()),
+        }
+    }
+
     /// Appends a second possible reason.
     pub(super) fn also(mut self, reason: Option<&str>) -> Self {
         if let (Self::Unfit { what, .. }, Some(reason)) = (&mut self, reason) {

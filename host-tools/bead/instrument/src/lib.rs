@@ -1,15 +1,19 @@
 //! Force and acceleration over time from the files of other instruments.
 //!
 //! # Design
-//! The first bytes of a file tell its form, its name does not. Text tables and Parquet files have columns,
-//! whose names give quantity and unit unless the caller does ([`Choice`]). All readers push their rows into
-//! one place (`rows.rs`), which refuses disordered times, missing values and gaps. A [`Waveform`] is in SI
-//! units, begins at rest, and has a value at any time ([`trace::Trace`]).
+//! The first bytes of a file tell its form, its name does not. Tables have columns, whose names give quantity
+//! and unit unless the caller does ([`Choice`]). All readers push their rows into one place (`rows.rs`),
+//! which refuses disordered times, missing values and gaps. A [`Waveform`] is in SI units, begins at rest,
+//! and has a value at any time ([`trace::Trace`]).
 
+mod arrays;
 mod choice;
 mod columns;
 mod doubts;
 mod error;
+mod gzip;
+mod matlab;
+mod numpy;
 mod parquet;
 mod recorded;
 mod riff;
@@ -17,6 +21,7 @@ mod rows;
 mod signals;
 mod text;
 pub mod trace;
+mod unread;
 mod wav;
 
 use std::fs::File;
@@ -42,17 +47,27 @@ impl Waveform {
             ));
         }
         let mut head = Vec::new();
-        let read = File::open(path).and_then(|file| file.take(12).read_to_end(&mut head));
+        let read = File::open(path).and_then(|file| file.take(unread::HEAD).read_to_end(&mut head));
         read.map_err(unread)?;
         match &head[..] {
             [] => Err(WaveformError::unfit(
                 path,
                 "is empty; give a file with a waveform",
             )),
+            [0x1F, 0x8B, ..] => {
+                let unpacked = gzip::unpack(path)?;
+                let waveform = Self::read(unpacked.path(), choice, bead);
+                waveform.map_err(|error| error.of(path))
+            }
             [b'P', b'A', b'R', b'1', ..] => parquet::read(path, choice),
-            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'A', b'V', b'E'] => wav::read(path, choice),
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'A', b'V', b'E', ..] => wav::read(path, choice),
             [0x89, b'M', b'C', b'A', b'P', ..] => recorded::read(path, choice, bead),
-            _ => text::read(path, choice),
+            [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => numpy::read(path, choice),
+            head if matlab::is_level_5(head) => matlab::read(path, choice),
+            head => match unread::reason(head) {
+                Some(reason) => Err(WaveformError::unfit(path, reason)),
+                None => text::read(path, choice),
+            },
         }
     }
 }

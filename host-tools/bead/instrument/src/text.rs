@@ -131,7 +131,7 @@ impl TextLines<'_> {
         }
         if bytes.len() as u64 == LONGEST || bytes.contains(&0) {
             return unfit(
-                "is none of the forms that are read: text tables (CSV), WAV, Parquet, or a recording",
+                "is none of the forms that are read: text (CSV), WAV, Parquet, .npy, MATLAB, a recording",
             );
         }
         while bytes.last().is_some_and(|last| matches!(last, b'\n' | b'\r')) {

@@ -21,7 +21,8 @@ use std::process;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bead_wire::{
-    ANY, Arrival, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request,
+    ANY, Arrival, Counters, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket,
+    encode_request,
 };
 
 use crate::port::{Address, Port, PortError};
@@ -85,6 +86,8 @@ pub struct Answer {
     /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first
     /// frame of a conversation are unknown.
     pub lost: bool,
+    /// How often the request was sent until the reply came.
+    pub attempts: u32,
     /// True if every bead on the line was asked, and something came damaged: replies of several collide.
     collided: bool,
 }
@@ -147,6 +150,11 @@ impl Conversation {
             identity: None,
             evidence: Evidence::default(),
         })
+    }
+
+    /// Counts of frames received, refused and lost, of all that came over the line.
+    pub fn counters(&self) -> &Counters {
+        self.reader.counters()
     }
 
     /// Signs what changes the bead's state with this key from now on, or nothing.
@@ -243,9 +251,7 @@ impl Conversation {
             let sealed = sealed(number, attempt);
             let bytes = encode_request(asked, number, &sealed, &mut buffer)
                 .expect("MAX_REQUEST bytes always suffice");
-            self.port
-                .write(bytes)
-                .map_err(|source| LineError::Failed(format!("cannot send to {}: {source}", self.line)))?;
+            self.write(bytes)?;
             let found = self.hear(self.patience, |frame| {
                 let is_asked = asked == ANY || moves || frame.header.address == asked;
                 match &frame.message {
@@ -277,6 +283,7 @@ impl Conversation {
                     frames,
                     reply,
                     address,
+                    attempts: attempt + 1,
                     collided: asked == ANY && self.reader.counters().rejected.total() > rejected,
                 });
             }
@@ -307,6 +314,66 @@ impl Conversation {
         }
     }
 
+    /// Time that a reply may take.
+    pub(crate) fn patience(&self) -> Duration {
+        self.patience
+    }
+
+    /// The key that signs.
+    pub(crate) fn key(&self) -> Option<Key> {
+        self.key.clone()
+    }
+
+    /// The bead that is asked, and the number of the next request.
+    pub(crate) fn next_number(&mut self) -> (u8, u16) {
+        let number = self.next;
+        self.next = self.next.wrapping_add(1);
+        (self.asked, number)
+    }
+
+    /// Sends bytes.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), LineError> {
+        let sent = self.port.write(bytes);
+        sent.map_err(|source| LineError::Failed(format!("cannot send to {}: {source}", self.line)))
+    }
+
+    /// Lets `talk` wait longer for replies.
+    pub(crate) fn with_patience<T>(&mut self, patience: Duration, talk: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.patience;
+        self.patience = patience.max(before);
+        let said = talk(self);
+        self.patience = before;
+        said
+    }
+
+    /// The bead is reset: what was known of it is old.
+    pub(crate) fn forget_identity(&mut self) {
+        self.identity = None;
+    }
+
+    /// The refusal of a request, with its reason.
+    pub(crate) fn refused(&self, reply: &Reply) -> LineError {
+        let answer = Answer {
+            frames: Vec::new(),
+            reply: reply.clone(),
+            address: self.replied.unwrap_or(self.asked),
+            lost: false,
+            attempts: 1,
+            collided: false,
+        };
+        answer.refusal()
+    }
+
+    /// Waits for the first frame of a boot, and returns its number.
+    pub(crate) fn await_boot(&mut self, patience: Duration) -> Result<Option<u32>, LineError> {
+        self.forget_identity();
+        self.listen(patience, |frame| match &frame.message {
+            // The first frame of a boot.
+            Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
+            _ => None,
+        })
+    }
+
     /// Resets the bead, waits until it is back, and returns the number of its boot.
     ///
     /// # Errors
@@ -315,12 +382,7 @@ impl Conversation {
         /// Erasing a sector takes four seconds; the rest is margin.
         const START: Duration = Duration::from_secs(10);
         self.request_done(&Request::Reboot)?;
-        self.identity = None;
-        let boot = self.listen(START, |frame| match &frame.message {
-            // The first frame of a boot.
-            Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
-            _ => None,
-        })?;
+        let boot = self.await_boot(START)?;
         boot.ok_or_else(|| {
             LineError::Failed(format!(
                 "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",

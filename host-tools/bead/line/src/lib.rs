@@ -8,5 +8,7 @@ pub mod lines;
 pub mod listener;
 pub mod port;
 pub mod recorder;
+pub mod rom_loader;
+pub mod update;
 
 mod silence;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
+use serialport::{ErrorKind, Parity, SerialPort, SerialPortInfo, SerialPortType};
 
 /// Longest wait of a read for bytes. A request to stop is noticed within this time.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -150,13 +150,26 @@ impl Address {
     /// # Errors
     /// [`PortError`].
     pub fn open(&self, baud: u32) -> Result<Port, PortError> {
+        self.open_with(baud, Parity::None)
+    }
+
+    /// Opens the address as [`open`](Self::open) does, with even parity: the loader in the part's ROM has it
+    /// (AN3155).
+    ///
+    /// # Errors
+    /// [`PortError`].
+    pub fn open_with_even_parity(&self, baud: u32) -> Result<Port, PortError> {
+        self.open_with(baud, Parity::Even)
+    }
+
+    fn open_with(&self, baud: u32, parity: Parity) -> Result<Port, PortError> {
         let unconnected = |source: io::Error| {
             PortError(format!(
                 "cannot connect to {self}: {source}; start the server that has the bead's line, or correct the address"
             ))
         };
         let line: Box<dyn DuplexStream> = match self {
-            Self::Serial(path) => Box::new(open_serial(path, baud)?),
+            Self::Serial(path) => Box::new(open_serial(path, baud, parity)?),
             Self::Tcp(server) => Box::new(connect(server).map_err(unconnected)?),
             Self::Unix(path) => {
                 let stream = UnixStream::connect(path).and_then(|stream| {
@@ -181,9 +194,10 @@ impl Address {
     }
 }
 
-fn open_serial(path: &str, baud: u32) -> Result<serialport::TTYPort, PortError> {
-    // 8 data bits, no parity, 1 stop bit, no flow control are what serialport begins with.
-    let opened = serialport::new(path, baud).timeout(PATIENCE).open_native();
+fn open_serial(path: &str, baud: u32, parity: Parity) -> Result<serialport::TTYPort, PortError> {
+    // 8 data bits, 1 stop bit, no flow control are what serialport begins with.
+    let port = serialport::new(path, baud).parity(parity).timeout(PATIENCE);
+    let opened = port.open_native();
     let port = opened.map_err(|error| {
         PortError(match error.kind() {
             ErrorKind::Io(io::ErrorKind::NotFound) => format!("there is no {path}; {}", advice()),

@@ -167,7 +167,7 @@ pub struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Begins a recording of ports that were opened just now, with notes by name.
+    /// Begins a recording of ports that were opened just now. Its source is their names.
     ///
     /// # Errors
     /// The file cannot be written, or another program is recording under its name.
@@ -175,7 +175,7 @@ impl<'a> Recorder<'a> {
         target: &Target,
         addresses: &[Address],
         options: RecorderOptions,
-        notes: BTreeMap<String, String>,
+        about: About,
         observer: &'a mut dyn RecorderObserver,
         note: &'a (dyn Fn(String) + Sync),
     ) -> Result<Self, RecordingError> {
@@ -188,8 +188,7 @@ impl<'a> Recorder<'a> {
         let names: Vec<_> = addresses.iter().map(Address::to_string).collect();
         let about = About {
             source: names.join(", "),
-            notes,
-            ..About::default()
+            ..about
         };
         let create = match addresses {
             [_] => RecordingWriter::create,

@@ -6,7 +6,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
-use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject, VERSION};
+use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject, Strike, VERSION};
 
 /// A frame that passed every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,6 +21,8 @@ pub struct Frame {
     pub sample_rate_hz: Option<u32>,
     /// Receive time, ns since 1970, `None` if unknown.
     pub received_ns: Option<u64>,
+    /// Of a shape, the strike that it belongs to, from the strike frame before it.
+    pub strike: Option<Strike>,
     /// The message.
     pub message: Message,
 }
@@ -39,6 +41,7 @@ impl Frame {
             arrival,
             sample_rate_hz: None,
             received_ns: None,
+            strike: None,
             message: message.into(),
         }
     }
@@ -102,24 +105,38 @@ pub struct FrameReader {
     decoder: Decoder,
     /// Scans a second of each bead, by its address.
     rates: HashMap<u8, u32>,
+    /// The last strike of each bead, by its address.
+    strikes: HashMap<u8, Strike>,
 }
 
 impl FrameReader {
     /// Takes bytes as received, and gives each frame and each reject to `sink`.
     pub fn feed(&mut self, bytes: &[u8], received_ns: Option<u64>, mut sink: impl FnMut(Item)) {
-        let Self { decoder, rates } = self;
+        let Self {
+            decoder,
+            rates,
+            strikes,
+        } = self;
         decoder.feed(bytes, |result| {
             sink(match result {
                 Ok(frame) => {
-                    if let Message::Identity(identity) = &frame.message {
-                        rates.insert(frame.header.address, identity.sample_rate_hz);
+                    let (address, mut of_strike) = (frame.header.address, None);
+                    match &frame.message {
+                        Message::Identity(identity) => drop(rates.insert(address, identity.sample_rate_hz)),
+                        Message::Strike(strike) => drop(strikes.insert(address, *strike)),
+                        Message::Shape(shape) => {
+                            let last = strikes.get(&address).copied();
+                            of_strike = last.filter(|strike| strike.strike == shape.strike);
+                        }
+                        _ => {}
                     }
                     Item::Frame(Frame {
                         version: frame.version,
                         header: frame.header,
                         arrival: frame.arrival,
-                        sample_rate_hz: rates.get(&frame.header.address).copied(),
+                        sample_rate_hz: rates.get(&address).copied(),
                         received_ns,
+                        strike: of_strike,
                         message: frame.message,
                     })
                 }

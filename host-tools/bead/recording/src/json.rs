@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 
 use crate::fields::{Content, entries};
 use crate::frames::Frame;
+use crate::uncertainties::{ENERGIES, GROUP, of_energies};
 
 /// Version of all JSON that this program prints. It grows when a key goes away or means something else.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -58,6 +59,12 @@ impl Frame {
             Message::Shape(shape) => {
                 let arrival = shape.arrival_index().and_then(|index| self.seconds(index));
                 object.insert("arrival_time_s".to_owned(), arrival.into());
+                let known = self.strike.and_then(|strike| of_energies(shape, &strike));
+                let known = known.map(|known| {
+                    let keys = ENERGIES.map(str::to_owned).into_iter();
+                    keys.zip(known.map(Value::from)).collect::<Map<_, _>>()
+                });
+                object.insert(GROUP.to_owned(), known.into());
             }
             Message::Sync(sync) => {
                 object.insert("edge_time_s".to_owned(), self.seconds(sync.position()).into());
@@ -113,10 +120,11 @@ pub fn hex(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
     use crate::frames::decode;
+    use crate::protobuf;
     use bead_testing::{Speaker, block_of, paper_settings};
     use bead_wire::{
-        Acceleration, Block, Body, Check, Codes, Energy, Force, Identity, Impulse, Kind, Raw, ResetCauses,
-        Samples, SelfTest, Shape, Strike, StrikeFlags, Sync,
+        Acceleration, Block, Body, Check, Codes, Energy, EnergyUncertainty, Force, Fraction, Identity,
+        Impulse, Kind, Raw, ResetCauses, Samples, SelfTest, Shape, Strike, StrikeFlags, Sync,
     };
 
     fn shown(messages: &[Message]) -> Vec<Value> {
@@ -239,6 +247,46 @@ mod tests {
         assert_eq!(shown[0]["settings"]["intruder"]["stiffness"], json!(3.95e5));
         assert_eq!(shown[1]["settings"], Value::Null);
         assert!(shown[1]["refused"].is_string());
+    }
+
+    #[test]
+    fn a_shape_has_the_uncertainties_of_its_strike_in_joules_and_of_no_other() {
+        let percent = |percent: i32| Fraction::from_bits(percent << 16);
+        let shape = |strike| Shape {
+            strike,
+            uncertainty: Some(EnergyUncertainty {
+                measured: percent(1),
+                predicted: percent(2),
+                difference: percent(3),
+            }),
+            ..Shape::draw(&mut || 0)
+        };
+        let strike = Strike {
+            strike: 7,
+            absorbed_measured: Energy::from_bits(400 << 24),
+            absorbed_predicted: Energy::from_bits(500 << 24),
+            ..Strike::draw(&mut || 0)
+        };
+        let mut bead = Speaker::at(0);
+        bead.say(1400, strike);
+        bead.say(1400, shape(7));
+        bead.say(1400, shape(8));
+        let (frames, _) = decode(&bead.bytes);
+        for (key, nanojoules) in [
+            ("absorbed_measured_j", 400.0),
+            ("absorbed_predicted_j", 1000.0),
+            ("difference_j", 1500.0),
+        ] {
+            let u = frames[1].json()["u"][key].as_f64().unwrap();
+            assert!((u * 1e9 / nanojoules - 1.0).abs() < 1e-12, "{key}: {u}");
+        }
+        assert_eq!(frames[2].json()["u"], Value::Null);
+        // A key of two bytes and a length, and of each value a key and a double.
+        let length = |at: usize| match &frames[at].message {
+            Message::Shape(of) => protobuf::shape(&frames[at], of).len(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(length(1), length(2) + 2 + 1 + 3 * (1 + 8));
     }
 
     #[test]

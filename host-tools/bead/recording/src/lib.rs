@@ -20,3 +20,4 @@ pub mod signal;
 pub mod statuses;
 pub mod strike;
 pub mod strikes;
+pub mod uncertainties;

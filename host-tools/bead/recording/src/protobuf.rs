@@ -4,9 +4,9 @@
 //! The schema of a message follows from its fields, under the names of [`fields`](crate::fields);
 //! bits stay out. Quantities are doubles; every double is exact. A body of the wire never changes, so neither
 //! do the numbers of its fields: the header has 1 to 5, the body 16 and so on in the order of the wire, times
-//! 128 and so on.
+//! 128 and so on, and what follows from several frames 256 and so on.
 
-use bead_wire::{Body, FieldDoc, Fields, Strike};
+use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
 use prost::Message as _;
 use prost::encoding as wire;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -15,11 +15,15 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, Fi
 use crate::fields::{Content, Entry, Role, described, entries};
 use crate::frames::Frame;
 use crate::signal::Signal;
+use crate::uncertainties::{ENERGIES, GROUP, of_energies};
 
 /// Number of the first field of a body.
 const BODY: u32 = 16;
 /// Number of the time that belongs to a body's field 0.
 const TIMES: u32 = 128;
+
+/// Number of the group of uncertainties of a shape.
+const UNCERTAINTIES: u32 = 256;
 
 /// A schema: its name, and a `FileDescriptorSet` that defines it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -84,6 +88,17 @@ pub fn schema_of<T: Body>(name: &str) -> Schema {
     schema(name, fields, nested)
 }
 
+/// The schema of shapes: of the body, and the uncertainties of the energies of its strike in J.
+pub fn shape_schema() -> Schema {
+    let mut fields = header();
+    let mut nested = describe(Shape::FIELDS, BODY, &mut fields);
+    let keys = (1..).zip(ENERGIES);
+    let group = keys.map(|(number, key)| field(number, key, Type::Double));
+    let group = (group.collect(), Vec::new());
+    add_group(UNCERTAINTIES, GROUP, group, &mut fields, &mut nested);
+    schema("Shape", fields, nested)
+}
+
 /// Number of an entry in a message whose fields begin at `first`; `None` for bits.
 fn number(entry: &Entry<'_>, first: u32) -> Option<u32> {
     match entry.role {
@@ -105,30 +120,47 @@ fn describe(
             continue;
         };
         let name = &entry.key;
-        fields.push(match entry.content {
-            Content::Bool(_) => field(number, name, Type::Bool),
-            Content::Number(_) | Content::Bits(_) => field(number, name, Type::Uint64),
-            Content::Real(_) => field(number, name, Type::Double),
-            Content::Name(_) | Content::Text(_) => field(number, name, Type::String),
-            Content::Names(_) => repeated(number, name, Type::String),
-            Content::Bytes(_) | Content::Scans(_) => field(number, name, Type::Bytes),
-            Content::Group(group, _) => {
-                let (kind, mut inner) = (format!("Of_{name}"), Vec::new());
-                let deeper = describe(group, 1, &mut inner);
-                nested.push(DescriptorProto {
-                    name: Some(kind.clone()),
-                    field: inner,
-                    nested_type: deeper,
-                    ..DescriptorProto::default()
-                });
-                FieldDescriptorProto {
-                    type_name: Some(kind),
-                    ..field(number, name, Type::Message)
-                }
+        let kind = match entry.content {
+            Content::Bool(_) => Type::Bool,
+            Content::Number(_) | Content::Bits(_) => Type::Uint64,
+            Content::Real(_) => Type::Double,
+            Content::Name(_) | Content::Text(_) => Type::String,
+            Content::Names(_) => {
+                fields.push(repeated(number, name, Type::String));
+                continue;
             }
-        });
+            Content::Bytes(_) | Content::Scans(_) => Type::Bytes,
+            Content::Group(group, _) => {
+                let mut inner = Vec::new();
+                let deeper = describe(group, 1, &mut inner);
+                add_group(number, name, (inner, deeper), fields, &mut nested);
+                continue;
+            }
+        };
+        fields.push(field(number, name, kind));
     }
     nested
+}
+
+/// Adds a field `name` whose message has fields and messages of its own.
+fn add_group(
+    number: u32,
+    name: &str,
+    (own, deeper): (Vec<FieldDescriptorProto>, Vec<DescriptorProto>),
+    fields: &mut Vec<FieldDescriptorProto>,
+    nested: &mut Vec<DescriptorProto>,
+) {
+    let kind = format!("Of_{name}");
+    nested.push(DescriptorProto {
+        name: Some(kind.clone()),
+        field: own,
+        nested_type: deeper,
+        ..DescriptorProto::default()
+    });
+    fields.push(FieldDescriptorProto {
+        type_name: Some(kind),
+        ..field(number, name, Type::Message)
+    });
 }
 
 /// The header of a frame, as a message without a body.
@@ -149,6 +181,21 @@ fn head(frame: &Frame) -> Vec<u8> {
 pub fn message(frame: &Frame, body: &dyn Fields) -> Vec<u8> {
     let mut bytes = head(frame);
     fill(body, frame.sample_rate_hz, BODY, &mut bytes);
+    bytes
+}
+
+/// A shape as a message of [`shape_schema`]. An uncertainty that is not known is NaN: without a value it
+/// would be read as 0.
+pub fn shape(frame: &Frame, shape: &Shape) -> Vec<u8> {
+    let mut bytes = message(frame, shape);
+    let known = frame.strike.and_then(|strike| of_energies(shape, &strike));
+    if let Some(known) = known {
+        let mut group = Vec::new();
+        for (number, u) in (1..).zip(known) {
+            wire::double::encode(number, &u.unwrap_or(f64::NAN), &mut group);
+        }
+        wire::bytes::encode(UNCERTAINTIES, &group, &mut bytes);
+    }
     bytes
 }
 
@@ -223,7 +270,7 @@ pub fn waveform(frame: &Frame, strike: &Strike, sample_rate_hz: u32, signal: &Si
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::{Arrival, Shape};
+    use bead_wire::Arrival;
 
     #[test]
     fn a_quantity_that_was_not_found_is_absent() {

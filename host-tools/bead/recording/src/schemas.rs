@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 
 use crate::fields::{Content, described};
 use crate::json::SCHEMA_VERSION;
+use crate::uncertainties::{ENERGIES, GROUP};
 
 /// The schema of one of these kinds of frames, as [`Frame::json`](crate::frames::Frame::json) shows it, with
 /// what commands add.
@@ -73,7 +74,12 @@ fn members(object: Value) -> Map<String, Value> {
 fn body(kind: Kind, generator: &mut SchemaGenerator) -> Map<String, Value> {
     let mut properties = fields(kind.fields());
     match kind {
-        Kind::Shape => drop(properties.insert("arrival_time_s".to_owned(), real())),
+        Kind::Shape => {
+            let known = ENERGIES.map(|key| (key.to_owned(), real()));
+            let known = object(known.into_iter().collect(), &[]);
+            properties.insert("arrival_time_s".to_owned(), real());
+            properties.insert(GROUP.to_owned(), json!({ "anyOf": [known, { "type": "null" }] }));
+        }
         Kind::Sync => drop(properties.insert("edge_time_s".to_owned(), real())),
         Kind::Settings => properties.extend(members(json!({
             "settings": generator.subschema_for::<Option<Description>>(),

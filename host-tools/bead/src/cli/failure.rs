@@ -17,6 +17,7 @@ use bead_compare::error::CompareError;
 use bead_instrument::WaveformError;
 use bead_line::conversation::LineError;
 use bead_line::key::KeyError;
+use bead_line::rom_loader::RomError;
 use bead_recording::file::RecordingError;
 use bead_tables::whole::WriteError;
 
@@ -113,6 +114,12 @@ impl From<LineError> for Failure {
             LineError::Refused(why) => failure!(Verdict, "{why}"),
             _ => failure!(Device, "{error}"),
         }
+    }
+}
+
+impl From<RomError> for Failure {
+    fn from(error: RomError) -> Self {
+        failure!(Device, "{error}")
     }
 }
 

@@ -1,6 +1,6 @@
 //! The line to a bead: options that `bead settings` and `bead command` share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bead_wire::ANY;
@@ -40,9 +40,35 @@ impl LineOptions {
     }
 
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
-        let key = self.key.as_deref().map(key::read).transpose()?;
-        let mut bead = Conversation::open(&self.port, self.baud, self.address.unwrap_or(ANY), self.timeout)?;
-        bead.sign_with(key);
-        Ok(bead)
+        open(
+            &self.port,
+            self.baud,
+            self.address,
+            self.timeout,
+            self.key.as_deref(),
+        )
     }
+
+    /// Opens a line that other options name, with the usual time-out.
+    pub(crate) fn at(
+        port: &Address,
+        baud: u32,
+        address: Option<u8>,
+        key: Option<&Path>,
+    ) -> Result<Conversation, Failure> {
+        open(port, baud, address, Duration::from_secs(1), key)
+    }
+}
+
+fn open(
+    port: &Address,
+    baud: u32,
+    address: Option<u8>,
+    timeout: Duration,
+    key: Option<&Path>,
+) -> Result<Conversation, Failure> {
+    let key = key.map(key::read).transpose()?;
+    let mut bead = Conversation::open(port, baud, address.unwrap_or(ANY), timeout)?;
+    bead.sign_with(key);
+    Ok(bead)
 }

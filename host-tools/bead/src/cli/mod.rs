@@ -8,11 +8,14 @@ pub mod output;
 
 mod beads;
 mod commands;
+mod folder_options;
 pub mod interrupt;
 mod line_options;
+mod note_options;
 pub mod place;
 mod printer;
 mod provenance;
+mod recordings;
 pub mod schemas;
 mod waveform_options;
 mod words;
@@ -21,8 +24,9 @@ use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    budget, clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, proof,
-    record, recover, replay, settings, simulate, sweep,
+    analyse, bench, budget, calibrate, clock, command, compare, decode, emulate, export, fetch, figures,
+    flash, identify, judge, list, manual, note, optimise, proof, record, recover, replay, settings, simulate,
+    sweep, trend,
 };
 use failure::Failure;
 
@@ -38,11 +42,21 @@ Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml \\
       --report report.html
   bead budget run/bead-8.mcap
+  bead calibrate drop --from simulated --ball-mass 3.046g±1mg \\
+      --height 100mm±0.3mm
+  bead analyse srs run/bead-8.mcap
+  bead identify taps.mcap
+  bead judge run/bead-8.mcap --limits limits.toml
   bead export run/bead-8.mcap --out tables
+  bead note run/bead-8.mcap operator=Ana specimen=A12
+  bead list archive --note specimen=A12
+  bead trend archive --picture trend.svg
   bead record --port /dev/ttyUSB0
   bead fetch --port /dev/ttyUSB0 --out kept.mcap
   bead command self-test --port /dev/ttyUSB0
-  bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
+  bead settings write --port /dev/ttyUSB0 run/bead-8.settings
+  bead flash --probe --board weact-f405
+  bead bench --port /dev/ttyUSB0";
 
 /// Host tools of the sensing absorber bead.
 #[derive(Debug, Parser)]
@@ -60,13 +74,23 @@ enum Command {
     Emulate(Box<emulate::Arguments>),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Add notes to recordings, or print them: operator, specimen, place.
+    Note(note::Arguments),
+    /// Find the recordings of a folder by note, date, bead, flag and verdict.
+    List(list::Arguments),
+    /// Follow energies, their ratio, frequency, gains and clock over days, with control limits.
+    Trend(trend::Arguments),
     /// List the strikes that a bead keeps, or fetch them to a recording.
     Fetch(fetch::Arguments),
+    /// Put the image into a bead: through a debug probe, or over the line with the part's own loader.
+    Flash(flash::Arguments),
     /// Make a recording that is cut or damaged whole, as far as it goes.
     Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
     #[command(name = "command")]
     Request(command::Arguments),
+    /// Check a board without sensors: it plays strikes to itself over two wires.
+    Bench(bench::Arguments),
     /// Read, write and show a bead's settings.
     Settings(settings::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
@@ -77,6 +101,14 @@ enum Command {
     Compare(compare::Arguments),
     /// Print the uncertainty budget of a strike: what each input adds to that of A, B and A − B.
     Budget(budget::Arguments),
+    /// Calibrate a bead: drop test, reference, front mass, ring-down, shaker; with budget and certificate.
+    Calibrate(calibrate::Arguments),
+    /// Spectra of strikes: shock response, power density, Fourier, transfer from force to acceleration.
+    Analyse(analyse::Arguments),
+    /// Find k, c, gains and contacts of a bead from its strikes, with their uncertainties.
+    Identify(identify::Arguments),
+    /// Hold strikes against limits of your own: pass or fail by a rule that uses the uncertainty.
+    Judge(Box<judge::Arguments>),
     /// Write strikes and samples as tables in SI units: Parquet, CSV, or UFF.
     Export(export::Arguments),
     /// Find how the clocks of recorded beads run: against this host, and against one another.
@@ -114,15 +146,24 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Judge(arguments) => judge::run(&arguments),
+            Command::Note(arguments) => note::run(&arguments),
+            Command::List(arguments) => list::run(&arguments),
+            Command::Trend(arguments) => trend::run(&arguments),
             Command::Fetch(arguments) => fetch::run(&arguments),
+            Command::Flash(arguments) => flash::run(&arguments),
             Command::Recover(arguments) => recover::run(&arguments),
             Command::Request(arguments) => command::run(&arguments),
+            Command::Bench(arguments) => bench::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
             Command::Export(arguments) => export::run(&arguments),
+            Command::Analyse(arguments) => analyse::run(&arguments),
+            Command::Identify(arguments) => identify::run(&arguments),
             Command::Budget(arguments) => budget::run(&arguments),
+            Command::Calibrate(arguments) => calibrate::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Sweep(arguments) => sweep::run(&arguments),

@@ -58,10 +58,11 @@ pub enum FileKind {
     Text,
     Scenario,
     Json,
+    Xml,
 }
 
 /// Each kind as messages name it, with the first bytes of its files and the endings of their names.
-const KINDS: [(FileKind, &str, &[&[u8]], &str); 14] = [
+const KINDS: [(FileKind, &str, &[&[u8]], &str); 15] = [
     (
         FileKind::Recording,
         "a recording",
@@ -86,6 +87,7 @@ const KINDS: [(FileKind, &str, &[&[u8]], &str); 14] = [
     (FileKind::Text, "a text", &[], "md txt"),
     (FileKind::Scenario, "a TOML file", &[], "toml"),
     (FileKind::Json, "a JSON file", &[], "json"),
+    (FileKind::Xml, "an XML file", &[b"<?xml"], "xml"),
 ];
 
 impl FileKind {
@@ -115,6 +117,21 @@ impl FileKind {
                 .find(|(.., endings)| endings.split_whitespace().any(|end| end == ending))
         };
         by_head.or_else(by_name).map(|(kind, ..)| *kind)
+    }
+}
+
+/// Refuses one name for two outputs of a command: the second would find the first in its place.
+///
+/// # Errors
+/// Both are given, and are the same.
+pub(crate) fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Failure> {
+    match one {
+        Some(one) if Some(one) == other && one != Path::new(STANDARD_OUTPUT) => bail!(
+            Input,
+            "{} is given for two outputs; give each a name of its own",
+            one.display()
+        ),
+        _ => Ok(()),
     }
 }
 

@@ -7,15 +7,23 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
+use crate::cli::commands::analyse::report::AnalyseReport;
+use crate::cli::commands::calibrate::report::CalibrateReport;
 use crate::cli::commands::command::{SENT, SENT_LATELY};
 use crate::cli::commands::compare_reference::ReferenceReport;
 use crate::cli::commands::compare_row::RowReport;
 use crate::cli::commands::emulate::SeveralBeads;
+use crate::cli::commands::identify::report::IdentifyReport;
 use crate::cli::commands::proof::accuracy::StrikerCell;
+use crate::cli::commands::proof::calibrate::CalibrateProof;
+use crate::cli::commands::proof::coverage::CoverageProof;
+use crate::cli::commands::proof::identify::IdentifyProof;
 use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
-    budget, command, compare, fetch, optimise, recover, replay, settings, simulate, sweep_cluster, sweep_work,
+    budget, command, compare, fetch, flash, judge, list, note, optimise, recover, replay, settings, simulate,
+    sweep_cluster, sweep_work, trend,
 };
+use bead_bench::loopback::BenchReport;
 use bead_bench::run::RunReport;
 use bead_bench::silent::SilentOutcome;
 use bead_recording::clock::ClockComparison;
@@ -26,15 +34,19 @@ use bead_recording::schemas::{of_bodies, of_body, of_frames};
 pub fn of_results() -> BTreeMap<&'static str, Value> {
     let mut all = BTreeMap::new();
     let mut add = |name, schema| all.insert(name, schema);
+    add("analyse", of::<AnalyseReport>("analyse"));
+    add("bench", of::<BenchReport>("bench"));
     add("budget", of::<budget::BudgetReport>("budget"));
+    add("calibrate", of::<CalibrateReport>("calibrate"));
     add("clock", of::<ClockComparison>("clock"));
     add("command-done", of::<command::Done>("command arm"));
     add("command-raw", of::<command::Streamed>("command raw"));
     add("command-reboot", of::<command::Rebooted>("command reboot"));
-    add(
-        "command-identity",
-        described(of_body(Kind::Identity), "command identity"),
-    );
+    let mut identity = of_body(Kind::Identity);
+    // Null from a bead that sends none.
+    identity["properties"]["board"] = json!({ "anyOf": [of_body(Kind::Board), { "type": "null" }] });
+    add("command-identity", described(identity, "command identity"));
+    add("command-keep", of::<command::Kept>("command keep"));
     add(
         "command-self-test",
         of::<Vec<command::CheckResult>>("command self-test"),
@@ -54,8 +66,16 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     add("emulate-several", of::<SeveralBeads>("emulate of several beads"));
     add("fetch", of::<fetch::FetchReport<'_>>("fetch --out"));
     add("fetch-list", of::<fetch::KeptStrikes<'_>>("fetch"));
+    add("flash", of::<flash::FlashReport>("flash"));
+    add("identify", of::<IdentifyReport>("identify"));
+    add("judge", of::<judge::JudgeReport>("judge"));
+    add("list", of::<list::ListReport>("list"));
+    add("note", of::<note::NotesReport>("note"));
     add("optimise", of::<optimise::SearchReport>("optimise"));
     add("proof-accuracy", of::<Vec<StrikerCell>>("proof accuracy"));
+    add("proof-calibrate", of::<CalibrateProof>("proof calibrate"));
+    add("proof-coverage", of::<CoverageProof>("proof coverage"));
+    add("proof-identify", of::<IdentifyProof>("proof identify"));
     add("proof-spheres", of::<Vec<SphereCell>>("proof spheres"));
     add("proof-silent", of::<Vec<SilentOutcome>>("proof silent"));
     add("record", of_lines("record", &[Kind::Strike, Kind::Fault]));
@@ -69,6 +89,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
         "sweep-status",
         of::<sweep_cluster::StatusReport<'_>>("sweep status"),
     );
+    add("trend", of::<trend::TrendReport>("trend"));
     all
 }
 

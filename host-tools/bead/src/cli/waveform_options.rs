@@ -57,6 +57,11 @@ impl WaveformOptions {
     }
 
     pub(crate) fn read(&self, path: &Path, bead: Option<usize>) -> Result<Waveform, Failure> {
+        Ok(Waveform::read(path, &self.choice()?, bead)?)
+    }
+
+    /// The content of the file, as far as the options state it.
+    pub(crate) fn choice(&self) -> Result<Choice, Failure> {
         let mut choice = Choice::default();
         for item in &self.read {
             let is_twice = match item.clone() {
@@ -76,6 +81,6 @@ impl WaveformOptions {
                 "--read gives time and rate; the rate takes the place of a column of time"
             );
         }
-        Ok(Waveform::read(path, &choice, bead)?)
+        Ok(choice)
     }
 }

@@ -43,7 +43,7 @@ pub enum ReadError {
     Damaged(String),
     /// Its columns are compressed in a way that is not read.
     #[error(
-        "is compressed with {0}, which is not read; write it with snappy: df.write_parquet(path, compression=\"snappy\") in polars"
+        "is compressed with {0}, which is not read; write it with zstd: df.write_parquet(path, compression=\"zstd\") in polars"
     )]
     Compressed(String),
 }
@@ -108,8 +108,8 @@ impl Reader {
     /// Opens a file.
     ///
     /// # Errors
-    /// The file cannot be read, is not Parquet, is compressed other than with Snappy, or declares more rows
-    /// or bytes than its length can hold.
+    /// The file cannot be read, is not Parquet, is compressed other than with Snappy or Zstandard, or
+    /// declares more rows or bytes than its length can hold.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let kind = path.metadata()?.file_type();
         if !(kind.is_file() || kind.is_dir()) {
@@ -186,7 +186,7 @@ fn check_compression(metadata: &ParquetMetaData) -> Result<(), ReadError> {
     let columns = metadata.row_groups().iter().flat_map(RowGroupMetaData::columns);
     for column in columns {
         match column.compression() {
-            Compression::UNCOMPRESSED | Compression::SNAPPY => {}
+            Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_) => {}
             other => return Err(ReadError::Compressed(format!("{other:?}").to_lowercase())),
         }
     }
@@ -456,14 +456,14 @@ mod tests {
         let error = forged(|metadata| {
             let group = metadata.row_group(0).clone();
             let column = group.column(0).clone().into_builder();
-            let column = column.set_compression(Compression::ZSTD(Default::default()));
+            let column = column.set_compression(Compression::BROTLI(Default::default()));
             let columns = vec![column.build().unwrap()];
             let group = group.into_builder().set_column_metadata(columns);
             metadata
                 .into_builder()
                 .set_row_groups(vec![group.build().unwrap()])
         });
-        assert!(error.starts_with("is compressed with zstd"), "{error}");
-        assert!(error.contains("compression=\"snappy\""), "{error}");
+        assert!(error.starts_with("is compressed with brotli"), "{error}");
+        assert!(error.contains("compression=\"zstd\""), "{error}");
     }
 }

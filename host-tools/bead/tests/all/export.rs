@@ -222,8 +222,8 @@ fn the_columns_and_the_bytes_are_the_same_every_time() {
     // The name is empty, what the settings do not state, and what the bead of the first image did not send.
     let rows = parquet(&folder.join("strike/strikes.parquet"));
     let unknown = rows.iter().filter(|(_, values)| values[0].is_null());
-    let groups = "bead_name conditions_ left_ settings_sensor_end_ settings_supply_ settings_uncertainty_ uncertainty_ \
-                  waveform_";
+    let groups = "bead_name conditions_ left_ settings_followers_ settings_sensor_end_ settings_supply_ \
+                  settings_uncertainty_ u_ uncertainty_ waveform_";
     for (name, _) in unknown {
         assert!(
             groups.split_whitespace().any(|group| name.starts_with(group)),

@@ -14,8 +14,8 @@ const SAMPLES: usize = 16 + 56;
 
 /// Copies the image to a path, with vectors that lead nowhere.
 fn spoil(vectors: &[usize], path: &Path) {
-    /// Start of the flash, and the type of a segment that is loaded.
-    const FLASH: u32 = 0x0800_0000;
+    /// Start of the image behind its loader, and the type of a segment that is loaded.
+    const FLASH: u32 = 0x0802_0000;
     const LOAD: u32 = 1;
     let mut image = fs::read(find_image(None).unwrap()).unwrap();
     let word = |at: usize| u32::from_le_bytes(image[at..at + 4].try_into().unwrap());
@@ -24,7 +24,13 @@ fn spoil(vectors: &[usize], path: &Path) {
     let is_flash = |header: &usize| word(*header) == LOAD && word(header + 8) == FLASH;
     let table = word(headers.find(is_flash).unwrap() + 4) as usize;
     for vector in vectors {
-        image[table + 4 * vector..][..4].copy_from_slice(&0xe000_0001_u32.to_le_bytes());
+        // The loader starts an image only if its start lies in it: erased flash there is no instruction.
+        let nowhere = if *vector == RESET {
+            0x0805_fff1
+        } else {
+            0xe000_0001_u32
+        };
+        image[table + 4 * vector..][..4].copy_from_slice(&nowhere.to_le_bytes());
     }
     fs::write(path, image).unwrap();
 }

@@ -7,7 +7,7 @@ use crate::program::{PROGRAM, ROOT, SCENARIO, TestFolder, assert_says, python, s
 use bead_recording::file::{Part, Recording};
 
 /// Blocks of the page to type: indented lines for a shell, and Python. True for Python.
-fn blocks(page: &str) -> Vec<(bool, String)> {
+pub(crate) fn blocks(page: &str) -> Vec<(bool, String)> {
     let mut blocks = Vec::new();
     let mut python: Option<String> = None;
     for line in page.lines() {

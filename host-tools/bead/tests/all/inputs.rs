@@ -22,6 +22,7 @@ use std::process::{Command, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use crate::flash::image_at;
 use crate::program::{PROGRAM, ROOT, assert_says};
 use crate::rows::{ModelBead, record};
 use bead_recording::physical::to_toml;
@@ -87,6 +88,13 @@ fn fixture(folder: &Path) {
     hole[2000..2512].fill(0xFF);
     for (name, bytes) in [
         ("late.toml", &b"[[fault]]\nat = 0.03\nkind = \"hang\"\n"[..]),
+        ("limit.toml", b"[[limit]]\nquantity = \"srs\"\nmaks = 1\n"),
+        (
+            "mask.toml",
+            b"[[limit]]\nquantity = \"srs\"\nmask = [{ max = 1 }, { frequency = 9, max = 1 }]\n",
+        ),
+        ("kept.toml", b"[[limit]]\nquantity = \"peak_force\"\nmax = 9\n"),
+        ("broken.toml", b"[[limit]]\nquantity = \"peak_force\"\nmax = 6\n"),
         ("latin.toml", b"title = \"Sto\xdf\""),
         ("empty", b""),
         ("empty.toml", b""),
@@ -105,6 +113,13 @@ fn fixture(folder: &Path) {
     ] {
         write(name, bytes);
     }
+    write("beyond.elf", &image_at(0x080f_ff00, "weact-f405", 1000).0);
+    write("cut.elf", &image_at(0x0800_0000, "weact-f405", 1000).0[..1000]);
+    write("store.elf", &image_at(0x080c_0000, "weact-f405", 1000).0);
+    write(
+        "other.elf",
+        &image_at(0x0800_0000, "no board of this world", 1000).0,
+    );
     // Waveforms of 60 rows, most with one thing wrong.
     let force = |n: i32| 5.0 * (-f64::from(n - 30).powi(2) / 40.0).exp();
     let line = |n: i32| format!("{:.6},{:.6}", f64::from(n) * 1e-5, force(n));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bead_compare::front_end::AnalogFrontEnd;
-use bead_compare::sensed::{Sensed, Timing, bead_of, neighbours_of, simulate_with_ring_down};
+use bead_compare::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down, surroundings_of};
 use bead_model::design::{Capture, derive_among};
 use bead_model::{Scan, Settings};
 use bead_recording::file::{About, Part, RecordingOrigin, RecordingWriter};
@@ -53,7 +53,7 @@ impl ModelBead {
         let front = AnalogFrontEnd::default().calibration();
         let (physics, neighbours) = (
             bead_of(solution, self.bead).unwrap(),
-            neighbours_of(solution, self.bead),
+            surroundings_of(solution, self.bead),
         );
         let settings = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front)).unwrap();
         settings.with(|one| one.address = self.bead as u8).unwrap()

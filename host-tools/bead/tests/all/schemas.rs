@@ -159,6 +159,10 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     );
     record(&folder.join("twice.mcap"), &Scenario::paper(), &[good], 2);
     record(&folder.join("wrong.mcap"), &Scenario::paper(), &[wrong], 1);
+    // One that is kept, and one that cannot be decided.
+    let limits =
+        "[[limit]]\nquantity = \"peak_force\"\nmax = 9\n[[limit]]\nquantity = \"row_share\"\nmin = 0.1\n";
+    folder.write("limits.toml", limits);
     let hold = |name: &str, line: &str| hold(&folder, name, line);
     assert_eq!(hold("replay", "replay good.mcap")["identical"], true);
     assert_eq!(hold("replay", "replay wrong.mcap")["identical"], false);
@@ -170,7 +174,20 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
         // Against itself, and against a force alone.
         ("compare-reference", "compare good.mcap --reference good.mcap"),
         ("compare-reference", "compare good.mcap --reference force.csv"),
+        ("note", "note good.mcap operator=Ana"),
+        ("list", "list"),
+        ("trend", "trend --by strike"),
+        ("judge", "judge good.mcap twice.mcap --limits limits.toml"),
+        ("analyse", "analyse srs good.mcap"),
+        ("analyse", "analyse psd good.mcap --of force"),
+        ("analyse", "analyse fft good.mcap --unit g"),
+        ("analyse", "analyse transfer good.mcap"),
         ("budget", "budget good.mcap --monte-carlo 1000"),
+        (
+            "identify",
+            "identify good.mcap twice.mcap --scenario paper-strike.toml",
+        ),
+        ("identify", "identify good.mcap --fit k,c,m"),
         ("clock", "clock good.mcap"),
         ("settings", "settings show bead.settings"),
         ("recover", "recover good.mcap --out a.mcap"),
@@ -210,6 +227,18 @@ fn results_of_the_image_hold_their_schemas() {
     let spheres = format!("proof spheres paper-strike.toml --bead 8 {spheres}");
     hold(&folder, "proof-spheres", &spheres);
     hold(&folder, "proof-silent", "proof silent --group window,train");
+    hold(
+        &folder,
+        "proof-calibrate",
+        "proof calibrate --beads 10 --repeats 2",
+    );
+    hold(
+        &folder,
+        "calibrate",
+        "calibrate drop --from simulated --drops 3 --ball-mass 3g±1mg --height 0.1±3e-4 --tolerance 10%",
+    );
+    hold(&folder, "proof-coverage", "proof coverage --beads 50 --strikes 1");
+    hold(&folder, "proof-identify", "proof identify --beads 20");
 }
 
 #[test]

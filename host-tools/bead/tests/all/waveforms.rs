@@ -2,15 +2,20 @@
 
 use std::fmt::Write;
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 
 use crate::first_strike::copy_scenario;
-use crate::program::{DATA, ROOT, SCENARIO, TestFolder, shell};
+use crate::program::{DATA, ROOT, SCENARIO, TestFolder, python, shell};
+use crate::rows::{ModelBead, record};
 use bead_compare::replay::replay;
 use bead_compare::sensed::{load_scenario, simulate_with_ring_down};
 use bead_recording::file::Recording;
 use bead_recording::signal::Signal;
 use bead_recording::strikes::RecordedStrike;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use hertz_chain::Scenario;
 use hound::{SampleFormat, WavSpec, WavWriter};
 use serde_json::Value;
 
@@ -89,12 +94,18 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
     shell(&folder, &format!("{emulate} --out run"));
     shell(&folder, "bead export run/bead-8.mcap --out tables");
     shell(&folder, "bead export run/bead-8.mcap --out tables --format csv");
+    let table = fs::read(folder.join("tables/samples.csv")).unwrap();
+    let packed = fs::File::create(folder.join("tables/samples.csv.gz")).unwrap();
+    let mut packed = GzEncoder::new(packed, Compression::fast());
+    packed.write_all(&table).unwrap();
+    packed.finish().unwrap();
     let first = strikes(&folder.join("run/bead-8.mcap")).swap_remove(0);
     drop_rig(&folder.join("drop.wav"), &first);
     // Channels of a WAV file are sampled at one time, those of a bead one after another.
     for (name, sensors, file) in [
         ("mcap", 2, "run/bead-8.mcap"),
         ("csv", 2, "tables/samples.csv"),
+        ("gzip", 2, "tables/samples.csv.gz"),
         ("parquet", 2, "tables/samples.parquet"),
         (
             "wav",
@@ -113,4 +124,54 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
         println!("{name}: A off by {off:.1e}");
         assert!(off.abs() < 5e-4, "{name}: {off}");
     }
+}
+
+/// The comparison of a recorded strike with the same strike in another file.
+fn against(folder: &TestFolder, reference: &str) -> Value {
+    folder.json(&format!(
+        "compare strike.mcap --reference {reference} --format json"
+    ))["against"]
+        .clone()
+}
+
+#[test]
+fn files_of_numpy_matlab_and_polars_hold_the_same_waveform_as_the_table_that_they_were_made_of() {
+    let folder = TestFolder::new();
+    let bead = ModelBead {
+        bead: 8,
+        ..ModelBead::default()
+    };
+    record(&folder.join("strike.mcap"), &Scenario::paper(), &[bead], 1);
+    folder.done("export strike.mcap --out tables --format csv");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/written_elsewhere.py");
+    let Some(_) = python(&folder, &[script, "tables/samples.csv"]) else {
+        return;
+    };
+    let times = "--read time=1:s --read force=2:N --read acceleration=3:m/s2";
+    let wanted = against(&folder, "table.csv");
+    println!("{wanted}");
+    for reference in [
+        format!("rows.npy {times}"),
+        format!("columns.npy {times}"),
+        "packed.mat".to_owned(),
+        "zstd.parquet".to_owned(),
+    ] {
+        assert_eq!(against(&folder, &reference), wanted, "{reference}");
+    }
+    // Without a column of time, by a rate and by the interval in the file. Times count from the first row.
+    let no_times = against(&folder, "force.npy --read force=1:N --read rate=100000");
+    let matrix = against(
+        &folder,
+        "matrix.mat --read force=m_1:N --read acceleration=m_2:m/s2",
+    );
+    for found in [&no_times["force"], &matrix["force"]] {
+        is_as_great(&found["gain"], &wanted["force"]["gain"]);
+    }
+    is_as_great(&matrix["acceleration"]["gain"], &wanted["acceleration"]["gain"]);
+}
+
+/// Checks two numbers but for the rounding of times.
+fn is_as_great(found: &Value, wanted: &Value) {
+    let [found, wanted] = [found, wanted].map(|value| value.as_f64().unwrap());
+    assert!((found / wanted - 1.0).abs() < 1e-6, "{found} for {wanted}");
 }

@@ -30,6 +30,7 @@ mod split;
 mod summariser;
 mod summary;
 mod tableau;
+pub mod tangents;
 mod transmission;
 mod validity;
 

@@ -40,7 +40,7 @@ pub struct Contact {
 }
 
 /// θ = 3 (1 - ν²) / (4 Y) of a body at a contact, 1/Pa.
-fn compliance(young: f64, poisson: f64) -> f64 {
+pub(crate) fn compliance(young: f64, poisson: f64) -> f64 {
     0.75 * (1.0 - poisson * poisson) / young
 }
 

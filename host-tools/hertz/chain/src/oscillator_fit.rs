@@ -21,6 +21,8 @@ pub struct OscillatorFit {
     pub damping: f64,
     /// Standard error of c, N·s/m.
     pub damping_error: f64,
+    /// Correlation of both errors, from -1 to 1.
+    pub correlation: f64,
     /// Root mean square distance of the points from the fit, in their unit.
     pub residual: f64,
 }
@@ -80,8 +82,23 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
         stiffness_error: stiffness * found.covariance[0][0].sqrt(),
         damping,
         damping_error: damping * found.covariance[1][1].sqrt(),
+        correlation: correlation(
+            found.covariance[0][1],
+            found.covariance[0][0],
+            found.covariance[1][1],
+        ),
         residual: found.residual,
     })
+}
+
+/// A correlation from a covariance and both variances; 0 where one of these is 0.
+fn correlation(covariance: f64, one: f64, other: f64) -> f64 {
+    let size = (one * other).sqrt();
+    if size > 0.0 {
+        (covariance / size).clamp(-1.0, 1.0)
+    } else {
+        0.0
+    }
 }
 
 /// Fits k and c to the ring-down of an underdamped mass. The model exp(-βt) (A cos ωt + B sin ωt) is fitted
@@ -167,6 +184,11 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
         stiffness_error: variance.sqrt(),
         damping,
         damping_error: damping * covariance[1][1].sqrt(),
+        correlation: correlation(
+            damping * (by_omega * covariance[0][1] + by_beta * covariance[1][1]),
+            variance,
+            damping * damping * covariance[1][1],
+        ),
         residual: found.residual,
     })
 }

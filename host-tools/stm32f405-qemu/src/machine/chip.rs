@@ -5,7 +5,7 @@ use std::mem::take;
 
 use super::stimulus::StimulusPlayer;
 use super::table::{Gate, PeripheralRow, TABLE, Units, locate};
-use super::wires::Wires;
+use super::wires::{AnalogLoop, Wires};
 use super::wiring::{self, ADCS};
 use crate::memory::APB;
 use crate::outcome::ResetCause;
@@ -33,6 +33,7 @@ pub(super) struct Chip {
     /// Scans of that converter that were started.
     pub(super) scans: u64,
     pub(super) wires: Wires,
+    pub(super) analog_wires: Vec<AnalogLoop>,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
     pub(super) clocks: ClockTree,
@@ -57,14 +58,15 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up, with a crystal of `hse_hz` and its factory identifier.
-    pub(super) fn new(hse_hz: u32, uid: [u8; 12], stimulus: StimulusPlayer) -> Self {
+    /// After power-up, with a crystal of `hse_hz`, its DEV_ID and its factory identifier.
+    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], stimulus: StimulusPlayer) -> Self {
         Self {
-            units: Units::new(hse_hz, uid),
+            units: Units::new(hse_hz, dev_id, uid),
             stimulus,
             sampler: None,
             scans: 0,
             wires: Wires::default(),
+            analog_wires: Vec::new(),
             driving: 0,
             clocks: ClockTree::HSI,
             hclk_ns: BTreeMap::new(),

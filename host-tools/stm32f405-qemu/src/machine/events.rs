@@ -5,6 +5,7 @@ use super::levels::Levels;
 use super::sampling::Scans;
 use super::wiring;
 use crate::peripherals::Peripheral;
+use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::flash::FlashEvent;
 
 /// An event that needs no instruction, with the number of its converter, timer or USART.
@@ -60,6 +61,11 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     }
     for n in (0..units.adc.converters.len()).filter(|n| !but(*n)) {
         if let Some(master) = chip.converter_trigger(n) {
+            offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
+        }
+    }
+    for n in 0..CHANNELS {
+        if let Some(master) = chip.output_trigger(n) {
             offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
         }
     }

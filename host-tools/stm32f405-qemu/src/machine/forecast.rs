@@ -5,6 +5,7 @@ use super::levels::Levels;
 use super::table::TABLE;
 use super::wiring::{ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
+use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::tim::Tim;
 
 /// When an interrupt line will rise, the machine will be reset, or the first scan may come, if no register is
@@ -24,6 +25,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let alone = TABLE.iter().filter_map(|row| (row.model)(units).next_interrupt());
     let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));
     let transmitters = (0..USARTS.len()).filter_map(|usart| transmission(chip, usart));
+    let players = (0..CHANNELS).filter_map(|channel| playing(chip, channel));
     let captures = levels.next_capture(chip);
     // Over a wire, an output may come to an input that interrupts.
     let outputs = units.tim.iter().filter(|_| !chip.wires.is_empty());
@@ -31,6 +33,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     alone
         .chain(converters)
         .chain(transmitters)
+        .chain(players)
         .chain(first_scan(chip))
         .chain(captures)
         .chain(outputs)
@@ -62,6 +65,22 @@ fn acquisition(chip: &Chip, number: usize) -> Option<u64> {
     };
     // If the trigger's period is about to change, only its next pulse is known: look again at that time.
     adc.conversion(beats, trigger).or_else(|| trigger(0))
+}
+
+/// When the DMA stream that feeds an output will raise its line, or the DAC, whose request nobody serves.
+fn playing(chip: &Chip, channel: usize) -> Option<u64> {
+    let (dac, server) = (&chip.units.dac, &SERVERS.dac[channel]);
+    if !dac.requests_dma(channel) {
+        return None;
+    }
+    let timer = &chip.units.tim[chip.output_trigger(channel)?];
+    let dma = &chip.units.dma[server.dma];
+    let beats = match dma.serving(&server.streams) {
+        Some(stream) => u64::from(dma.beats_to_interrupt(stream)?),
+        None if dac.may_interrupt(channel) => 1,
+        None => return None,
+    };
+    timer.trigger(beats - 1).or_else(|| timer.trigger(0))
 }
 
 /// When the DMA stream that feeds a transmitter will raise its line.

@@ -4,6 +4,7 @@ use std::mem::take;
 
 use super::chip::Chip;
 use super::wiring::{self, ADCS, BATTERY, REFERENCE, TEMPERATURE};
+use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::signature;
 
 /// A converter that samples, and the timer that triggers it and no other converter.
@@ -19,7 +20,8 @@ impl Chip {
         let adc = self.sampler?;
         let tim = self.converter_trigger(adc)?;
         let triggered = (0..ADCS.len()).filter(|adc| self.converter_trigger(*adc) == Some(tim));
-        (triggered.count() == 1).then_some(Scans { adc, tim })
+        let outputs = (0..CHANNELS).any(|channel| self.output_trigger(channel) == Some(tim));
+        (triggered.count() == 1 && !outputs).then_some(Scans { adc, tim })
     }
 
     /// The timer whose TRGO starts the scans of a converter.
@@ -27,8 +29,18 @@ impl Chip {
         wiring::converter_trigger(self.units.adc.converters[adc].external_trigger()?)
     }
 
-    /// The trigger output of a timer pulses: converters that listen to it start.
+    /// The timer whose TRGO a channel of the DAC waits for.
+    pub(super) fn output_trigger(&self, channel: usize) -> Option<usize> {
+        wiring::output_trigger(self.units.dac.external_trigger(channel)?)
+    }
+
+    /// The trigger output of a timer pulses: converters that listen to it start, and outputs change.
     pub(super) fn trigger_converters(&mut self, tim: usize, at: u64) {
+        for channel in 0..CHANNELS {
+            if self.output_trigger(channel) == Some(tim) {
+                self.units.dac.trigger(channel, at);
+            }
+        }
         for adc in 0..ADCS.len() {
             if self.converter_trigger(adc) == Some(tim) {
                 self.units.adc.converters[adc].trigger(at);
@@ -61,8 +73,25 @@ impl Chip {
             }
             // VBAT is taken to come from the same supply; half of it is measured.
             (0, BATTERY) if battery => of_supply(supply / 2),
-            _ => self.stimulus.code(adc, channel, at),
+            _ => match self.by_analog_wire(adc, channel, at) {
+                Some(code) => code,
+                None => self.stimulus.code(adc, channel, at),
+            },
         }
+    }
+
+    /// The code of an input at the end of a wire, if an output drives it.
+    fn by_analog_wire(&mut self, adc: usize, channel: u32, at: u64) -> Option<u16> {
+        // The common case, once for every sample.
+        if self.analog_wires.is_empty() {
+            return None;
+        }
+        let pin = wiring::analog_pin(adc, channel)?;
+        let wire = self.analog_wires.iter_mut().find(|wire| wire.to == pin)?;
+        let (supply, dac) = (self.units.pwr.supply_mv, &self.units.dac);
+        let code = wire.code(|output, at| dac.level(output, supply, at), at)?;
+        self.units.dac.converted(wire.output, at);
+        Some(code)
     }
 
     /// If a scan has just started, the inputs carry what belongs to it.

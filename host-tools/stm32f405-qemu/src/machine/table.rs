@@ -19,6 +19,7 @@ use crate::peripherals::{
     adc_common::Adcs,
     clock::HSI_HZ,
     core,
+    dac::Dac,
     dbgmcu::Dbgmcu,
     dma::Dma,
     dwt::Dwt,
@@ -125,7 +126,7 @@ const TIMERS: [TimerKind; 14] = [
     TimerKind::ADVANCED,
     TimerKind::TWO_CHANNELS.on_apb2(),
     TimerKind::ONE_CHANNEL.on_apb2(),
-    TimerKind::ONE_CHANNEL.on_apb2(),
+    TimerKind::WITH_CRYSTAL.on_apb2(),
     TimerKind::TWO_CHANNELS,
     TimerKind::ONE_CHANNEL,
     TimerKind::ONE_CHANNEL,
@@ -141,7 +142,7 @@ const PORTS: [UsartFeatures; 6] = [
 ];
 
 peripherals! {
-    new(hse_hz: u32, uid: [u8; 12]);
+    new(hse_hz: u32, dev_id: u16, uid: [u8; 12]);
     tim: [Tim; 14] = TIMERS.map(|kind| Tim::new(kind, HSI_HZ)) => {
         [0] "TIM1", 0x4001_0000..0x4001_0400, gate(Apb2, 0), &[24, 25, 26, 27];
         [1] "TIM2", 0x4000_0000..0x4000_0400, gate(Apb1, 0), &[28];
@@ -168,6 +169,7 @@ peripherals! {
         .converters[2] "ADC3", 0x4001_2200..0x4001_2300, converter(1 << 10), &[18];
         "ADC", 0x4001_2300..0x4001_2400, converter(0b111 << 8), &[];
     }
+    dac: Dac = Dac::default() => { "DAC", 0x4000_7400..0x4000_7800, gate(Apb1, 29), &[54]; }
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, ALWAYS, &[]; }
     flash: FlashController = FlashController::new() => { "FLASH", 0x4002_3c00..0x4002_4000, ALWAYS, &[4]; }
@@ -198,7 +200,7 @@ peripherals! {
     systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, ALWAYS, &[]; }
     scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, ALWAYS, &[]; }
     debug: core::Debug = core::Debug::default() => { "DCB", 0xe000_edf0..0xe000_ee00, ALWAYS, &[]; }
-    dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, ALWAYS, &[]; }
+    dbgmcu: Dbgmcu = Dbgmcu::new(dev_id) => { "DBGMCU", 0xe004_2000..0xe004_2400, ALWAYS, &[]; }
     signature: Signature = Signature { uid, ..Signature::default() } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
 }
 

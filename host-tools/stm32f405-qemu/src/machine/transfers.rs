@@ -5,6 +5,7 @@ use super::chip::Chip;
 use super::wiring::{ADCS, SERVERS, Server, USARTS};
 use crate::memory::{FLASH, SRAM};
 use crate::peripherals::Peripheral;
+use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
 
 /// The only controller that copies between memories (section 10.3.6).
@@ -69,6 +70,14 @@ impl Transfers {
                 && let Some(stream) = serving(at.chip, &SERVERS.adc[adc])
             {
                 self.fetch_conversion(adc, stream, at);
+            }
+        }
+        for channel in 0..CHANNELS {
+            if at.chip.units.dac.request(channel)
+                && let Some(stream) = serving(at.chip, &SERVERS.dac[channel])
+            {
+                at.chip.units.dac.served(channel);
+                self.transfer(stream, at);
             }
         }
         for usart in 0..USARTS.len() {

@@ -20,6 +20,10 @@ pub(crate) const USARTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UA
 /// The converters in the order of their models.
 pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
 
+/// The DAC's requests in the order of its channels, and the pins of its outputs (section 14.2).
+const DAC_REQUESTS: [&str; 2] = ["DAC1_CH1", "DAC1_CH2"];
+pub(super) const OUTPUTS: [PinIndex; 2] = [(0, 4), (0, 5)];
+
 /// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery
 /// voltage (sections 13.10, 13.11).
 pub(super) const TEMPERATURE: u32 = 16;
@@ -47,6 +51,11 @@ const fn tim(number: usize) -> TimNumber {
 pub(super) fn master(of: TimNumber, itr: u32) -> Option<TimNumber> {
     let (_, masters) = MASTERS.iter().find(|(slave, _)| *slave == of)?;
     *masters.get(itr as usize)?
+}
+
+/// The timer whose TRGO is a trigger of the DAC (DAC_CR.TSEL, section 14.5.1).
+pub(super) fn output_trigger(tsel: u32) -> Option<TimNumber> {
+    [6, 8, 7, 5, 2, 4].get(tsel as usize).map(|number| tim(*number))
 }
 
 /// The timer whose TRGO starts regular scans (ADC_CR2.EXTSEL, section 13.13.3).
@@ -90,6 +99,7 @@ pub(super) struct Server {
 /// Servers of the models' requests, in the models' order.
 pub(super) struct Servers {
     pub(super) adc: [Server; 3],
+    pub(super) dac: [Server; 2],
     pub(super) transmitters: [Server; 6],
     pub(super) receivers: [Server; 6],
 }
@@ -102,6 +112,7 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
     );
     Servers {
         adc: ADCS.map(of),
+        dac: DAC_REQUESTS.map(of),
         transmitters: USARTS.map(transmitter),
         receivers: USARTS.map(receiver),
     }
@@ -169,7 +180,7 @@ pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
 }
 
 /// The pin of a converter's channel.
-pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<PinIndex> {
+pub(crate) fn analog_pin(adc: usize, channel: u32) -> Option<PinIndex> {
     CONNECTIONS.analog.get(&(adc, channel)).copied()
 }
 
@@ -181,7 +192,9 @@ pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
 /// Returns `true` if a model makes this request.
 pub(super) fn is_modelled(request: &str) -> bool {
     let of_usart = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
-    ADCS.contains(&request) || of_usart.is_some_and(|usart| USARTS.contains(&usart))
+    ADCS.contains(&request)
+        || DAC_REQUESTS.contains(&request)
+        || of_usart.is_some_and(|usart| USARTS.contains(&usart))
 }
 
 /// `PA15`: port and number.

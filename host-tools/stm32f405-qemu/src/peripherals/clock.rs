@@ -22,6 +22,8 @@ pub(crate) struct ClockTree {
     pub(crate) timers1: u32,
     /// Timers on APB2: TIM1, 8-11.
     pub(crate) timers2: u32,
+    /// The crystal for the RTC, and by what it is divided (CFGR.RTCPRE).
+    pub(crate) crystal: (u32, u32),
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,6 +42,7 @@ impl ClockTree {
         pclk2: HSI_HZ,
         timers1: HSI_HZ,
         timers2: HSI_HZ,
+        crystal: (0, 0),
     };
 
     pub(crate) fn of_bus(&self, apb: Apb) -> u32 {

@@ -3,20 +3,30 @@
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 
-/// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
-const IDCODE: u32 = 0x1001_6413;
+/// Revision Z (section 38.6.1).
+const REVISION: u32 = 0x1001_6000;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Dbgmcu {
+    dev_id: u16,
     cr: u32,
     freeze: [u32; 2],
     pub(crate) notes: Notes,
 }
 
+impl Dbgmcu {
+    pub(crate) fn new(dev_id: u16) -> Self {
+        Self {
+            dev_id,
+            ..Self::default()
+        }
+    }
+}
+
 impl Peripheral for Dbgmcu {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         match offset {
-            0x00 => Ok(IDCODE),
+            0x00 => Ok(REVISION | u32::from(self.dev_id)),
             0x04 => Ok(self.cr),
             0x08 | 0x0c => Ok(self.freeze[(offset as usize - 0x08) / 4]),
             _ => Err(NoRegister),
@@ -35,7 +45,7 @@ impl Peripheral for Dbgmcu {
     }
 
     fn reset(&mut self, _now: u64) {
-        *self = Self::default();
+        *self = Self::new(self.dev_id);
     }
 }
 
@@ -44,9 +54,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_identity_is_the_f405s_and_cannot_be_written() {
-        let mut dbgmcu = Dbgmcu::default();
+    fn the_identity_is_the_parts_and_cannot_be_written() {
+        let mut dbgmcu = Dbgmcu::new(0x413);
         dbgmcu.write(0x00, 0, 0).unwrap();
+        dbgmcu.reset(0);
         assert_eq!(dbgmcu.read(0x00, 0).unwrap() & 0xfff, 0x413);
     }
 }

@@ -9,6 +9,7 @@
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
+use crate::memory::CCM;
 
 const EN: u32 = 1 << 0;
 const INTERRUPT_ENABLES: u32 = 0b1_1110;
@@ -31,6 +32,9 @@ const FLAGS_AT: [u32; 4] = [0, 6, 16, 22];
 
 const FLOW_CONTROLLER: &str = "SxCR.PFCTRL: the peripheral as flow controller is not modelled";
 const OFFSET: &str = "SxCR.PINCOS: an offset of 4 bytes for smaller items is not modelled";
+/// Section 2.3: this memory is on the processor's bus only.
+const OUT_OF_REACH: &str =
+    "SxPAR, SxMxAR: the DMA does not reach the core-coupled memory: a transfer there ends in an error";
 /// Sections 10.3.6 and 10.3.8.
 const NO_COPIES: &str =
     "SxCR.DIR: DMA1 cannot copy between memories (section 10.3.6): the stream was not started";
@@ -207,6 +211,9 @@ impl Dma {
     fn write_stream(&mut self, stream: usize, register: u32, value: u32) {
         let s = &mut self.streams[stream];
         let enabled = s.cr & EN != 0;
+        let is_address = matches!(register, 0x08..=0x10);
+        self.notes
+            .note_if(is_address && CCM.contains(&value), OUT_OF_REACH);
         match register {
             0x00 => {
                 self.notes.note_if(bit(value, 5), FLOW_CONTROLLER);

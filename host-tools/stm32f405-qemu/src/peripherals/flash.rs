@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! Sectors 10 and 11 can be written ([`WRITABLE`]). The others hold the image, which QEMU loads anew at every
-//! reset. Writes there are refused as if these sectors were protected, and noted. The model holds the bytes
-//! of the two sectors. The machine copies what changes to where the processor reads it.
+//! All sectors but 0 and 1 can be written ([`WRITABLE`]). In those two a program starts, and QEMU loads them
+//! anew at every reset. Writes there are refused as if these sectors were protected, and noted. The model
+//! holds the bytes of the others. The machine copies what changes to where the processor reads it.
 //!
 //! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
 //! reset before that leaves it half done. The share of bits that have changed is then the share of time that
@@ -16,7 +16,7 @@ use std::ops::Range;
 use super::clock::{ClockTree, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
-use crate::memory::WRITABLE;
+use crate::memory::{WRITABLE, sector};
 use crate::outcome::FlashOperation;
 
 const PG: u32 = 1 << 0;
@@ -43,17 +43,18 @@ const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 
 /// Typical times of DocID022152, flash memory programming. A word takes as long by each parallelism.
 const PROGRAM_NS: u64 = 16_000;
-/// For a sector of 128 KiB, erased by 8, 16, 32 and 64 bits. No time is given for 64 bits; that for 32 stands
-/// in.
-const ERASE_NS: [u64; 4] = [2_000_000_000, 1_300_000_000, 1_000_000_000, 1_000_000_000];
-/// Bytes of a sector from 5 on (table 5).
-const SECTOR_BYTES: u32 = 128 << 10;
+/// For sectors of 16, 64 and 128 KiB, erased by 8, 16, 32 and 64 bits. No time is given for 64 bits; that
+/// for 32 stands in.
+const ERASE_NS: [[u64; 4]; 3] = [
+    [400_000_000, 300_000_000, 250_000_000, 250_000_000],
+    [1_200_000_000, 700_000_000, 550_000_000, 550_000_000],
+    [2_000_000_000, 1_300_000_000, 1_000_000_000, 1_000_000_000],
+];
 const ROW_BYTES: u32 = 16;
 
-const PROGRAMMED: &str =
-    "a sector before 10 was programmed: only 10 and 11 can be, the others read as protected";
-const ERASED: &str = "a sector before 10 was erased: only 10 and 11 can be, the others read as protected";
-const MASS_ERASED: &str = "CR.MER: only sectors 10 and 11 can be erased, the others read as protected";
+const PROGRAMMED: &str = "sector 0 or 1 was programmed: the others can be, these are as if protected";
+const ERASED: &str = "sector 0 or 1 was erased: the others can be, these are as if protected";
+const MASS_ERASED: &str = "CR.MER: sectors 0 and 1 are as if protected, so that not all can be erased";
 const READ_WHILE_BUSY: &str = "a DMA stream read flash while BSY: silicon holds it up, here it does not wait";
 
 #[derive(Debug, Clone, Copy)]
@@ -210,15 +211,20 @@ impl FlashController {
 
     /// CR.STRT (section 3.6.3).
     fn start(&mut self, now: u64) {
-        let sector = field(self.cr, 3, 4);
+        let sector = sector(field(self.cr, 3, 4));
         let (note, flag) = match (self.cr & (SER | MER), sector) {
-            (SER, 10 | 11) => {
-                let address = WRITABLE.start + (sector - 10) * SECTOR_BYTES;
-                let ns = ERASE_NS[field(self.cr, 8, 2) as usize];
-                return self.begin(now, address, SECTOR_BYTES, None, ns);
+            (SER, Some(sector)) if WRITABLE.contains(&sector.start) => {
+                let bytes = sector.len() as u32;
+                let size = match bytes >> 10 {
+                    16 => 0,
+                    64 => 1,
+                    _ => 2,
+                };
+                let ns = ERASE_NS[size][field(self.cr, 8, 2) as usize];
+                return self.begin(now, sector.start, bytes, None, ns);
             }
-            (SER, 0..10) => (ERASED, WRPERR),
-            (SER, _) => ("CR.SNB names no sector: nothing was erased", 0),
+            (SER, Some(_)) => (ERASED, WRPERR),
+            (SER, None) => ("CR.SNB names no sector: nothing was erased", 0),
             (MER, _) => (MASS_ERASED, WRPERR),
             // With both set, neither erase can be performed.
             _ => ("CR.STRT without either SER or MER alone: nothing was erased", 0),
@@ -355,7 +361,8 @@ mod tests {
     const SR: u32 = 0x0c;
     const CR: u32 = 0x10;
     const BY_WORDS: u32 = 0b10 << 8;
-    const A: u32 = WRITABLE.start;
+    /// Sector 10.
+    const A: u32 = 0x080c_0000;
 
     fn unlocked() -> FlashController {
         let mut flash = FlashController::new();
@@ -443,6 +450,20 @@ mod tests {
     }
 
     #[test]
+    fn a_smaller_sector_takes_less_time() {
+        for (sector, bytes, ns) in [
+            (2, 16 << 10, 250_000_000),
+            (4, 64 << 10, 550_000_000),
+            (9, 128 << 10, 1_000_000_000),
+        ] {
+            let mut flash = unlocked();
+            flash.put(0, [(CR, SER | sector << 3 | BY_WORDS | STRT)]);
+            assert_eq!(flash.next_event(), Some((ns, FlashEvent::Finished)));
+            assert_eq!(flash.finish().len(), bytes);
+        }
+    }
+
+    #[test]
     fn each_way_to_program_wrongly_has_its_flag_and_programs_nothing() {
         let mut flash = unlocked();
         let mut store = |cr: u32, address: u32, bytes: u32| {
@@ -458,15 +479,15 @@ mod tests {
         assert_eq!(store(PG, A, 4), PGPERR, "a word by bytes");
         assert_eq!(store(PG | BY_WORDS, A + 2, 4), PGPERR, "unaligned");
         assert_eq!(store(PG | BY_WORDS, A + 14, 4), PGAERR, "across a row");
-        assert_eq!(store(PG | BY_WORDS, A - 4, 4), WRPERR, "sector 9");
-        assert_eq!(store(PG | BY_WORDS | ERRIE, A - 4, 4), WRPERR | OPERR);
+        assert_eq!(store(PG | BY_WORDS, 0x0800_7ffc, 4), WRPERR, "sector 1");
+        assert_eq!(store(PG | BY_WORDS | ERRIE, 0x0800_7ffc, 4), WRPERR | OPERR);
         assert!(flash.contents.iter().all(|byte| *byte == 0xff));
         assert_eq!(flash.operations.len(), 0);
     }
 
     #[test]
-    fn a_sector_of_the_image_and_a_mass_erase_are_refused_and_noted() {
-        for cr in [SER | 9 << 3, SER | 12 << 3, MER, MER | SER | 11 << 3] {
+    fn a_sector_of_the_start_and_a_mass_erase_are_refused_and_noted() {
+        for cr in [SER | 1 << 3, SER | 12 << 3, MER, MER | SER | 11 << 3] {
             let mut flash = unlocked();
             flash.put(0, [(CR, cr | STRT)]);
             assert!(!flash.busy());
@@ -495,7 +516,7 @@ mod tests {
             flash.put(0, [(CR, SER | 10 << 3 | BY_WORDS | STRT)]);
             flash.reset(share * 10_000_000);
             assert!(!flash.busy());
-            let (tenth, eleventh) = flash.contents.split_at(128 << 10);
+            let (tenth, eleventh) = flash.contents[(A - WRITABLE.start) as usize..].split_at(128 << 10);
             assert!(eleventh.iter().all(|byte| *byte == 0));
             let ones: u32 = tenth.iter().map(|byte| byte.count_ones()).sum();
             let changed = f64::from(ones) / f64::from(1 << 20);

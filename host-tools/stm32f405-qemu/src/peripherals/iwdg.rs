@@ -13,6 +13,8 @@ pub(crate) struct Iwdg {
     reload: u32,
     unlocked: bool,
     fed_ns: Option<u64>,
+    /// Frequency of its oscillator.
+    pub(crate) lsi_hz: u32,
     pub(crate) notes: Notes,
 }
 
@@ -23,6 +25,7 @@ impl Default for Iwdg {
             reload: 0xfff,
             unlocked: false,
             fed_ns: None,
+            lsi_hz: LSI_HZ,
             notes: Notes::default(),
         }
     }
@@ -58,7 +61,11 @@ impl Peripheral for Iwdg {
     }
 
     fn reset(&mut self, _now: u64) {
-        *self = Self::default();
+        let lsi_hz = self.lsi_hz;
+        *self = Self {
+            lsi_hz,
+            ..Self::default()
+        };
     }
 
     /// When it resets the machine, if nothing feeds it.
@@ -66,7 +73,7 @@ impl Peripheral for Iwdg {
         // Prescaler 4 << PR, at most 256 (section 21.4.2).
         let divider = (4u64 << self.prescaler).min(256);
         self.fed_ns
-            .map(|fed| fed + clock::edge(divider * u64::from(self.reload + 1), LSI_HZ))
+            .map(|fed| fed + clock::edge(divider * u64::from(self.reload + 1), self.lsi_hz))
     }
 }
 

@@ -198,7 +198,15 @@ impl Rcc {
             pclk2: hclk >> shift2,
             timers1: timers(shift1),
             timers2: timers(shift2),
+            crystal: self.rtc_crystal(),
         }
+    }
+
+    /// The crystal on its way to the RTC (section 7.3.3). Dividers 0 and 1 let nothing through.
+    fn rtc_crystal(&self) -> (u32, u32) {
+        let divider = field(self.cfgr, 16, 5);
+        let runs = self.ready() & HSEON != 0 && !self.asleep && divider > 1;
+        if runs { (self.hse_hz, divider) } else { (0, 0) }
     }
 
     /// The enable bit of the oscillator that feeds the PLLs.
@@ -396,6 +404,7 @@ mod tests {
             pclk2: 84_000_000,
             timers1: 84_000_000,
             timers2: 168_000_000,
+            crystal: (0, 0),
         };
         assert_eq!(at_168_mhz().clocks(), expected);
     }

@@ -14,7 +14,7 @@
 mod counter;
 mod kind;
 
-use super::clock::ClockTree;
+use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
 use counter::{BufferedRegister, Counter};
@@ -37,6 +37,12 @@ const MOE: u32 = 1 << 15;
 const POLARITIES: u32 = 0xaaaa;
 const CHANNELS: usize = 4;
 
+/// OR.TI1_RMP of TIM11: the crystal, divided for the RTC, is its input (section 19.5.11).
+const BY_CRYSTAL: u32 = 0b10;
+/// Of [`Tim::crystal_seen`]: the crystal is not captured.
+const NOT_SEEN: u64 = u64::MAX;
+
+const CRYSTAL_INTERRUPT: &str = "OR: an interrupt by the crystal's edges is not modelled";
 const FILTERS: &str = "CCMR: input filters and prescalers are not modelled";
 const CAPTURE_ON_TRIGGER: &str = "CCMR: capture on the trigger input is not modelled";
 const SLAVE_MODES: &str =
@@ -66,6 +72,10 @@ pub(crate) struct Tim {
     ccmr: [u32; 2],
     ccer: u32,
     bdtr: u32,
+    or: u32,
+    crystal: (u32, u32),
+    /// Captures of the crystal that were made, counted from power-up.
+    crystal_seen: u64,
     ccr: [BufferedRegister; CHANNELS],
     references: [bool; CHANNELS],
     counter: Counter,
@@ -88,6 +98,27 @@ impl Tim {
 
     /// Fills in what has happened up to `now`.
     pub(crate) fn advance(&mut self, now: u64) {
+        self.pass_counter(now);
+        self.capture_crystal(now);
+    }
+
+    /// The last edge of the crystal latches the counter, if it is captured (ICxPSC: every 1st to 8th).
+    fn capture_crystal(&mut self, now: u64) {
+        let (hz, divider) = self.crystal;
+        if self.or != BY_CRYSTAL || hz == 0 || !self.captures(0, 0, true) {
+            self.crystal_seen = NOT_SEEN;
+            return;
+        }
+        let every = u64::from(divider) << field(self.ccmr[0], 2, 2);
+        let passed = clock::ticks(now, hz) / every;
+        let before = std::mem::replace(&mut self.crystal_seen, passed);
+        if before < passed {
+            let at = clock::edge(passed * every, hz);
+            self.latch(0, at, passed - before > 1);
+        }
+    }
+
+    fn pass_counter(&mut self, now: u64) {
         while self.counter.counts() {
             let ticks = self.counter.ticks(now);
             if ticks <= self.seen {
@@ -131,12 +162,17 @@ impl Tim {
         self.advance(at);
         for channel in 0..self.kind.channels {
             if self.captures(channel, input, rising) {
-                self.ccr[channel] = BufferedRegister::new(self.counter.count(at));
-                // CCxOF is set if the flag of an earlier capture still stands (section 18.4.5).
-                self.sr |= ((self.sr >> (1 + channel)) & 1) << (9 + channel);
-                self.sr |= 2 << channel;
+                self.latch(channel, at, false);
             }
         }
+    }
+
+    /// Captures the counter. CCxOF is set if the flag of an earlier capture still stands (section 18.4.5), or
+    /// if others came before.
+    fn latch(&mut self, channel: usize, at: u64, others: bool) {
+        self.ccr[channel] = BufferedRegister::new(self.counter.count(at));
+        let over = bit(self.sr, 1 + channel as u32) || others;
+        self.sr |= 2 << channel | u32::from(over) << (9 + channel);
     }
 
     /// Returns `true` if an edge at this input would raise an interrupt line.
@@ -359,7 +395,8 @@ impl Tim {
         let mask = if self.kind.channels == 1 { 0xff } else { 0xffff };
         self.ccmr[n] = (self.ccmr[n] & locked) | (value & mask & !locked);
         for half in [value, value >> 8] {
-            let filtered = half & 3 != 0 && half & 0xfc != 0;
+            let modelled = if self.or == BY_CRYSTAL { 0x0c } else { 0 };
+            let filtered = half & 3 != 0 && half & 0xfc & !modelled != 0;
             self.notes.note_if(filtered, FILTERS);
             self.notes.note_if(half & 3 == 3, CAPTURE_ON_TRIGGER);
         }
@@ -411,6 +448,7 @@ impl Peripheral for Tim {
                 self.ccr[channel].written
             }
             0x44 => self.bdtr,
+            0x50 => self.or,
             _ => return Err(NoRegister),
         })
     }
@@ -456,9 +494,12 @@ impl Peripheral for Tim {
                 }
             }
             0x44 => self.write_bdtr(value),
+            0x50 => self.or = value & self.kind.or,
             _ => return Err(NoRegister),
         }
         self.notes.note_bits(&UNMODELLED, offset, value);
+        let interrupts = self.or == BY_CRYSTAL && self.dier & 2 != 0;
+        self.notes.note_if(interrupts, CRYSTAL_INTERRUPT);
         Ok(())
     }
 
@@ -466,7 +507,7 @@ impl Peripheral for Tim {
         let mut counter = Counter::new(self.kind.max, 0);
         counter.set_clock(self.counter.hz, now);
         let old = std::mem::replace(self, Self::new(self.kind, 0));
-        (self.counter, self.notes) = (counter, old.notes);
+        (self.counter, self.notes, self.crystal) = (counter, old.notes, old.crystal);
     }
 
     fn interrupt(&self, output: usize) -> bool {
@@ -488,6 +529,10 @@ impl Peripheral for Tim {
 
     fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {
         let hz = clocks.of_timers(self.kind.apb);
+        if clocks.crystal != self.crystal {
+            self.advance(now);
+            (self.crystal, self.crystal_seen) = (clocks.crystal, NOT_SEEN);
+        }
         if hz != self.counter.hz {
             self.advance(now);
             self.counter.set_clock(hz, now);
@@ -519,6 +564,43 @@ mod tests {
         let mut tim = Tim::new(TimerKind::GENERAL, 84_000_000);
         tim.put(0, [(ARR, 839), (EGR, 1), (SR, 0), (CR1, CEN)]);
         tim
+    }
+
+    #[test]
+    fn the_crystal_is_captured_by_the_timer_whose_input_it_can_be() {
+        const OR: u32 = 0x50;
+        let captures = |kind: TimerKind, crystal: (u32, u32)| {
+            let mut tim = Tim::new(kind.on_apb2(), 16_000_000);
+            tim.set_clocks(
+                &ClockTree {
+                    crystal,
+                    ..ClockTree::HSI
+                },
+                0,
+            );
+            let has = tim.write(OR, BY_CRYSTAL, 0).is_ok();
+            // Every eighth edge; on.
+            tim.put(100, [(CCMR1, 0b1101), (CCER, 1), (CR1, CEN)]);
+            let mut values = Vec::new();
+            for at in (200..400_000).step_by(200) {
+                if tim.get(SR, at) & 2 != 0 {
+                    values.push(tim.get(CCR1, at));
+                }
+            }
+            assert_eq!(tim.get(SR, 400_000) & 1 << 9, 0, "each was read");
+            tim.get(SR, 900_000);
+            (has, values, tim.get(SR, 900_000) & 1 << 9 != 0)
+        };
+        for (mhz, ticks) in [(8, 496.0), (12, 330.7), (25, 158.7)] {
+            let (has, values, over) = captures(TimerKind::WITH_CRYSTAL, (mhz * 1_000_000, 31));
+            let last = f64::from(values[values.len() - 1] - values[0]) / (values.len() - 1) as f64;
+            assert!((last - ticks).abs() < 0.2 && has && over, "{mhz} MHz: {last}");
+        }
+        assert_eq!(captures(TimerKind::WITH_CRYSTAL, (0, 0)), (true, vec![], false));
+        assert_eq!(
+            captures(TimerKind::ONE_CHANNEL, (8_000_000, 31)),
+            (false, vec![], false)
+        );
     }
 
     #[test]

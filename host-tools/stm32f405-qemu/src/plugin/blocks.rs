@@ -1,15 +1,15 @@
 //! Instructions of each block: from one interrupt of the ADC's DMA stream to the next.
 
-use super::count::InstructionCounters;
+use super::count::{Cost, InstructionCounters};
 use crate::outcome::{BlockCost, Instructions};
 
 pub(super) struct Blocks {
     pub(super) counters: &'static InstructionCounters,
     /// The labels whose functions make a block a working one.
     work: Vec<usize>,
-    /// Instructions of the whole image, and of those functions, when the block began. Nothing before the
-    /// first one.
-    began: Option<[u64; 2]>,
+    /// What the whole image had taken when the block began, and instructions of those functions. Nothing
+    /// before the first one.
+    began: Option<(Cost, u64)>,
     ended: Instructions,
 }
 
@@ -32,26 +32,41 @@ impl Blocks {
     /// A block of this many scans ends, and the next one begins. One of no scans is not counted.
     pub(super) fn end(&mut self, scans: u64) {
         self.counters.watch_masks(true);
-        let now = [self.counters.total(), self.counters.labelled(&self.work)];
+        let now = (self.counters.cost(), self.counters.labelled(&self.work));
         let Some(began) = self.began.replace(now).filter(|_| scans > 0) else {
             return;
         };
-        let instructions = now[0] - began[0];
-        let block = BlockCost { instructions, scans };
+        let Cost { instructions, cycles } = now.0.since(began.0);
+        let block = BlockCost {
+            instructions,
+            cycles,
+            scans,
+        };
+        if let Some(cycles) = cycles {
+            let slowest = self.ended.slowest_block.get_or_insert(block);
+            let most = slowest.cycles.unwrap_or_default().most;
+            if cycles.most * slowest.scans > most * scans {
+                *slowest = block;
+            }
+        }
         let worst = self.ended.worst_block.get_or_insert(block);
         if block.instructions_per_scan() > worst.instructions_per_scan() {
             *worst = block;
         }
-        let (works, all) = (now[1] > began[1], &mut self.ended);
+        let (works, all) = (now.1 > began.1, &mut self.ended);
         let alike = if works { &mut all.working } else { &mut all.idle };
         let alike = alike.get_or_insert_default();
         alike.instructions += block.instructions;
+        alike.cycles = block
+            .cycles
+            .map(|cycles| cycles + alike.cycles.unwrap_or_default());
         alike.scans += block.scans;
     }
 
     pub(super) fn instructions(&self) -> Instructions {
         Instructions {
             total: self.counters.total(),
+            cycles: self.counters.cost().cycles,
             functions: self.counters.functions(),
             masked: self.counters.longest_masked(),
             ..self.ended.clone()

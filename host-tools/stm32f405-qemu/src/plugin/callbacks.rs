@@ -18,15 +18,16 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::count::{InstructionCounters, Site, Sites};
+use super::coverage::Coverage;
 use super::failures::{self, Sighting};
 use super::handlers;
 use super::idle::IdleSchedule;
 use super::overlay::Overlay;
 use super::qemu::{
-    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOG_SEEN, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
-    QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess,
-    WAITED_FOR_EVENT, Waits, exit, leave, log_moved, on_signal_of_abort, repeats, room, say, symbol,
-    take_no_signals,
+    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NO_REGISTERS, Notifier, Ops,
+    PRIORITY, Pointer, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE,
+    ValidAccess, WAITED_FOR_EVENT, Waits, exit, leave, log_moved, on_signal_of_abort, repeats, room, say,
+    symbol, take_no_signals,
 };
 use super::recorder::Outside;
 use super::self_test::self_test;
@@ -39,6 +40,7 @@ use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static InstructionCounters, Mutex<Sites>)> = OnceLock::new();
+static COVERAGE: OnceLock<Coverage> = OnceLock::new();
 /// Thumb's WFI and WFE, narrow, and wide with the second halfword above the first.
 const WFI: u32 = 0xbf30;
 const WFE: u32 = 0xbf20;
@@ -141,6 +143,10 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     })?;
     let overlay = Overlay::new(Path::new(folder))?;
     let (counters, steps) = (overlay.counters(), overlay.steps.clone());
+    if let Some(stem) = &overlay.description.coverage {
+        let coverage = Coverage::new(stem)?;
+        COVERAGE.get_or_init(|| coverage);
+    }
     ENTRIES.get_or_init(|| overlay.entries());
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
@@ -389,7 +395,16 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
     unsafe {
         let start = (f.qemu_plugin_tb_vaddr)(block) as usize as Pointer;
         (f.qemu_plugin_register_vcpu_tb_exec_cb)(block, on_block, NO_REGISTERS, start);
-        for i in 0..(f.qemu_plugin_tb_n_insns)(block) {
+        let instructions = (f.qemu_plugin_tb_n_insns)(block);
+        if COVERAGE.get().is_some() && instructions > 0 {
+            let last = (f.qemu_plugin_tb_get_insn)(block, instructions - 1);
+            let end = (f.qemu_plugin_insn_vaddr)(last) + (f.qemu_plugin_insn_size)(last) as u64;
+            // Start and length, in one word of 64 bits.
+            let extent = start as u64 | (end - start as u64) << 32;
+            let watch = f.qemu_plugin_register_vcpu_tb_exec_cb;
+            watch(block, on_covered, NO_REGISTERS, extent as usize as Pointer);
+        }
+        for i in 0..instructions {
             let instruction = (f.qemu_plugin_tb_get_insn)(block, i);
             let address = (f.qemu_plugin_insn_vaddr)(instruction) as u32;
             let at = address as usize as Pointer;
@@ -419,7 +434,11 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             }
             if let Some((counters, sites)) = COUNTERS.get() {
                 let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
-                let site = sites.get(address, counters);
+                let site = sites.get(address, counters, word);
+                if counters.times() {
+                    let watch = f.qemu_plugin_register_vcpu_mem_cb;
+                    watch(instruction, on_data, NO_REGISTERS, LOADS_AND_STORES, null_mut());
+                }
                 let site = site.map_or(null_mut(), |site| (&raw const *site).cast_mut().cast());
                 watch(instruction, on_instruction, NO_REGISTERS, site);
             }
@@ -435,6 +454,13 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
         && overlay.drain_log(qemu)
     {
         LOG_SEEN.store(offset, Relaxed);
+    }
+}
+
+extern "C" fn on_covered(_processor: u32, extent: Pointer) {
+    if let Some(coverage) = COVERAGE.get() {
+        let extent = extent as u64;
+        coverage.executed(extent as u32, (extent >> 32) as u32);
     }
 }
 
@@ -509,6 +535,14 @@ extern "C" fn on_panic(_processor: u32, at: Pointer) {
 fn note_sighting(sighting: Sighting) {
     if let Some((mut overlay, qemu)) = running() {
         overlay.note_sighting(sighting, qemu);
+    }
+}
+
+extern "C" fn on_data(_processor: u32, info: u32, address: u64, _: Pointer) {
+    if let Some(f) = FUNCTIONS.get() {
+        // SAFETY: takes what QEMU says about an access.
+        let bytes = 1 << unsafe { (f.qemu_plugin_mem_size_shift)(info) };
+        with_counters(|counters| counters.accessed(address as u32, bytes));
     }
 }
 

@@ -6,10 +6,13 @@
 //! translates its block. There is one processor thread, so a counter is a plain load and store of an atomic.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::cycles::{CycleCount, Timed};
+use super::handlers;
 use crate::exchange::FunctionRange;
-use crate::outcome::{FunctionCount, Masked};
+use crate::outcome::{Cycles, FunctionCount, Masked};
 
 /// The labels that an instruction counts for.
 #[derive(Debug, Default)]
@@ -17,6 +20,8 @@ pub(super) struct Site {
     labels: Vec<usize>,
     /// The labels for which it is the first instruction of a function.
     entered: Vec<usize>,
+    /// If cycles are counted.
+    timed: Option<Timed>,
 }
 
 #[derive(Debug, Default)]
@@ -31,82 +36,157 @@ pub(super) struct InstructionCounters {
     total: AtomicU64,
     labels: Vec<Label>,
     functions: Vec<FunctionRange>,
-    masks: Masks,
+    masks: Mutex<Masks>,
+    timing: Option<Mutex<Timing>>,
+}
+
+/// Instructions, and their cycles if these are counted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cost {
+    pub(super) instructions: u64,
+    pub(super) cycles: Option<Cycles>,
+}
+
+impl Cost {
+    pub(super) fn since(self, before: Self) -> Self {
+        Self {
+            instructions: self.instructions - before.instructions,
+            cycles: self.cycles.zip(before.cycles).map(|(now, before)| now - before),
+        }
+    }
+
+    /// What is longer than what.
+    fn length(self) -> (u64, u64) {
+        (self.cycles.unwrap_or_default().most, self.instructions)
+    }
+}
+
+/// Cycles of all, and of each label.
+#[derive(Debug)]
+struct Timing {
+    count: CycleCount,
+    labels: Vec<Cycles>,
+    current: Option<&'static Site>,
 }
 
 /// Stretches without interrupts.
 #[derive(Debug, Default)]
 struct Masks {
     /// True if they count now.
-    watched: AtomicBool,
-    /// Depth of nested masks of interrupts now, with the instruction count and address at which masking
-    /// began.
-    depth: AtomicU32,
-    since: AtomicU64,
-    from: AtomicU32,
-    /// The longest: instructions, and where it began.
-    longest: AtomicU64,
-    longest_from: AtomicU32,
+    watched: bool,
+    /// Depth of nested masks of interrupts now, with the cost and address at which masking began.
+    depth: u32,
+    since: Cost,
+    from: u32,
+    /// The longest, and where it began.
+    longest: Cost,
+    longest_from: u32,
 }
 
 impl InstructionCounters {
-    pub(super) fn new(labels: &[String], functions: Vec<FunctionRange>) -> Self {
+    pub(super) fn new(labels: &[String], functions: Vec<FunctionRange>, count_cycles: bool) -> Self {
         let label = |name: &String| Label {
             name: name.clone(),
             ..Label::default()
+        };
+        let timing = || {
+            Mutex::new(Timing {
+                count: CycleCount::new(),
+                labels: vec![Cycles::default(); labels.len()],
+                current: None,
+            })
         };
         Self {
             total: AtomicU64::new(0),
             labels: labels.iter().map(label).collect(),
             functions,
-            masks: Masks::default(),
+            masks: Mutex::default(),
+            timing: count_cycles.then(timing),
+        }
+    }
+
+    /// Returns `true` if cycles are counted.
+    pub(super) fn times(&self) -> bool {
+        self.timing.is_some()
+    }
+
+    fn timing(&self) -> Option<MutexGuard<'_, Timing>> {
+        Some(locked(self.timing.as_ref()?))
+    }
+
+    /// All so far.
+    pub(super) fn cost(&self) -> Cost {
+        Cost {
+            instructions: self.total(),
+            cycles: self.timing().map(|timing| timing.count.now()),
+        }
+    }
+
+    /// The instruction that is being executed accesses data.
+    pub(super) fn accessed(&self, address: u32, bytes: u32) {
+        if let Some(mut timing) = self.timing() {
+            timing.count.accesses(address, bytes);
         }
     }
 
     pub(super) fn masked(&self, address: u32) {
-        if self.masks.depth.fetch_add(1, Relaxed) == 0 {
-            self.masks.since.store(self.total(), Relaxed);
-            self.masks.from.store(address, Relaxed);
+        let mut masks = locked(&self.masks);
+        if masks.depth == 0 {
+            (masks.since, masks.from) = (self.cost(), address);
         }
+        masks.depth += 1;
     }
 
     /// PRIMASK is what it was before it was set last: so a critical section in another ends. To know this
     /// needs no register, and reading one for each section would take long.
     pub(super) fn mask_restored(&self) {
-        match self.masks.depth.load(Relaxed) {
-            0 => {}
-            1 => self.unmasked(),
-            depth => self.masks.depth.store(depth - 1, Relaxed),
+        let mut masks = locked(&self.masks);
+        if masks.depth > 1 {
+            masks.depth -= 1;
+            return;
         }
+        drop(masks);
+        self.unmasked();
     }
 
     /// Interrupts are let through.
     pub(super) fn unmasked(&self) {
-        let masks = &self.masks;
-        let masked = masks.depth.swap(0, Relaxed) > 0 && masks.watched.load(Relaxed);
-        let length = self.total() - masks.since.load(Relaxed);
-        if masked && length > masks.longest.load(Relaxed) {
-            masks.longest.store(length, Relaxed);
-            masks.longest_from.store(masks.from.load(Relaxed), Relaxed);
+        let mut masks = locked(&self.masks);
+        let masked = std::mem::take(&mut masks.depth) > 0 && masks.watched;
+        let cost = self.cost().since(masks.since);
+        if masked && cost.length() > masks.longest.length() {
+            (masks.longest, masks.longest_from) = (cost, masks.from);
         }
     }
 
     /// Stretches without interrupts count from now on, or no longer. After a reset none is masked.
     pub(super) fn watch_masks(&self, watched: bool) {
-        if self.masks.watched.swap(watched, Relaxed) != watched && !watched {
-            self.masks.depth.store(0, Relaxed);
+        let mut masks = locked(&self.masks);
+        if std::mem::replace(&mut masks.watched, watched) != watched && !watched {
+            masks.depth = 0;
         }
     }
 
     pub(super) fn longest_masked(&self) -> Option<Masked> {
-        let instructions = Some(self.masks.longest.load(Relaxed)).filter(|longest| *longest > 0)?;
-        let from = self.masks.longest_from.load(Relaxed).into();
-        Some(Masked { instructions, from })
+        let masks = locked(&self.masks);
+        let Cost { instructions, cycles } = Some(masks.longest).filter(|longest| longest.instructions > 0)?;
+        let from = masks.longest_from.into();
+        Some(Masked {
+            instructions,
+            cycles,
+            from,
+        })
     }
 
-    /// Returns the counter of the instruction at an address, `None` if it counts for the total alone.
-    pub(super) fn site(&self, address: u32) -> Option<Site> {
-        let mut site = Site::default();
+    /// Returns the counter of the instruction at an address, `None` if it counts for the total alone. `word`
+    /// is its halfword, or its two with the first below.
+    pub(super) fn site(&self, address: u32, word: Option<u32>) -> Option<Site> {
+        let begins_handler = handlers::count_at(address).is_some();
+        let timed = word.filter(|_| self.times());
+        let mut site = Site {
+            timed: timed.map(|word| Timed::new(address, word, begins_handler)),
+            ..Site::default()
+        };
         let around = |f: &&FunctionRange| (f.start..f.end).contains(&address);
         for f in self.functions.iter().filter(around) {
             if !site.labels.contains(&f.label) {
@@ -116,16 +196,22 @@ impl InstructionCounters {
                 site.entered.push(f.label);
             }
         }
-        (!site.labels.is_empty()).then_some(site)
+        (!site.labels.is_empty() || site.timed.is_some()).then_some(site)
     }
 
-    pub(super) fn executed(&self, site: Option<&Site>) {
+    pub(super) fn executed(&self, site: Option<&'static Site>) {
         add_one(&self.total);
         if let Some(site) = site {
             site.labels
                 .iter()
                 .for_each(|l| add_one(&self.labels[*l].instructions));
             site.entered.iter().for_each(|l| add_one(&self.labels[*l].calls));
+            if let (Some(mut timing), Some(timed)) = (self.timing(), &site.timed) {
+                let took = timing.count.executes(timed);
+                for label in timing.current.replace(site).map_or(&[][..], |site| &site.labels) {
+                    timing.labels[*label] = timing.labels[*label] + took;
+                }
+            }
         }
     }
 
@@ -143,11 +229,16 @@ impl InstructionCounters {
         let count = |(n, label): (usize, &Label)| FunctionCount {
             label: label.name.clone(),
             instructions: label.instructions.load(Relaxed),
+            cycles: self.timing().map(|timing| timing.labels[n]),
             calls: label.calls.load(Relaxed),
             symbols: self.functions.iter().filter(|f| f.label == n).count(),
         };
         self.labels.iter().enumerate().map(count).collect()
     }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn add_one(counter: &AtomicU64) {
@@ -159,11 +250,18 @@ fn add_one(counter: &AtomicU64) {
 pub(super) struct Sites(HashMap<u32, Option<&'static Site>>);
 
 impl Sites {
-    pub(super) fn get(&mut self, address: u32, counters: &InstructionCounters) -> Option<&'static Site> {
-        *self
-            .0
-            .entry(address)
-            .or_insert_with(|| counters.site(address).map(|site| &*Box::leak(Box::new(site))))
+    pub(super) fn get(
+        &mut self,
+        address: u32,
+        counters: &InstructionCounters,
+        word: Option<u32>,
+    ) -> Option<&'static Site> {
+        let site = || {
+            counters
+                .site(address, word)
+                .map(|site| &*Box::leak(Box::new(site)))
+        };
+        *self.0.entry(address).or_insert_with(site)
     }
 }
 
@@ -173,7 +271,7 @@ mod tests {
 
     #[test]
     fn the_longest_stretch_without_interrupts_is_found_and_none_outside_the_watch() {
-        let counters = InstructionCounters::new(&[], Vec::new());
+        let counters = InstructionCounters::new(&[], Vec::new(), false);
         let stretch = |from, length| {
             counters.masked(from);
             // A critical section in another masks once more, and lets nothing through.
@@ -201,9 +299,10 @@ mod tests {
     fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {
         let range = |label, start, end| FunctionRange { label, start, end };
         let ranges = vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)];
-        let counters = InstructionCounters::new(&["a".into(), "b".into()], ranges);
+        let counters = InstructionCounters::new(&["a".into(), "b".into()], ranges, false);
+        let mut sites = Sites::default();
         for address in [98, 100, 102, 200, 108, 110] {
-            counters.executed(counters.site(address).as_ref());
+            counters.executed(sites.get(address, &counters, None));
         }
         assert_eq!(counters.total(), 6);
         let labelled = [&[0][..], &[1], &[0, 1], &[]].map(|labels| counters.labelled(labels));

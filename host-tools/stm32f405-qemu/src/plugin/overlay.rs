@@ -60,7 +60,11 @@ impl Overlay {
             faults.into()
         });
         let blocks = run.count_instructions.then(|| {
-            let counters = InstructionCounters::new(&description.labels, description.functions.clone());
+            let counters = InstructionCounters::new(
+                &description.labels,
+                description.functions.clone(),
+                run.count_cycles,
+            );
             // Kept for the life of QEMU: its callbacks point there.
             Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
         });
@@ -112,7 +116,8 @@ impl Overlay {
                 qemu::exit(SELF_TEST_STATUS, &line);
             }
             let mut vectors = [0; 4 * handlers::VECTORS];
-            qemu.read_memory(FLASH.start, &mut vectors);
+            qemu.read_memory(self.description.vectors, &mut vectors);
+            self.machine.set_vectors(self.description.vectors);
             handlers::find(vectors.as_chunks().0);
             // Takes over what QEMU has loaded there.
             let mut contents = vec![0; WRITABLE.len()];

@@ -89,7 +89,10 @@ functions! {
     qemu_plugin_tb_n_insns: fn(Pointer) -> usize;
     qemu_plugin_tb_get_insn: fn(Pointer, usize) -> Pointer;
     qemu_plugin_insn_vaddr: fn(Pointer) -> u64;
+    qemu_plugin_insn_size: fn(Pointer) -> usize;
     qemu_plugin_register_vcpu_insn_exec_cb: fn(Pointer, extern "C" fn(u32, Pointer), c_int, Pointer);
+    qemu_plugin_register_vcpu_mem_cb: fn(Pointer, extern "C" fn(u32, u32, u64, Pointer), c_int, c_int, Pointer);
+    qemu_plugin_mem_size_shift: fn(u32) -> u32;
 }
 
 functions! {
@@ -154,6 +157,8 @@ const GO_ON: c_int = 0x04;
 /// `enum qemu_plugin_cb_flags`: what a callback does with the processor's registers.
 pub(super) const NO_REGISTERS: c_int = 0;
 pub(super) const READS_REGISTERS: c_int = 1;
+/// `QEMU_PLUGIN_MEM_RW`.
+pub(super) const LOADS_AND_STORES: c_int = 3;
 /// First address of the interrupt controller's region.
 const NVIC_START: u32 = 0xe000_e000;
 /// `MEMTXATTRS_UNSPECIFIED`.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use object::{Object, ObjectSegment, ObjectSymbol};
+use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 
 use super::error::RunError;
 use crate::ending::CodeAddress;
@@ -38,6 +38,8 @@ pub(super) struct Image {
     pub(super) bytes: Vec<u8>,
     functions: Vec<Function>,
     pub(super) rtt: Option<u32>,
+    /// Address of the vector table.
+    pub(super) vectors: u32,
     /// Vectors 3 to 6: the handlers of faults.
     pub(super) fault_handlers: Vec<u32>,
 }
@@ -70,12 +72,16 @@ impl Image {
                 _ => {}
             }
         }
-        let fault_handlers = vectors(&elf, 3..7).into_iter().map(|vector| vector & !1);
+        // Where another program starts first, the image's table lies behind that.
+        let table = elf.section_by_name(".vector_table");
+        let table = table.map_or(FLASH.start, |section| section.address() as u32);
+        let fault_handlers = vectors(&elf, table, 3..7).into_iter().map(|vector| vector & !1);
         let fault_handlers = fault_handlers.collect();
         Ok(Self {
             path: path.into(),
             functions,
             rtt,
+            vectors: table,
             fault_handlers,
             bytes,
         })
@@ -139,9 +145,9 @@ impl Image {
     }
 }
 
-/// Some vectors of the table at the beginning of flash. None if the image has no such table.
-fn vectors(elf: &object::File<'_>, numbers: std::ops::Range<u32>) -> Vec<u32> {
-    let address = |number: u32| u64::from(FLASH.start + 4 * number);
+/// Some vectors of the table at this address. None if the image has no such table.
+fn vectors(elf: &object::File<'_>, table: u32, numbers: std::ops::Range<u32>) -> Vec<u32> {
+    let address = |number: u32| u64::from(table + 4 * number);
     let vector = |number: u32| {
         let word = elf
             .segments()

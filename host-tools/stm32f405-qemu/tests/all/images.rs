@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    AnalogInput, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunEnd, RunError, Since, UartInput,
+    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunEnd, RunError, Since,
+    UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -101,6 +102,25 @@ fn an_image_on_embassys_default_time_driver_comes_through_and_is_said_to_spin() 
     let vcd = outcome.vcd();
     let levels = vcd.lines().filter(|line| line.starts_with(['0', '1']));
     assert_eq!(levels.count(), 1 + 6);
+}
+
+#[test]
+fn the_dac_plays_from_flash_and_from_memory_to_the_inputs_at_its_wires() {
+    let mut run = run_of("plays");
+    run.analog_wires = vec![AnalogWire::new("PA4", "PA0"), AnalogWire::new("PA5", "PA2")];
+    let outcome = passed(&run);
+    assert_eq!(lines(&outcome), ["flash: 1030 1970", "RAM: 1530 2470"]);
+    run.analog_wires = vec![AnalogWire::new("PA5", "PA0"), AnalogWire::new("PA4", "PA2")];
+    assert_eq!(lines(&passed(&run)), ["flash: 1970 1030", "RAM: 2470 1530"]);
+    for (from, to, why) in [
+        ("PA6", "PA0", "begins at PA6"),
+        ("PA4", "PA8", "leads to PA8"),
+        ("PA4", "PX0", "no pin"),
+    ] {
+        run.analog_wires = vec![AnalogWire::new(from, to)];
+        let refused = run.execute().unwrap_err().to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
 }
 
 #[test]

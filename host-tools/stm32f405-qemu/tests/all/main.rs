@@ -1,5 +1,6 @@
 //! Tests of the emulator, one program.
 
+mod cycles;
 mod images;
 mod machine;
 mod qemu;

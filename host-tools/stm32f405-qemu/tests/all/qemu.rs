@@ -23,7 +23,7 @@ use super::machine::bench::{
 
 const FLASH: u32 = 0x0800_0000;
 /// The first word of sector 10.
-const WRITABLE: u32 = 0x080c_0000;
+const SECTOR_10: u32 = 0x080c_0000;
 const VECTORS: usize = 16 + 82;
 const RESET_AT: u32 = FLASH + 4 * VECTORS as u32;
 const HANDLER_AT: u32 = RESET_AT + 20;
@@ -80,13 +80,18 @@ const SLEEP: u16 = 0xbf30;
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_SELF: u16 = 0xe7fe;
 
+/// The table of vectors: a stack, and the beginning behind the table.
+pub(super) fn vectors() -> [u32; VECTORS] {
+    let mut vectors = [0; VECTORS];
+    (vectors[0], vectors[1]) = (SRAM + 0x1_0000, RESET_AT | 1);
+    vectors
+}
+
 /// An image that makes the writes of `main` and then executes `then`. The handler of DMA2 stream 0 makes the
 /// writes of `handler`.
 fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
     let handler_table = TABLES_AT + 8 * (main.len() as u32 + 1);
-    let mut vectors = [0u32; VECTORS];
-    vectors[0] = SRAM + 0x1_0000;
-    vectors[1] = RESET_AT | 1;
+    let mut vectors = vectors();
     vectors[16 + DMA2_STREAM0] = HANDLER_AT | 1;
 
     let mut code: Vec<u8> = vectors.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -106,7 +111,7 @@ fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
 }
 
 /// An ELF with one segment in flash and a symbol table: name, address, size, type.
-fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
+pub(super) fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
     let words = |values: &[u32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let mut strings = vec![0u8];
     let mut table = words(&[0; 4]);
@@ -166,7 +171,7 @@ fn result(image: &[u8], change: impl FnOnce(&mut Run)) -> Result<Outcome, RunErr
     bench.run.execute()
 }
 
-fn outcome(image: &[u8], change: impl FnOnce(&mut Run)) -> Outcome {
+pub(super) fn outcome(image: &[u8], change: impl FnOnce(&mut Run)) -> Outcome {
     result(image, change).unwrap()
 }
 
@@ -415,15 +420,16 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
 }
 
 fn sector_10(outcome: &Outcome) -> &[u8] {
-    assert_eq!((outcome.flash.0, outcome.flash.1.len()), (WRITABLE, 256 << 10));
-    &outcome.flash.1[..128 << 10]
+    let (start, bytes) = &outcome.flash;
+    assert_eq!((*start, bytes.len()), (0x0800_8000, 992 << 10));
+    &bytes[(SECTOR_10 - start) as usize..][..128 << 10]
 }
 
 #[test]
 fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end() {
     let words = [(0, b"flas"), (4, b"h\xff\xff\xff"), (4, b"\xffed!")];
-    let words = words.map(|(at, word)| (WRITABLE + at, u32::from_le_bytes(*word)));
-    let sending = [&TRANSMITTER[..], &send(WRITABLE, 8)].concat();
+    let words = words.map(|(at, word)| (SECTOR_10 + at, u32::from_le_bytes(*word)));
+    let sending = [&TRANSMITTER[..], &send(SECTOR_10, 8)].concat();
     let main = [&UNLOCK[..], &[PROGRAM], &words, &sending].concat();
     let programmed = outcome(&image(&main, SLEEP, &[]), |_| {});
     assert_eq!(programmed.uart, b"flashed!");
@@ -434,38 +440,38 @@ fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end(
     let [first, second] = [0, 1].map(|n| operations[n]);
     // 16 us, and the five instructions of the loop from one store to the next.
     assert_eq!(second.at_ns - first.at_ns, 16_000 + 5 * 8);
-    assert_eq!((first.address, first.bytes, first.erase), (WRITABLE, 4, false));
+    assert_eq!((first.address, first.bytes, first.erase), (SECTOR_10, 4, false));
     // The flash again, under an image that only reads it.
     let read = outcome(&image(&sending, SLEEP, &[]), |run| {
-        run.flash = vec![programmed.flash]
+        run.flash = vec![(SECTOR_10, sector_10(&programmed).to_vec())];
     });
     assert_eq!(read.uart, b"flashed!");
 }
 
 #[test]
 fn an_erase_takes_its_second_and_costs_the_emulator_next_to_nothing() {
-    let main = [&UNLOCK[..], &[ERASE], &TRANSMITTER, &send(WRITABLE, 4)].concat();
+    let main = [&UNLOCK[..], &[ERASE], &TRANSMITTER, &send(SECTOR_10, 4)].concat();
     let outcome = outcome(&image(&main, SLEEP, &[]), |run| {
-        run.flash = vec![(WRITABLE, vec![0; 256 << 10])];
+        run.flash = vec![(SECTOR_10, vec![0; 256 << 10])];
         run.sampling_deadline_ns = 1_001_000_000;
         run.timeout = Duration::from_secs(20);
     });
     assert_eq!(outcome.uart, [0xff; 4]);
     assert!(sector_10(&outcome).iter().all(|byte| *byte == 0xff));
-    assert!(outcome.flash.1[128 << 10..].iter().all(|byte| *byte == 0));
+    assert!(outcome.flash.1[864 << 10..].iter().all(|byte| *byte == 0));
     assert!(outcome.instructions.unwrap().total < 200);
 }
 
 #[test]
 fn flash_outlives_a_reset_and_a_poke_does_not() {
     // Each start programs one bit less and resets: 0x7f, then what has been there stays.
-    let programming = [PROGRAM, (WRITABLE, 0xffff_ff7f), RESET_REQUEST];
-    let main = [&TRANSMITTER[..], &send(WRITABLE, 4), &UNLOCK, &programming].concat();
+    let programming = [PROGRAM, (SECTOR_10, 0xffff_ff7f), RESET_REQUEST];
+    let main = [&TRANSMITTER[..], &send(SECTOR_10, 4), &UNLOCK, &programming].concat();
     let outcome = outcome(&image(&main, SLEEP, &[]), |run| {
         run.sampling_deadline_ns = 200_000;
         // QEMU loads a block anew at each reset, over what was programmed: it must not stay.
-        run.flash = vec![(WRITABLE, vec![0xff; 4])];
-        run.pokes = vec![poke(100_000, WRITABLE + 8, 0)];
+        run.flash = vec![(SECTOR_10, vec![0xff; 4])];
+        run.pokes = vec![poke(100_000, SECTOR_10 + 8, 0)];
     });
     assert!(outcome.resets.len() > 5, "{:?}", outcome.resets);
     // A start is shorter than the four bytes take on the line.
@@ -485,7 +491,7 @@ fn zeros(run: &mut Run, rows: usize) {
 #[test]
 fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_alike() {
     // It samples, and programs one word of sector 10 after the other.
-    let words: Vec<_> = (0..40).map(|n| (WRITABLE + 4 * n, 0)).collect();
+    let words: Vec<_> = (0..40).map(|n| (SECTOR_10 + 4 * n, 0)).collect();
     let main = [&UNLOCK[..], &CONVERTER, &TRIGGERS, &[PROGRAM], &words].concat();
     let (after, percent) = (3, 50);
     let cut = FaultKind::PowerCutInFlash { after, percent };
@@ -499,7 +505,7 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
     let reset = a.resets[0];
     let next = a.flash_operations.len() - 40;
     let (cut_short, next) = (a.flash_operations[next - 1], a.flash_operations[next]);
-    assert_eq!(next.address, WRITABLE, "from the start again");
+    assert_eq!(next.address, SECTOR_10, "from the start again");
     assert_eq!(reset.cause, ResetCause::PowerCut);
     assert_eq!(reset.at_ns, cut_short.at_ns + 8_000);
     assert_eq!((a.resets, a.flash_operations), (b.resets, b.flash_operations));
@@ -725,4 +731,27 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
     let stopped = live.advance(1_000_000_000_000, Inputs::default()).unwrap_err();
     assert!(matches!(stopped, RunError::Timeout(..)), "{stopped}");
     assert!(live.finish().is_err());
+}
+
+#[test]
+fn a_run_leaves_the_half_words_that_it_executed_and_its_image_in_the_folder_that_is_asked_for() {
+    let image = image(&[], SLEEP, &[]);
+    let (bench, folder) = (bench(&image), tempfile::tempdir().unwrap());
+    let mut program = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    program.env("STM32F405_QEMU_COVERAGE", folder.path());
+    let ran = program.args(["--seconds", "0.001"]).arg(&bench.run.elf).output();
+    assert!(ran.unwrap().status.success());
+    let files = std::fs::read_dir(folder.path()).unwrap();
+    let mut files: Vec<_> = files
+        .map(|file| std::fs::read(file.unwrap().path()).unwrap())
+        .collect();
+    files.sort_by_key(Vec::len);
+    assert_eq!((files.len(), &files[1]), (2, &image));
+    let bits = files[0].iter().enumerate().flat_map(|(byte, bits)| {
+        let of_byte = (0..8).filter(move |bit| bits >> bit & 1 == 1);
+        of_byte.map(move |bit| 8 * byte as u32 + bit)
+    });
+    // The first address in the table is 0, so that nothing is stored and the loop has no second turn.
+    let executed = [0, 1, 2, 3, 6].map(|at| (RESET_AT - FLASH) / 2 + at);
+    assert_eq!(bits.collect::<Vec<_>>(), executed);
 }

@@ -108,6 +108,8 @@ const BITS: &[Deviation] = &[
     ("FLASH_CR", u32::MAX),
     // Locked after reset (section 3.9.6).
     ("FLASH_OPTCR", u32::MAX),
+    // Flags: a 1 clears (section 14.5.14).
+    ("DAC_SR", 1 << 29 | 1 << 13),
     // Bits 31:8 are reserved (section 38.16.3).
     ("DBGMCU_CR", 0x001f_0000),
     // DBG_RTC_STOP is missing in the description (section 38.16.4).
@@ -115,7 +117,14 @@ const BITS: &[Deviation] = &[
 ];
 
 /// Registers that a modelled peripheral lacks. An access is reported.
-const ABSENT: &[&str] = &["TIM*_DCR", "TIM*_DMAR", "TIM*_OR", "ADC*_JDR*", "ADC_CDR"];
+const ABSENT: &[&str] = &[
+    "TIM*_DCR",
+    "TIM*_DMAR",
+    "TIM2_OR",
+    "TIM5_OR",
+    "ADC*_JDR*",
+    "ADC_CDR",
+];
 
 /// Returns `true` if a name fits a pattern in which `*` stands for anything but a `_`.
 fn fits(pattern: &str, name: &str) -> bool {

@@ -14,6 +14,7 @@ use serde::Serialize;
 use crate::emulation::{Emulation, Placed};
 use crate::error::BenchError;
 use crate::faults::Planned;
+use bead_compare::drift::Drift;
 use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{RING_DOWN, Timing, Truth, simulate_with_ring_down};
 use bead_recording::strikes::assemble;
@@ -119,9 +120,16 @@ impl SilentCase {
         });
         // Later windows of a wave are its echoes.
         let (arrivals, mut begun) = (self.arrivals(&run.truth.starts, travel), 0);
-        let strikes = assemble(frames, Some(run.settings))
-            .into_iter()
-            .map(|strike| strike.said);
+        let recorded = assemble(frames, Some(run.settings));
+        let mut drift = Drift::default();
+        recorded.iter().for_each(|strike| drift.add(strike));
+        let drifting = drift.means().iter().any(|mean| mean.drifting);
+        let of_recording = StrikeFlags::NONE.with_if(drifting, StrikeFlags::DRIFTING);
+        let strikes = recorded.into_iter().map(|strike| {
+            let mut said = strike.said;
+            said.flags = said.flags.with(of_recording);
+            said
+        });
         let strikes = strikes.filter(|said| {
             let before = begun;
             begun = arrivals.partition_point(|arrival| *arrival <= said.trigger_index as f64);

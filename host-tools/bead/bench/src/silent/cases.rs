@@ -165,7 +165,11 @@ fn trains() -> Vec<SilentCase> {
     ];
     let train = |&(radius, velocity): &(f64, f64)| {
         let cause = format!("a steel striker of {radius} mm at {velocity} m/s, 30 beads");
-        paper("train", cause, Flags::WAVE_TRAIN).strong().on(|scenario| {
+        let case = paper("train", cause, Flags::WAVE_TRAIN);
+        // Its wave is too faint for the strong sensors: 0.4 N.
+        let is_faint = radius < 2.0;
+        let case = if is_faint { case } else { case.strong() };
+        case.on(|scenario| {
             scenario.chain.beads = 30;
             (scenario.striker.radius, scenario.striker.velocity) = (radius * 1e-3, velocity);
             scenario.duration = 0.012;
@@ -191,7 +195,7 @@ fn trains() -> Vec<SilentCase> {
 
 /// Neighbours that are not like the host, as the settings say.
 fn neighbours() -> Vec<SilentCase> {
-    let named = Flags::UNLIKE_NEIGHBOUR.with(Flags::WAVE_TRAIN);
+    let named = Flags::WAVE_TRAIN;
     let steel = |beads: &[usize]| {
         let mut section = Section::of(beads.iter().copied());
         let Material {
@@ -233,9 +237,13 @@ fn neighbours() -> Vec<SilentCase> {
         with("beads of 10 mm behind", vec![round(9..=16, 0.01)]),
         wall(5),
         wall(3),
-        paper("neighbour", "a static load of 5 N", named)
+        // Under load even the quiet end answers at once: the chain is long.
+        paper("neighbour", "a static load of 5 N, 60 beads", named)
             .strong()
-            .on(|scenario| scenario.chain.precompression = 5.0),
+            .on(|scenario| {
+                scenario.chain.beads = 60;
+                scenario.chain.precompression = 5.0;
+            }),
         paper("neighbour", "an intruder of 12 g alone", Flags::NONE)
             .strong()
             .on(|scenario| scenario.intruders[0].mass = 12e-3),

@@ -9,20 +9,20 @@ const FREE_MOST: f64 = 1e6;
 
 /// Part of one input in the uncertainty of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Contribution {
+pub struct Contribution {
     /// Standard uncertainty of the input times the sensitivity of the result, with its sign.
-    pub(super) amount: f64,
+    pub amount: f64,
     /// Degrees of freedom of that uncertainty; `None` for infinitely many.
-    pub(super) free: Option<f64>,
+    pub free: Option<f64>,
 }
 
 /// Correlation of two inputs, by their places.
-pub(super) type Correlated = (usize, usize, f64);
+pub type Correlated = (usize, usize, f64);
 
 /// A result with its combined and expanded uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Combined {
-    /// The result, J or a ratio.
+    /// The result, in its unit.
     pub value: f64,
     /// u_c, its combined standard uncertainty, in the same unit.
     pub u: f64,
@@ -36,7 +36,10 @@ pub struct Combined {
 
 impl Combined {
     /// Combines contributions to the uncertainty of `value`.
-    pub(super) fn of(value: f64, contributions: &[Contribution], correlated: &[Correlated]) -> Self {
+    ///
+    /// # Panics
+    /// A correlation names a place that no contribution has.
+    pub fn of(value: f64, contributions: &[Contribution], correlated: &[Correlated]) -> Self {
         let amounts = || contributions.iter().map(|one| one.amount);
         let squares: f64 = amounts().map(|amount| amount * amount).sum();
         let crossed: f64 = correlated.iter().map(|one| crossed(contributions, *one)).sum();
@@ -44,7 +47,10 @@ impl Combined {
         let variance = (squares + crossed).max(0.0);
         let quartic = |one: &Contribution| Some(one.amount.powi(4) / one.free?);
         let quartics: f64 = contributions.iter().filter_map(quartic).sum();
-        let degrees_of_freedom = Some(variance * variance / quartics).filter(|free| *free < FREE_MOST);
+        // Where no contribution has any, the sum is -0.
+        let degrees_of_freedom = (quartics > 0.0)
+            .then(|| variance * variance / quartics)
+            .filter(|free| *free < FREE_MOST);
         let coverage_factor = student(degrees_of_freedom.unwrap_or(f64::INFINITY).max(1.0));
         let u = variance.sqrt();
         Self {
@@ -57,7 +63,7 @@ impl Combined {
     }
 
     /// The part of the variance that an amount of it is, in per cent; 0 if there is none.
-    pub(super) fn share_percent(&self, variance: f64) -> f64 {
+    pub fn share_percent(&self, variance: f64) -> f64 {
         if self.u > 0.0 {
             100.0 * variance / (self.u * self.u)
         } else {

@@ -3,10 +3,6 @@
 use bead_model::design::{Description, SensorScale};
 use bead_model::violation::SettingKey;
 
-/// Greatest errors of A and of B by the estimators themselves, as parts: the worst of 1000 strikes with right
-/// settings (docs/accuracy.md).
-pub(super) const ESTIMATOR: [f64; 2] = [4e-4, 3.5e-3];
-
 /// Name and unit of an input.
 pub(super) fn named(key: SettingKey) -> (&'static str, &'static str) {
     match key {

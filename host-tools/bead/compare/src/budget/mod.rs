@@ -6,6 +6,7 @@
 //! recorded codes run through the estimators again. So sensitivities are those of this strike.
 
 mod combined;
+mod draw;
 mod input;
 mod monte_carlo;
 mod noise;
@@ -14,8 +15,9 @@ mod report;
 mod run;
 mod strike;
 
-pub use combined::Combined;
+pub use combined::{Combined, Contribution, Correlated};
+pub use draw::drawn_settings;
 pub(crate) use noise::expanded_noise;
 pub use ratio::{BeadRatio, ratios};
-pub use report::BudgetTables;
+pub use report::{BudgetTables, significant};
 pub use strike::{BudgetInput, StrikeBudget};

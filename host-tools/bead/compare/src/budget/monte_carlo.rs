@@ -1,8 +1,8 @@
 //! Propagation of distributions: draws of all inputs through the bead's code (JCGM 101).
 
 use bead_model::Scan;
-use bead_model::design::{Description, Uncertainty};
-use bead_model::violation::SettingKey;
+use bead_model::design::Uncertainty;
+use bead_model::energy_uncertainty::ESTIMATOR;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::budget::combined::Combined;
-use crate::budget::input::{ESTIMATOR, scale};
+use crate::budget::draw::drawn_settings;
 use crate::budget::noise::{ChannelNoise, codes, scan};
 use crate::budget::run::{Rerun, derived};
 use crate::error::CompareError;
@@ -83,11 +83,10 @@ pub(super) fn draw(
     draws: u32,
 ) -> Result<MonteCarlo, CompareError> {
     let codes = codes(rerun);
-    let root = root(stated.correlations());
     let one = |number: u32| -> Result<[f64; 3], CompareError> {
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         random.set_stream(number.into());
-        let description = drawn_settings(&rerun.description, stated, root, &mut random);
+        let description = drawn_settings(&rerun.description, stated, &mut random);
         let scans: Vec<Scan> = codes
             .iter()
             .map(|codes| noisy(*codes, channels, &mut random))
@@ -121,47 +120,6 @@ pub(super) fn draw(
     })
 }
 
-/// Settings with every known input moved at random.
-fn drawn_settings(
-    description: &Description,
-    stated: &Uncertainty,
-    root: [[f64; 3]; 3],
-    random: &mut ChaCha8Rng,
-) -> Description {
-    let mut drawn = *description;
-    let normals: [f64; 3] = std::array::from_fn(|_| StandardNormal.sample(random));
-    for (key, relative) in stated.stated() {
-        // The order of `root`.
-        let of_ring = match key {
-            SettingKey::UStiffness => Some(0),
-            SettingKey::UDamping => Some(1),
-            SettingKey::UIntruderMass => Some(2),
-            _ => None,
-        };
-        let deviation: f64 = match of_ring {
-            Some(row) => (0..3).map(|i| root[row][i] * normals[i]).sum(),
-            None => StandardNormal.sample(random),
-        };
-        if let Some(relative) = relative {
-            scale(&mut drawn, key, 1.0 + relative.part() * deviation);
-        }
-    }
-    drawn
-}
-
-/// Cholesky's root of the correlations of k, c and m.
-fn root([k_c, k_m, c_m]: [f64; 3]) -> [[f64; 3]; 3] {
-    let second = (1.0 - k_c * k_c).max(0.0).sqrt();
-    // Where k and c are one, so are their correlations with m.
-    let crossed = if second > 0.0 {
-        (c_m - k_c * k_m) / second
-    } else {
-        0.0
-    };
-    let third = (1.0 - k_m * k_m - crossed * crossed).max(0.0).sqrt();
-    [[1.0, 0.0, 0.0], [k_c, second, 0.0], [k_m, crossed, third]]
-}
-
 /// A scan with other noise on top of its own, whole codes of the same variance.
 fn noisy(mut codes: [Option<u16>; 4], channels: &[ChannelNoise], random: &mut ChaCha8Rng) -> Scan {
     for channel in channels {
@@ -192,19 +150,6 @@ mod tests {
         // The example of JCGM 101, 7.9.2: 0.035 g is 35 · 10^-3, and 7 V to one digit.
         for (u, digits, expected) in [(0.035, 2, 5e-4), (7.0, 1, 0.5), (0.000_35, 1, 5e-5)] {
             assert!((tolerance(u, digits) / expected - 1.0).abs() < 1e-12, "{u}");
-        }
-    }
-
-    #[test]
-    fn the_root_of_correlations_gives_them_back() {
-        for correlations in [[0.0; 3], [0.5, -0.25, 0.5], [1.0, 0.3, 0.3], [-1.0, 1.0, -1.0]] {
-            let root = root(correlations);
-            let product = |a: usize, b: usize| (0..3).map(|i| root[a][i] * root[b][i]).sum::<f64>();
-            let found = [product(0, 1), product(0, 2), product(1, 2)];
-            for (found, expected) in found.into_iter().zip(correlations) {
-                assert!((found - expected).abs() < 1e-12, "{correlations:?}");
-            }
-            assert!((0..3).all(|row| (product(row, row) - 1.0).abs() < 1e-12));
         }
     }
 }

@@ -80,7 +80,7 @@ fn within(result: &Combined, unit: EnergyUnit) -> String {
 }
 
 /// A number of some significant digits.
-fn significant(value: f64, digits: i32) -> String {
+pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }

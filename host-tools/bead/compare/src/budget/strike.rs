@@ -1,12 +1,14 @@
 //! The uncertainty budget of one strike.
 
 use bead_model::design::Uncertainty;
+use bead_model::energy_uncertainty::ESTIMATOR;
 use bead_model::violation::SettingKey;
 use bead_recording::strikes::RecordedStrike;
 use serde::Serialize;
 
+use crate::agreement::agrees;
 use crate::budget::combined::{Combined, Contribution, Correlated, crossed};
-use crate::budget::input::{ESTIMATOR, estimate, named};
+use crate::budget::input::{estimate, named};
 use crate::budget::monte_carlo::{MonteCarlo, draw};
 use crate::budget::noise::noise;
 use crate::budget::run::Rerun;
@@ -227,7 +229,7 @@ impl StrikeBudget {
 
     /// True if A and B differ by no more than the expanded uncertainty of their difference.
     pub fn agrees(&self) -> bool {
-        self.difference.value.abs() <= self.difference.expanded
+        agrees(self.difference.value, 0.0, self.difference.expanded)
     }
 }
 

@@ -12,50 +12,62 @@ pub const DASH: &str = "–";
 #[derive(Debug)]
 pub struct Report {
     /// The subject, in one line above the heading.
-    pub(crate) above: String,
-    pub(crate) title: String,
+    pub above: String,
+    /// The heading.
+    pub title: String,
     /// The good news, or the reason of the failure.
-    pub(crate) verdict: Result<&'static str, String>,
+    pub verdict: Result<&'static str, String>,
     /// The most important values, each with its name.
-    pub(crate) tiles: Vec<(String, String)>,
+    pub tiles: Vec<(String, String)>,
     /// The sections, in order. Those without content are left out.
-    pub(crate) sections: Vec<Chapter>,
+    pub sections: Vec<Chapter>,
 }
 
 /// A part of a report under a heading of its own, which only the page shows.
 #[derive(Debug)]
-pub(crate) struct Chapter {
+pub struct Chapter {
     pub(super) heading: String,
     pub(super) content: Vec<Passage>,
 }
 
 /// A piece of a section. All but lines and tables are for the page alone.
 #[derive(Debug)]
-pub(crate) enum Passage {
+pub enum Passage {
+    /// A paragraph.
     Text(String),
     /// A paragraph about something that failed.
     Failure(String),
+    /// Lines with a mark before each.
     List(Vec<String>),
     /// A line below the table before it.
     Line(String),
+    /// A table.
     Grid(Grid),
     /// A chart. It is drawn for a wide window, and once more for a narrow one.
     Chart(Box<Chart>),
     /// Text that keeps its lines, such as a scenario.
     Verbatim(String),
+    /// Content that a click opens and closes.
     Folded {
+        /// The line that stands for it.
         summary: &'static str,
+        /// True if it begins open.
         open: bool,
+        /// The content.
         content: Vec<Passage>,
     },
 }
 
+/// Renderers that show a piece of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Medium {
+pub enum Medium {
+    /// The terminal and the page.
     Both,
     /// The terminal, and the page in wide windows.
     Wide,
+    /// The page alone.
     Page,
+    /// The terminal alone.
     Terminal,
 }
 
@@ -71,7 +83,7 @@ impl Medium {
 
 /// A table. Its first column has names, the others numbers.
 #[derive(Debug)]
-pub(crate) struct Grid {
+pub struct Grid {
     /// The renderers that show it; [`Medium::Wide`] is as [`Medium::Both`].
     pub(super) medium: Medium,
     /// The name of the group of its rows. The page has it in place of the first heading. On the terminal it
@@ -89,8 +101,10 @@ pub(super) struct GridColumn {
     pub(super) medium: Medium,
 }
 
+/// A cell of a table.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum GridCell {
+pub enum GridCell {
+    /// A name or a number.
     Text(String),
     /// A value, and whether it is within its goal.
     Judged(String, bool),
@@ -101,36 +115,47 @@ pub(crate) enum GridCell {
 }
 
 impl Chapter {
-    pub(crate) fn new(heading: impl Into<String>) -> Self {
+    /// An empty section under a heading.
+    pub fn new(heading: impl Into<String>) -> Self {
         Self {
             heading: heading.into(),
             content: Vec::new(),
         }
     }
 
-    pub(crate) fn with(mut self, content: impl IntoIterator<Item = Passage>) -> Self {
+    /// Appends content.
+    #[must_use]
+    pub fn with(mut self, content: impl IntoIterator<Item = Passage>) -> Self {
         self.content.extend(content);
         self
     }
 
-    pub(crate) fn text(self, text: impl Into<String>) -> Self {
+    /// Appends a paragraph.
+    #[must_use]
+    pub fn text(self, text: impl Into<String>) -> Self {
         self.with([Passage::Text(text.into())])
     }
 
-    pub(crate) fn table(self, table: Grid) -> Self {
+    /// Appends a table.
+    #[must_use]
+    pub fn table(self, table: Grid) -> Self {
         self.with([Passage::Grid(table)])
     }
 
-    pub(crate) fn chart(self, chart: Chart) -> Self {
+    /// Appends a chart.
+    #[must_use]
+    pub fn chart(self, chart: Chart) -> Self {
         self.with([Passage::Chart(Box::new(chart))])
     }
 
-    pub(crate) fn line(self, line: Option<String>) -> Self {
+    /// Appends a line, if there is one.
+    #[must_use]
+    pub fn line(self, line: Option<String>) -> Self {
         self.with(line.map(Passage::Line))
     }
 
     /// A section of facts: a table of names and values, for the page alone.
-    pub(crate) fn facts(heading: &str, facts: impl IntoIterator<Item = Fact>) -> Self {
+    pub fn facts(heading: &str, facts: impl IntoIterator<Item = Fact>) -> Self {
         let facts = facts.into_iter();
         let rows = facts.map(|(name, value)| vec![name.into(), value.into()]);
         Self::new(heading).table(Grid::new("", rows).on(Medium::Page))
@@ -149,7 +174,7 @@ impl Chapter {
 impl Grid {
     /// A table for both renderers. `|` separates the headings. A mark before one says which renderers show
     /// its column: `~` the page in wide windows only, `^` the terminal alone, `#` the page alone.
-    pub(crate) fn new(headings: &str, rows: impl IntoIterator<Item = Vec<GridCell>>) -> Self {
+    pub fn new(headings: &str, rows: impl IntoIterator<Item = Vec<GridCell>>) -> Self {
         let headings = headings.split('|').filter(|_| !headings.is_empty());
         Self {
             medium: Medium::Both,
@@ -159,11 +184,15 @@ impl Grid {
         }
     }
 
-    pub(crate) fn on(self, medium: Medium) -> Self {
+    /// The table for these renderers alone.
+    #[must_use]
+    pub fn on(self, medium: Medium) -> Self {
         Self { medium, ..self }
     }
 
-    pub(crate) fn group(self, name: impl Into<String>) -> Self {
+    /// The table as a group of rows with a name.
+    #[must_use]
+    pub fn group(self, name: impl Into<String>) -> Self {
         let group = Some(name.into());
         Self { group, ..self }
     }
@@ -184,7 +213,7 @@ impl GridColumn {
 
 impl GridCell {
     /// A value, and whether it is within its goal if it has one.
-    pub(crate) fn judged(text: impl Into<String>, met: Option<bool>) -> Self {
+    pub fn judged(text: impl Into<String>, met: Option<bool>) -> Self {
         match met {
             Some(met) => Self::Judged(text.into(), met),
             None => Self::Text(text.into()),

@@ -7,7 +7,6 @@ mod page;
 mod quantity;
 mod terminal;
 
-pub(crate) use content::{Chapter, Grid, GridCell, Medium, Passage};
-pub use content::{DASH, Fact, Report};
+pub use content::{Chapter, DASH, Fact, Grid, GridCell, Medium, Passage, Report};
 pub use quantity::{EnergyUnit, count, energy, number, percent, percent_within, signed};
 pub use terminal::aligned;

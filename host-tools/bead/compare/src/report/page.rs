@@ -9,7 +9,7 @@ const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\
 body{margin:0;background:var(--paper);color:var(--text);\
 font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}\
-main{max-width:1020px;margin:0 auto;padding:40px 24px 72px}\
+main{max-width:1060px;margin:0 auto;padding:40px 24px 72px}\
 h1{font-size:1.9rem;line-height:1.2;margin:.15em 0 .5em;letter-spacing:-.01em}\
 h2{font-size:1.2rem;margin:2.6em 0 .5em}p{margin:.5em 0 1em;max-width:72ch}\
 .above{color:var(--faint);font-size:.9rem;margin:0}\

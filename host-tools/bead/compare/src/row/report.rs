@@ -3,6 +3,7 @@
 use hertz_chain::TransmissionFit;
 use hertz_charts::Chart;
 
+use crate::agreement::DECISION_RULE;
 use crate::report::{
     Chapter, DASH, EnergyUnit, Fact, Grid, GridCell, Passage, Report, count, number, percent, percent_within,
     signed,
@@ -16,7 +17,7 @@ use crate::row::member::{BeadOfRow, DeviceAndChain};
 use crate::row::pictures::charts;
 use crate::row::strikes::BeadRow;
 use crate::spread::Spread;
-use crate::verdict::{DECISION_RULE, passed};
+use crate::verdict::passed;
 
 /// A row, compared, and what is known of the run.
 pub struct ComparedRow<'a> {

@@ -106,7 +106,7 @@ type Fitted = (RecordedBoot, Fit, Segment);
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
 pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
-    let mut recordings = Vec::new();
+    let mut recordings = Vec::<Vec<Vec<Fitted>>>::new();
     for path in paths {
         let beads = fitted(path)?;
         if beads.is_empty() {
@@ -114,6 +114,12 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
+        }
+        if let Some(why) = recordings
+            .iter()
+            .find_map(|before| recorded_twice(before, &beads))
+        {
+            return Err(RecordingError::Unfit(why));
         }
         recordings.push(beads);
     }
@@ -178,6 +184,21 @@ impl ClockComparison {
         }
         self.alignments.len() - before
     }
+}
+
+/// Says which bead two recordings have the same boot of; `None` if they have none in common.
+fn recorded_twice(one: &[Vec<Fitted>], other: &[Vec<Fitted>]) -> Option<String> {
+    let boot = |(place, fit, segment): &Fitted| (place.address, segment.uid, fit.host_ns(0.0));
+    let (place, ..) = one.iter().flatten().find(|fitted| {
+        let mut others = other.iter().flatten();
+        others.any(|other| boot(other) == boot(fitted))
+    })?;
+    Some(format!(
+        "{} and {} are of the same run of bead {}; give recordings of beads that differ, or one alone",
+        place.recording.display(),
+        other.first()?.first()?.0.recording.display(),
+        place.address
+    ))
 }
 
 /// Why no bead of a recording could be put on the time of `base`.
@@ -323,6 +344,26 @@ mod tests {
             let expected: Vec<_> = (0..3).map(|at| at == place).collect();
             assert_eq!(found, expected, "{nth_boot:?}");
         }
+    }
+
+    #[test]
+    fn a_boot_that_two_recordings_have_is_told_and_another_of_its_bead_is_not() {
+        let fitted = |recording: &str, began: f64| {
+            let place = RecordedBoot {
+                recording: recording.into(),
+                address: 7,
+                boot: 0,
+            };
+            let fit = Fit::below(0, &[(0.0, began), (1.0, began + 1.0)]).expect("two points make a line");
+            vec![(place, fit, Segment::default())]
+        };
+        let row = [fitted("a.mcap", 1.0), fitted("a.mcap", 2.0)];
+        let why = recorded_twice(&row, &[fitted("b.mcap", 3.0), fitted("b.mcap", 2.0)]);
+        assert!(
+            why.unwrap()
+                .starts_with("a.mcap and b.mcap are of the same run of bead 7")
+        );
+        assert_eq!(recorded_twice(&row, &[fitted("b.mcap", 3.0)]), None);
     }
 
     #[test]

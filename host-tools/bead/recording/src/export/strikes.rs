@@ -10,6 +10,7 @@ use crate::fields::{Content, described, entries};
 use crate::json::hex;
 use crate::physical::{KEYS, KeyRow, pointer};
 use crate::strikes::RecordedStrike;
+use crate::uncertainties::{ENERGIES, GROUP, of_energies, of_force};
 use bead_tables::unit::Unit;
 use bead_tables::{Cell, CellKind, Column};
 
@@ -53,6 +54,12 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
     ];
     let said = strike.map(|strike| &strike.said as &dyn Fields);
     walk(Strike::FIELDS, said, "", rate, &mut cells);
+    for (beside, key, u) in uncertainties(strike) {
+        let place = cells.iter().position(|(column, _)| column.name == beside);
+        let at = place.map_or(cells.len(), |place| place + 1);
+        let column = Column::new(format!("{GROUP}_{key}"), CellKind::Number);
+        cells.insert(at, (column, Cell::number(u)));
+    }
     let shape = strike.and_then(|strike| strike.shape.as_ref());
     let mut of_shape = Vec::new();
     let body = shape.map(|shape| shape as &dyn Fields);
@@ -76,6 +83,25 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
         (column, Cell::number(value.and_then(Value::as_f64)))
     }));
     cells
+}
+
+/// The column that a standard uncertainty stands behind, its key, and its value.
+fn uncertainties(strike: Option<&RecordedStrike>) -> [(&'static str, &'static str, Option<f64>); 5] {
+    let energies = strike.and_then(|strike| of_energies(strike.shape.as_ref()?, &strike.said));
+    let forces = strike.and_then(|strike| {
+        let description = strike.settings.as_ref()?.description();
+        of_force(&strike.said, description.uncertainty.as_ref()?)
+    });
+    let energy = |place: usize| energies.and_then(|of| of[place]);
+    let force = |place: usize| forces.map(|of| of[place]);
+    let [measured, predicted, difference] = ENERGIES;
+    [
+        ("peak_force_raw", "peak_force_n", force(0)),
+        ("absorbed_measured_raw", measured, energy(0)),
+        ("absorbed_predicted_raw", difference, energy(2)),
+        ("absorbed_predicted_raw", predicted, energy(1)),
+        ("incident_energy_raw", "incident_energy_j", force(1)),
+    ]
 }
 
 /// The keys of settings that are numbers and describe a bead and its front end.
@@ -124,5 +150,84 @@ fn walk(
             Content::Bytes(_) | Content::Scans(_) => continue,
         };
         cells.push((Column::new(key, kind), cell));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bead_model::design::{Relative, Uncertainty};
+    use bead_testing::paper_settings;
+    use bead_wire::{Energy, EnergyUncertainty, Force, Fraction};
+
+    use super::*;
+
+    #[test]
+    fn an_uncertainty_stands_beside_its_value_in_the_same_unit() {
+        let percent = |percent: i32| Fraction::from_bits(percent * 65_536 / 100);
+        let [one, two, three] = [1, 2, 3].map(percent);
+        let said = Strike {
+            peak_force: Force::from_bits(6 << 16),
+            absorbed_measured: Energy::from_bits(400 << 24),
+            absorbed_predicted: Energy::from_bits(500 << 24),
+            incident_energy: Energy::from_bits(1000 << 24),
+            ..Strike::draw(&mut || 0)
+        };
+        let mut strike = RecordedStrike::new(0, said);
+        strike.shape = Some(Shape {
+            uncertainty: Some(EnergyUncertainty {
+                measured: one,
+                predicted: two,
+                difference: three,
+            }),
+            ..Shape::draw(&mut || 0)
+        });
+        let part = |part| Some(Relative::new(part));
+        let stated = Uncertainty {
+            force_gain: part(0.01),
+            force_gain_ratio: part(0.01),
+            force_flatness: part(0.01),
+            supply: part(0.01),
+            contact_stiffness: part(0.1),
+            ..Uncertainty::default()
+        };
+        strike.settings = paper_settings()
+            .with(|description| description.uncertainty = Some(stated))
+            .ok();
+        assert!(strike.settings.is_some());
+        let names: Vec<_> = columns().into_iter().map(|column| column.name).collect();
+        let row = row(0, "x", &strike);
+        // Of the force four times 1 %. Of the incident energy 5/3 of that, and 2/3 of 10 %.
+        let incident = 1e-6 * f64::hypot(10.0 / 3.0, 20.0 / 3.0) / 100.0;
+        let peak = said.peak_force.newtons();
+        for (beside, name, u) in [
+            ("peak_force_raw", "u_peak_force_n", 0.02 * peak),
+            (
+                "absorbed_measured_raw",
+                "u_absorbed_measured_j",
+                400e-9 * one.ratio(),
+            ),
+            (
+                "absorbed_predicted_raw",
+                "u_absorbed_predicted_j",
+                500e-9 * two.ratio(),
+            ),
+            ("u_absorbed_predicted_j", "u_difference_j", 500e-9 * three.ratio()),
+            ("incident_energy_raw", "u_incident_energy_j", incident),
+        ] {
+            let at = names.iter().position(|one| one == beside).unwrap() + 1;
+            let Cell::Number(found) = row[at] else {
+                panic!("{name}: {:?}", row[at])
+            };
+            assert_eq!(names[at], name);
+            assert!((found / u - 1.0).abs() < 1e-9, "{name}: {found} {u}");
+        }
+        strike.settings = Some(paper_settings());
+        strike.shape = None;
+        let unknown = super::row(0, "x", &strike);
+        let of = names
+            .iter()
+            .zip(unknown)
+            .filter(|(name, _)| name.starts_with("u_"));
+        assert!(of.into_iter().all(|(_, cell)| matches!(cell, Cell::Null)));
     }
 }

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::file::notes::Note;
+
 /// The description of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct About {
@@ -12,8 +14,10 @@ pub struct About {
     pub firmware: Option<String>,
     /// Scans a second, in hertz, until an identity frame says otherwise; with 0 times are 0 until then.
     pub sample_rate_hz: u32,
-    /// Other notes, by name.
+    /// Other facts that a program noted, by name.
     pub notes: BTreeMap<String, String>,
+    /// Notes of people, in the order in which they were written.
+    pub remarks: Vec<Note>,
 }
 
 impl About {
@@ -26,6 +30,7 @@ impl About {
         map
     }
 
+    /// The description in a map, without remarks, which are records of their own.
     pub(super) fn from_map(mut map: BTreeMap<String, String>) -> Self {
         let rate = map.remove("sample_rate_hz").and_then(|hz| hz.parse().ok());
         Self {
@@ -33,7 +38,18 @@ impl About {
             firmware: map.remove("firmware"),
             sample_rate_hz: rate.unwrap_or(0),
             notes: map,
+            remarks: Vec::new(),
         }
+    }
+}
+
+impl About {
+    /// The notes that count: the last of each key, without those that were withdrawn.
+    pub fn last_remarks(&self) -> BTreeMap<&str, &Note> {
+        let all = self.remarks.iter().map(|note| (note.key.as_str(), note));
+        let mut last: BTreeMap<_, _> = all.collect();
+        last.retain(|_, note| !note.value.is_empty());
+        last
     }
 }
 
@@ -125,5 +141,26 @@ impl Part {
             Self::Scenario => "application/toml",
             Self::EmulatorReport | Self::Truth => "application/json",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_note_of_a_key_counts_and_an_empty_one_withdraws_it() {
+        let notes = ["a=1", "b=2", "a=3", "b=", "c=", "c=4"];
+        let remarks = notes.map(|text| Note::parse(text).unwrap()).to_vec();
+        let about = About {
+            remarks,
+            ..About::default()
+        };
+        let last = about.last_remarks();
+        let last: Vec<_> = last
+            .iter()
+            .map(|(key, note)| (*key, note.value.as_str()))
+            .collect();
+        assert_eq!(last, [("a", "3"), ("c", "4")]);
     }
 }

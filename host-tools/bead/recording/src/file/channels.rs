@@ -8,7 +8,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use bead_wire::{Arrival, Fault, Fields, Health, Message, Shape, Status, Strike, VERSION};
+use bead_wire::{Arrival, Fault, Fields, Health, Message, Status, Strike, VERSION};
 use mcap::McapResult;
 
 use crate::assembly::{Assembled, Assembly, Event, StrikeParts};
@@ -22,7 +22,7 @@ type Topic = (&'static str, fn() -> Schema);
 
 const TOPICS: [Topic; 6] = [
     ("strikes", || schema_of::<Strike>("Strike")),
-    ("shapes", || schema_of::<Shape>("Shape")),
+    ("shapes", protobuf::shape_schema),
     ("waveforms", protobuf::waveform_schema),
     ("status", || schema_of::<Status>("Status")),
     ("health", || schema_of::<Health>("Health")),
@@ -69,7 +69,7 @@ impl ReadableChannels {
         let message = |topic, body: &dyn Fields| (topic, protobuf::message(frame, body));
         let own = match &frame.message {
             Message::Strike(strike) => Some(message("strikes", strike)),
-            Message::Shape(shape) => Some(message("shapes", shape)),
+            Message::Shape(shape) => Some(("shapes", protobuf::shape(frame, shape))),
             Message::Status(status) => Some(message("status", status)),
             Message::Health(health) => Some(message("health", health)),
             Message::Fault(fault) => Some(message("faults", fault)),
@@ -107,6 +107,7 @@ fn messages(event: &Event) -> Vec<NamedMessage> {
         arrival: Arrival::Late,
         sample_rate_hz: strike.sample_rate_hz,
         received_ns: strike.received_ns,
+        strike: Some(strike.said),
         message: strike.said.into(),
     };
     let missing = |is_there: fn(StrikeParts) -> bool| fetched.is_some_and(|copy| !is_there(copy.before));
@@ -120,7 +121,7 @@ fn messages(event: &Event) -> Vec<NamedMessage> {
     if let Some(shape) = &strike.shape
         && missing(|before| before.shape)
     {
-        messages.push(("shapes", protobuf::message(&frame, shape)));
+        messages.push(("shapes", protobuf::shape(&frame, shape)));
     }
     messages
 }

@@ -1,12 +1,16 @@
 //! The contents of a recording, from its records.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::mem;
 use std::sync::Arc;
 
 use mcap::records::{Channel, Record, op};
 
 use crate::file::about::{About, Part, RecordedBead, RecordingOrigin};
-use crate::file::layout::{ENCODING, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC, bead_of};
+use crate::file::layout::{
+    ENCODING, LONGEST_RUN, METADATA, NOTE, RECEIVED, RECEIVED_ENCODING, TOPIC, bead_of,
+};
+use crate::file::notes::{NOTES_MOST, Note};
 use crate::file::search::{self, SoundFrame};
 use crate::frames::Piece;
 use bead_tables::printable::{beginning, one_line};
@@ -107,7 +111,12 @@ impl Contents {
                 }
             }
             Record::Metadata(metadata) if metadata.name == METADATA => {
+                let remarks = mem::take(&mut self.about.remarks);
                 self.about = About::from_map(metadata.metadata);
+                self.about.remarks = remarks;
+            }
+            Record::Metadata(metadata) if metadata.name == NOTE && self.about.remarks.len() < NOTES_MOST => {
+                self.about.remarks.extend(Note::from_map(metadata.metadata));
             }
             Record::Attachment { header, data, .. } => {
                 let (bead, name) = bead_of(&header.name);

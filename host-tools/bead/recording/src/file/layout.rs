@@ -13,6 +13,7 @@ pub(super) const ENCODING: &str = "bead-wire";
 pub(super) const RECEIVED: &str = "received";
 pub(super) const RECEIVED_ENCODING: &str = "bead-received";
 pub(super) const METADATA: &str = "recording";
+pub(super) const NOTE: &str = "note";
 /// Bytes after which a chunk is closed. The writer keeps some 800 bytes of each for the index at the end:
 /// many short chunks would fill the memory. Nothing more is lost in a crash, as each flush closes one too.
 pub(super) const CHUNK: u64 = 256 * 1024;

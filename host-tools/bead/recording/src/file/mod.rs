@@ -5,7 +5,7 @@
 //! received: sound frames and corrupt ones alike, so that a recording can be decoded again by a better
 //! decoder. Runs that are no frames and come together stand in one message. The messages are numbered from 0,
 //! so that the numbers show how many are missing in a damaged file. Beside it stand a metadata record
-//! `recording` ([`About`]) and attachments ([`Part`]).
+//! `recording` ([`About`]), one `note` for each note of a person ([`Note`]), and attachments ([`Part`]).
 //!
 //! For programs that know nothing of beads the channels `strikes`, `shapes`, `waveforms`, `status`, `health`
 //! and `faults` have the content of the frames in Protobuf and SI units ([`crate::protobuf`]).
@@ -36,20 +36,25 @@
 //! compressed is refused with the command that unpacks it.
 
 mod about;
+mod append;
 mod channels;
 mod contents;
 mod error;
 mod layout;
+mod notes;
 mod read;
 mod records;
 mod search;
 mod stream;
+mod tail;
 #[cfg(test)]
 mod tests;
 mod writer;
 
 pub use about::{About, Part, RecordedBead, RecordingOrigin};
+pub use append::add_notes;
 pub use error::RecordingError;
+pub use notes::{NOTES_MOST, Note};
 pub(crate) use read::{CUT_IN_INDEX, RECOVERED_FROM, WHOLE};
 pub use read::{Pieces, Recording};
 pub use records::{Damage, State};

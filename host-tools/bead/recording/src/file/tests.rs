@@ -78,6 +78,7 @@ fn about() -> About {
         firmware: Some("v0.1.0-3-gabc".into()),
         sample_rate_hz: 100_000,
         notes: BTreeMap::from([("bead".into(), "8".into())]),
+        remarks: Vec::new(),
     }
 }
 

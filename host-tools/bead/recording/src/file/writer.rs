@@ -12,7 +12,7 @@ use mcap::{Attachment, WriteOptions};
 
 use crate::file::about::{About, Part, RecordingOrigin};
 use crate::file::error::RecordingError;
-use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
+use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, NOTE, name_of};
 use crate::file::stream::Stream;
 use crate::frames::Item;
 use bead_tables::whole::{Target, Unfinished, with_stem_end};
@@ -319,6 +319,12 @@ fn begin_file(
             name: METADATA.into(),
             metadata: about.to_map(),
         })?;
+        for remark in &about.remarks {
+            mcap.write_metadata(&Metadata {
+                name: NOTE.into(),
+                metadata: remark.to_map(),
+            })?;
+        }
         mcap.flush()?;
         Ok(mcap)
     };

@@ -44,7 +44,7 @@ keys! {
     IntruderDamping "c" "N·s/m" "of its damper, from ring-downs"
     ContactStiffness "kappa" "N/m^1.5" "in F = kappa x^1.5: (R/2)^0.5 2Y / (3 (1 - nu^2))"
     ContactRelaxation "tau" "s" "viscoelastic relaxation time; 0 is elastic"
-    Behind "" "" "which of the four beads behind hold an intruder, by place: 1234 for all, 0 for none"
+    Behind "" "" "which of the six beads behind hold an intruder, by place: 123456 for all, 0 for none"
     Elsewhere "" "" "1 if other beads near by hold one: in front, or further behind"
     CompanyMass "" "kg" "of the intruder in each of those behind; 0 without one"
     CompanyStiffness "" "N/m" "of its springs"
@@ -90,6 +90,11 @@ keys! {
     SupplyVoltage "" "V" "VDDA during calibration, as the bead measured it: `supply` of its strikes"
     ForceEnd "" "N" "the greatest force that its sensor tells"
     AccelerationEnd "" "m/s²" "the greatest acceleration that its sensor tells, of either sign"
+    FollowersMass "" "kg" "of each bead behind, with its intruder, from the one next to this bead on"
+    FollowersStiffness "" "N/m^1.5" "kappa of the contact in front of each; 0 where the chain has ended"
+    FollowersRelaxation "" "s" "tau of that contact"
+    Wall "" "" "place of a wall in place of a bead, 1 to 6; 0 for none"
+    Load "" "N" "force that presses the chain together at rest"
 }
 
 /// Comment above each table of a file.
@@ -121,5 +126,9 @@ pub(super) const TABLES: &[(&str, &str)] = &[
     (
         "sensor_end",
         "Where the sensors end, though the converter goes on: strikes that come within 1 % of it are flagged.",
+    ),
+    (
+        "followers",
+        "The six beads behind. Leave it out where they and their contacts are like this bead.",
     ),
 ];

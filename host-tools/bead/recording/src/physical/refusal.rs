@@ -30,7 +30,11 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
         Bound::Range { least, most } => out_of_range(&format!("give a value that is from {least} to {most}")),
         Bound::OneBead => at("255 is the address of every bead".to_owned(), "give 0 to 254"),
         Bound::Text => at("this is no name".to_owned(), TEXT),
-        Bound::Places => is("give the places of those with an intruder, each once: 1234, 13, or 0 for none"),
+        Bound::Places => {
+            is("give the places of those with an intruder, each once: 123456, 13, or 0 for none")
+        }
+        Bound::Place => is("give 1 to 6, or 0 for no wall"),
+        Bound::NotLight => is("give six masses in kg, of beads at least a quarter as large"),
         Bound::Flag => {
             let what = format!("{value} is neither 0 nor 1");
             at(what, "give 1 if there are other intruders near by")

@@ -80,6 +80,7 @@ pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputE
         (key, Ok(whole), _) if is_whole(key) => whole.into(),
         (_, _, Ok(number)) if number.is_finite() => number.into(),
         _ if text == UNKNOWN => Value::Null,
+        _ if text.starts_with('[') => serde_json::from_str(text).unwrap_or_else(|_| text.into()),
         _ => text.into(),
     };
     let mut all = serde_json::to_value(*description).unwrap_or_default();
@@ -170,7 +171,11 @@ fn find(name: &str) -> Result<&'static KeyRow, InputError> {
 fn is_whole(key: SettingKey) -> bool {
     matches!(
         key,
-        SettingKey::Address | SettingKey::SampleRate | SettingKey::Behind | SettingKey::Elsewhere
+        SettingKey::Address
+            | SettingKey::SampleRate
+            | SettingKey::Behind
+            | SettingKey::Elsewhere
+            | SettingKey::Wall
     )
 }
 
@@ -178,6 +183,9 @@ fn kind(key: SettingKey) -> &'static str {
     match key {
         SettingKey::Name | SettingKey::Calibration => "up to 16 bytes of text without control characters",
         SettingKey::Calibrated | SettingKey::ValidUntil => "a date, such as 2026-11-24, or `unknown`",
+        SettingKey::FollowersMass | SettingKey::FollowersStiffness | SettingKey::FollowersRelaxation => {
+            "six numbers, such as [1, 1, 1, 1, 1, 1]"
+        }
         key if is_whole(key) => "a whole number",
         _ => "a number",
     }
@@ -186,7 +194,7 @@ fn kind(key: SettingKey) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, Day, FrontEnd, Neighbours, Relative, Supply, Uncertainty};
+    use bead_model::design::{Bead, Day, FrontEnd, Relative, Supply, Surroundings, Uncertainty};
     use bead_model::name::Name;
     use bead_testing::block_of;
 
@@ -212,7 +220,7 @@ mod tests {
             supply: Some(Supply { voltage: 3.2985 }),
             ..Description::new(
                 &bead,
-                &Neighbours::default(),
+                &Surroundings::default(),
                 &front_end,
                 &Capture::of(&bead, &front_end),
             )

@@ -3,6 +3,7 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use bead_model::design::{Day, Uncertainty};
+use bead_wire::StrikeFlags;
 
 use crate::cli::commands::compared::{made, no_strike, publish};
 use crate::cli::commands::prelude::*;
@@ -81,6 +82,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         if let Some(doubt) = doubt(&strike, stated) {
             progress.suspend(|| note!("bead {}: {doubt}", strike.address));
+        }
+        let doubts = strike.said.flags.without(StrikeFlags::FROM_OUTSIDE);
+        if doubts != StrikeFlags::NONE {
+            let (number, flags) = (strike.said.strike, doubts.names().collect::<Vec<_>>().join(", "));
+            progress.suspend(|| {
+                note!(
+                    "strike {number} is flagged: {flags}; no uncertainty here holds an error that these name"
+                );
+            });
         }
         beads.push(StrikeBudget::of(&strike, stated, arguments.monte_carlo)?);
     }

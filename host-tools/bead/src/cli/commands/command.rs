@@ -4,6 +4,8 @@ use std::collections::HashSet;
 use std::io::{BufWriter, Write};
 use std::time::Duration;
 
+use bead_bench::counted_cycles::{BUSIEST_BLOCK, CountedCycles, IDLE_BLOCK, MASKED};
+use bead_compare::front_end::SAMPLE_RATE_HZ;
 use bead_wire::{Check, Kind, Message, Request, SelfTest, Standing};
 use clap::Subcommand;
 use serde_json::{Map, Value};
@@ -59,6 +61,15 @@ enum BeadAction {
         #[command(flatten)]
         overwrite: Overwrite,
     },
+    /// Measure a window at a time, whatever the force does: a strike without a strike. It needs an armed
+    /// bead.
+    Keep {
+        #[command(flatten)]
+        common: CommandOptions,
+        /// From now until the scan that counts as the one that triggers, s; at most 60.
+        #[arg(long, value_name = "SECONDS", default_value = "0.5", value_parser = output::seconds_of_a_day)]
+        after: Duration,
+    },
     /// Set the counts of losses, faults and rejected input to 0.
     ResetCounters(CommandOptions),
     /// Reset the bead, and wait until it is back.
@@ -90,6 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
             raw(common, *duration, overwrite.optional(out, FileKind::Table, &[])?)
         }
+        BeadAction::Keep { common, after } => keep(common, *after),
         BeadAction::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         BeadAction::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
@@ -119,6 +131,13 @@ pub(crate) struct Rebooted {
     boot: u32,
 }
 
+/// The answer to `keep` as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Kept {
+    /// Sample index of the scan that counts as the one that triggers.
+    index: u64,
+}
+
 /// The counts of a raw stream as JSON.
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct Streamed {
@@ -134,12 +153,41 @@ fn simple(common: &CommandOptions, request: &Request, done: &str) -> Result<(), 
     output::print(common.format, &Done { outcome: "done" }, || done.to_owned())
 }
 
+fn keep(common: &CommandOptions, after: Duration) -> Result<(), Failure> {
+    let mut line = common.line.open()?;
+    let answer = line.request_done(&Request::Status)?;
+    let (newest, armed) = answer.last("status frame", |frame| match &frame.message {
+        Message::Status(status) => Some((frame.header.sample_index, status.armed)),
+        _ => None,
+    })?;
+    if !armed {
+        bail!(
+            Verdict,
+            "the bead is disarmed and would measure no window; arm it first: bead command arm"
+        );
+    }
+    let index = newest + (after.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).round() as u64;
+    line.request_done(&Request::Keep { index })?;
+    output::print(common.format, &Kept { index }, || {
+        format!("the window around sample {index} will be measured, as strike `triggered_on_request`")
+    })
+}
+
 fn identity(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Identity)?;
-    let body = answer.last("identity frame", |frame| {
-        matches!(frame.message, Message::Identity(_)).then(|| frame.body())
-    })?;
-    output::print(common.format, &body, || rows([("", &body)]))
+    let body = |kind: Kind| {
+        answer.last(&format!("{} frame", kind.name()), |frame| {
+            (frame.message.kind() == kind).then(|| frame.body())
+        })
+    };
+    let mut identity = body(Kind::Identity)?;
+    // A bead of an earlier version sends none.
+    let board = body(Kind::Board).unwrap_or_default();
+    let text = rows([("", &identity), ("board", &board)]);
+    if let Value::Object(members) = &mut identity {
+        members.insert("board".to_owned(), board);
+    }
+    output::print(common.format, &identity, || text)
 }
 
 /// Frames that answer the request `status`, and those that a bead of an earlier version does not send.
@@ -162,8 +210,41 @@ fn status(common: &CommandOptions) -> Result<(), Failure> {
         bodies.insert(kind.name().to_owned(), body);
     }
     output::print(common.format, &bodies, || {
-        rows(bodies.iter().map(|(name, body)| (name.as_str(), body)))
+        let rows = rows(bodies.iter().map(|(name, body)| (name.as_str(), body)));
+        format!("{rows}\n{}", cycles(&bodies))
     })
+}
+
+/// The cycles of the load frame beside those that the emulator counts in this program's image. Empty for a
+/// bead that sends no such frame.
+fn cycles(bodies: &Map<String, Value>) -> String {
+    let Some(load) = bodies.get(Kind::Load.name()).filter(|load| load.is_object()) else {
+        return String::new();
+    };
+    let row = |(what, key, counted): (&str, &str, CountedCycles)| {
+        let measured = load[key]
+            .as_u64()
+            .map_or("-".to_owned(), |cycles| cycles.to_string());
+        [
+            what.to_owned(),
+            measured,
+            counted.cached.to_string(),
+            counted.at_most.to_string(),
+        ]
+    };
+    let measured = [
+        ("busiest block", "worst_cycles", BUSIEST_BLOCK),
+        (
+            "block on average, while the chain rests",
+            "mean_cycles",
+            IDLE_BLOCK,
+        ),
+        ("longest without interrupts", "masked_cycles", MASKED),
+    ];
+    output::table(
+        "cycles | this bead | emulator, caches on | emulator, at most",
+        measured.map(row),
+    )
 }
 
 /// The members of JSON objects by name, one in each row. Where an object before has the name too, that of its
@@ -279,4 +360,30 @@ fn raw(common: &CommandOptions, duration: Duration, out: Option<Target>) -> Resu
         lost,
     };
     output::print(common.format, &summary, || text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cycles_of_the_emulator_stand_beside_those_of_the_bead() {
+        let mut bodies = Map::new();
+        assert_eq!(cycles(&bodies), "");
+        let load = serde_json::json!({"worst_cycles": 7001, "mean_cycles": 7002, "masked_cycles": 7003});
+        bodies.insert("load".to_owned(), load);
+        let text = cycles(&bodies);
+        let numbers: Vec<Vec<u32>> = text
+            .lines()
+            .map(|line| {
+                line.split_whitespace()
+                    .filter_map(|word| word.parse().ok())
+                    .collect()
+            })
+            .filter(|row: &Vec<_>| !row.is_empty())
+            .collect();
+        let row = |own, counted: CountedCycles| vec![own, counted.cached, counted.at_most];
+        let wanted = [row(7001, BUSIEST_BLOCK), row(7002, IDLE_BLOCK), row(7003, MASKED)];
+        assert_eq!(numbers, wanted, "{text}");
+    }
 }

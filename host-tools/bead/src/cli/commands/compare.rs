@@ -10,6 +10,7 @@ use crate::cli::commands::compared::{
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::{compare_reference, compare_row};
 use crate::cli::provenance;
+use bead_compare::agreement::DECISION_RULE;
 use bead_compare::bead::ComparedBead;
 use bead_compare::emulated::RunTruth;
 use bead_compare::sensed::{only_host, simulate_with_ring_down, unlike_the_reduced_chain};
@@ -17,7 +18,7 @@ use bead_compare::spread::Spread;
 use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
-use bead_compare::verdict::{DECISION_RULE, Echoes, other_length};
+use bead_compare::verdict::{Echoes, other_length};
 use bead_recording::file::{Part, RecordedBead};
 
 /// The result as JSON.

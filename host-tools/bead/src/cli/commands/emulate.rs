@@ -13,6 +13,7 @@ use crate::cli::commands::emulated::EmulatedBead;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
+use crate::cli::note_options::NoteOptions;
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_bench::bridge::{self, Bridge, Door};
@@ -34,12 +35,14 @@ use bead_compare::strike::FullChain;
 use bead_compare::verdict::other_length;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
+use bead_recording::file::About;
+use stm32f405_qemu::AnalogWire;
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
 at its converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the \
 recording DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings \
-block DIR/bead-N.settings, which can be flashed to a board of this calibration at 0x080A0000.
+block DIR/bead-N.settings, which can be flashed to a board of this calibration at 0x0800C000.
 
 With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its \
 own, as many at once as there are cores, with its own crystal, start, noise and address, on one time. Their \
@@ -71,12 +74,16 @@ Examples:
       --faults docs/scenarios/faults.toml
   bead emulate docs/scenarios/ten-intruders.toml --bead all --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --uncertainty bead.toml
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --settings bead.toml
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --velocity 1.5
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --stimulus scope.csv --read force=CH1:8.9N --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --listen unix:bead.sock
-    and, meanwhile: bead command self-test --port unix:bead.sock";
+    and, meanwhile: bead command self-test --port unix:bead.sock
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
+      --listen unix:bead.sock --wire PA4-PA0 --wire PA5-PA2
+    and, meanwhile: bead bench --port unix:bead.sock";
 
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
@@ -95,6 +102,8 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
+    #[command(flatten)]
+    notes: NoteOptions,
     /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F")]
@@ -103,6 +112,10 @@ pub(crate) struct Arguments {
     /// those of its energies.
     #[arg(long, value_name = "F.toml|F.settings")]
     uncertainty: Option<PathBuf>,
+    /// Give the bead these settings, as its owner does, in place of those that fit the scenario and its front
+    /// end. What they have wrong, the results have too.
+    #[arg(long, value_name = "F.toml|F.settings", conflicts_with = "uncertainty")]
+    settings: Option<PathBuf>,
     /// Number of strikes; how often the waveform is played.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
@@ -126,6 +139,10 @@ pub(crate) struct Arguments {
     /// time passes as fast as it can while a program is connected, or as `pace` under [clock] says.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
+    /// With --listen, no sensors but a wire from an output to an input, PA4-PA0 or PA5-PA2; again for each
+    /// further one. PA4-PA1/16 has a divider in it. Inputs without a wire are open.
+    #[arg(long, value_name = "FROM-TO", requires = "listen", value_parser = wire)]
+    wire: Vec<AnalogWire>,
     /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
@@ -134,6 +151,25 @@ pub(crate) struct Arguments {
     format: Format,
     #[command(flatten)]
     waveform: WaveformOptions,
+}
+
+/// Noise of an input, in codes rms: of the converter alone.
+const INPUT_NOISE: f64 = 0.4;
+
+/// Parses a wire, as `PA4-PA0` or `PA4-PA1/16`.
+fn wire(text: &str) -> Result<AnalogWire, String> {
+    let wrong = || "give an output and an input, as in PA4-PA0; PA4-PA1/16 has a divider in it".to_owned();
+    let (from, to) = text.split_once('-').ok_or_else(wrong)?;
+    let (to, divider) = to.split_once('/').unwrap_or((to, "1"));
+    let divider: f64 = divider.parse().map_err(|_| wrong())?;
+    let known = ["PA4", "PA5"].contains(&from) && ["PA0", "PA1", "PA2", "PA3"].contains(&to);
+    if !known || !(1.0..=1000.0).contains(&divider) {
+        return Err(wrong());
+    }
+    let mut wire = AnalogWire::new(from, to);
+    wire.gain = 1.0 / divider;
+    wire.noise = INPUT_NOISE;
+    Ok(wire)
 }
 
 /// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a
@@ -171,12 +207,19 @@ impl Arguments {
             ("--faults", self.faults.is_some()),
             ("--gdb", self.gdb.is_some()),
             ("--stimulus", self.stimulus.is_some()),
+            ("--settings", self.settings.is_some()),
         ];
         if let Some((option, _)) = alone.iter().find(|(_, given)| *given && self.one().is_none()) {
             bail!(Input, "{option} is for one bead; give --bead one number");
         }
         if self.stimulus.is_none() {
             self.waveform.without("--stimulus")?;
+        }
+        if self.out.is_none() && !self.notes.is_empty() {
+            bail!(
+                Input,
+                "--note is for a recording, and none is kept; give --out DIR too"
+            );
         }
         Ok(())
     }
@@ -341,6 +384,10 @@ impl<'a> BenchOfRun<'a> {
             .map(settings_file::uncertainty)
             .transpose()?;
         placed.iter_mut().for_each(|one| one.uncertainty = stated);
+        if let Some(file) = &arguments.settings {
+            let owners = settings_file::decoded(file)?;
+            placed.iter_mut().for_each(|one| one.owners = Some(owners));
+        }
         let mut played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = Arc::new(simulate_with_ring_down(scenario)?);
@@ -401,6 +448,7 @@ impl<'a> BenchOfRun<'a> {
         faults::check(&self.faults, emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
         emulation.shift = clock.shift;
+        emulation.wires.clone_from(&arguments.wire);
         emulation.gdb = arguments.gdb;
         let of_several = arguments.one().is_none().then_some(SYNC_OF_SEVERAL);
         if let Some(period) = clock.sync_period.or(of_several) {
@@ -500,7 +548,12 @@ fn record(
     notes.extend(arguments.one().map(|bead| ("bead".to_owned(), bead.to_string())));
     let stimulus = arguments.stimulus.as_ref();
     notes.extend(stimulus.map(|stimulus| ("stimulus".to_owned(), stimulus.display().to_string())));
-    let written = recording::write(recording, ran, arguments.one().is_none(), scenario, notes)?;
+    let about = About {
+        notes,
+        remarks: arguments.notes.signed(),
+        ..About::default()
+    };
+    let written = recording::write(recording, ran, arguments.one().is_none(), scenario, about)?;
     for (target, (emulation, _)) in outputs[1..].iter().zip(ran) {
         let target = target.beside(recording.path(), &written);
         target.write_bytes(&emulation.block)?;

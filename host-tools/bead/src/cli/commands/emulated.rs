@@ -2,13 +2,11 @@
 
 use crate::cli::commands::prelude::*;
 use bead_bench::run::{MeasuredStrike, RunReport};
+use bead_compare::energy_uncertainties::EnergyUncertainties;
 use bead_compare::report::{DASH, EnergyUnit, percent, signed};
 
 pub(super) fn table(report: &RunReport) -> String {
-    let mut parts = vec![strikes(report), counts(report)];
-    if report.measured().any(|strike| strike.uncertainty.is_some()) {
-        parts[0] += "\n± is the expanded uncertainty of the stated calibration, k = 2";
-    }
+    let mut parts = vec![strikes(report) + &legend(report.measured()), counts(report)];
     if !report.provoked.is_empty() {
         parts.push(provoked(report));
     }
@@ -24,6 +22,12 @@ pub(super) fn table(report: &RunReport) -> String {
         parts.push(format!("recording: {}", recording.display()));
     }
     parts.join("\n\n")
+}
+
+/// A line that explains ± beside these strikes; empty if it is beside none.
+fn legend<'a>(strikes: impl Iterator<Item = &'a MeasuredStrike>) -> String {
+    let legend = EnergyUncertainties::legend(strikes.filter_map(|strike| strike.uncertainty.as_ref()));
+    legend.map_or_else(String::new, |legend| format!("\n± is {legend}"))
 }
 
 /// The headings of the strikes. A waveform that was played gives each estimate a value of its own.
@@ -81,10 +85,7 @@ fn row(strike: &MeasuredStrike, unit: EnergyUnit, played: bool) -> Vec<String> {
         Some(u) => format!("{} ± {}", energy(joules), energy(2.0 * u)),
         None => energy(joules),
     };
-    let [u_a, u_b] = [
-        strike.uncertainty.map(|known| known.u_absorbed_measured),
-        strike.uncertainty.map(|known| known.u_absorbed_predicted),
-    ];
+    let [u_a, u_b] = strike.uncertainty.map_or([None; 2], |known| known.each());
     let [shown_a, shown_b] = [within(a, u_a), within(b, u_b)];
     let mut row = vec![
         strike.sample_index.to_string(),
@@ -148,7 +149,11 @@ pub(super) fn table_of_several(beads: &[EmulatedBead]) -> String {
     });
     let counts = "bead | crystal ppm | first scan at s | frames received | lost | corrupt | overruns | resets \
                   | instructions a sample in the busiest block";
-    let mut parts = vec![output::table(&header, strikes), output::table(counts, rows)];
+    let legend = legend(beads.iter().flat_map(|of| of.report.measured()));
+    let mut parts = vec![
+        output::table(&header, strikes) + &legend,
+        output::table(counts, rows),
+    ];
     let recording = beads.iter().find_map(|of| of.report.recording.as_ref());
     parts.extend(recording.map(|path| format!("recording: {}", path.display())));
     parts.join("\n\n")

@@ -1,7 +1,6 @@
 //! `bead export`: strikes and samples for other programs.
 
-use std::collections::HashSet;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::sync::Arc;
 
@@ -9,6 +8,7 @@ use clap::ValueEnum;
 use indicatif::ProgressBar;
 
 use crate::cli::commands::prelude::*;
+use crate::cli::recordings::open_all;
 use bead_compare::report::count;
 use bead_recording::export::{samples, strikes as strikes_table, uff};
 use bead_recording::file::RecordingError;
@@ -56,7 +56,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let recordings = open(&arguments.recordings)?;
+    let recordings = open_all(&arguments.recordings)?;
     let (out, form) = (arguments.out.as_path(), arguments.format);
     let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
     let files = match form {
@@ -84,21 +84,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     tally.end(out);
     output::print_line(&opened_by(form, out))
-}
-
-/// Opens all recordings before anything is written.
-fn open(paths: &[PathBuf]) -> Result<Vec<Recording>, Failure> {
-    let mut seen = HashSet::new();
-    let mut recordings = Vec::new();
-    for path in paths {
-        let shown = path.display();
-        let place = fs::canonicalize(path).with_context(|| format!("cannot read {shown}"))?;
-        if !seen.insert(place) {
-            bail!(Input, "{shown} is given twice; its strikes would count twice");
-        }
-        recordings.push(Recording::open_named(path)?);
-    }
-    Ok(recordings)
 }
 
 /// The recordings, counts of the written strikes, and the progress.

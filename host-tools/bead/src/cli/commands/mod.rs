@@ -1,6 +1,9 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
+pub(crate) mod analyse;
+pub(crate) mod bench;
 pub(crate) mod budget;
+pub(crate) mod calibrate;
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
@@ -14,7 +17,12 @@ mod emulated;
 pub(crate) mod export;
 pub(crate) mod fetch;
 pub(crate) mod figures;
+pub(crate) mod flash;
+pub(crate) mod identify;
+pub(crate) mod judge;
+pub(crate) mod list;
 pub(crate) mod manual;
+pub(crate) mod note;
 pub(crate) mod optimise;
 mod prelude;
 pub(crate) mod proof;
@@ -28,3 +36,4 @@ pub(crate) mod sweep;
 pub(crate) mod sweep_cluster;
 mod sweep_plot;
 pub(crate) mod sweep_work;
+pub(crate) mod trend;

@@ -9,13 +9,14 @@ use chrono::{DateTime, Utc};
 
 use super::clock::{drift, rfc3339, times_as_fast};
 use crate::cli::commands::prelude::*;
+use crate::cli::note_options::NoteOptions;
 use crate::cli::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
 use bead_line::port::{Address, open_all};
 use bead_line::recorder::{RecordedPort, Recorder, RecorderObserver, RecorderOptions};
 use bead_recording::clock::Live;
-use bead_recording::file::RecordingError;
+use bead_recording::file::{About, RecordingError};
 use bead_recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
@@ -38,6 +39,7 @@ bead's clock is against this host's, if the recording is long enough; see `bead 
 Examples:
   bead record --port /dev/ttyUSB0
   bead record --port /dev/ttyUSB0 --out strikes.mcap --duration 60
+  bead record --port /dev/ttyUSB0 --note operator=Ana specimen=A12
   bead record --port /dev/ttyUSB0 --port /dev/ttyUSB1 --out chain.mcap
   bead record --port all --out chain.mcap
   bead record --port tcp:192.168.1.7:4000 --format json | \\
@@ -70,6 +72,8 @@ pub(crate) struct Arguments {
     /// Do not ask the bead for strikes that did not come whole: only listen.
     #[arg(long)]
     no_fetch: bool,
+    #[command(flatten)]
+    notes: NoteOptions,
     /// Format of the strikes; as JSON, one object a line, as `bead decode` does, with the time of
     /// receipt.
     #[arg(long, value_enum, default_value_t)]
@@ -121,15 +125,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         wait: arguments.wait,
         fetch: !arguments.no_fetch,
     };
-    let mut notes = BTreeMap::from([("started".to_owned(), started.to_rfc3339())]);
+    let mut about = About {
+        notes: BTreeMap::from([("started".to_owned(), started.to_rfc3339())]),
+        remarks: arguments.notes.signed(),
+        ..About::default()
+    };
     if addresses
         .iter()
         .any(|address| matches!(address, Address::Serial(_)))
     {
-        notes.insert("baud".to_owned(), arguments.baud.to_string());
+        about.notes.insert("baud".to_owned(), arguments.baud.to_string());
     }
     let recorder = loop {
-        match Recorder::new(&target, &addresses, options, notes.clone(), &mut lines, &note) {
+        match Recorder::new(&target, &addresses, options, about.clone(), &mut lines, &note) {
             // Another program began a recording in the same second.
             Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
             recorder => break recorder?,

@@ -15,7 +15,7 @@ them and is \"incomplete\": exit status 1, too. Of more than 100 000 strikes the
 differ.
 
 Of five strikes and more of a bead the means of k, c and the gains are shown against its settings, as the wave forms \
-have them. One that is three standard errors and more than a good bead off is \"drifting\": that is told, and changes \
+have them. One that is three standard errors off, and by more than a good bead may be, is \"drifting\": that is told, and changes \
 no exit status.
 
 Example:

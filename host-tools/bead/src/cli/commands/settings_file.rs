@@ -3,14 +3,14 @@
 use std::fs::File;
 use std::io::Read;
 
-use bead_model::design::{Bead, Capture, Description, FrontEnd, Neighbours, Uncertainty};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Surroundings, Uncertainty};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use hertz_chain::read_text;
 
 use crate::cli::beads::one_bead;
 use crate::cli::commands::prelude::*;
-use bead_compare::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
+use bead_compare::sensed::{bead_of, load_scenario, only_host, simulate_with_ring_down, surroundings_of};
 use bead_recording::physical::{self, Change};
 
 const AFTER_HELP: &str = "\
@@ -76,20 +76,18 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
 
 fn template(arguments: &MakeArguments) -> Result<Description, Failure> {
     if let Some(from) = &arguments.from {
-        let settings = Settings::decode(&load(from, None)?);
-        let settings = settings.map_err(|error| failure!(Input, "{}: {error}", from.display()))?;
-        return Ok(*settings.description());
+        return Ok(*decoded(from)?.description());
     }
-    let (mut bead, mut neighbours) = (Bead::paper(), Neighbours::default());
+    let (mut bead, mut around) = (Bead::paper(), Surroundings::default());
     if let Some(path) = &arguments.scenario {
         let (scenario, _) = load_scenario(path)?;
         let place = arguments.bead.map_or_else(|| only_host(&scenario), Ok)?;
         let solution = simulate_with_ring_down(&scenario)?;
-        (bead, neighbours) = (bead_of(&solution, place)?, neighbours_of(&solution, place));
+        (bead, around) = (bead_of(&solution, place)?, surroundings_of(&solution, place));
     }
     let front_end = FrontEnd::reference();
     let capture = Capture::of(&bead, &front_end);
-    Ok(Description::new(&bead, &neighbours, &front_end, &capture))
+    Ok(Description::new(&bead, &around, &front_end, &capture))
 }
 
 fn read_toml(file: &Path) -> Result<Settings, Failure> {
@@ -140,12 +138,16 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     block(&settings.map_err(|violation| refused(violation.into()))?).map_err(refused)
 }
 
+/// The settings in a file, a block or physical quantities.
+pub(super) fn decoded(file: &Path) -> Result<Settings, Failure> {
+    let settings = Settings::decode(&load(file, None)?);
+    settings.map_err(|error| failure!(Input, "{}: {error}", file.display()))
+}
+
 /// The uncertainties that a file of settings states.
 pub(super) fn uncertainty(file: &Path) -> Result<Uncertainty, Failure> {
     let name = file.display();
-    let settings = Settings::decode(&load(file, None)?);
-    let settings = settings.map_err(|error| failure!(Input, "{name}: {error}"))?;
-    let stated = settings.description().uncertainty;
+    let stated = decoded(file)?.description().uncertainty;
     stated.ok_or_else(|| {
         failure!(
             Input,

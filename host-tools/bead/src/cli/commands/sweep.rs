@@ -135,6 +135,7 @@ const CHUNKS: u64 = 10_000;
 fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let plan = Plan::load(file)?;
     let inputs = [file];
+    place::apart(Some(result), here.plot.as_deref())?;
     let out = place::target(result, FileKind::Parquet, &inputs, here.overwrite)?;
     let picture = here.plot.as_deref();
     let picture = here.overwrite.optional(picture, FileKind::Drawing, &inputs)?;

@@ -45,3 +45,18 @@ impl DerefMut for CacheAligned {
         &mut self.room[self.start..self.start + self.length]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_array_begins_at_a_cache_line_and_a_copy_of_it_too() {
+        for length in 1..40 {
+            let array = CacheAligned::zeros(length);
+            for array in [&array, &array.clone()] {
+                assert_eq!((array.as_ptr() as usize % LINE, array.len()), (0, length));
+            }
+        }
+    }
+}

@@ -77,7 +77,7 @@ fn a_struck_bead_rings_down_and_gives_back_stiffness_and_damping() {
 #[test]
 fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
     let (mut draw, repeats) = (Draw(7), 400);
-    let mut pulls = [0.0; 4];
+    let (mut pulls, mut together, mut expected) = ([0.0; 4], [0.0; 2], [0.0; 2]);
     let (beta, omega) = (900.0, 9000.0);
     let (stiffness, damping) = (3e-3 * (omega * omega + beta * beta), 2.0 * 3e-3 * beta);
     for _ in 0..repeats {
@@ -86,6 +86,10 @@ fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
         let fit = fit_response(&points, PAPER.mass).expect("there is a peak");
         pulls[0] += ((fit.stiffness - PAPER.stiffness) / fit.stiffness_error).powi(2);
         pulls[1] += ((fit.damping - PAPER.damping) / fit.damping_error).powi(2);
+        together[0] += (fit.stiffness - PAPER.stiffness) / fit.stiffness_error
+            * (fit.damping - PAPER.damping)
+            / fit.damping_error;
+        expected[0] += fit.correlation;
 
         let values = (0..400)
             .map(|i| 1e-5 * f64::from(i))
@@ -99,12 +103,24 @@ fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
         let fit = fit_ring_down(&signal, 3e-3).expect("it rings");
         pulls[2] += ((fit.stiffness - stiffness) / fit.stiffness_error).powi(2);
         pulls[3] += ((fit.damping - damping) / fit.damping_error).powi(2);
+        together[1] +=
+            (fit.stiffness - stiffness) / fit.stiffness_error * (fit.damping - damping) / fit.damping_error;
+        expected[1] += fit.correlation;
         near(fit.residual, 0.5, 0.2);
     }
     for pull in pulls {
         // The variance of 400 squares is 2/400.
         close(pull / f64::from(repeats), 1.0, 4.0 * (2.0_f64 / 400.0).sqrt());
     }
+    for (together, expected) in together.into_iter().zip(expected) {
+        // The variance of 400 products is at most 2/400.
+        close(
+            (together - expected) / f64::from(repeats),
+            0.0,
+            4.0 * (2.0_f64 / 400.0).sqrt(),
+        );
+    }
+    println!("correlations {:?}", expected.map(|sum| sum / f64::from(repeats)));
 }
 
 #[test]

@@ -20,6 +20,8 @@ pub(crate) struct TimerKind {
     pub(super) ccer: u32,
     pub(super) rcr: u32,
     pub(super) bdtr: u32,
+    /// OR: TI1_RMP of TIM11.
+    pub(super) or: u32,
     /// The flags of each of its interrupt lines.
     pub(super) lines: &'static [u32],
 }
@@ -38,6 +40,7 @@ impl TimerKind {
         ccer: 0xbbbb,
         rcr: 0,
         bdtr: 0,
+        or: 0,
         lines: &[0x5f],
     };
     /// Four channels and 32 bits: TIM2, TIM5.
@@ -78,6 +81,11 @@ impl TimerKind {
         ccer: 0xb,
         ..Self::TWO_CHANNELS
     };
+    /// TIM11: its input may be the crystal.
+    pub(crate) const WITH_CRYSTAL: Self = Self {
+        or: 0b11,
+        ..Self::ONE_CHANNEL
+    };
     /// No channels: TIM6, TIM7.
     pub(crate) const BASIC: Self = Self {
         channels: 0,
@@ -105,6 +113,7 @@ impl TimerKind {
             0x30 => self.rcr != 0,
             0x34..=0x40 => index(offset, 0x34) < self.channels,
             0x44 => self.bdtr != 0,
+            0x50 => self.or != 0,
             _ => offset < 0x44,
         };
         (has && offset.is_multiple_of(4)).then_some(()).ok_or(NoRegister)

@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 mod instances;
+mod outputs;
 
 use stm32f405_qemu::machine::WRITABLE;
 use stm32f405_qemu::{Fault, FaultKind, PinInput, ResetCause, Since, UartInput};
@@ -157,12 +158,23 @@ fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
 }
 
 #[test]
-fn a_ring_in_ccm_is_a_transfer_error() {
+fn a_ring_in_ccm_is_a_transfer_error_and_is_named() {
     let mut bench = MachineBench::new(ramp(10));
     bench.start_acquisition(0x1000_0000, 128);
     bench.pass(30_000);
     assert!(bench.has_line(DMA2_STREAM0));
     assert_eq!(bench.read(DMA2) & 0x3f, TEIF0);
+    // Whether or not a stream uses it: each of the three addresses.
+    for register in [0x08, 0x0c, 0x10] {
+        let mut bench = MachineBench::new(Vec::new());
+        bench.set(STREAM0, [(register, 0x1001_0000), (register, 0x2000_0000)]);
+        assert_eq!(bench.outcome().unmodelled, [""; 0]);
+        bench.write(STREAM0 + register, 0x1000_fffc);
+        assert!(
+            bench.outcome().unmodelled[0].contains("core-coupled memory"),
+            "{register:#x}"
+        );
+    }
 }
 
 #[test]

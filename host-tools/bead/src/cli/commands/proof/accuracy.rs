@@ -40,7 +40,7 @@ pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [e
 ",
 ];
 
-const RADII: [f64; 4] = [0.0045, 0.007, 0.009, 0.0115];
+const RADII: [f64; 7] = [0.0045, 0.007, 0.009, 0.0115, 0.019, 0.030, 0.040];
 const VELOCITIES: [f64; 6] = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0];
 
 #[derive(Debug, Args)]
@@ -110,7 +110,7 @@ fn cell(prepared: &Prepared<'_>, scenario: &Scenario, strikes: u32) -> Result<St
     Ok(StrikerCell {
         radius_m: scenario.striker.radius,
         velocity_mps: scenario.striker.velocity,
-        peaks: prepared.peaks(scenario, &solution)?,
+        peaks: StrikePeaks::of(scenario, &solution, prepared.common.bead)?,
         pass: weak.pass(strikes) || strong.pass(strikes),
         weak,
         strong,

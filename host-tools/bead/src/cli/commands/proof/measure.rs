@@ -131,27 +131,28 @@ impl Prepared<'_> {
         })?;
         Ok(cells)
     }
-
-    /// The peaks of a strike.
-    pub(super) fn peaks(&self, scenario: &Scenario, solution: &Solution) -> Result<StrikePeaks, Failure> {
-        let bead = self.common.bead;
-        let intruders = solution.summary().intruders;
-        let intruder = intruders.iter().find(|intruder| intruder.bead == bead);
-        let acceleration = intruder.map(|intruder| intruder.acceleration_max.max(-intruder.acceleration_min));
-        Ok(StrikePeaks {
-            peak_force_n: Truth::of(scenario, solution, bead)?.peak_force,
-            peak_acceleration_mps2: acceleration.unwrap_or(0.0),
-        })
-    }
 }
 
-/// StrikePeaks of a strike at the bead.
+/// Peaks of a strike at the bead.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct StrikePeaks {
     /// Highest force at the bead's incoming contact.
     pub(super) peak_force_n: f64,
     /// Greatest magnitude of the intruder's acceleration.
     pub(super) peak_acceleration_mps2: f64,
+}
+
+impl StrikePeaks {
+    /// Those of a simulated strike at `bead`.
+    pub(super) fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
+        let intruders = solution.summary().intruders;
+        let intruder = intruders.iter().find(|intruder| intruder.bead == bead);
+        let acceleration = intruder.map(|intruder| intruder.acceleration_max.max(-intruder.acceleration_min));
+        Ok(Self {
+            peak_force_n: Truth::of(scenario, solution, bead)?.peak_force,
+            peak_acceleration_mps2: acceleration.unwrap_or(0.0),
+        })
+    }
 }
 
 /// Every value of one axis with every value of another.

@@ -2,9 +2,14 @@
 //!
 //! # Design
 //! Each cell of a table is a run of the image on several strikes, with noise. Codes, image, frames and truth
-//! are those of `bead emulate`.
+//! are those of `bead emulate`. `coverage`, `calibrate` and `identify` run the image's code on this computer,
+//! for their many beads.
 
 pub(crate) mod accuracy;
+pub(crate) mod calibrate;
+pub(crate) mod coverage;
+mod healthy;
+pub(crate) mod identify;
 mod measure;
 pub(crate) mod silent;
 pub(crate) mod spheres;
@@ -28,6 +33,13 @@ enum Proof {
     Spheres(spheres::Arguments),
     /// Play strikes at which the bead would be wrong, and see whether a flag names the cause.
     Silent(silent::Arguments),
+    /// Draw beads from a calibration, and see whether their uncertainties cover the truth.
+    Coverage(coverage::Arguments),
+    /// Calibrate beads and rigs that are drawn, and see whether the uncertainties of the results cover the
+    /// truth.
+    Calibrate(calibrate::Arguments),
+    /// Draw beads, identify them from their strikes, and see how far that is off.
+    Identify(identify::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -35,5 +47,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Proof::Accuracy(arguments) => accuracy::run(arguments),
         Proof::Spheres(arguments) => spheres::run(arguments),
         Proof::Silent(arguments) => silent::run(arguments),
+        Proof::Coverage(arguments) => coverage::run(arguments),
+        Proof::Calibrate(arguments) => calibrate::run(arguments),
+        Proof::Identify(arguments) => identify::run(arguments),
     }
 }

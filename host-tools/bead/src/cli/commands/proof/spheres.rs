@@ -58,7 +58,7 @@ const DIAMETERS: [f64; 7] = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04];
 /// Materials of spheres, by handbook values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum SphereMaterial {
+pub(super) enum SphereMaterial {
     Steel,
     Glass,
     Aluminium,
@@ -94,18 +94,25 @@ pub(crate) struct Arguments {
     /// Diameters, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = DIAMETERS, value_parser = metres)]
     diameters: Vec<f64>,
-    /// Mass of the intruder as a part of the bead's, 0.001 to 0.9 [default: as in the scenario].
-    #[arg(long, value_name = "PART", value_parser = part)]
-    part: Option<f64>,
-    /// Velocity of the striker, m/s.
-    #[arg(long, value_name = "M/S", default_value = "0.3", value_parser = positive)]
-    velocity: f64,
-    /// Relaxation time of the contacts, s.
-    #[arg(long, value_name = "S", default_value = "0", value_parser = relaxation)]
-    relaxation: f64,
+    #[command(flatten)]
+    strike: SphereStrike,
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     strikes: u32,
+}
+
+/// Options of a chain of equal spheres.
+#[derive(Debug, Args)]
+pub(super) struct SphereStrike {
+    /// Mass of the intruder as a part of the bead's, 0.001 to 0.9 [default: as in the scenario].
+    #[arg(long, value_name = "PART", value_parser = part)]
+    pub(super) part: Option<f64>,
+    /// Velocity of the striker, m/s.
+    #[arg(long, value_name = "M/S", default_value = "0.3", value_parser = positive)]
+    pub(super) velocity: f64,
+    /// Relaxation time of the contacts, s.
+    #[arg(long, value_name = "S", default_value = "0", value_parser = relaxation)]
+    pub(super) relaxation: f64,
 }
 
 /// Parses the part of a bead's mass that its intruder has. One without a host around it, or without mass, is
@@ -170,7 +177,7 @@ fn points(
     };
     let points = grid(materials, &arguments.diameters);
     for &point in &points {
-        let (scenario, _) = chain(arguments, scenario, own, point);
+        let (scenario, _) = chain(&arguments.strike, scenario, own, point);
         let options = Options::default().with_duration(scenario.duration + RING_DOWN);
         let checked = options.check(&scenario);
         checked.map_err(|why| failure!(Input, "--diameters {}: {why}", point.1))?;
@@ -179,8 +186,8 @@ fn points(
 }
 
 /// The scenario with equal spheres of a material, and its bead. `own` is the bead of the scenario as it is.
-fn chain(
-    arguments: &Arguments,
+pub(super) fn chain(
+    strike: &SphereStrike,
     scenario: &Scenario,
     own: &Bead,
     (sphere, diameter): (SphereMaterial, f64),
@@ -189,9 +196,9 @@ fn chain(
     let mass = 4.0 / 3.0 * PI * radius.powi(3) * density;
     let mut bead = Bead {
         mass,
-        intruder_mass: mass * arguments.part.unwrap_or(own.intruder_mass / own.mass),
+        intruder_mass: mass * strike.part.unwrap_or(own.intruder_mass / own.mass),
         contact_stiffness: young / (1.5 * (1.0 - poisson * poisson)) * (0.5 * radius).sqrt(),
-        relaxation: arguments.relaxation,
+        relaxation: strike.relaxation,
         ..*own
     };
     let time = bead.pulse_width(1.0) / own.pulse_width(1.0);
@@ -206,10 +213,10 @@ fn chain(
     scenario.starts.clear();
     let chain = &mut scenario.chain;
     (chain.radius, chain.density, chain.young, chain.poisson) = (radius, density, young, poisson);
-    (chain.relaxation, chain.precompression) = (arguments.relaxation, 0.0);
+    (chain.relaxation, chain.precompression) = (strike.relaxation, 0.0);
     let striker = &mut scenario.striker;
     (striker.radius, striker.density, striker.young, striker.poisson) = (radius, density, young, poisson);
-    (striker.mass, striker.relaxation, striker.velocity) = (None, None, arguments.velocity);
+    (striker.mass, striker.relaxation, striker.velocity) = (None, None, strike.velocity);
     for intruder in &mut scenario.intruders {
         intruder.mass = bead.intruder_mass;
         (intruder.stiffness, intruder.damping) = (bead.stiffness, bead.damping);
@@ -223,9 +230,9 @@ fn cell(
     own: &Bead,
     (material, diameter_m): (SphereMaterial, f64),
 ) -> Result<SphereCell, Failure> {
-    let (scenario, bead) = chain(arguments, &prepared.scenario, own, (material, diameter_m));
+    let (scenario, bead) = chain(&arguments.strike, &prepared.scenario, own, (material, diameter_m));
     let solution = simulate_with_ring_down(&scenario)?;
-    let peaks = prepared.peaks(&scenario, &solution)?;
+    let peaks = StrikePeaks::of(&scenario, &solution, prepared.common.bead)?;
     let outcome = match prepared.measure(&scenario, &solution, &filled(&peaks), arguments.strikes) {
         Ok(errors) => SphereOutcome::Measured(Measured { peaks, errors }),
         // The table says which spheres are refused.
@@ -245,7 +252,7 @@ fn cell(
 /// The reference front end behind sensors of which the strike fills two thirds of the range at the high gain.
 /// The low gain is little less, since the amplifiers of a fast bead have no room for more: ±65 km/s² is the
 /// limit.
-fn filled(peaks: &StrikePeaks) -> AnalogFrontEnd {
+pub(super) fn filled(peaks: &StrikePeaks) -> AnalogFrontEnd {
     let mut front_end = AnalogFrontEnd::default();
     // The reference reaches from -0.5 to 15.5 N, and to 250 m/s² to either side.
     let (force, acceleration) = (&mut front_end.force, &mut front_end.acceleration);
@@ -346,7 +353,8 @@ mod tests {
     fn a_chain_is_of_equal_spheres_alone() {
         let line = ["spheres", "paper-strike.toml", "--bead", "8"];
         let (arguments, own) = (ProofLine::parse_from(line).arguments, Bead::paper());
-        let equal = |scenario: &Scenario| chain(&arguments, scenario, &own, (SphereMaterial::Glass, 0.02)).0;
+        let equal =
+            |scenario: &Scenario| chain(&arguments.strike, scenario, &own, (SphereMaterial::Glass, 0.02)).0;
         let mut scenario = Scenario::paper();
         let expected = equal(&scenario);
         let (density, young, poisson) = SphereMaterial::Steel.material();

@@ -1,0 +1,195 @@
+//! Another image over the line.
+//!
+//! # Design
+//! Flash of one bank cannot be read while a sector is erased, and the code lies in it: the core stands still
+//! for a second or two. So a bead that measures erases nothing. It judges the manifest of the image, and
+//! resets into a start that takes no samples ([`UpdateStage::Receiving`]): there it erases and takes the
+//! image. Whatever becomes of that, a reset ends it.
+//!
+//! The image on trial confirms itself when it has passed its self-test, by an erase too, and a reset
+//! follows. Whatever else ends a trial, a panic, the watchdog or a power cut, the loader goes back to the
+//! image before.
+
+use bead_update::manifest::Manifest;
+use bead_update::nor_flash::NorFlash;
+use bead_update::reception::{Expected, Reception, Refusal};
+use bead_update::swap::Images;
+use bead_wire::{Detail, Outcome, Standing, UpdateStage};
+
+use crate::bead::BeadState;
+use crate::block::SAMPLE_RATE_HZ;
+use crate::device::{Device, SUPPLY_LOW};
+
+/// A bead that waits for an image gives up after this time without a request of the update.
+const PATIENCE: u64 = 10 * SAMPLE_RATE_HZ as u64;
+/// Bytes that an erase makes room for at a time.
+const PAGE: usize = bead_update::layout::PAGE;
+
+/// The image that comes.
+pub(crate) struct Updates<F> {
+    images: Images<F>,
+    reception: Option<Reception>,
+    /// Time of the last request of the update.
+    heard: u64,
+}
+
+impl<F> Updates<F> {
+    pub(crate) const fn new(images: Images<F>) -> Self {
+        Self {
+            images,
+            reception: None,
+            heard: 0,
+        }
+    }
+}
+
+/// Why a request is refused: its outcome, and a line about it.
+type Refused = (Outcome, Detail);
+
+impl<F: NorFlash> Updates<F> {
+    /// Judges an image by its manifest, and makes room for it. Returns `true` if the bead has to reset first,
+    /// to stop acquisition; it is asked again then.
+    #[inline(never)]
+    pub(crate) fn begin<D: Device>(
+        &mut self,
+        bead: &BeadState<D>,
+        manifest: &[u8],
+        older: bool,
+    ) -> Result<bool, Refused> {
+        let device = bead.device();
+        let board = device.board();
+        let expected = Expected {
+            key: &D::UPDATE_KEY,
+            board: board.name.as_str(),
+            version: D::FIRMWARE,
+            capacity: self.images.capacity(),
+        };
+        let manifest = expected
+            .judge(manifest, older)
+            .map_err(|refusal| refused(refusal, &expected, manifest))?;
+        if device.supply_is_low() {
+            return Err((Outcome::FlashFailed, SUPPLY_LOW.into()));
+        }
+        match device.update_stage() {
+            UpdateStage::Receiving => {}
+            UpdateStage::OnTrial => {
+                let why = "an image is on trial: ask again in two seconds";
+                return Err((Outcome::Busy, why.into()));
+            }
+            _ => {
+                let standing = bead.snapshot().health.standing;
+                if standing.has(Standing::CRYSTAL_FAILED) || standing.has(Standing::PART_WRONG) {
+                    let why = "without a crystal no image passes its trial: mend the board, or use a probe";
+                    return Err((Outcome::ImageRefused, why.into()));
+                }
+                device.receive_after_reset();
+                return Ok(true);
+            }
+        }
+        self.reception = None;
+        let begun = Reception::begin::<_, PAGE>(&self.images, &manifest);
+        self.heard = device.now();
+        self.reception = Some(begun.map_err(|refusal| refused(refusal, &expected, &[]))?);
+        Ok(false)
+    }
+
+    /// Takes bytes of the image.
+    #[inline(never)]
+    pub(crate) fn take<D: Device>(&mut self, device: &D, offset: u32, bytes: &[u8]) -> Result<(), Refused> {
+        self.act(device, |reception, images| reception.take(images, offset, bytes))
+    }
+
+    /// Compares the image with its manifest, and lets the next start try it.
+    #[inline(never)]
+    pub(crate) fn finish<D: Device>(&mut self, device: &D) -> Result<(), Refused> {
+        self.act(device, Reception::finish)
+    }
+
+    fn act<D: Device>(
+        &mut self,
+        device: &D,
+        act: impl FnOnce(&Reception, &Images<F>) -> Result<(), Refusal>,
+    ) -> Result<(), Refused> {
+        if device.supply_is_low() {
+            return Err((Outcome::FlashFailed, SUPPLY_LOW.into()));
+        }
+        let done = match &self.reception {
+            Some(reception) => act(reception, &self.images),
+            None => Err(Refusal::NotBegun),
+        };
+        self.heard = device.now();
+        done.map_err(|refusal| said(refusal, Detail::default()))
+    }
+
+    /// Returns `true` if the bead waits for an image, and hears nothing more of it.
+    pub(crate) fn is_idle<D: Device>(&self, device: &D) -> bool {
+        device.update_stage() == UpdateStage::Receiving && device.now() > self.heard + PATIENCE
+    }
+
+    /// Confirms the image on trial.
+    ///
+    /// # Panics
+    /// The flash does not take it: the loader goes back to the image before.
+    pub(crate) fn confirm(&self) {
+        if self.images.confirm().is_err() {
+            panic!("the flash does not take that the image on trial is good");
+        }
+    }
+}
+
+/// The reply to an image that is not taken. The manifest may say more.
+#[inline(never)]
+fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Refused {
+    let Ok(manifest) = Manifest::read(manifest) else {
+        return said(refusal, Detail::default());
+    };
+    let Expected {
+        board,
+        version,
+        capacity,
+        ..
+    } = expected;
+    let more = match refusal {
+        Refusal::Board => Detail::new(format_args!(
+            "the image is for {}, this is {board}",
+            manifest.board
+        )),
+        Refusal::Older => Detail::new(format_args!(
+            "the image is {}, older than {version}",
+            manifest.version
+        )),
+        Refusal::Length => Detail::new(format_args!(
+            "{} bytes; an image has 1 to {capacity}",
+            manifest.length
+        )),
+        _ => Detail::default(),
+    };
+    said(refusal, more)
+}
+
+/// The reply to what is not taken. An empty line stands for the usual one.
+fn said(refusal: Refusal, line: Detail) -> Refused {
+    let outcome = match refusal {
+        Refusal::Flash => Outcome::FlashFailed,
+        Refusal::Place => Outcome::OutOfRange,
+        _ => Outcome::ImageRefused,
+    };
+    let usual = match refusal {
+        Refusal::NoManifest => "what came is no manifest of an image",
+        Refusal::Unsigned => "the image is not signed with the key that this bead was built with",
+        Refusal::NotBegun => "no image was begun since the start: begin again",
+        Refusal::Place => "the piece does not lie in the image, or is no whole number of words",
+        Refusal::Differs => "other bytes are there already: begin again",
+        Refusal::NotThatImage => "what came is not the image that was announced: begin again",
+        Refusal::Flash => "the flash does not keep what is written: begin again",
+        Refusal::Board | Refusal::Older | Refusal::Length => "",
+    };
+    (
+        outcome,
+        if line.as_str().is_empty() {
+            usual.into()
+        } else {
+            line
+        },
+    )
+}

@@ -1,0 +1,10 @@
+//! The image's name in flash, right behind its vectors: `bead flash` reads it there, of an image that it
+//! knows nothing of and that may not run.
+
+/// Mark, version, commit and board (`build.rs`).
+const NAME: &str = env!("BEAD_IMAGE_NAME");
+
+#[allow(unsafe_code, reason = "a section of its own has a place of its own")]
+#[used]
+#[unsafe(link_section = ".image_name")]
+static IMAGE_NAME: [u8; NAME.len()] = *NAME.as_bytes().first_chunk().expect("it is as long as itself");

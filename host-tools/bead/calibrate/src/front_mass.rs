@@ -1,0 +1,191 @@
+//! The front mass: the force that the crystal feels of a shaken bead whose cap is free, over the
+//! acceleration.
+//!
+//! # Design
+//! m_front = F/a at 50 to 500 Hz, far below every resonance. The force's gain is that of the settings, and
+//! its uncertainty is an input. Each frequency gives a mass; their scatter is type A. A mass that changes
+//! with frequency means a resonance of the mounting.
+
+use crate::calibration::{Calibration, Check, LeftOut, Observation, ObservedValue};
+use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
+use crate::points::{Measured, Point, Points};
+
+/// Frequencies that count, Hz.
+const RANGE: [f64; 2] = [50.0, 500.0];
+/// Points at least.
+const FEWEST: usize = 3;
+/// The mass may change by so much over the frequencies, as a part; by three standard errors where that is
+/// more.
+const LEVEL: f64 = 0.02;
+
+/// Quantities that an operator states, and those of the settings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrontMassInputs {
+    /// Relative standard uncertainty of the reference, by its certificate.
+    pub reference_u: f64,
+    /// Worth of a code, N, for points in codes.
+    pub force_per_code: f64,
+    /// Its relative standard uncertainty.
+    pub force_gain_u: f64,
+}
+
+const FRONT_MASS: ResultName = ResultName {
+    name: "front mass",
+    unit: "kg",
+    key: Some("bead.front_mass"),
+    uncertainty_key: Some("uncertainty.front_mass"),
+};
+
+/// Evaluates points.
+///
+/// # Errors
+/// One line: points of another unit, or too few.
+pub fn evaluate(points: &Points, stated: &FrontMassInputs) -> Result<Calibration, String> {
+    let newtons = match points.measured {
+        Measured::Force => 1.0,
+        Measured::Codes => stated.force_per_code,
+        other => {
+            return Err(format!(
+                "the points are in {}; the front mass takes a force in N, or codes",
+                other.unit()
+            ));
+        }
+    };
+    let (mut kept, mut left_out): (Vec<&Point>, Vec<LeftOut>) = (Vec::new(), Vec::new());
+    for point in &points.points {
+        if (RANGE[0]..=RANGE[1]).contains(&point.frequency) {
+            kept.push(point);
+        } else {
+            left_out.push(LeftOut {
+                subject: point.subject.clone(),
+                why: format!(
+                    "{:.0} Hz is not from {} to {} Hz, where body and cap move as one",
+                    point.frequency, RANGE[0], RANGE[1]
+                ),
+            });
+        }
+    }
+    if kept.len() < FEWEST {
+        return Err(format!(
+            "{} of {} points are from {} to {} Hz, and {FEWEST} at least are needed; shake at more frequencies",
+            kept.len(),
+            points.points.len(),
+            RANGE[0],
+            RANGE[1]
+        ));
+    }
+    kept.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+    let mass = |point: &Point| newtons * point.measured / point.reference;
+    let masses: Vec<f64> = kept.iter().map(|point| mass(point)).collect();
+    let (mean, scatter) = mean_and_scatter(&masses);
+    let inputs = [
+        ModelInput {
+            name: format!("repeatability, {} points", masses.len()),
+            ..ModelInput::repeatability(scatter / mean, masses.len(), masses.len() as f64 - 1.0)
+        },
+        ModelInput::normal("reference", "", 1.0, stated.reference_u),
+        ModelInput::normal("force gain", "", 1.0, stated.force_gain_u),
+    ];
+    let model = |values: &[f64]| vec![mean * values[0] * values[2] / values[1]];
+    let (results, _) = propagate(&[FRONT_MASS], &inputs, &[], model);
+    let check = level(&kept, &masses, mean);
+    let observed = |point: &&Point| Observation {
+        subject: point.subject.clone(),
+        values: vec![
+            ObservedValue::new("frequency", "Hz", point.frequency),
+            ObservedValue::new("reference", "m/s² rms", point.reference),
+            ObservedValue::new("measured", points.measured.unit(), point.measured),
+            ObservedValue::new("front mass", "g", 1e3 * mass(point)),
+        ],
+    };
+    Ok(Calibration {
+        procedure: "front-mass",
+        title: "Front mass against a reference",
+        bead: None,
+        results,
+        correlations: Vec::new(),
+        observations: kept.iter().map(observed).collect(),
+        left_out,
+        checks: vec![check],
+        supply_v: None,
+        method: METHOD.map(str::to_owned).to_vec(),
+    })
+}
+
+/// Checks that the mass does not change over the frequencies: by a straight line through all.
+fn level(points: &[&Point], masses: &[f64], mean: f64) -> Check {
+    let count = masses.len() as f64;
+    let middle = points.iter().map(|point| point.frequency).sum::<f64>() / count;
+    let along: Vec<f64> = points.iter().map(|point| point.frequency - middle).collect();
+    let spread = along.iter().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
+    let slope = along.iter().zip(masses).map(|(x, mass)| x * mass).sum::<f64>() / spread;
+    let residual = |(x, mass): (&f64, &f64)| (mass - mean - slope * x).powi(2);
+    let variance = along.iter().zip(masses).map(residual).sum::<f64>() / (count - 2.0).max(1.0);
+    let range = along
+        .last()
+        .zip(along.first())
+        .map_or(0.0, |(last, first)| last - first);
+    let [off, u] = [slope, (variance / spread).sqrt()].map(|of| of * range / mean);
+    let allowed = LEVEL.max(3.0 * u);
+    Check {
+        what: "change of the mass from the lowest to the highest frequency".to_owned(),
+        deviation_percent: 100.0 * off,
+        allowed_percent: 100.0 * allowed,
+        holds: off.abs() <= allowed,
+        advice: "a mass that changes with frequency means a resonance of the mounting, or a cap that is not free",
+    }
+}
+
+const METHOD: [&str; 2] = [
+    "The body is shaken by a sine far below every resonance, with a reference accelerometer on it and the cap free. The \
+     crystal then feels the cap alone: the front mass is the force over the acceleration.",
+    "The result is the mean over the frequencies. The gain of the force is that of the settings, with its uncertainty: the \
+     front mass is as wrong as the gain.",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mass_is_force_over_acceleration_and_one_that_changes_with_frequency_fails() {
+        let points = |slope: f64| Points {
+            points: (0..8)
+                .map(|at| {
+                    let frequency = 60.0 + 50.0 * f64::from(at);
+                    Point {
+                        subject: format!("line {at}"),
+                        frequency,
+                        reference: 10.0,
+                        measured: 0.084 * (1.0 + slope * frequency / 500.0),
+                    }
+                })
+                .chain([Point {
+                    subject: "high".to_owned(),
+                    frequency: 900.0,
+                    reference: 10.0,
+                    measured: 0.2,
+                }])
+                .collect(),
+            measured: Measured::Force,
+        };
+        let stated = FrontMassInputs {
+            reference_u: 0.01,
+            force_per_code: 0.0,
+            force_gain_u: 0.002,
+        };
+        let found = evaluate(&points(0.0), &stated).unwrap();
+        let result = &found.results[0].combined;
+        assert!((result.value - 8.4e-3).abs() < 1e-9, "{result:?}");
+        // The quotient is no straight line over ± 1 %.
+        assert!((result.u / result.value / f64::hypot(0.01, 0.002) - 1.0).abs() < 2e-4);
+        assert_eq!((found.doubt(), found.left_out.len()), (None, 1));
+        assert!(
+            evaluate(&points(0.05), &stated)
+                .unwrap()
+                .doubt()
+                .unwrap()
+                .contains("resonance")
+        );
+    }
+}

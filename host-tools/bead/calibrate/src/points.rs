@@ -1,0 +1,349 @@
+//! Points of a shaker: at each frequency the reference's acceleration and the response of the bead's sensor,
+//! from a table, or from a record of each.
+
+use std::path::Path;
+
+use bead_instrument::{Choice, Trace, Waveform};
+use bead_tables::printable::beginning;
+use bead_tables::unit::{self, Quantity};
+use hertz_chain::read_text;
+
+use crate::sine;
+
+/// Points of a table at most.
+const MOST: usize = 10_000;
+/// Samples of a record at most: 100 s of the bead's.
+const SAMPLES_MOST: usize = 10_000_000;
+/// The rest beside a tone may have this part of it at most, rms.
+const DISTORTED: f64 = 0.3;
+/// Frequencies of both records of a point may differ by this part: two clocks.
+const CLOCKS: f64 = 1e-3;
+/// Lowest and highest code of the converter.
+const RAILS: [u16; 2] = [0, 4095];
+
+/// A measured unit of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measured {
+    /// V at the sensor.
+    Volts,
+    /// Codes of the converter at the high gain.
+    Codes,
+    /// m/s².
+    Acceleration,
+    /// N.
+    Force,
+}
+
+impl Measured {
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Volts => "V",
+            Self::Codes => "codes",
+            Self::Acceleration => "m/s²",
+            Self::Force => "N",
+        }
+    }
+}
+
+/// A point of a shaker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Its name: a line of a table, or a pair of files.
+    pub subject: String,
+    /// Frequency, Hz.
+    pub frequency: f64,
+    /// Acceleration of the reference, m/s² rms.
+    pub reference: f64,
+    /// Response of the bead's sensor to it, rms.
+    pub measured: f64,
+}
+
+/// Points with one unit of what was measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Points {
+    /// The points, as they came.
+    pub points: Vec<Point>,
+    /// The unit.
+    pub measured: Measured,
+}
+
+impl Points {
+    /// The points with the low-pass in front of the converter, of this pole in Hz, taken out of codes; 0 for
+    /// none. The bead takes it out of its signals likewise.
+    #[must_use]
+    pub fn without_pole(mut self, pole: f64) -> Self {
+        if self.measured == Measured::Codes && pole > 0.0 {
+            for point in &mut self.points {
+                point.measured *= f64::hypot(1.0, point.frequency / pole);
+            }
+        }
+        self
+    }
+}
+
+/// Reads a table with a heading: frequency, reference, and what was measured, each with its unit behind `_`
+/// or in brackets: `frequency_hz,reference_mps2,voltage_v`.
+///
+/// # Errors
+/// One line: file, line, what is wrong and what would do.
+pub fn table(path: &Path) -> Result<Points, String> {
+    let name = path.display();
+    let text = read_text(path, "a CSV table of frequency, reference and what was measured");
+    let text = text.map_err(|error| error.to_string())?;
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| {
+        let line = line.trim();
+        !line.is_empty() && !line.starts_with('#')
+    });
+    let (at, heading) = lines
+        .next()
+        .ok_or_else(|| format!("{name} is empty; give a heading and a line for each frequency"))?;
+    let separator = [';', '\t', ',']
+        .into_iter()
+        .find(|letter| heading.contains(*letter));
+    let separator = separator.unwrap_or(',');
+    let mut columns = [None; 2];
+    let mut measured = None;
+    for (place, head) in heading.split(separator).enumerate() {
+        let head = head.trim().trim_matches('"');
+        let (stem, size) = quantity(head);
+        let stem = stem.to_lowercase();
+        match (size, &stem[..]) {
+            (Some((Quantity::Frequency, size)), _) => columns[0] = Some((place, size)),
+            (Some((Quantity::Acceleration, size)), stem) if stem.starts_with("ref") => {
+                columns[1] = Some((place, size));
+            }
+            (Some((Quantity::Acceleration, size)), _) => {
+                measured = Some((place, size, Measured::Acceleration))
+            }
+            (Some((Quantity::Voltage, size)), _) => measured = Some((place, size, Measured::Volts)),
+            (Some((Quantity::Force, size)), _) => measured = Some((place, size, Measured::Force)),
+            (None, "codes" | "code") => measured = Some((place, 1.0, Measured::Codes)),
+            _ => {}
+        }
+    }
+    let (Some(frequency), Some(reference), Some(measured)) = (columns[0], columns[1], measured) else {
+        return Err(format!(
+            "{name}:{at}: the heading `{}` has no frequency, reference and measured column; name them with their units, \
+             such as frequency_hz,reference_mps2,voltage_v, or codes, force_n, intruder_mps2 for the last",
+            beginning(heading, 60)
+        ));
+    };
+    let mut points = Vec::new();
+    for (line, row) in lines {
+        let cells: Vec<&str> = row.split(separator).collect();
+        let number = |(place, size): (usize, f64)| {
+            let cell = cells.get(place).map_or("", |cell| cell.trim().trim_matches('"'));
+            let value = cell.parse::<f64>().ok().map(|value| value * size);
+            value
+                .filter(|value| value.is_finite() && *value > 0.0)
+                .ok_or_else(|| {
+                    format!(
+                        "{name}:{line}: `{}` is no number above 0; give frequency and both rms values",
+                        beginning(cell, 40)
+                    )
+                })
+        };
+        points.push(Point {
+            subject: format!("line {line}"),
+            frequency: number(frequency)?,
+            reference: number(reference)?,
+            measured: number((measured.0, measured.1))?,
+        });
+        if points.len() > MOST {
+            return Err(format!("{name} has more than {MOST} lines; give fewer"));
+        }
+    }
+    Ok(Points {
+        points,
+        measured: measured.2,
+    })
+}
+
+/// Stem of a heading, and quantity and size of its unit.
+fn quantity(head: &str) -> (&str, Option<(Quantity, f64)>) {
+    if let Some((stem, unit)) = unit::Unit::of_column(head) {
+        return (stem, Some((unit.quantity, unit.size)));
+    }
+    let (stem, text) = unit::split(head);
+    let found = text.and_then(|text| match text.trim().to_lowercase().as_str() {
+        "hz" => Some((Quantity::Frequency, 1.0)),
+        "khz" => Some((Quantity::Frequency, 1e3)),
+        _ => unit::parse(text).map(|unit| (unit.quantity, unit.size)),
+    });
+    (stem, found)
+}
+
+/// A channel of the bead's scans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channel {
+    /// The force at the high gain.
+    Force,
+    /// The acceleration at the high gain.
+    Acceleration,
+}
+
+/// The point of a pair of records of one steady tone: scans as `bead command raw` writes them, and the
+/// reference's acceleration, which `choice` finds in its file.
+///
+/// # Errors
+/// One line: a file that cannot be read, codes at a rail, or no tone.
+pub fn pair(scans: &Path, reference: &Path, choice: &Choice, channel: Channel) -> Result<Point, String> {
+    let codes = codes(scans, channel)?;
+    let waveform = Waveform::read(reference, choice, None).map_err(|error| error.to_string())?;
+    let shown = reference.display();
+    let trace: &Trace = waveform.acceleration.as_ref().ok_or_else(|| {
+        format!("{shown} has no acceleration; name its column: --read acceleration=COLUMN:UNIT")
+    })?;
+    let samples: Vec<(f64, f64)> = trace.points().take(SAMPLES_MOST).collect();
+    let tone = |samples: &[(f64, f64)], near: Option<f64>, name: &Path| {
+        let tone = sine::fit(samples, near).map_err(|why| format!("{}: {why}", name.display()))?;
+        if tone.rest > DISTORTED * tone.rms {
+            return Err(format!(
+                "{}: beside its tone of {:.1} Hz there is {:.0} % of it; shake with one steady tone",
+                name.display(),
+                tone.frequency,
+                100.0 * tone.rest / tone.rms
+            ));
+        }
+        Ok(tone)
+    };
+    let of_reference = tone(&samples, None, reference)?;
+    let of_bead = tone(&codes, Some(of_reference.frequency), scans)?;
+    if (of_bead.frequency / of_reference.frequency - 1.0).abs() > CLOCKS {
+        return Err(format!(
+            "{} has a tone of {:.3} Hz and {shown} one of {:.3} Hz; are these of one time?",
+            scans.display(),
+            of_bead.frequency,
+            of_reference.frequency
+        ));
+    }
+    Ok(Point {
+        subject: scans
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned(),
+        frequency: of_reference.frequency,
+        reference: of_reference.rms,
+        measured: of_bead.rms,
+    })
+}
+
+/// Times, s, and codes of the scans of a file that `bead command raw` wrote.
+fn codes(path: &Path, channel: Channel) -> Result<Vec<(f64, f64)>, String> {
+    let name = path.display();
+    let text = read_text(path, "scans as `bead command raw --out F.csv` writes them");
+    let text = text.map_err(|error| error.to_string())?;
+    let mut lines = (1..).zip(text.lines());
+    let heading = lines.next().map_or("", |(_, heading)| heading.trim());
+    if heading != "sample_index,force_code,acceleration_code" {
+        return Err(format!(
+            "{name}: `{}` is no heading of scans; give a file that `bead command raw --out F.csv` wrote",
+            beginning(heading, 40)
+        ));
+    }
+    let mut first = None;
+    let mut samples: Vec<(f64, f64)> = Vec::new();
+    for (line, row) in lines.take(SAMPLES_MOST) {
+        let wrong = || format!("{name}:{line}: this is no scan; give the file as it was written");
+        let mut cells = row.split(',');
+        let index: u64 = cells
+            .next()
+            .and_then(|cell| cell.parse().ok())
+            .ok_or_else(wrong)?;
+        let place = usize::from(channel == Channel::Acceleration);
+        let code: u16 = cells
+            .nth(place)
+            .and_then(|cell| cell.trim().parse().ok())
+            .ok_or_else(wrong)?;
+        if RAILS.contains(&code) || code > RAILS[1] {
+            return Err(format!(
+                "{name}:{line}: the code {code} is at a rail of the converter; shake more softly"
+            ));
+        }
+        let since = index.checked_sub(*first.get_or_insert(index)).ok_or_else(wrong)?;
+        // The image samples at 100 kHz and refuses another rate.
+        let time = since as f64 * 1e-5;
+        if samples.last().is_some_and(|(last, _)| *last >= time) {
+            return Err(wrong());
+        }
+        samples.push((time, f64::from(code)));
+    }
+    Ok(samples)
+}
+
+#[cfg(test)]
+mod tests {
+    use bead_testing::paper_settings;
+
+    use super::*;
+    use crate::simulated::SimulatedBead;
+    use crate::simulated::sines::{self, Shaken};
+
+    #[test]
+    fn a_table_is_read_by_the_units_of_its_heading_and_a_wrong_cell_is_named_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            table(&path)
+        };
+        let found = read("# shaker\nfrequency (kHz);reference (g);voltage (mV)\n\n0.16;1;10.2\n").unwrap();
+        let point = &found.points[0];
+        assert_eq!(found.measured, Measured::Volts);
+        let values = [point.frequency, point.reference, point.measured];
+        for (value, expected) in values.into_iter().zip([160.0, 9.806_65, 0.0102]) {
+            assert!((value - expected).abs() < 1e-9, "{point:?}");
+        }
+        let codes = read("frequency_hz,reference_mps2,codes\n160,10,81.9\n").unwrap();
+        assert_eq!(codes.measured, Measured::Codes);
+        let forces = read("frequency_hz,reference_mps2,force_n\n160,10,0.084\n").unwrap();
+        assert_eq!(forces.measured, Measured::Force);
+        for (text, says) in [
+            ("frequency_hz,reference_mps2\n160,10\n", ":1: the heading"),
+            (
+                "frequency_hz,reference_mps2,codes\n160,10,nan\n",
+                ":2: `nan` is no number above 0",
+            ),
+            (
+                "frequency_hz,reference_mps2,codes\n160,10\n",
+                ":2: `` is no number above 0",
+            ),
+            ("", "is empty"),
+        ] {
+            let refused = read(text).unwrap_err();
+            assert!(refused.contains(says), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_pair_of_records_gives_the_ratio_of_its_tones_and_other_records_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (scans, reference) = (
+            folder.path().join("scans.csv"),
+            folder.path().join("reference.csv"),
+        );
+        let bead = SimulatedBead::with_gains(&paper_settings(), [1.0, 1.1]);
+        let write = |of_bead: f64, of_reference: f64, rms: f64| {
+            let tone = |frequency| Shaken::new(frequency, rms, None, 0.0);
+            std::fs::write(&scans, sines::scans(&bead, &tone(of_bead), 0.3, 1)).unwrap();
+            std::fs::write(&reference, sines::reference(&tone(of_reference), 1.0, 0.3, 1)).unwrap();
+            pair(&scans, &reference, &Choice::default(), Channel::Acceleration)
+        };
+        let point = write(160.0, 160.0, 30.0).unwrap();
+        let per_code = point.reference / point.measured;
+        let expected = 1.1 * paper_settings().description().acceleration.per_code;
+        assert!((per_code / expected - 1.0).abs() < 1e-4, "{per_code} {expected}");
+        let rails = write(160.0, 160.0, 300.0).unwrap_err();
+        assert!(
+            rails.contains("is at a rail of the converter; shake more softly"),
+            "{rails}"
+        );
+        let other = write(160.0, 315.0, 30.0).unwrap_err();
+        assert!(
+            other.contains("there is") || other.contains("finds no end"),
+            "{other}"
+        );
+    }
+}

@@ -1,0 +1,227 @@
+//! The amplitude and the frequency of a tone in samples that may have gaps: the four-parameter sine fit of
+//! IEEE Std 1057, 4.1.4.2.
+
+use hertz_chain::{Signal, Spectrum};
+
+/// Samples that the search for the frequency takes.
+const SEARCHED: usize = 1 << 14;
+/// Steps of a fit at most, and the relative change of the frequency that ends it.
+const STEPS: usize = 40;
+const SETTLED: f64 = 1e-13;
+/// Periods of the first stretch that a fit takes. It grows fourfold until it has all samples.
+const FIRST_PERIODS: f64 = 20.0;
+const GROWS: f64 = 4.0;
+/// Samples at least.
+const FEWEST: usize = 32;
+
+/// A tone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tone {
+    /// Frequency, Hz.
+    pub(crate) frequency: f64,
+    /// Amplitude rms, in the unit of the samples.
+    pub(crate) rms: f64,
+    /// Standard uncertainty of `rms` by what is left of the samples, taken as white.
+    pub(crate) rms_u: f64,
+    /// Rms of what is left of the samples without the tone.
+    pub(crate) rest: f64,
+    /// Number of samples.
+    pub(crate) samples: usize,
+}
+
+/// Fits a tone to samples: times in s, ascending, and values. Without a frequency to begin with, the
+/// strongest of the spectrum of the first even stretch is taken.
+///
+/// # Errors
+/// One line: too few samples, or no tone among them.
+pub(crate) fn fit(samples: &[(f64, f64)], near: Option<f64>) -> Result<Tone, String> {
+    if samples.len() < FEWEST {
+        return Err(format!(
+            "{} samples are too few for a tone; record {FEWEST} at least",
+            samples.len()
+        ));
+    }
+    let mut frequency = match near {
+        Some(near) => near,
+        None => strongest(samples)?,
+    };
+    let begin = samples[0].0;
+    let mut stretch = FIRST_PERIODS / frequency;
+    loop {
+        let end = samples.partition_point(|(time, _)| time - begin <= stretch);
+        let taken = &samples[..end];
+        if taken.len() >= FEWEST {
+            let tone = refine(taken, frequency)?;
+            frequency = tone.frequency;
+            if end == samples.len() {
+                return Ok(tone);
+            }
+        }
+        stretch *= GROWS;
+    }
+}
+
+/// The strongest frequency above 0 of the samples up to the first gap.
+fn strongest(samples: &[(f64, f64)]) -> Result<f64, String> {
+    let interval = samples[1].0 - samples[0].0;
+    let is_even = |pair: &&[(f64, f64)]| (pair[1].0 - pair[0].0 - interval).abs() < 0.01 * interval;
+    let even = samples.windows(2).take_while(is_even).take(SEARCHED).count() + 1;
+    if even < FEWEST || interval <= 0.0 {
+        return Err("there are fewer than 32 samples at even steps; give a record without gaps".to_owned());
+    }
+    let mean = samples[..even].iter().map(|(_, value)| value).sum::<f64>() / even as f64;
+    let signal = Signal {
+        start: 0.0,
+        interval,
+        values: samples[..even].iter().map(|(_, value)| value - mean).collect(),
+    };
+    let spectrum = Spectrum::of(&signal);
+    let highest = spectrum.magnitudes().skip(1).max_by(|a, b| a.1.total_cmp(&b.1));
+    let frequency = highest.map_or(0.0, |(frequency, _)| frequency);
+    if frequency * interval * even as f64 > 2.0 {
+        return Ok(frequency);
+    }
+    Err("there is no tone with more than two periods in the record".to_owned())
+}
+
+/// Fits amplitude, phase, offset and frequency, beginning at a frequency that is right within a quarter of a
+/// period over the samples.
+fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
+    let middle = 0.5 * (samples[0].0 + samples[samples.len() - 1].0);
+    let lost = || "the fit of a tone finds no end; is it one steady tone?".to_owned();
+    let mut amplitudes = [0.0; 2];
+    for step in 0..STEPS {
+        let omega = std::f64::consts::TAU * frequency;
+        // The first step has no amplitude yet that a change of the frequency could go with.
+        let columns = if step == 0 { 3 } else { 4 };
+        let mut normal = [[0.0; 5]; 4];
+        for (time, value) in samples {
+            let since = time - middle;
+            let (sin, cos) = (omega * since).sin_cos();
+            let slope = since * (amplitudes[1] * cos - amplitudes[0] * sin);
+            let row = [cos, sin, 1.0, slope, *value];
+            for (of, line) in row.iter().zip(&mut normal) {
+                line.iter_mut()
+                    .zip(row)
+                    .for_each(|(sum, other)| *sum += of * other);
+            }
+        }
+        let solved = solve(normal, columns).ok_or_else(lost)?;
+        amplitudes = [solved[0], solved[1]];
+        let change = solved[3] / std::f64::consts::TAU;
+        frequency += change;
+        if !(frequency.is_finite() && frequency > 0.0) {
+            return Err(lost());
+        }
+        if step > 0 && change.abs() <= SETTLED * frequency {
+            break;
+        }
+    }
+    let omega = std::f64::consts::TAU * frequency;
+    let offset = {
+        let residual = |(time, value): &(f64, f64)| {
+            let (sin, cos) = (omega * (time - middle)).sin_cos();
+            value - amplitudes[0] * cos - amplitudes[1] * sin
+        };
+        samples.iter().map(residual).sum::<f64>() / samples.len() as f64
+    };
+    let squares: f64 = samples
+        .iter()
+        .map(|(time, value)| {
+            let (sin, cos) = (omega * (time - middle)).sin_cos();
+            (value - offset - amplitudes[0] * cos - amplitudes[1] * sin).powi(2)
+        })
+        .sum();
+    let count = samples.len() as f64;
+    let rest = (squares / (count - 4.0)).sqrt();
+    let rms = amplitudes[0].hypot(amplitudes[1]) * std::f64::consts::FRAC_1_SQRT_2;
+    Ok(Tone {
+        frequency,
+        rms,
+        // σ √(2/N) of an amplitude, 1/√2 of it of the rms.
+        rms_u: rest / count.sqrt(),
+        rest,
+        samples: samples.len(),
+    })
+}
+
+/// Gaussian elimination with pivots of the first `columns` unknowns; the others are 0.
+fn solve(mut rows: [[f64; 5]; 4], columns: usize) -> Option<[f64; 4]> {
+    for column in 0..columns {
+        let pivot =
+            (column..columns).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))?;
+        rows.swap(column, pivot);
+        if rows[column][column].abs() < f64::MIN_POSITIVE {
+            return None;
+        }
+        for below in column + 1..columns {
+            let part = rows[below][column] / rows[column][column];
+            let above = rows[column];
+            rows[below]
+                .iter_mut()
+                .zip(above)
+                .for_each(|(to, from)| *to -= part * from);
+        }
+    }
+    let mut solved = [0.0; 4];
+    for row in (0..columns).rev() {
+        let known: f64 = (row + 1..columns)
+            .map(|column| rows[row][column] * solved[column])
+            .sum();
+        solved[row] = (rows[row][4] - known) / rows[row][row];
+    }
+    solved.iter().all(|value| value.is_finite()).then_some(solved)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tone_is_found_in_noise_with_gaps_and_its_uncertainty_is_its_scatter() {
+        let (mut pull, repeats) = (0.0, 200);
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        for repeat in 0..repeats {
+            let (frequency, phase) = (1234.5 * (1.0 + 4e-5 * uniform()), f64::from(repeat));
+            let sample = |at: u32, noise: f64| {
+                let time = f64::from(at) * 1e-5;
+                let wave = 3.0 * (std::f64::consts::TAU * frequency * time + phase).sin();
+                (time, 7.0 + wave + noise)
+            };
+            // Every second run of 100 samples is lost.
+            let kept = (0..40_000).filter(|at| at / 100 % 2 == 0);
+            let mut noise = || (0..12).map(|_| uniform() - 0.5).sum::<f64>();
+            let samples: Vec<_> = kept.map(|at| sample(at, noise())).collect();
+            let found = fit(&samples, Some(1234.5)).unwrap();
+            // Five times √6 σ/(π T A √N) (Rife and Boorstyn 1974).
+            assert!((found.frequency - frequency).abs() < 0.025, "{found:?}");
+            assert!((found.rest - 1.0).abs() < 0.02, "{found:?}");
+            pull += ((found.rms - 3.0 / 2.0_f64.sqrt()) / found.rms_u).powi(2);
+        }
+        let pull = pull / f64::from(repeats);
+        // The variance of 200 squares is 2/200.
+        assert!((pull - 1.0).abs() < 4.0 * 0.1, "{pull}");
+    }
+
+    #[test]
+    fn the_frequency_of_a_record_without_gaps_is_searched_and_a_record_without_a_tone_is_refused() {
+        let samples: Vec<_> = (0..100_000)
+            .map(|at| f64::from(at) * 2e-5)
+            .map(|time| (time, (std::f64::consts::TAU * 4001.3 * time).cos() - 0.5))
+            .collect();
+        let found = fit(&samples, None).unwrap();
+        assert!(
+            (found.frequency - 4001.3).abs() < 1e-6 && (found.rms - 0.5_f64.sqrt()).abs() < 1e-9,
+            "{found:?}"
+        );
+        let flat: Vec<_> = samples.iter().map(|(time, _)| (*time, 1.0)).collect();
+        assert!(fit(&flat, None).is_err());
+        assert!(fit(&samples[..20], None).unwrap_err().contains("too few"));
+    }
+}

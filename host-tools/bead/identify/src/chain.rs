@@ -1,0 +1,459 @@
+//! A strike of a chain that a scenario describes, from striker to bead.
+//!
+//! # Design
+//! The whole chain is simulated with its tangents ([`hertz_chain::tangents`]), front end included, and
+//! compared with the codes of both sensors. The strike's own numbers are the striker's velocity, the moment
+//! at which it touches the chain, and the zero of each channel.
+
+use hertz_chain::Scenario;
+use hertz_chain::tangents::{Dual, Parameter, Sensor, SensorPlace, SignalTangents, tangents};
+
+use crate::model::{Evaluation, HARDENING, SignalSample, StrikeModel};
+use crate::noise::Noise;
+use crate::quantity::{Quantity, Values};
+use crate::series::{Channel, Series, Stretch, StrikeSeries};
+
+/// Longest step of the integration, s.
+const LONGEST_STEP: f64 = 5e-6;
+/// Steps in the time of contact of the striker with the first bead, at least.
+const STEPS_IN_CONTACT: f64 = 25.0;
+/// Least peak of the force, in standard deviations of its noise.
+const LEAST_PEAK: f64 = 10.0;
+/// Directions with the shared tangents.
+const ALL: usize = 8;
+
+/// A host in a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainOfScenario {
+    scenario: Scenario,
+    bead: usize,
+    /// The `[[intruder]]` table of its intruder, if there is one.
+    table: Option<usize>,
+    mass: f64,
+    /// Step of the integration, s.
+    step: f64,
+}
+
+impl ChainOfScenario {
+    /// The intruder in bead `bead` of a scenario.
+    ///
+    /// # Errors
+    /// There is none, or no run has tangents: one line.
+    pub fn new(scenario: &Scenario, bead: usize) -> Result<Self, String> {
+        let table = scenario
+            .intruders
+            .iter()
+            .position(|one| one.beads.contains(&bead));
+        let table = table.ok_or_else(|| {
+            let with: Vec<usize> = scenario
+                .intruders
+                .iter()
+                .flat_map(|one| one.beads.clone())
+                .collect();
+            format!("bead {bead} of the scenario has no intruder; those with one are {with:?}")
+        })?;
+        Self::of(scenario, bead, Some(table))
+    }
+
+    /// A chain without intruders. `bead` is the one whose mass is that of the chain's beads.
+    ///
+    /// # Errors
+    /// No run has tangents, or there is no such bead: one line.
+    pub fn without_intruder(scenario: &Scenario, bead: usize) -> Result<Self, String> {
+        if !(1..=scenario.chain.beads).contains(&bead) {
+            return Err(format!(
+                "bead {bead} is not of the scenario's chain of {}",
+                scenario.chain.beads
+            ));
+        }
+        Self::of(scenario, bead, None)
+    }
+
+    fn of(scenario: &Scenario, bead: usize, table: Option<usize>) -> Result<Self, String> {
+        let model = hertz_chain::Model::of(scenario).map_err(|error| error.to_string())?;
+        let step = step_of(&model);
+        tangents::<0>(scenario, &[], &[], None, (step, step)).map_err(|error| error.to_string())?;
+        Ok(Self {
+            scenario: scenario.clone(),
+            bead,
+            table,
+            mass: model.mass(bead),
+            step,
+        })
+    }
+
+    /// The values of the scenario, with gains of 1.
+    pub fn values(&self) -> Values {
+        let chain = &self.scenario.chain;
+        let mut values = [1.0; crate::quantity::COUNT];
+        if let Some(table) = self.table {
+            let intruder = &self.scenario.intruders[table];
+            values[Quantity::Stiffness.place()] = intruder.stiffness;
+            values[Quantity::Damping.place()] = intruder.damping;
+            values[Quantity::IntruderMass.place()] = intruder.mass;
+        }
+        for (quantity, value) in [
+            (Quantity::BeadMass, self.mass),
+            (Quantity::Young, chain.young),
+            (Quantity::Relaxation, chain.relaxation),
+        ] {
+            values[quantity.place()] = value;
+        }
+        values
+    }
+
+    /// κ, N/m^1.5, of the contact behind the bead at these values.
+    ///
+    /// # Errors
+    /// No chain has these values.
+    pub fn contact_stiffness(&self, values: &Values) -> Result<f64, String> {
+        let model = hertz_chain::Model::of(&self.with(values, 1.0)).map_err(|error| error.to_string())?;
+        let behind = (self.bead + 1).min(model.contacts());
+        Ok(model.contact(behind).stiffness)
+    }
+
+    /// The scenario at these values, with the striker `faster` by a factor.
+    pub fn with(&self, values: &Values, faster: f64) -> Scenario {
+        let mut scenario = self.scenario.clone();
+        let of = |quantity: Quantity| values[quantity.place()];
+        if let Some(table) = self.table {
+            let intruder = &mut scenario.intruders[table];
+            intruder.stiffness = of(Quantity::Stiffness);
+            intruder.damping = of(Quantity::Damping);
+            intruder.mass = of(Quantity::IntruderMass);
+        }
+        scenario.chain.young = of(Quantity::Young);
+        scenario.chain.relaxation = of(Quantity::Relaxation);
+        scenario.chain.density *= of(Quantity::BeadMass) / self.mass;
+        scenario.striker.velocity *= faster;
+        scenario
+    }
+
+    /// The shared directions, and the striker's velocity as the first one.
+    fn parameters(&self) -> [Parameter; ALL] {
+        // A table that is not there has tangents of 0.
+        let table = self.table.unwrap_or(usize::MAX);
+        [
+            Parameter::StrikerVelocity,
+            Parameter::Stiffness(table),
+            Parameter::Damping(table),
+            Parameter::IntruderMass(table),
+            Parameter::Density,
+            Parameter::Young,
+            Parameter::Relaxation,
+            Parameter::CubicStiffness(table),
+        ]
+    }
+}
+
+/// A step that is short beside the fastest contact, that of the striker (docs/physics.md, two bodies alone),
+/// s.
+fn step_of(model: &hertz_chain::Model) -> f64 {
+    let (striker, bead) = (model.mass(0), model.mass(1));
+    let reduced = striker * bead / (striker + bead);
+    let (stiffness, speed) = (model.contact(1).stiffness, model.striker_speed().abs());
+    let contact = 3.218 * (reduced * reduced / (stiffness * stiffness * speed)).powf(0.2);
+    // A striker at rest has no time of contact.
+    (contact / STEPS_IN_CONTACT).min(LONGEST_STEP)
+}
+
+/// One strike.
+#[derive(Debug)]
+pub struct ChainStrike {
+    chain: ChainOfScenario,
+    rate: f64,
+    length: usize,
+    trigger: usize,
+    series: Vec<(Series, Noise)>,
+    sensors: Vec<Sensor>,
+    start: [f64; 2],
+    greatest: f64,
+}
+
+impl ChainStrike {
+    /// The strike at the bead of a chain, which is struck as the scenario says, but for the velocity.
+    ///
+    /// # Errors
+    /// Why there is none, as the end of a sentence.
+    pub fn new(
+        chain: &ChainOfScenario,
+        strike: &StrikeSeries,
+        noises: &[Option<Noise>; 4],
+        values: &Values,
+    ) -> Result<Self, String> {
+        let series: Result<Vec<(Series, Noise)>, String> = strike
+            .series
+            .iter()
+            .map(|series| {
+                let noise = noises[series.channel.place()].clone();
+                Ok((series.clone(), noise.ok_or("a channel has no quiet codes")?))
+            })
+            .collect();
+        let series = series?;
+        let force = strike.merged(true);
+        let peak = force.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let &(at, peak) = peak.ok_or("its force is at a rail throughout")?;
+        let noise = series
+            .iter()
+            .find(|(series, _)| series.channel.is_force())
+            .map_or(0.0, |(_, noise)| noise.deviation());
+        if peak < LEAST_PEAK * noise {
+            return Err(format!(
+                "its force is too quiet, {peak:.3} N of {noise:.4} N noise; strike harder"
+            ));
+        }
+        let sensors = series
+            .iter()
+            .map(|(series, _)| Sensor {
+                place: if series.channel.is_force() {
+                    SensorPlace::Force(chain.bead)
+                } else {
+                    SensorPlace::Acceleration(chain.bead)
+                },
+                pole: series.pole,
+                front_mass: strike.description.bead.front_mass,
+            })
+            .collect();
+        let greatest = strike
+            .merged(false)
+            .iter()
+            .fold(0.0_f64, |most, one| most.max(one.1.abs()));
+        let mut one = Self {
+            chain: chain.clone(),
+            rate: strike.rate,
+            length: strike.length,
+            trigger: strike.trigger,
+            series,
+            sensors,
+            start: [0.0; 2],
+            greatest,
+        };
+        one.start = one.guess(values, at as f64, peak)?;
+        Ok(one)
+    }
+
+    /// A strike by signals at places of a chain, of which the first is a force, sampled from the same moment
+    /// on, as a bench has them or a figure shows them. Each has its samples and its noise.
+    ///
+    /// # Errors
+    /// Why it cannot be computed, as the end of a sentence.
+    pub fn of_signals(
+        chain: &ChainOfScenario,
+        rate: f64,
+        signals: Vec<(SensorPlace, Vec<f64>, Noise)>,
+        values: &Values,
+    ) -> Result<Self, String> {
+        let length = signals
+            .iter()
+            .map(|(_, samples, _)| samples.len())
+            .max()
+            .unwrap_or(0);
+        let sensors = signals.iter().map(|(place, ..)| Sensor {
+            place: *place,
+            pole: 0.0,
+            front_mass: 0.0,
+        });
+        let sensors: Vec<Sensor> = sensors.collect();
+        let series = signals.into_iter().map(|(place, values, noise)| {
+            let channel = match place {
+                SensorPlace::Force(_) => Channel::Force,
+                SensorPlace::Acceleration(_) => Channel::Acceleration,
+            };
+            let stretches = vec![Stretch { from: 0, values }];
+            let series = Series {
+                channel,
+                pole: 0.0,
+                delay: 0.0,
+                step: 0.0,
+                stretches,
+            };
+            (series, noise)
+        });
+        let series: Vec<(Series, Noise)> = series.collect();
+        let first = series.first().ok_or("it has no signal")?;
+        let samples = first.0.stretches[0].values.iter().enumerate();
+        let peak = samples
+            .max_by(|a, b| a.1.total_cmp(b.1))
+            .map(|(at, peak)| (at as f64, *peak));
+        let (at, peak) = peak
+            .filter(|(_, peak)| *peak > 0.0)
+            .ok_or("its force has no peak")?;
+        let mut one = Self {
+            chain: chain.clone(),
+            rate,
+            length,
+            trigger: 0,
+            series,
+            sensors,
+            start: [0.0; 2],
+            greatest: 0.0,
+        };
+        one.start = one.guess(values, at, peak)?;
+        Ok(one)
+    }
+
+    /// Velocity and moment by the peak of the force: F ~ V^(6/5), t ~ V^(-1/5).
+    fn guess(&self, values: &Values, at: f64, peak: f64) -> Result<[f64; 2], String> {
+        let scenario = self.chain.with(values, 1.0);
+        let duration = scenario.duration.min(self.length as f64 / self.rate);
+        let step = self.chain.step;
+        let run = tangents::<0>(&scenario, &[], &self.sensors[..1], None, (duration, step));
+        let run = run.map_err(|error| error.to_string())?;
+        let signal = run.steps(0).iter().enumerate();
+        let highest = signal.max_by(|a, b| a.1.value.total_cmp(&b.1.value));
+        let (at_step, highest) = highest.map_or((0, 0.0), |(at, signal)| (at, signal.value));
+        if highest <= 0.0 {
+            return Err("no force reaches the bead of the scenario in its duration".to_owned());
+        }
+        let faster = (peak / highest).powf(5.0 / 6.0);
+        let time = at_step as f64 * step * faster.powf(-0.2);
+        Ok([faster.ln(), at - time * self.rate])
+    }
+
+    /// The time of a sample of a series since the striker touched the chain, s.
+    fn time(&self, series: &Series, at: usize, own: &[f64]) -> f64 {
+        (at as f64 - own[1]) / self.rate + series.delay
+    }
+
+    fn run<const P: usize>(&self, values: &Values, own: &[f64]) -> Result<SignalTangents<P>, String> {
+        let velocity = own[0];
+        if !velocity.is_finite() || velocity.abs() > 5.0 {
+            return Err("no striker is as fast as its force asks for".to_owned());
+        }
+        let late = self
+            .series
+            .iter()
+            .fold(0.0_f64, |most, (series, _)| most.max(series.delay));
+        let duration = (self.length as f64 - own[1]) / self.rate + late + 4.0 * self.chain.step;
+        if !(0.0..1.0).contains(&duration) {
+            return Err("its wave would begin outside its window".to_owned());
+        }
+        let scenario = self.chain.with(values, velocity.exp());
+        let parameters = self.chain.parameters();
+        let wanted = &parameters[..P.min(ALL)];
+        tangents(
+            &scenario,
+            wanted,
+            &self.sensors,
+            None,
+            (duration, self.chain.step),
+        )
+        .map_err(|error| error.to_string())
+    }
+
+    /// Gain of a series: what is computed, over it, is what the codes show.
+    fn gain(series: &Series, values: &Values) -> (Quantity, f64) {
+        let quantity = if series.channel.is_force() {
+            Quantity::ForceGain
+        } else {
+            Quantity::AccelerationGain
+        };
+        (quantity, values[quantity.place()])
+    }
+
+    fn with_directions<const P: usize>(&self, values: &Values, own: &[f64]) -> Result<Evaluation, String> {
+        let run = self.run::<P>(values, own)?;
+        let velocity = self.chain.scenario.striker.velocity * own[0].exp();
+        let mut evaluation = Evaluation {
+            residuals: Vec::new(),
+            shared: std::array::from_fn(|_| Vec::new()),
+            own: vec![Vec::new(); own.len()],
+        };
+        // The place of each shared direction, and the factor that makes its derivative that of a logarithm.
+        let of = |quantity: Quantity| (quantity.place(), values[quantity.place()]);
+        let directions = [
+            of(Quantity::Stiffness),
+            of(Quantity::Damping),
+            of(Quantity::IntruderMass),
+            (
+                Quantity::BeadMass.place(),
+                self.chain.with(values, 1.0).chain.density,
+            ),
+            of(Quantity::Young),
+            of(Quantity::Relaxation),
+            (HARDENING, 1.0),
+        ];
+        let has_shared = P == ALL;
+        for (place, (series, noise)) in self.series.iter().enumerate() {
+            let (gain_of, gain) = Self::gain(series, values);
+            let other_gain = if gain_of == Quantity::ForceGain {
+                Quantity::AccelerationGain
+            } else {
+                Quantity::ForceGain
+            };
+            for stretch in &series.stretches {
+                let begin = evaluation.residuals.len();
+                for (n, measured) in stretch.values.iter().enumerate() {
+                    let (signal, slope): (Dual<P>, f64) =
+                        run.at(place, self.time(series, stretch.from + n, own));
+                    let computed = signal.value / gain;
+                    evaluation.residuals.push(measured - computed - own[2 + place]);
+                    if has_shared {
+                        for ((column, factor), by) in directions.iter().zip(&signal.by[1..]) {
+                            evaluation.shared[*column].push(factor * by / gain);
+                        }
+                        evaluation.shared[gain_of.place()].push(-computed);
+                        evaluation.shared[other_gain.place()].push(0.0);
+                    }
+                    evaluation.own[0].push(signal.by[0] * velocity / gain);
+                    evaluation.own[1].push(-slope / self.rate / gain);
+                    for (other, column) in evaluation.own[2..].iter_mut().enumerate() {
+                        column.push(f64::from(u8::from(other == place)));
+                    }
+                }
+                let mut whiten = |column: &mut Vec<f64>| {
+                    if !column.is_empty() {
+                        noise.whiten(&mut column[begin..]);
+                    }
+                };
+                whiten(&mut evaluation.residuals);
+                evaluation.shared.iter_mut().for_each(&mut whiten);
+                evaluation.own.iter_mut().for_each(&mut whiten);
+            }
+        }
+        Ok(evaluation)
+    }
+}
+
+impl StrikeModel for ChainStrike {
+    fn own(&self) -> Vec<f64> {
+        let mut own = self.start.to_vec();
+        own.resize(2 + self.series.len(), 0.0);
+        own
+    }
+
+    fn evaluate(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String> {
+        if with_shared {
+            self.with_directions::<ALL>(values, own)
+        } else {
+            self.with_directions::<1>(values, own)
+        }
+    }
+
+    fn stroke(&self, values: &Values, _: &[f64]) -> f64 {
+        // k x is about m a.
+        self.greatest * values[Quantity::IntruderMass.place()] / values[Quantity::Stiffness.place()]
+    }
+
+    fn samples(&self, values: &Values, own: &[f64]) -> Result<Vec<SignalSample>, String> {
+        let run = self.run::<0>(values, own)?;
+        let mut points = Vec::new();
+        for (place, (series, noise)) in self.series.iter().enumerate() {
+            let (_, gain) = Self::gain(series, values);
+            for stretch in &series.stretches {
+                for (n, measured) in stretch.values.iter().enumerate() {
+                    let at = stretch.from + n;
+                    let (signal, _) = run.at(place, self.time(series, at, own));
+                    points.push(SignalSample {
+                        channel: series.channel,
+                        time: (at as f64 - self.trigger as f64) / self.rate,
+                        measured: *measured,
+                        computed: signal.value / gain + own[2 + place],
+                        deviation: noise.deviation(),
+                    });
+                }
+            }
+        }
+        Ok(points)
+    }
+}

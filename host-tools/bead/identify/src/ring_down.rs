@@ -1,0 +1,341 @@
+//! The free ringing of the intruder, once nothing touches its host.
+//!
+//! # Design
+//! With s = -β + iω the acceleration is Re (C exp st), where β = c/2μ, β² + ω² = k/μ, and μ = m (M - m)/M in
+//! a host that flies freely or m in one that is held. Each channel shows it behind its low-pass and later by
+//! its delay: a factor exp(s δ)/(1 + s/ω_p). C and the zeros are the strike's own. Gains drop out.
+
+use hertz_chain::Complex64;
+
+use crate::model::{Evaluation, HARDENING, SHARED, SignalSample, StrikeModel};
+use crate::noise::Noise;
+use crate::quantity::{COUNT, Quantity, Values};
+use crate::series::{Series, StrikeSeries};
+
+/// Standard deviations of the force's noise above which it acts.
+const FORCE_ACTS: f64 = 5.0;
+/// Samples that are left out after the force has gone: the filters' and the taps' ends.
+const SETTLE: usize = 10;
+/// Least amplitude at the start of the ringing, in standard deviations of the noise.
+const LEAST_AMPLITUDE: f64 = 10.0;
+/// Least part of a period that the ringing must last above the noise.
+const LEAST_PERIODS: f64 = 1.5;
+
+/// Support of the host while its intruder rings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mounting {
+    /// Nothing touches it: hung on threads, or on foam.
+    Free,
+    /// It does not move.
+    Held,
+}
+
+/// The ringing of one strike.
+#[derive(Debug)]
+pub struct RingDown {
+    mounting: Mounting,
+    rate: f64,
+    trigger: usize,
+    /// The sample with which the ringing begins.
+    from: usize,
+    /// Quiet start and ringing of each channel of the acceleration, with its noise.
+    series: Vec<(Series, Noise)>,
+    start: [f64; 2],
+}
+
+fn amplitude_of(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
+impl RingDown {
+    /// The ringing after a tap.
+    ///
+    /// # Errors
+    /// Why there is none, as the end of a sentence.
+    pub fn new(
+        strike: &StrikeSeries,
+        noises: &[Option<Noise>; 4],
+        values: &Values,
+        mounting: Mounting,
+    ) -> Result<Self, String> {
+        let noise_of = |series: &Series| {
+            let noise = &noises[series.channel.place()];
+            noise.clone().ok_or("a channel has no quiet codes".to_owned())
+        };
+        let force_noise = strike.series.iter().find(|series| series.channel.is_force());
+        let deviation = noise_of(force_noise.ok_or("it has no force")?)?.deviation();
+        let (from, to) = longest_quiet(strike, FORCE_ACTS * deviation)?;
+        let used: Vec<(usize, f64)> = strike
+            .merged(false)
+            .into_iter()
+            .filter(|(at, _)| (from..to).contains(at))
+            .collect();
+        let mut series = Vec::new();
+        for one in strike.series.iter().filter(|series| !series.channel.is_force()) {
+            let mut kept = one.clone();
+            kept.stretches = one
+                .stretches
+                .iter()
+                .flat_map(|stretch| {
+                    // The quiet before the tap, and the ringing after it.
+                    [(0, strike.quiet), (from, to)]
+                        .into_iter()
+                        .filter_map(move |(begin, end)| {
+                            let (begin, end) = (
+                                begin.max(stretch.from),
+                                end.min(stretch.from + stretch.values.len()),
+                            );
+                            let values = stretch
+                                .values
+                                .get(begin - stretch.from..end.checked_sub(stretch.from)?)?;
+                            (begin < end).then(|| crate::series::Stretch {
+                                from: begin,
+                                values: values.to_vec(),
+                            })
+                        })
+                })
+                .collect();
+            series.push((kept, noise_of(one)?));
+        }
+        let (_, sensitive) = series.first().ok_or("it has no acceleration")?;
+        let noise = sensitive.deviation();
+        let [beta, omega] =
+            decay_of(values, mounting).ok_or("the settings have an intruder that does not ring")?;
+        let period = std::f64::consts::TAU / omega * strike.rate;
+        let all: Vec<f64> = used.iter().map(|(_, value)| *value).collect();
+        let loudest = amplitude_of(&all[..all.len().min(period.ceil() as usize)]);
+        if loudest < LEAST_AMPLITUDE * noise {
+            return Err(format!(
+                "its ringing after the tap is too quiet, {loudest:.2} m/s² of {noise:.3} m/s² noise; tap harder"
+            ));
+        }
+        let audible = ((loudest / (2.0 * noise)).ln() / beta * strike.rate).min(all.len() as f64);
+        if audible < LEAST_PERIODS * period {
+            return Err(format!(
+                "its ringing is too short, {:.2} ms of which a period takes {:.2} ms; tap shorter, with a harder tip, \
+                 and see that nothing touches the bead",
+                1e3 * audible / strike.rate,
+                1e3 * period / strike.rate
+            ));
+        }
+        let mut ring = Self {
+            mounting,
+            rate: strike.rate,
+            trigger: strike.trigger,
+            from,
+            series,
+            start: [0.0; 2],
+        };
+        ring.start = ring.guess(&used, [beta, omega]);
+        Ok(ring)
+    }
+
+    /// C by linear least squares for this decay, without regard to filters.
+    fn guess(&self, used: &[(usize, f64)], [beta, omega]: [f64; 2]) -> [f64; 2] {
+        let (mut square, mut right) = ([0.0; 3], [0.0; 2]);
+        for (at, value) in used {
+            let wave = (Complex64::new(-beta, omega) * self.since(*at, 0.0)).exp();
+            let basis = [wave.re, -wave.im];
+            square[0] += basis[0] * basis[0];
+            square[1] += basis[0] * basis[1];
+            square[2] += basis[1] * basis[1];
+            right[0] += basis[0] * value;
+            right[1] += basis[1] * value;
+        }
+        let determinant = square[0] * square[2] - square[1] * square[1];
+        if determinant > 0.0 {
+            [
+                (right[0] * square[2] - right[1] * square[1]) / determinant,
+                (right[1] * square[0] - right[0] * square[1]) / determinant,
+            ]
+        } else {
+            [1.0, 0.0]
+        }
+    }
+
+    /// Time of a sample since the ringing began, s.
+    fn since(&self, at: usize, delay: f64) -> f64 {
+        (at as f64 - self.from as f64) / self.rate + delay
+    }
+}
+
+/// The longest stretch after the peak of the force in which none acts: first sample, and the one after the
+/// last.
+fn longest_quiet(strike: &StrikeSeries, limit: f64) -> Result<(usize, usize), String> {
+    let force = strike.merged(true);
+    let peak = force
+        .iter()
+        .filter(|(at, _)| *at >= strike.quiet)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(at, _)| *at)
+        .ok_or("its force is at a rail throughout")?;
+    let (mut longest, mut from) = ((peak, peak), peak);
+    let mut end = peak;
+    for (at, value) in force.iter().filter(|(at, _)| *at > peak) {
+        if value.abs() > limit || *at > end + 1 {
+            from = at + 1;
+        }
+        end = *at;
+        if end + 1 - from.min(end + 1) > longest.1 - longest.0 {
+            longest = (from, end + 1);
+        }
+    }
+    let (from, to) = (longest.0 + SETTLE, longest.1);
+    if from >= to {
+        return Err("the force does not go away in its window, so the intruder never rings alone".to_owned());
+    }
+    Ok((from, to))
+}
+
+/// β and ω of these values; `None` where nothing rings.
+fn decay_of(values: &Values, mounting: Mounting) -> Option<[f64; 2]> {
+    let [k, c] = [Quantity::Stiffness, Quantity::Damping].map(|one| values[one.place()]);
+    let reduced = reduced_mass(values, mounting);
+    let beta = 0.5 * c / reduced;
+    let square = k / reduced - beta * beta;
+    (square > 0.0).then(|| [beta, square.sqrt()])
+}
+
+fn reduced_mass(values: &Values, mounting: Mounting) -> f64 {
+    let [m, bead] = [Quantity::IntruderMass, Quantity::BeadMass].map(|one| values[one.place()]);
+    match mounting {
+        Mounting::Free => m * (1.0 - m / bead),
+        Mounting::Held => m,
+    }
+}
+
+/// Derivatives of (β, ω) by the logarithm of each quantity.
+fn decay_slopes(values: &Values, mounting: Mounting, [beta, omega]: [f64; 2]) -> [[f64; 2]; COUNT] {
+    let mut slopes = [[0.0; 2]; COUNT];
+    let square = beta * beta + omega * omega;
+    slopes[Quantity::Stiffness.place()] = [0.0, 0.5 * square / omega];
+    slopes[Quantity::Damping.place()] = [beta, -beta * beta / omega];
+    let by_mass = [-beta, (beta * beta - 0.5 * square) / omega];
+    let [m, bead] = [Quantity::IntruderMass, Quantity::BeadMass].map(|one| values[one.place()]);
+    let [own, host] = match mounting {
+        Mounting::Free => {
+            let part = m / bead;
+            [(1.0 - 2.0 * part) / (1.0 - part), part / (1.0 - part)]
+        }
+        Mounting::Held => [1.0, 0.0],
+    };
+    slopes[Quantity::IntruderMass.place()] = by_mass.map(|slope| slope * own);
+    slopes[Quantity::BeadMass.place()] = by_mass.map(|slope| slope * host);
+    slopes
+}
+
+impl StrikeModel for RingDown {
+    fn own(&self) -> Vec<f64> {
+        let mut own = self.start.to_vec();
+        own.resize(2 + self.series.len(), 0.0);
+        own
+    }
+
+    fn evaluate(&self, values: &Values, own: &[f64], _with_shared: bool) -> Result<Evaluation, String> {
+        let [beta, omega] = decay_of(values, self.mounting).ok_or("the intruder does not ring")?;
+        let slopes = decay_slopes(values, self.mounting, [beta, omega]);
+        let (s, scale) = (Complex64::new(-beta, omega), Complex64::new(own[0], own[1]));
+        let mut evaluation = Evaluation {
+            residuals: Vec::new(),
+            shared: std::array::from_fn(|_| Vec::new()),
+            own: vec![Vec::new(); own.len()],
+        };
+        // Of a spring k x + k₃ x³ the frequency rises by (3/8) k₃ X²/(μ ω), as X falls with the ringing.
+        let stroke = self.stroke(values, own);
+        let reduced = reduced_mass(values, self.mounting);
+        let hardening = 0.375 * stroke * stroke / (reduced * omega);
+        for (place, (series, noise)) in self.series.iter().enumerate() {
+            let pole = std::f64::consts::TAU * series.pole;
+            let (filter, by_s) = if pole > 0.0 {
+                let below = Complex64::new(pole, 0.0) + s;
+                (
+                    Complex64::new(pole, 0.0) / below,
+                    -Complex64::new(1.0, 0.0) / below,
+                )
+            } else {
+                (Complex64::new(1.0, 0.0), Complex64::new(0.0, 0.0))
+            };
+            for stretch in &series.stretches {
+                let begin = evaluation.residuals.len();
+                for (n, measured) in stretch.values.iter().enumerate() {
+                    let at = stretch.from + n;
+                    let rings = at >= self.from;
+                    let since = self.since(at, series.delay);
+                    let wave = if rings {
+                        filter * (s * since).exp()
+                    } else {
+                        Complex64::new(0.0, 0.0)
+                    };
+                    let value = scale * wave;
+                    evaluation.residuals.push(measured - value.re - own[2 + place]);
+                    // d/ds of the wave: its time, and the filter's.
+                    let slope = value * (Complex64::new(since, 0.0) + by_s);
+                    for (column, [by_beta, by_omega]) in evaluation.shared.iter_mut().zip(slopes) {
+                        column.push(-slope.re * by_beta - slope.im * by_omega);
+                    }
+                    let grown = hardening * -(-2.0 * beta * since).exp_m1() / (2.0 * beta);
+                    evaluation.shared[HARDENING].push(-value.im * grown);
+                    for (column, derivative) in evaluation.own.iter_mut().zip([wave.re, -wave.im]) {
+                        column.push(derivative);
+                    }
+                    for (other, column) in evaluation.own[2..].iter_mut().enumerate() {
+                        column.push(f64::from(u8::from(other == place)));
+                    }
+                }
+                let mut whiten = |column: &mut Vec<f64>| noise.whiten(&mut column[begin..]);
+                whiten(&mut evaluation.residuals);
+                evaluation.shared.iter_mut().for_each(&mut whiten);
+                evaluation.own.iter_mut().for_each(&mut whiten);
+            }
+        }
+        // A gain is in C, and the contacts have no part.
+        for absent in [
+            Quantity::Young,
+            Quantity::Relaxation,
+            Quantity::ForceGain,
+            Quantity::AccelerationGain,
+        ] {
+            evaluation.shared[absent.place()].clear();
+        }
+        if self.mounting == Mounting::Held {
+            evaluation.shared[Quantity::BeadMass.place()].clear();
+        }
+        debug_assert_eq!(evaluation.shared.len(), SHARED);
+        Ok(evaluation)
+    }
+
+    fn stroke(&self, values: &Values, own: &[f64]) -> f64 {
+        // k x is about m a.
+        let [k, m] = [Quantity::Stiffness, Quantity::IntruderMass].map(|one| values[one.place()]);
+        own[0].hypot(own[1]) * m / k
+    }
+
+    fn samples(&self, values: &Values, own: &[f64]) -> Result<Vec<SignalSample>, String> {
+        let [beta, omega] = decay_of(values, self.mounting).ok_or("the intruder does not ring")?;
+        let (s, scale) = (Complex64::new(-beta, omega), Complex64::new(own[0], own[1]));
+        let mut points = Vec::new();
+        for (place, (series, noise)) in self.series.iter().enumerate() {
+            let pole = std::f64::consts::TAU * series.pole;
+            let filter = if pole > 0.0 {
+                Complex64::new(pole, 0.0) / (Complex64::new(pole, 0.0) + s)
+            } else {
+                Complex64::new(1.0, 0.0)
+            };
+            for stretch in &series.stretches {
+                for (n, measured) in stretch.values.iter().enumerate() {
+                    let at = stretch.from + n;
+                    let ringing = (scale * filter * (s * self.since(at, series.delay)).exp()).re;
+                    let value = own[2 + place] + if at < self.from { 0.0 } else { ringing };
+                    points.push(SignalSample {
+                        channel: series.channel,
+                        time: (at as f64 - self.trigger as f64) / self.rate,
+                        measured: *measured,
+                        computed: value,
+                        deviation: noise.deviation(),
+                    });
+                }
+            }
+        }
+        Ok(points)
+    }
+}

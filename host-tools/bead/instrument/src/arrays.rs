@@ -1,0 +1,61 @@
+//! Columns of numbers that a file holds one after another, on their way into a waveform.
+
+use std::path::Path;
+
+use crate::choice::Choice;
+use crate::columns::{ColumnHeader, Picked, pick};
+use crate::error::WaveformError;
+use crate::rows::{MOST, Rows};
+use crate::signals::Waveform;
+
+/// Numbers in all columns of a file at most: three waveforms of the greatest length.
+pub(super) const MOST_NUMBERS: usize = 3 * MOST;
+
+/// A column, with its numbers.
+pub(super) struct Array {
+    pub(super) header: ColumnHeader,
+    /// In the unit of the file, all arrays of a file of one length.
+    pub(super) values: Vec<f64>,
+}
+
+/// Makes a waveform of the columns of a file without strikes. `rate_hz` is the file's own number of rows a
+/// second, which a column of time or a rate on the command line replaces.
+///
+/// # Errors
+/// A column is missing or ambiguous, or its values are no waveform.
+pub(super) fn waveform(
+    path: &Path,
+    choice: &Choice,
+    arrays: &[Array],
+    rate_hz: Option<f64>,
+) -> Result<Waveform, WaveformError> {
+    if choice.strike.is_some() {
+        return Err(WaveformError::unfit(
+            path,
+            "holds arrays, whose strikes have no numbers; leave --read strike out",
+        ));
+    }
+    let own = rate_hz.filter(|_| choice.time.is_none());
+    let choice = Choice {
+        rate_hz: choice.rate_hz.or(own),
+        ..choice.clone()
+    };
+    let headers: Vec<_> = arrays.iter().map(|array| array.header.clone()).collect();
+    let picks = pick(path, &headers, &choice)?;
+    let mut rows = Rows::picked(path, "row", choice.rate_hz, &picks);
+    let column = |picked: Option<Picked>| {
+        let picked = picked?;
+        let array = arrays.iter().find(|array| array.header.place == picked.place)?;
+        Some((&array.values, picked.size))
+    };
+    let columns = [picks.time, picks.force, picks.acceleration].map(column);
+    let count = columns.iter().flatten().map(|(values, _)| values.len()).max();
+    for row in 0..count.unwrap_or(0) {
+        let value = |column: Option<(&Vec<f64>, f64)>| {
+            let (values, size) = column?;
+            Some(values.get(row)? * size)
+        };
+        rows.push(row as u64 + 1, columns.map(value))?;
+    }
+    rows.end()
+}

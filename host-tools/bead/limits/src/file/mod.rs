@@ -1,0 +1,134 @@
+//! A file of limits.
+
+mod check;
+mod limit;
+mod text;
+
+use hertz_chain::{InputError, TomlFile};
+
+use crate::file::text::FileText;
+
+pub use limit::{Limit, Limits};
+
+impl Limits {
+    /// Reads a file of limits; `name` is what messages call it.
+    ///
+    /// # Errors
+    /// One line with file, line, key, what is wrong, and what would do.
+    pub fn parse(text: &str, name: &str) -> Result<Self, InputError> {
+        let file = TomlFile::parse(text, name)?;
+        let read: FileText = file.read()?;
+        read.checked().map_err(|error| file.locate(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quantity::Quantity;
+    use crate::template::TEMPLATE;
+
+    #[test]
+    fn the_template_is_read_and_has_every_quantity() {
+        let limits = Limits::parse(TEMPLATE, "limits.toml").unwrap();
+        let mask = limits
+            .limits
+            .iter()
+            .find_map(|limit| limit.mask.as_ref())
+            .unwrap();
+        assert_eq!(mask.range(), (500.0, 5000.0));
+        // Those that are remarks are read, too.
+        let all: String = TEMPLATE
+            .lines()
+            .map(|line| format!("{}\n", line.strip_prefix("#:").unwrap_or(line)))
+            .collect();
+        let all = Limits::parse(&all, "limits.toml").unwrap();
+        for name in Quantity::names().split(", ") {
+            let has = |limit: &Limit| limit.quantity.name().split(' ').next() == Some(name);
+            assert!(all.limits.iter().any(has), "{name}");
+        }
+    }
+
+    /// A file, and the refusal.
+    const REFUSALS: [(&str, &str); 18] = [
+        ("", "l.toml:1: no limit is in it; add a [[limit]]"),
+        (
+            "[[limit]]\nquantity = \"peak_forse\"\nmax = 1.0",
+            "l.toml:2: limit[1].quantity: `peak_forse` is no quantity; give one of",
+        ),
+        ("[[limit]]\nquantity = \"ratio\"", "limit[1]"),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmaximum = 1.0",
+            "l.toml:3: limit[1].maximum: unknown key",
+        ),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmax = nan",
+            "l.toml:3: limit[1].max: it is no finite number",
+        ),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmin = 2.0\nmax = 1.0",
+            "l.toml:3: limit[1].min: min 2 is above max 1",
+        ),
+        (
+            "rule = \"guarded\"\n[[limit]]\nquantity = \"ratio\"\nmax = 1.0",
+            "l.toml:1: rule",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmax = 1.0",
+            "limit[1].mask: a limit on srs has a mask, and this one has none",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmask = [{ max = 3.0 }, { frequency = 9.0, max = 1.0 }]",
+            "the key `frequency` is missing",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }]",
+            "limit[1].mask: it has fewer than two points",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 9.0, max = 1.0 }]",
+            "limit[1].mask[2].frequency: 9 Hz is not above 0 and above the point before",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 10.0, min = 1.0 }]",
+            "limit[1].mask[2].frequency: it has other limits than the point before",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0 }, { frequency = 10.0, min = 1.0 }]",
+            "limit[1].mask[1]",
+        ),
+        (
+            "[[limit]]\nquantity = \"srs\"\nquality = 0.5\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 10.0, max = 1.0 }]",
+            "limit[1].quality: 0.5 is no quality",
+        ),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nquality = 10.0",
+            "limit[1].quality: only srs has it",
+        ),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nof = \"ratio\"",
+            "limit[1].of: only a drift is of a value",
+        ),
+        (
+            "[[limit]]\nquantity = \"drift\"\nmax = 1.0\nof = \"srs\"",
+            "limit[1].of: `srs` is no value of a strike",
+        ),
+        (
+            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nbeads = [300]",
+            "limit[1].beads",
+        ),
+    ];
+
+    #[test]
+    fn a_refusal_names_line_and_key_in_one_line() {
+        for (text, expected) in REFUSALS {
+            let refused = Limits::parse(text, "l.toml").unwrap_err().to_string();
+            assert!(refused.contains(expected), "{refused}\n{expected}");
+            assert_eq!(refused.lines().count(), 1, "{refused}");
+            assert!(
+                refused.starts_with("l.toml:") && refused.contains("; "),
+                "{refused}"
+            );
+        }
+    }
+}

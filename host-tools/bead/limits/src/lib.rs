@@ -1,0 +1,22 @@
+//! Limits of one's own for strikes: pass or fail by a stated rule.
+//!
+//! # Design
+//! [`mod@file`] reads limits, [`values`] has the values of a strike with their uncertainties, and [`rule`]
+//! decides with both (JCGM 106). [`judge`] holds the strikes of a recording against all limits, and the worst
+//! value of each counts. [`mask`] does this over frequency, [`drift`] and [`row`] over strikes and beads.
+//! [`report`] and [`junit`] show the result.
+
+pub mod drift;
+pub mod file;
+pub mod judge;
+pub mod judged;
+pub mod junit;
+pub mod mask;
+mod pictures;
+pub mod quantity;
+pub mod report;
+pub mod row;
+pub mod rule;
+pub mod template;
+pub mod values;
+pub mod words;

@@ -1,0 +1,316 @@
+//! The loader in the part's ROM, over its serial line: ST's protocol AN3155, as far as flashing needs it.
+//!
+//! # Design
+//! The loader measures the bit rate on a first byte, 0x7F, and then takes commands. A command is a byte
+//! and its complement; addresses and data follow with a checksum each, and each part is answered with
+//! ACK or NACK. A part that is refused is sent again, since a line
+//! may flip a bit: what a write did before is harmless, as the same bytes are written again. After
+//! silence nothing is sent again: the loader may wait for any byte then, and take it for another one.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use crate::port::{Address, Port, PortError};
+
+/// Greatest number of bytes of a read or a write.
+pub const MOST: usize = 256;
+
+const INIT: u8 = 0x7f;
+const ACK: u8 = 0x79;
+const NACK: u8 = 0x1f;
+
+/// Time for an answer that needs no erase: 256 bytes at 1200 baud take 2.4 s.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Time for the erase of a sector: 4 s at most of 128 KiB (DocID022152, flash memory characteristics).
+const ERASE: Duration = Duration::from_secs(6);
+/// Times that a command is sent.
+const TRIES: usize = 3;
+
+/// A command of the loader (AN3155 table 2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Command {
+    GetId = 0x02,
+    Read = 0x11,
+    Go = 0x21,
+    Write = 0x31,
+    ExtendedErase = 0x44,
+}
+
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::GetId => "Get ID",
+            Self::Read => "Read Memory",
+            Self::Go => "Go",
+            Self::Write => "Write Memory",
+            Self::ExtendedErase => "Extended Erase",
+        })
+    }
+}
+
+/// The loader does not do what it should. The message is one line: what, why, what next.
+#[derive(Debug, thiserror::Error)]
+pub enum RomError {
+    /// The port does not open.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// Nothing answers the first byte.
+    #[error(
+        "no loader answers at {0}: put BOOT0 to 3.3 V, reset the board, and try again at once; the loader listens on \
+         PA9 and PA10 and on PB10 and PB11, and the first of them that is spoken to has it until the next reset"
+    )]
+    Silent(Address),
+    /// Something else answers.
+    #[error(
+        "{0:#04x} came where the loader says 0x79 or 0x1f: the line is disturbed, or the board runs its image; put BOOT0 \
+         to 3.3 V, reset the board, and try again"
+    )]
+    Stranger(u8),
+    /// The loader refuses a command before it has seen more of it: so it does to all that touch the flash
+    /// of a locked part.
+    #[error(
+        "the loader refuses {0}: the part is locked (read protection); unlocking it erases all of its flash, with \
+         settings and strikes: `STM32_Programmer_CLI -c port=SWD -rdu`"
+    )]
+    Locked(String),
+    /// The loader refuses a part of a command, each time.
+    #[error(
+        "the loader refuses {0} at {1:#010x}, three times: the line flips bits, or there is no such memory"
+    )]
+    Refused(String, u32),
+    /// The loader was there, and says nothing more.
+    #[error(
+        "the line was cut, or the loader has stopped, in {0} at {1:#010x}: see to the wires, reset the board with BOOT0 at \
+         3.3 V, and run the same command again"
+    )]
+    Cut(String, u32),
+    /// The port has gone away.
+    #[error(
+        "the port has gone away ({0}): plug it in, reset the board with BOOT0 at 3.3 V, and run the same command again"
+    )]
+    Gone(std::io::Error),
+}
+
+/// An answer of the loader.
+#[derive(Debug, PartialEq, Eq)]
+enum Answer {
+    Ack,
+    Nack,
+    Silence,
+}
+
+/// A loader that has answered.
+pub struct RomLoader {
+    port: Port,
+}
+
+impl RomLoader {
+    /// Opens the port with the loader's parity and lets the loader measure the bit rate.
+    ///
+    /// # Errors
+    /// The port does not open, or no loader answers.
+    pub fn open(address: &Address, baud: u32) -> Result<Self, RomError> {
+        let mut loader = Self {
+            port: address.open_with_even_parity(baud)?,
+        };
+        // Bytes from before the port was opened are no answer.
+        loader.settle()?;
+        // A loader that knows the rate already takes the first byte for a command, waits for its
+        // complement, and refuses the second.
+        for _ in 0..2 {
+            loader.send(&[INIT])?;
+            if loader.answer(Duration::from_secs(1))? != Answer::Silence {
+                return Ok(loader);
+            }
+        }
+        Err(RomError::Silent(address.clone()))
+    }
+
+    /// Reads the part's device number.
+    ///
+    /// # Errors
+    /// [`RomError`].
+    pub fn part(&mut self) -> Result<u16, RomError> {
+        self.begin(Command::GetId, 0)?;
+        let mut answer = [0; 3];
+        self.receive(&mut answer, Command::GetId, 0)?;
+        self.done(Command::GetId, 0, PATIENCE)?;
+        Ok(u16::from_be_bytes([answer[1], answer[2]]))
+    }
+
+    /// Reads up to [`MOST`] bytes of memory.
+    ///
+    /// # Errors
+    /// [`RomError::Locked`] of a part with read protection.
+    pub fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), RomError> {
+        let count = count(bytes);
+        self.again(Command::Read, address, |loader| {
+            if loader.address(address)? != Answer::Ack {
+                return Ok(false);
+            }
+            loader.send(&[count, !count])?;
+            match loader.answer(PATIENCE)? {
+                Answer::Ack => loader.receive(bytes, Command::Read, address).map(|()| true),
+                Answer::Nack => Ok(false),
+                Answer::Silence => Err(cut(Command::Read, address)),
+            }
+        })
+    }
+
+    /// Writes up to [`MOST`] bytes, four or a multiple, to RAM or to flash that is erased.
+    ///
+    /// # Errors
+    /// [`RomError`].
+    pub fn write(&mut self, address: u32, bytes: &[u8]) -> Result<(), RomError> {
+        let mut data = vec![count(bytes)];
+        data.extend(bytes);
+        self.again(Command::Write, address, |loader| {
+            if loader.address(address)? != Answer::Ack {
+                return Ok(false);
+            }
+            loader.checked(&data, PATIENCE, Command::Write, address)
+        })
+    }
+
+    /// Erases a sector, whose first address is for messages.
+    ///
+    /// # Errors
+    /// [`RomError`].
+    pub fn erase(&mut self, sector: u8, address: u32) -> Result<(), RomError> {
+        self.again(Command::ExtendedErase, address, |loader| {
+            // One less than the number of sectors, and the sector, 16 bits each.
+            loader.checked(&[0, 0, 0, sector], ERASE, Command::ExtendedErase, address)
+        })
+    }
+
+    /// Starts what lies at an address: its stack pointer, and the address of its first instruction.
+    ///
+    /// # Errors
+    /// [`RomError`].
+    pub fn go(&mut self, address: u32) -> Result<(), RomError> {
+        self.again(Command::Go, address, |loader| {
+            Ok(loader.address(address)? == Answer::Ack)
+        })
+    }
+
+    /// Sends a command and what follows, until the loader takes all of it.
+    fn again(
+        &mut self,
+        command: Command,
+        address: u32,
+        mut rest: impl FnMut(&mut Self) -> Result<bool, RomError>,
+    ) -> Result<(), RomError> {
+        for _ in 0..TRIES {
+            self.begin(command, address)?;
+            if rest(self)? {
+                return Ok(());
+            }
+            self.settle()?;
+        }
+        Err(RomError::Refused(command.to_string(), address))
+    }
+
+    /// Sends a command's byte and its complement.
+    fn begin(&mut self, command: Command, address: u32) -> Result<(), RomError> {
+        for _ in 0..TRIES {
+            self.send(&[command as u8, !(command as u8)])?;
+            match self.answer(PATIENCE)? {
+                Answer::Ack => return Ok(()),
+                Answer::Nack => self.settle()?,
+                Answer::Silence => return Err(cut(command, address)),
+            }
+        }
+        Err(RomError::Locked(command.to_string()))
+    }
+
+    /// Sends an address.
+    fn address(&mut self, address: u32) -> Result<Answer, RomError> {
+        self.send(&with_checksum(&address.to_be_bytes()))?;
+        match self.answer(PATIENCE)? {
+            Answer::Silence => Err(RomError::Cut("an address".to_owned(), address)),
+            other => Ok(other),
+        }
+    }
+
+    /// Sends bytes with their checksum; false if the loader refuses them.
+    fn checked(&mut self, bytes: &[u8], time: Duration, command: Command, at: u32) -> Result<bool, RomError> {
+        self.send(&with_checksum(bytes))?;
+        match self.answer(time)? {
+            Answer::Silence => Err(cut(command, at)),
+            other => Ok(other == Answer::Ack),
+        }
+    }
+
+    /// Waits for the ACK that ends an answer.
+    fn done(&mut self, command: Command, address: u32, time: Duration) -> Result<(), RomError> {
+        match self.answer(time)? {
+            Answer::Ack => Ok(()),
+            Answer::Nack => Err(RomError::Refused(command.to_string(), address)),
+            Answer::Silence => Err(cut(command, address)),
+        }
+    }
+
+    /// Waits for a quiet line: the loader refuses what it has left of a part that it took for a shorter one.
+    fn settle(&mut self) -> Result<(), RomError> {
+        let (mut rest, started) = ([0; MOST], Instant::now());
+        // A line that is never quiet is told by the next answer.
+        while started.elapsed() < PATIENCE && self.port.read(&mut rest).map_err(RomError::Gone)? > 0 {}
+        Ok(())
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), RomError> {
+        self.port.write(bytes).map_err(RomError::Gone)
+    }
+
+    fn answer(&mut self, time: Duration) -> Result<Answer, RomError> {
+        let mut byte = [0];
+        match self.receive_within(&mut byte, time)? {
+            0 => Ok(Answer::Silence),
+            _ => match byte[0] {
+                ACK => Ok(Answer::Ack),
+                NACK => Ok(Answer::Nack),
+                other => Err(RomError::Stranger(other)),
+            },
+        }
+    }
+
+    fn receive(&mut self, bytes: &mut [u8], command: Command, address: u32) -> Result<(), RomError> {
+        let whole = bytes.len();
+        if self.receive_within(bytes, PATIENCE)? == whole {
+            return Ok(());
+        }
+        Err(cut(command, address))
+    }
+
+    /// Reads bytes until all are there or none has come for so long; gives their number.
+    fn receive_within(&mut self, bytes: &mut [u8], time: Duration) -> Result<usize, RomError> {
+        let (mut received, mut last) = (0, Instant::now());
+        while received < bytes.len() && last.elapsed() < time {
+            let came = self.port.read(&mut bytes[received..]).map_err(RomError::Gone)?;
+            if came > 0 {
+                received += came;
+                last = Instant::now();
+            }
+        }
+        Ok(received)
+    }
+}
+
+fn cut(command: Command, address: u32) -> RomError {
+    RomError::Cut(command.to_string(), address)
+}
+
+/// The number of bytes, as the loader counts them: one less.
+///
+/// # Panics
+/// If there are none, or more than [`MOST`].
+fn count(bytes: &[u8]) -> u8 {
+    assert!((1..=MOST).contains(&bytes.len()), "a command has 1 to 256 bytes");
+    (bytes.len() - 1) as u8
+}
+
+/// Bytes, and the exclusive or of all of them.
+fn with_checksum(bytes: &[u8]) -> Vec<u8> {
+    let sum = bytes.iter().fold(0, |sum, byte| sum ^ byte);
+    [bytes, &[sum]].concat()
+}

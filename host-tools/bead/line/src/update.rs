@@ -1,0 +1,324 @@
+//! Another image over the line.
+//!
+//! # Design
+//! A bead that measures judges the manifest and resets; a bead that waits for an image makes room, takes it
+//! piece by piece, compares it and resets. Its loader swaps the images, the new one checks itself, and one
+//! more reset ends the update. So the host asks until the bead says that its image is settled, or that the
+//! one before came back.
+//!
+//! Every request may be repeated, and so may the whole update: whatever was cut, it is run again.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use bead_update::file::UpdateFile;
+use bead_wire::{
+    Board, Identity, MAX_PIECE, MAX_REQUEST, Manifest, Message, Outcome, Piece, Request, Ticket, UpdateStage,
+    encode_request,
+};
+
+use crate::conversation::{Answer, Conversation, LineError};
+
+/// A bead makes room in four seconds at most, and checks an image in less.
+const WORKS: Duration = Duration::from_secs(10);
+/// A bead that swaps images is silent for ten seconds, some 25 at most. Then it is on trial, for two.
+const SWAPS: Duration = Duration::from_secs(60);
+/// Pieces that are on their way at once. The bead keeps 1 KiB of what comes.
+const WINDOW: usize = 2;
+/// Number of times that a piece is sent before the bead counts as silent.
+const ATTEMPTS: u32 = 5;
+
+/// The image that runs on a bead.
+#[derive(Clone, Debug)]
+pub struct BeadImage {
+    /// Version and commit.
+    pub identity: Identity,
+    /// The board; `None` for an image that does not say it.
+    pub board: Option<Board>,
+    /// The stage of an update that it is in.
+    pub stage: UpdateStage,
+}
+
+impl Conversation {
+    /// Asks what runs.
+    ///
+    /// # Errors
+    /// The port goes away, or no whole answer comes.
+    pub fn image(&mut self) -> Result<BeadImage, LineError> {
+        let answer = self.request_done(&Request::Identity)?;
+        let identity = answer.last("identity frame", |frame| match &frame.message {
+            Message::Identity(identity) => Some(identity.clone()),
+            _ => None,
+        })?;
+        Ok(BeadImage {
+            identity,
+            board: find(&answer, |message| match message {
+                Message::Board(board) => Some(board.clone()),
+                _ => None,
+            }),
+            stage: find(&answer, |message| match message {
+                Message::Update(update) => Some(update.stage),
+                _ => None,
+            })
+            .unwrap_or(UpdateStage::Settled),
+        })
+    }
+
+    /// Sends an image to the bead, and waits until it has settled. `older` lets the bead go back to an older
+    /// one. `progress` gets the part of the bytes that have arrived. Gives what ran before and what runs
+    /// now.
+    ///
+    /// # Errors
+    /// The bead refuses the image, the line fails, or the new image did not pass its trial.
+    pub fn update(
+        &mut self,
+        file: &UpdateFile,
+        older: bool,
+        mut progress: impl FnMut(f64),
+    ) -> Result<[BeadImage; 2], LineError> {
+        let before = self.image()?;
+        self.begin_update(file, older)?;
+        self.send_pieces(&file.image, &mut progress)?;
+        let finished = self.with_patience(WORKS, |bead| bead.request(&Request::FinishUpdate));
+        match finished {
+            Ok(answer) if answer.reply.outcome == Outcome::Done => {}
+            // The reply to the first copy was lost, and the bead has begun to swap.
+            Ok(answer) if self.image()?.stage == UpdateStage::Receiving => return Err(answer.refusal()),
+            Ok(_) | Err(LineError::Failed(_)) => {}
+            Err(error) => return Err(error),
+        }
+        let after = self.settled()?;
+        Ok([before, after])
+    }
+
+    /// Brings the bead to wait for this image, with room for it.
+    fn begin_update(&mut self, file: &UpdateFile, older: bool) -> Result<(), LineError> {
+        let manifest = Manifest::try_from(&file.manifest[..]);
+        let manifest = manifest.map_err(|error| LineError::Failed(error.to_string()))?;
+        let request = Request::BeginUpdate { manifest, older };
+        // The first resets a bead that measures; another one, if its reply was lost.
+        for _ in 0..3 {
+            let waits = self.image()?.stage == UpdateStage::Receiving;
+            let answer = self.with_patience(WORKS, |bead| bead.request(&request))?;
+            match answer.reply.outcome {
+                Outcome::Done if waits => return Ok(()),
+                Outcome::Done => drop(self.await_boot(WORKS)?),
+                Outcome::Kind => {
+                    let why = "the firmware of this bead takes no image over its line; flash it by --probe once, or \
+                               by --rom";
+                    return Err(LineError::Refused(why.to_owned()));
+                }
+                _ => return Err(answer.refusal()),
+            }
+        }
+        let why = "the bead resets, and does not wait for an image then; is its supply good?";
+        Err(LineError::Failed(why.to_owned()))
+    }
+
+    /// Sends the image in pieces, some at a time, each until the bead has it.
+    fn send_pieces(&mut self, image: &[u8], progress: &mut impl FnMut(f64)) -> Result<(), LineError> {
+        let mut waiting = image.chunks(MAX_PIECE).enumerate();
+        let all = waiting.len();
+        let mut sent: VecDeque<SentPiece> = VecDeque::new();
+        let mut signer = self.signer()?;
+        let mut arrived = 0;
+        while arrived < all {
+            while sent.len() < WINDOW
+                && let Some((place, bytes)) = waiting.next()
+            {
+                let request = Request::UpdateData {
+                    offset: (place * MAX_PIECE) as u32,
+                    bytes: Piece::try_from(bytes).map_err(|error| LineError::Failed(error.to_string()))?,
+                };
+                let number = self.next_number();
+                let mut piece = SentPiece::new(request, number);
+                self.send(&mut piece, &mut signer)?;
+                sent.push_back(piece);
+            }
+            let patience = self.patience();
+            let overdue = sent.front().map_or(patience, |first| {
+                let left = patience.saturating_sub(first.at.elapsed());
+                left.max(Duration::from_millis(1))
+            });
+            let reply = self.listen(overdue, |frame| match frame.message {
+                Message::Reply(reply) if sent.iter().any(|piece| piece.number == reply.request) => {
+                    Some(reply)
+                }
+                _ => None,
+            })?;
+            let of_first = sent.front().map_or(0, |first| first.number);
+            let number = reply.as_ref().map_or(of_first, |reply| reply.request);
+            let place = sent.iter().position(|piece| piece.number == number);
+            let Some(mut piece) = place.and_then(|place| sent.remove(place)) else {
+                continue;
+            };
+            match reply {
+                Some(reply) if reply.outcome == Outcome::Done => {
+                    arrived += 1;
+                    progress(arrived as f64 / all as f64);
+                    continue;
+                }
+                // One that overtook another, or that a slow line made late.
+                Some(reply) if matches!(reply.outcome, Outcome::Replayed | Outcome::Late) => {
+                    signer = self.signer()?;
+                }
+                Some(reply) => return Err(self.refused(&reply)),
+                None => {}
+            }
+            // The bead does one request at a time: if the oldest has no reply, it or its reply is lost. It is
+            // sent again under its number, so that a reply that is only late counts.
+            if piece.attempts == ATTEMPTS {
+                return Err(self.broken_off(arrived, all));
+            }
+            self.send(&mut piece, &mut signer)?;
+            sent.push_back(piece);
+        }
+        Ok(())
+    }
+
+    fn broken_off(&self, arrived: usize, all: usize) -> LineError {
+        let percent = 100 * arrived / all;
+        LineError::Failed(format!(
+            "the bead fell silent after {percent} % of the image; what ran before still runs: look at the line, and run \
+             the same command again"
+        ))
+    }
+
+    /// Waits until the image that runs is settled or was taken back.
+    fn settled(&mut self) -> Result<BeadImage, LineError> {
+        let deadline = Instant::now() + SWAPS;
+        self.forget_identity();
+        loop {
+            let found = self.image();
+            match found {
+                Ok(image) if image.stage == UpdateStage::Settled => return Ok(image),
+                Ok(image) if image.stage == UpdateStage::CameBack => return Err(self.came_back(&image)?),
+                Ok(_) => {}
+                Err(error) if Instant::now() > deadline => {
+                    let LineError::Failed(why) = error else {
+                        return Err(error);
+                    };
+                    return Err(LineError::Failed(format!(
+                        "the whole image arrived, and the bead has not come back within {} s: {why}; switch it off and \
+                         on: it goes on where it was",
+                        SWAPS.as_secs()
+                    )));
+                }
+                // It swaps.
+                Err(LineError::Failed(_)) => {}
+                Err(error) => return Err(error),
+            }
+            if Instant::now() > deadline {
+                let why = "the new image does not end its trial; switch the bead off and on to go back, and look at \
+                           its supply";
+                return Err(LineError::Failed(why.to_owned()));
+            }
+            self.listen(Duration::from_millis(300), |_| None::<()>)?;
+        }
+    }
+
+    /// The error for an image that did not pass its trial: the last fault comes every second, if there is
+    /// one.
+    fn came_back(&mut self, image: &BeadImage) -> Result<LineError, LineError> {
+        // The trial was the boot before this one.
+        let trial = image.identity.boot.wrapping_sub(1);
+        let last = self.listen(Duration::from_millis(1500), |frame| match frame.message {
+            Message::LastFault(last) if last.boot == trial => Some(last),
+            _ => None,
+        })?;
+        let why = match last {
+            Some(last) => format!("{}: {}", last.cause, last.detail),
+            None => "it was reset, or lost its power, before its self-test".to_owned(),
+        };
+        Ok(LineError::Refused(format!(
+            "the new image did not pass its trial, and {} ({}) runs as before; {why}",
+            image.identity.firmware, image.identity.git
+        )))
+    }
+
+    /// Sends a piece, signed if there is a key.
+    fn send(&mut self, piece: &mut SentPiece, signer: &mut Option<Signer>) -> Result<(), LineError> {
+        let SentPiece {
+            request,
+            asked,
+            number,
+            ..
+        } = piece;
+        let sealed = match signer {
+            Some(signer) => signer.sign(request, *asked, *number),
+            None => request.clone(),
+        };
+        let mut buffer = [0; MAX_REQUEST];
+        let bytes =
+            encode_request(*asked, *number, &sealed, &mut buffer).expect("MAX_REQUEST bytes always suffice");
+        self.write(bytes)?;
+        piece.attempts += 1;
+        piece.at = Instant::now();
+        Ok(())
+    }
+
+    /// A signer of many requests, one after the other; `None` without a key.
+    fn signer(&mut self) -> Result<Option<Signer>, LineError> {
+        let Some(key) = self.key() else { return Ok(None) };
+        let identity = self.image()?.identity;
+        let status = self.request_done(&Request::Status)?;
+        let (index, guard) = status.last("guard frame", |frame| match &frame.message {
+            Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
+            _ => None,
+        })?;
+        Ok(Some(Signer {
+            key,
+            uid: identity.uid,
+            ticket: Ticket {
+                counter: guard.counter,
+                boot: identity.boot,
+                // Ten minutes: of a start that takes no samples, an hour old command is of another boot.
+                until: index.saturating_add(600 * u64::from(identity.sample_rate_hz)),
+            },
+        }))
+    }
+}
+
+/// A piece on its way.
+struct SentPiece {
+    request: Request,
+    asked: u8,
+    number: u16,
+    attempts: u32,
+    /// When it was sent last.
+    at: Instant,
+}
+
+impl SentPiece {
+    fn new(request: Request, (asked, number): (u8, u16)) -> Self {
+        Self {
+            request,
+            asked,
+            number,
+            attempts: 0,
+            at: Instant::now(),
+        }
+    }
+}
+
+/// Signs requests, each with a counter of its own.
+struct Signer {
+    key: bead_wire::Key,
+    uid: [u8; 12],
+    ticket: Ticket,
+}
+
+impl Signer {
+    fn sign(&mut self, request: &Request, asked: u8, number: u16) -> Request {
+        self.ticket.counter = self.ticket.counter.saturating_add(1);
+        request.signed(&self.key, &self.uid, asked, number, self.ticket)
+    }
+}
+
+fn find<T>(answer: &Answer, wanted: impl Fn(&Message) -> Option<T>) -> Option<T> {
+    answer
+        .frames
+        .iter()
+        .rev()
+        .find_map(|frame| wanted(&frame.message))
+}

@@ -1,0 +1,175 @@
+//! Trends as a picture: a panel for each quantity of each bead over days.
+
+use bead_tables::printable::one_line;
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+
+use crate::date::{DAY_NS, day, text};
+use crate::quantity::Quantity;
+use crate::trend::{BeadTrend, QuantityTrend, TrendPoint};
+
+/// Prefixes of units, from the greatest.
+const PREFIXES: [(&str, f64); 5] = [("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9), ("p", 1e12)];
+
+/// The trends of beads, one below the other, over days from the first.
+pub fn chart(beads: &[BeadTrend]) -> Chart {
+    let points = || {
+        beads
+            .iter()
+            .flat_map(|bead| &bead.quantities)
+            .flat_map(|trend| &trend.points)
+    };
+    let first = points().map(|point| point.time_unix_ns).min().unwrap_or(0);
+    let origin = day(first);
+    let days = |point: &TrendPoint| (point.time_unix_ns - origin) as f64 / DAY_NS as f64;
+    let (low, high) = points()
+        .map(days)
+        .fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), at| {
+            (low.min(at), high.max(at))
+        });
+    // Points at the ends stand inside the axes.
+    let margin = (0.03 * (high - low)).max(0.02);
+    let axis = if low.is_finite() {
+        low - margin..high + margin
+    } else {
+        0.0..1.0
+    };
+    let several = beads.len() > 1;
+    let panels = beads.iter().flat_map(|bead| {
+        let of = bead.quantities.iter().map(move |trend| {
+            let panel = panel(trend, &days, low - margin, high + margin);
+            let bead = match (several, &bead.name) {
+                (true, Some(name)) => format!("bead {}, {}", bead.bead, one_line(name)),
+                (true, None) => format!("bead {}", bead.bead),
+                (false, _) => String::new(),
+            };
+            let notes = [bead, panel.note.clone()];
+            let notes: Vec<String> = notes.into_iter().filter(|note| !note.is_empty()).collect();
+            panel.note(notes.join("; "))
+        });
+        of.collect::<Vec<_>>()
+    });
+    let label = format!(
+        "days from {}, UTC",
+        text(origin).split('T').next().unwrap_or_default()
+    );
+    Chart {
+        description: "Quantities of beads over days, with control limits".to_owned(),
+        width: WIDTH,
+        ..Chart::new(Axis::new(label, axis), panels.collect())
+    }
+}
+
+fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, to: f64) -> Panel {
+    let quantity = trend.quantity();
+    let greatest = trend
+        .points
+        .iter()
+        .map(|point| point.value.abs())
+        .fold(0.0, f64::max);
+    let (prefix, scale) = scale(quantity, greatest);
+    let name = match quantity {
+        Quantity::ForceGains => "force gains",
+        Quantity::AccelerationGains => "acceleration gains",
+        other => other.title(),
+    };
+    let unit = match (quantity.unit(), scale == 100.0) {
+        (_, true) => "%".to_owned(),
+        ("", _) => String::new(),
+        (unit, _) => format!("{prefix}{unit}"),
+    };
+    let label = if unit.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{name} ({unit})")
+    };
+    let series = |name: &str, ink, mark, points: Vec<(f64, f64)>| Series {
+        name: name.to_owned(),
+        ink,
+        mark,
+        points,
+    };
+    let place = |point: &TrendPoint| (days(point), point.value * scale);
+    let within = trend
+        .points
+        .iter()
+        .filter_map(|point| Some(2.0 * point.u?))
+        .fold(0.0, f64::max);
+    let are_bars = within <= BARS_MOST * extent(trend);
+    let bars = trend.points.iter().filter(|_| are_bars).filter_map(|point| {
+        let (at, value) = place(point);
+        let within = 2.0 * point.u? * scale;
+        Some([(at, value - within), (at, value + within), (at, f64::NAN)])
+    });
+    let mut curves = vec![series("± 2 u", Ink::Chain, Mark::Line, bars.flatten().collect())];
+    if let Some(limits) = trend.limits {
+        let level = |value: f64| vec![(from, value * scale), (to, value * scale)];
+        let both = [level(limits.lower), vec![(from, f64::NAN)], level(limits.upper)].concat();
+        curves.push(series("mean", Ink::Guide, Mark::Line, level(limits.centre)));
+        curves.push(series("mean ± 3 s", Ink::Guide, Mark::Dashed, both));
+    }
+    let ink = match quantity {
+        Quantity::Measured => Ink::Measured,
+        Quantity::Predicted => Ink::Predicted,
+        _ => Ink::Sensed,
+    };
+    let beyond = trend
+        .points
+        .iter()
+        .filter(|point| point.out_of_control == Some(true));
+    curves.push(series(
+        "",
+        ink,
+        Mark::Discs,
+        trend.points.iter().map(place).collect(),
+    ));
+    curves.push(series(
+        "out of control",
+        Ink::Text,
+        Mark::Rings,
+        beyond.map(place).collect(),
+    ));
+    curves.retain(|curve| !curve.points.is_empty());
+    let panel = Panel::new(label, curves).height(150);
+    if are_bars {
+        return panel;
+    }
+    // Bars of that length would make a line of points and limits.
+    panel.note(format!("2 u is up to {} {unit}", three_digits(within * scale)).trim_end())
+}
+
+/// Bars of the uncertainty are drawn if they are at most this many times as long as the extent of points and
+/// limits.
+const BARS_MOST: f64 = 3.0;
+
+/// From the least of points and limits to the greatest.
+fn extent(trend: &QuantityTrend) -> f64 {
+    let values = trend.points.iter().map(|point| point.value);
+    let limits = trend
+        .limits
+        .iter()
+        .flat_map(|limits| [limits.lower, limits.upper]);
+    let ends = values
+        .chain(limits)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+    ends.1 - ends.0
+}
+
+/// A number above 0 with three significant digits.
+fn three_digits(value: f64) -> String {
+    let digits = (2.0 - value.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.digits$}")
+}
+
+/// The prefix of a quantity's unit, and the factor that it means.
+fn scale(quantity: Quantity, greatest: f64) -> (&'static str, f64) {
+    match quantity {
+        Quantity::ForceGains | Quantity::AccelerationGains => ("", 100.0),
+        Quantity::Measured | Quantity::Predicted => {
+            let fits = |(_, scale): &&(&str, f64)| greatest * scale >= 1.0;
+            *PREFIXES.iter().find(fits).unwrap_or(&PREFIXES[0])
+        }
+        _ => ("", 1.0),
+    }
+}

@@ -1,0 +1,128 @@
+//! Pictures of spectra.
+
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+
+use crate::bead::{BeadSpectrum, Points, SpectrumPoint, TransferPoint};
+
+/// The spectra of beads, one below the other, over frequency. `name` is that of their values, without unit.
+pub fn chart(name: &str, beads: &[BeadSpectrum]) -> Chart {
+    let several = beads.len() > 1;
+    let panels = beads.iter().flat_map(|bead| {
+        let of = if several {
+            format!("bead {}", bead.address)
+        } else {
+            String::new()
+        };
+        match &bead.points {
+            Points::Spectrum(points) => vec![spectrum(name, bead.unit, points).note(of)],
+            Points::Transfer(points) => transfer(bead.unit, points, of),
+        }
+    });
+    let frequencies = beads.iter().flat_map(|bead| match &bead.points {
+        Points::Spectrum(points) => points.iter().map(|point| point.frequency_hz).collect::<Vec<_>>(),
+        Points::Transfer(points) => points.iter().map(|point| point.frequency_hz).collect(),
+    });
+    let (low, high) = frequencies.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), frequency| {
+        (low.min(frequency), high.max(frequency))
+    });
+    // A single frequency has room around it.
+    let (low, high) = if low < high {
+        (low, high)
+    } else {
+        (0.5 * low, 2.0 * high)
+    };
+    let panels: Vec<Panel> = panels.collect();
+    Chart {
+        description: format!("{name} over frequency"),
+        width: WIDTH,
+        ..Chart::new(Axis::log("frequency (Hz)", low..high), panels)
+    }
+}
+
+fn curve(name: &str, ink: Ink, mark: Mark, points: impl Iterator<Item = (f64, f64)>) -> Series {
+    Series {
+        name: name.to_owned(),
+        ink,
+        mark,
+        points: points.collect(),
+    }
+}
+
+fn spectrum(name: &str, unit: &str, points: &[SpectrumPoint]) -> Panel {
+    let over = |value: fn(&SpectrumPoint) -> Option<f64>| {
+        points
+            .iter()
+            .filter_map(move |point| Some((point.frequency_hz, value(point)?)))
+    };
+    let is_shock = points.iter().any(|point| point.peaks.is_some());
+    let several = points.iter().any(|point| point.standard_deviation.is_some());
+    let mut curves = Vec::new();
+    if several {
+        curves.extend([
+            curve(
+                "envelope",
+                Ink::Chain,
+                Mark::Broad,
+                over(|point| Some(point.envelope)),
+            ),
+            curve(
+                "P95/50",
+                Ink::Predicted,
+                Mark::Dashed,
+                over(|point| point.upper_95_50),
+            ),
+            curve("mean", Ink::Measured, Mark::Line, over(|point| Some(point.mean))),
+        ]);
+    } else if is_shock {
+        let peaks = |value: fn(&crate::bead::PeakEnvelopes) -> f64| {
+            points
+                .iter()
+                .filter_map(move |point| Some((point.frequency_hz, value(point.peaks.as_ref()?))))
+        };
+        curves.extend([
+            curve("maximax", Ink::Chain, Mark::Broad, over(|point| Some(point.mean))),
+            curve("primary", Ink::Measured, Mark::Line, peaks(|peaks| peaks.primary)),
+            curve(
+                "residual",
+                Ink::Predicted,
+                Mark::Dashed,
+                peaks(|peaks| peaks.residual),
+            ),
+        ]);
+    } else {
+        curves.push(curve(
+            "",
+            Ink::Measured,
+            Mark::Line,
+            over(|point| Some(point.mean)),
+        ));
+    }
+    curves.retain(|curve| !curve.points.is_empty());
+    Panel::new(format!("{name} ({unit})"), curves).log().height(360)
+}
+
+fn transfer(unit: &str, points: &[TransferPoint], note: String) -> Vec<Panel> {
+    let over = |value: fn(&TransferPoint) -> Option<f64>| {
+        points
+            .iter()
+            .filter_map(move |point| Some((point.frequency_hz, value(point)?)))
+    };
+    let line = |value| vec![curve("", Ink::Measured, Mark::Line, over(value))];
+    let mut panels = vec![
+        Panel::new(
+            format!("acceleration of force ({unit})"),
+            line(|point| point.magnitude),
+        )
+        .log()
+        .height(300)
+        .note(note),
+        Panel::new("phase (°)", line(|point| point.phase_rad.map(f64::to_degrees)))
+            .range(-180.0, 180.0)
+            .height(200),
+    ];
+    let coherence = line(|point| point.coherence);
+    if !coherence[0].points.is_empty() {
+        panels.push(Panel::new("coherence γ²", coherence).range(0.0, 1.0).height(160));
+    }
+    panels
+}

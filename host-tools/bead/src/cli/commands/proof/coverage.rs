@@ -1,0 +1,177 @@
+//! `bead proof coverage`: beads drawn from a calibration, whose uncertainties have to cover the truth, and
+//! healthy strikes, which no flag may doubt.
+
+use rayon::prelude::*;
+
+use super::healthy::{self, HealthyKind};
+use crate::cli::commands::prelude::*;
+use crate::cli::commands::settings_file;
+use bead_bench::coverage::{Calibrated, Coverage, careful_laboratory, few_are_doubted};
+
+const AFTER_HELP: &str = "\
+The true k, c, m, M, gains, kappa and tau of each bead are drawn from the distributions of a calibration, as \
+`bead budget --monte-carlo` draws them, and so are striker and speed. The f64 chain strikes a bead with the \
+true parameters, which measures with the settings of the calibration, noise on. Of the intervals of ± 2 u \
+that the beads send, 92 to 98 % have to hold the truth, and the rank of the truth within the stated normal \
+distribution has to be uniform (chi-squared, p > 0.01). At most 2 % of the beads may flag a doubt: a flag takes \
+those beyond three standard uncertainties.
+
+Then beads of ten kinds of docs/spheres.md, alone and in rows of ten, are struck with right settings: none \
+may flag a doubt.
+
+The bit-exact code of the bead runs on this computer; `bead proof silent` plays the image.
+
+Exit status 1 if one of this does not hold.
+
+Examples:
+  bead proof coverage
+  bead proof coverage --uncertainty bead.toml --beads 1000
+  bead proof coverage --seed 2 --format json";
+
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// Beads to draw.
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(50..=100_000))]
+    beads: u32,
+    /// Healthy strikes at each of 20 speeds and places of each of ten kinds of bead; 0 for none.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    strikes: u32,
+    /// Seed of the draws and of the noise: the same seed gives the same table.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Take the table [uncertainty] of this file [default: that of a careful laboratory,
+    /// docs/scenarios/paper-bead.toml].
+    #[arg(long, value_name = "BEAD.toml")]
+    uncertainty: Option<PathBuf>,
+    /// Format of the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+/// Result of `bead proof coverage`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct CoverageProof {
+    /// What ran: the bit-exact code of the bead, not the image.
+    measured_by: &'static str,
+    /// A, B and A - B over the drawn beads.
+    coverage: [Coverage; 3],
+    /// Drawn beads that flagged a doubt.
+    drawn_flagged: usize,
+    /// Healthy strikes by kind of bead.
+    healthy: Vec<HealthyKind>,
+    pass: bool,
+}
+
+const MODEL: &str = "bit-exact model; `bead proof silent` plays the image";
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let stated = match &arguments.uncertainty {
+        Some(file) => settings_file::uncertainty(file)?,
+        None => careful_laboratory(),
+    };
+    let kinds = healthy::KINDS
+        .iter()
+        .flat_map(|kind| [(*kind, false), (*kind, true)]);
+    let kinds: Vec<_> = kinds.filter(|_| arguments.strikes > 0).collect();
+    let progress = output::progress(u64::from(arguments.beads) + kinds.len() as u64);
+    let calibrated = Calibrated::new(stated)?;
+    let drawn = (0..arguments.beads).into_par_iter().map(|number| {
+        let drawn = calibrated.draw(arguments.seed, number);
+        progress.inc(1);
+        drawn
+    });
+    let drawn = drawn.collect::<Result<Vec<_>, _>>();
+    let struck = kinds.into_par_iter().map(|(kind, row)| {
+        let struck = healthy::strike(kind, row, arguments.strikes, stated, arguments.seed);
+        progress.inc(1);
+        struck
+    });
+    let struck = struck.collect::<Result<Vec<_>, Failure>>();
+    progress.finish_and_clear();
+    let (drawn, healthy) = (drawn?, struck?);
+    let coverage = Coverage::of(&drawn);
+    let drawn_flagged = drawn.iter().filter(|bead| bead.is_doubted()).count();
+    let are_covered = coverage.iter().all(|one| one.holds) && few_are_doubted(drawn_flagged, drawn.len());
+    let proof = CoverageProof {
+        measured_by: MODEL,
+        drawn_flagged,
+        pass: are_covered && healthy.iter().all(HealthyKind::holds),
+        coverage,
+        healthy,
+    };
+    output::print(arguments.format, &proof, || proof.text())?;
+    proof.verdict()
+}
+
+impl CoverageProof {
+    fn text(&self) -> String {
+        let covered = output::table(
+            "result | beads | covered by ± 2 u (%) | mean (u) | scatter (u) | p of ranks | holds",
+            self.coverage.iter().map(|one| {
+                [
+                    one.result.to_owned(),
+                    one.beads.to_string(),
+                    format!("{:.1}", 100.0 * one.covered),
+                    format!("{:+.3}", one.mean),
+                    format!("{:.3}", one.scatter),
+                    format!("{:.3}", one.probability),
+                    output::either(one.holds, "yes", "NO"),
+                ]
+            }),
+        );
+        let doubted = format!("{} of the drawn beads flag a doubt", self.drawn_flagged);
+        let mut parts = vec![MODEL.to_owned(), covered, doubted];
+        if !self.healthy.is_empty() {
+            let rows = self.healthy.iter().map(HealthyKind::row);
+            parts.push(output::table(
+                "healthy beads | strikes | A, worst (%) | B, worst (%) | doubts",
+                rows,
+            ));
+        }
+        parts.join("\n\n")
+    }
+
+    fn verdict(&self) -> Result<(), Failure> {
+        if let Some(off) = self.coverage.iter().find(|one| !one.holds) {
+            bail!(
+                Verdict,
+                "the stated intervals of {} cover the truth of {:.1} % of {} beads, and its ranks are uniform with p = {:.3}",
+                off.result,
+                100.0 * off.covered,
+                off.beads,
+                off.probability
+            );
+        }
+        if !self.pass {
+            let sum = |of: fn(&HealthyKind) -> usize| self.healthy.iter().map(of).sum::<usize>();
+            bail!(
+                Verdict,
+                "{} of {} drawn beads flag a doubt; of {} healthy strikes {} were found, and {} of these are flagged",
+                self.drawn_flagged,
+                self.coverage[0].beads,
+                sum(|kind| kind.struck),
+                sum(|kind| kind.strikes),
+                sum(|kind| kind.flagged)
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_file_the_uncertainties_are_those_of_the_example() {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../docs/scenarios/paper-bead.toml"
+        );
+        assert_eq!(
+            settings_file::uncertainty(Path::new(file)).unwrap(),
+            careful_laboratory()
+        );
+    }
+}

@@ -1,0 +1,67 @@
+//! Options of commands that write notes of people.
+
+use std::env;
+use std::time::SystemTime;
+
+use chrono::{DateTime, Utc};
+use clap::Args;
+
+use bead_logbook::date;
+use bead_recording::file::Note;
+
+/// `--note` and `--by` of a command that makes a recording.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct NoteOptions {
+    /// A note in the recording, such as operator=Ana specimen=A12; again for further ones.
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
+    note: Vec<Note>,
+    #[command(flatten)]
+    author: Author,
+}
+
+/// Parses a note. `date` has a meaning for `bead list`, so its text must be a date.
+pub(crate) fn note(text: &str) -> Result<Note, String> {
+    let note = Note::parse(text)?;
+    if note.key == "date" && !note.value.is_empty() && date::parse(&note.value).is_none() {
+        return Err(format!(
+            "{:?} is no date; give UTC as 2026-11-28, 2026-11-28T09:30 or 2026-11-28T10:30+01:00",
+            note.value
+        ));
+    }
+    Ok(note)
+}
+
+/// `--by`.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct Author {
+    /// Author of the notes [default: the user of this computer].
+    #[arg(long, value_name = "NAME")]
+    by: Option<String>,
+}
+
+impl NoteOptions {
+    /// True if no note is given.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.note.is_empty()
+    }
+
+    /// The notes as written now.
+    pub(crate) fn signed(&self) -> Vec<Note> {
+        self.author.sign(self.note.clone())
+    }
+}
+
+impl Author {
+    /// The notes as written by this author now.
+    pub(crate) fn sign(&self, notes: Vec<Note>) -> Vec<Note> {
+        let user = || {
+            ["USER", "LOGNAME", "USERNAME"]
+                .iter()
+                .find_map(|name| env::var(name).ok())
+        };
+        let author = self.by.clone().or_else(user);
+        let now = DateTime::<Utc>::from(SystemTime::now());
+        let notes = notes.into_iter();
+        notes.map(|note| note.signed(author.as_deref(), now)).collect()
+    }
+}

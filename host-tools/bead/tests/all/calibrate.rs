@@ -1,0 +1,228 @@
+//! `bead calibrate`: the page typed word for word, rigs that go wrong, the emulated bead, a live line.
+
+use std::fs;
+use std::io::Write;
+use std::os::unix::net::UnixListener;
+use std::thread;
+use std::time::Duration;
+
+use bead_calibrate::drop::DropInputs;
+use bead_calibrate::quantity::{Dimension, Stated};
+use bead_calibrate::simulated::drop::{DropFault, DropRig};
+use bead_calibrate::simulated::{SimulatedBead, chance};
+use bead_recording::file::Recording;
+use bead_tables::whole::Target;
+use bead_testing::paper_settings;
+use serde_json::Value;
+
+use crate::first_strike::{blocks, copy_scenario};
+use crate::program::{ROOT, TestFolder, assert_says, said, shell};
+
+const STATED: &str = "--ball-mass 3.046g±1mg --height 100mm±0.3mm --gravity 9.812±0.001";
+
+fn stated(dimension: Dimension, text: &str) -> Stated {
+    dimension.parse(text).unwrap()
+}
+
+/// Records six drops from 100 mm, of which some go wrong; returns the true worth of a code.
+fn record(folder: &TestFolder, name: &str, faults: Vec<(usize, DropFault)>) -> f64 {
+    let settings = paper_settings();
+    let bead = SimulatedBead::drawn(&settings, &mut chance(3, 0));
+    let rig = DropRig {
+        stated: DropInputs {
+            ball_mass: stated(Dimension::Mass, "3.046g±1mg"),
+            heights: vec![stated(Dimension::Length, "100mm±0.3mm")],
+            gravity: stated(Dimension::Acceleration, "9.812±0.001"),
+            tilt: 1.0_f64.to_radians(),
+            high_pass: Some(stated(Dimension::Time, "1.03s±20%")),
+        },
+        drops: 6,
+        faults,
+        seed: 3,
+    };
+    rig.record(&bead, 0, &Target::new(folder.join(name))).unwrap();
+    settings.description().force.per_code * bead.gains[0]
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn a_person_without_hardware_calibrates_a_bead_by_the_commands_of_the_page() {
+    let page = fs::read_to_string(format!("{ROOT}/docs/calibration.md")).unwrap();
+    let folder = TestFolder::new();
+    copy_scenario(&folder);
+    // Formulas and printed tables stand between fences.
+    let page: String = page.split("```").step_by(2).collect();
+    let lines: Vec<String> = blocks(&page).into_iter().map(|(_, line)| line).collect();
+    // A line that ends with a backslash goes on.
+    let typed = lines.join("\n").replace("\\\n", "");
+    let printed: Vec<(String, String)> = typed
+        .lines()
+        .map(|line| (line.to_owned(), shell(&folder, line)))
+        .collect();
+    assert_eq!(printed.len(), 15);
+    for made in [
+        "drop.html",
+        "force.html",
+        "shaker.html",
+        "bead.settings",
+        "drops.mcap",
+        "run/bead-8.mcap",
+    ] {
+        assert!(folder.join(made).metadata().unwrap().len() > 100, "{made}");
+    }
+    let settings = folder.text("bead.toml");
+    for key in [
+        "force_gain",
+        "acceleration_gain",
+        "front_mass",
+        "intruder_mass",
+        "bead_mass",
+        "stiffness",
+        "damping",
+        "stiffness_with_damping",
+        "stiffness_with_mass",
+        "damping_with_mass",
+        "calibration",
+        "calibrated",
+        "voltage",
+    ] {
+        assert!(
+            settings
+                .lines()
+                .any(|line| line.starts_with(&format!("{key} = "))),
+            "{key}\n{settings}"
+        );
+    }
+    assert_eq!(settings.matches("# calibrated ").count(), 10, "{settings}");
+    let (_, budget) = printed
+        .iter()
+        .find(|(line, _)| line.contains("bead budget"))
+        .unwrap();
+    assert_says(budget, "unknown uncertainties: ");
+    assert!(!budget.contains("unknown uncertainties: force gain,"), "{budget}");
+}
+
+#[test]
+fn a_drop_that_missed_or_grazed_is_named_and_the_others_give_the_gain() {
+    let folder = TestFolder::new();
+    let faults = vec![(1, DropFault::Missed), (3, DropFault::Grazed)];
+    let truth = record(&folder, "drops.mcap", faults);
+    let output = folder.run(&format!("calibrate drop drops.mcap {STATED} --format json"));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let result = &report["results"][0];
+    let off = number(&result["value"]) - truth;
+    println!("{:+.3} U", off / number(&result["expanded"]));
+    assert!(off.abs() < number(&result["expanded"]), "{result}");
+    assert_eq!(report["observations"].as_array().unwrap().len(), 4);
+    let said = said(&output);
+    assert_says(
+        &said,
+        "left out: drops.mcap, drop 1: no second landing came within 0.286 s",
+    );
+    assert_says(
+        &said,
+        "left out: drops.mcap, drop 3: its impulse is off the others' by -50 %",
+    );
+}
+
+#[test]
+fn heights_that_disagree_fail_and_leave_the_settings_as_they_were() {
+    let folder = TestFolder::new();
+    for name in ["low.mcap", "high.mcap"] {
+        record(&folder, name, Vec::new());
+    }
+    folder.done("settings make --template bead.toml");
+    let before = folder.read("bead.toml");
+    // The ruler slipped by 4 mm for the second recording.
+    let line = "calibrate drop low.mcap high.mcap --ball-mass 3.046g±1mg --height 100mm±0.3mm --height 104mm±0.3mm \
+        --gravity 9.812±0.001 --update bead.toml --page page.html";
+    let output = folder.run(line);
+    assert_eq!(output.status.code(), Some(1));
+    assert_says(&said(&output), "gain from 0.1040 m against that from 0.1000 m: ");
+    assert_says(&folder.text("page.html"), "class=\"verdict fail\"");
+    assert_eq!(folder.read("bead.toml"), before);
+    folder.done(&line.replace("104mm", "100mm").replace("page.html", "other.html"));
+    assert_ne!(folder.read("bead.toml"), before);
+}
+
+#[test]
+fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_refused_or_named() {
+    let folder = TestFolder::new();
+    let truth = record(&folder, "drops.mcap", Vec::new());
+    let off = 100.0 * (truth / paper_settings().description().force.per_code - 1.0);
+    let judged = |tolerance: f64| {
+        let line = format!(
+            "calibrate drop drops.mcap {STATED} --tolerance {:.4}%",
+            off.abs() + tolerance
+        );
+        folder.run(&line).status.code()
+    };
+    println!("the settings are off by {off:.2} %");
+    // U is some 0.3 %: a tolerance that is wider by less than that is no acceptance.
+    assert_eq!((judged(1.0), judged(0.05)), (Some(0), Some(1)));
+
+    folder.done("calibrate about about.toml");
+    let reference =
+        "\n[[reference]]\nname = \"balance 7\"\ncertificate = \"K-1\"\nvalid_until = \"2026-03-31\"\n";
+    folder.write("about.toml", folder.text("about.toml") + reference);
+    let line = format!("calibrate drop drops.mcap {STATED} --about about.toml --page page.html --date");
+    folder.refused(
+        &format!("{line} 2026-04-01"),
+        2,
+        "the certificate K-1 of balance 7 expired on 2026-03-31",
+    );
+    folder.done(&format!("{line} 2026-04-01 --doubtful"));
+    assert_says(&folder.text("page.html"), "In spite of this: the certificate K-1");
+    folder.done(&format!("{line} 2026-03-31 --overwrite"));
+    assert!(!folder.text("page.html").contains("In spite of this"));
+}
+
+#[test]
+fn the_image_in_qemu_calibrates_to_its_truth() {
+    let folder = TestFolder::new();
+    let line = format!("calibrate drop --from emulated --drops 4 {STATED} --seed 5 --format json");
+    let drop = folder.json(&line);
+    let taps = "calibrate ring-down --from emulated --taps 5 --intruder-mass 3.7g±4mg --bead-mass 51.0g±10mg --format json";
+    let taps = folder.json(taps);
+    for truth in [&drop["truth"][0], &taps["truth"][0], &taps["truth"][1]] {
+        println!("{truth}");
+        assert!(number(&truth["deviation_over_expanded"]).abs() < 1.2, "{truth}");
+    }
+}
+
+#[test]
+fn a_live_bead_is_recorded_until_its_drops_are_done() {
+    let folder = TestFolder::new();
+    let truth = record(&folder, "sent.mcap", Vec::new());
+    let sent: Vec<u8> = Recording::open(&folder.join("sent.mcap"))
+        .unwrap()
+        .pieces()
+        .unwrap()
+        .flat_map(|piece| piece.bytes.to_vec())
+        .collect();
+    let listener = UnixListener::bind(folder.join("line.sock")).unwrap();
+    let bead = thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        stream.write_all(&sent).unwrap();
+        // A bead goes on to send, if only its status, until the program hangs up.
+        while stream.write_all(&[0]).is_ok() {
+            thread::sleep(Duration::from_millis(50));
+        }
+    });
+    let line = format!("calibrate drop live.mcap --port unix:line.sock --drops 6 {STATED} --format json");
+    let output = folder.run(&line);
+    bead.join().unwrap();
+    let said = said(&output);
+    assert_says(&said, "drop the ball from 100.0 mm, 6 times");
+    assert_says(&said, "now, 6 of 6");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let result = &report["results"][0];
+    assert!(
+        (number(&result["value"]) - truth).abs() < number(&result["expanded"]),
+        "{said}"
+    );
+    assert!(folder.join("live.mcap").exists());
+}

@@ -1,0 +1,243 @@
+//! A chain whose parameters carry derivatives, and its equations of motion.
+//!
+//! # Design
+//! The viscous part of a contact's force is a total derivative, τ dF_H/dt. With the momentum
+//!
+//! ```text
+//! w = (M - m) V - τ_in F_in + τ_out F_out        w' = F_in - F_out + k x + k₃ x³ + c x'
+//! ```
+//!
+//! in place of the velocity, only Hertz' part F = κ δ^(3/2) is left in the rates, whose first derivative is
+//! continuous where a contact opens or closes. So are the tangents of the motion there: the factor δ^(-1/2)
+//! of the printed equation's tangent does not arise. The low-pass of a sensor at a contact, y' = ω (F_total -
+//! y), is integrated as z = y - ω τ F for the same reason.
+
+use super::dual::Dual;
+use super::parameter::{Parameter, Seeds};
+use crate::model::{Model, compliance};
+use crate::scenario::{ContactForce, InputError, Material, Scenario, Section, Sphere};
+
+/// Contact between two bodies, or the last one and the wall.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DualContact<const P: usize> {
+    stiffness: Dual<P>,
+    pub(super) relaxation: Dual<P>,
+    rest: Dual<P>,
+    load: f64,
+}
+
+impl<const P: usize> DualContact<P> {
+    /// Hertz' part of the force beyond the static load, N, at a change of the overlap, m.
+    #[inline(always)]
+    fn elastic(&self, change: Dual<P>) -> Dual<P> {
+        let overlap = change + self.rest;
+        if overlap.value <= 0.0 {
+            return Dual::constant(-self.load);
+        }
+        let mut force = self.stiffness * overlap * overlap.sqrt();
+        force.value -= self.load;
+        force
+    }
+}
+
+/// A mass on a spring and damper in a body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DualIntruder<const P: usize> {
+    pub(super) body: usize,
+    pub(super) inverse_mass: Dual<P>,
+    stiffness: Dual<P>,
+    damping: Dual<P>,
+    cubic: Dual<P>,
+}
+
+/// The bodies, contacts and intruders of a scenario.
+#[derive(Debug, Clone)]
+pub(super) struct DualChain<const P: usize> {
+    /// 1/(M - m) of each body, 1/kg.
+    pub(super) inverse_shells: Vec<Dual<P>>,
+    pub(super) shells: Vec<Dual<P>>,
+    /// Contact j joins bodies j - 1 and j; at index j - 1.
+    pub(super) contacts: Vec<DualContact<P>>,
+    pub(super) intruders: Vec<DualIntruder<P>>,
+    /// Displacement and velocity of each body at t = 0.
+    pub(super) starts: Vec<(f64, Dual<P>)>,
+    pub(super) push_gain: Dual<P>,
+}
+
+/// The parts of masses, stiffnesses and relaxation times that go with the chain's own material.
+struct Materials<'a, const P: usize> {
+    scenario: &'a Scenario,
+    spheres: Vec<Sphere>,
+    seeds: Seeds<'a, P>,
+}
+
+impl<const P: usize> Materials<'_, P> {
+    /// True if a bead has a value of its own in place of the chain's.
+    fn owns(&self, bead: usize, of: fn(&Section) -> Option<f64>) -> bool {
+        let named = |section: &&Section| section.beads.contains(&bead);
+        let last = self.scenario.sections.iter().rev().find(named);
+        last.is_some_and(|section| of(section).is_some())
+    }
+
+    /// θ of a bead, 1/Pa, and the part of it that goes with the chain's modulus.
+    fn theta(&self, bead: usize) -> (f64, f64) {
+        let Material { young, poisson, .. } = self.spheres[bead - 1].material;
+        let theta = compliance(young, poisson);
+        let is_own = self.owns(bead, |section| section.young);
+        (theta, if is_own { 0.0 } else { theta })
+    }
+
+    /// 1 for a bead that has the chain's relaxation time, else 0.
+    fn relaxes(&self, bead: usize) -> f64 {
+        f64::from(u8::from(!self.owns(bead, |section| section.relaxation)))
+    }
+
+    /// Change of the relaxation time of the contact between two bodies with the chain's. The striker and the
+    /// wall are no beads.
+    fn relaxation_slope(&self, near: Option<usize>, far: Option<usize>) -> f64 {
+        let Scenario { striker, wall, .. } = self.scenario;
+        match (near, far) {
+            (Some(near), Some(far)) => 0.5 * (self.relaxes(near) + self.relaxes(far)),
+            (None, Some(far)) if striker.relaxation.is_none() => self.relaxes(far),
+            (Some(near), None) if wall.as_ref().is_some_and(|wall| wall.relaxation.is_none()) => {
+                self.relaxes(near)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Contact j (from 1) of the model.
+    fn contact(&self, model: &Model, j: usize) -> DualContact<P> {
+        let contact = model.contact(j);
+        let near = Some(j - 1).filter(|bead| *bead > 0);
+        let far = Some(j).filter(|bead| *bead <= self.spheres.len());
+        let Scenario { striker, wall, .. } = self.scenario;
+        let wall = wall
+            .as_ref()
+            .map_or(0.0, |wall| compliance(wall.young, wall.poisson));
+        let (a, of_a) = near.map_or((compliance(striker.young, striker.poisson), 0.0), |bead| {
+            self.theta(bead)
+        });
+        let (b, of_b) = far.map_or((wall, 0.0), |bead| self.theta(bead));
+        let mut stiffness = Dual::constant(contact.stiffness);
+        if let Some(direction) = self.seeds.direction(Parameter::Young) {
+            stiffness.by[direction] = contact.stiffness * (of_a + of_b) / (a + b) / self.scenario.chain.young;
+        }
+        let mut relaxation = Dual::constant(contact.relaxation);
+        if let Some(direction) = self.seeds.direction(Parameter::Relaxation) {
+            relaxation.by[direction] = self.relaxation_slope(near, far);
+        }
+        // δ₀ = (F₀/κ)^(2/3).
+        let mut rest = Dual::constant(contact.static_overlap);
+        for (rest, stiffness) in rest.by.iter_mut().zip(stiffness.by) {
+            *rest = -2.0 / 3.0 * contact.static_overlap * stiffness / contact.stiffness;
+        }
+        DualContact {
+            stiffness,
+            relaxation,
+            rest,
+            load: contact.load,
+        }
+    }
+}
+
+impl<const P: usize> DualChain<P> {
+    /// # Errors
+    /// The scenario is out of range, or its contact forces are clipped, which have no smooth tangent.
+    pub(super) fn new(scenario: &Scenario, parameters: &[Parameter]) -> Result<Self, InputError> {
+        let model = Model::of(scenario)?;
+        if scenario.chain.contact_force == ContactForce::Clipped {
+            return Err(InputError::at(
+                "chain.contact_force",
+                "clipped forces have no tangents",
+                "leave it out: contacts may then pull a little while they open",
+            ));
+        }
+        let seeds = Seeds::<P>::new(parameters);
+        let materials = Materials {
+            scenario,
+            spheres: scenario.spheres(),
+            seeds,
+        };
+        let mut shells: Vec<Dual<P>> = (0..model.bodies())
+            .map(|body| {
+                let mass = Dual::constant(model.mass(body));
+                if body > 0 && !materials.owns(body, |section| section.density) {
+                    seeds.relative(Parameter::Density, mass, scenario.chain.density)
+                } else {
+                    mass
+                }
+            })
+            .collect();
+        let mut intruders = Vec::new();
+        for (table, intruder) in scenario.intruders.iter().enumerate() {
+            let mass = seeds.seeded(Parameter::IntruderMass(table), intruder.mass);
+            for &body in &intruder.beads {
+                shells[body] -= mass;
+                intruders.push(DualIntruder {
+                    body,
+                    inverse_mass: mass.inverse(),
+                    stiffness: seeds.seeded(Parameter::Stiffness(table), intruder.stiffness),
+                    damping: seeds.seeded(Parameter::Damping(table), intruder.damping),
+                    cubic: seeds.seeded(Parameter::CubicStiffness(table), 0.0),
+                });
+            }
+        }
+        let contacts = (1..=model.contacts()).map(|j| materials.contact(&model, j));
+        let contacts = contacts.collect();
+        let starts = model.starts.iter().enumerate().map(|(body, &(place, velocity))| {
+            let velocity = if body == 0 {
+                seeds.seeded(Parameter::StrikerVelocity, velocity)
+            } else {
+                Dual::constant(velocity)
+            };
+            (place, velocity)
+        });
+        Ok(Self {
+            starts: starts.collect(),
+            inverse_shells: shells.iter().map(|shell| shell.inverse()).collect(),
+            shells,
+            contacts,
+            intruders,
+            push_gain: seeds.seeded(Parameter::PushGain, 1.0),
+        })
+    }
+
+    /// Number of bodies.
+    pub(super) fn bodies(&self) -> usize {
+        self.shells.len()
+    }
+
+    /// Hertz' part of the force of contact j (from 1) beyond its load, N.
+    #[inline(always)]
+    pub(super) fn force(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
+        let near = places[j - 1];
+        let change = if j < self.bodies() { near - places[j] } else { near };
+        self.contacts[j - 1].elastic(change)
+    }
+
+    /// Factor of the rate of a contact's overlap in its viscous force, N s/m.
+    #[inline(always)]
+    pub(super) fn viscosity(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
+        let near = places[j - 1];
+        let change = if j < self.bodies() { near - places[j] } else { near };
+        let contact = &self.contacts[j - 1];
+        let overlap = change + contact.rest;
+        if overlap.value <= 0.0 {
+            return Dual::default();
+        }
+        contact.relaxation * contact.stiffness * overlap.sqrt() * 1.5
+    }
+
+    /// Force of spring and damper on the host, N.
+    #[inline(always)]
+    pub(super) fn pull(intruder: &DualIntruder<P>, way: Dual<P>, rate: Dual<P>) -> Dual<P> {
+        let mut pull = intruder.stiffness * way + intruder.damping * rate;
+        // k₃ is 0, and only its derivative is not.
+        let cube = way.value * way.value * way.value;
+        for (pull, cubic) in pull.by.iter_mut().zip(intruder.cubic.by) {
+            *pull += cubic * cube;
+        }
+        pull
+    }
+}

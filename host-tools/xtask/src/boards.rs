@@ -1,0 +1,114 @@
+//! Images for boards other than the first one of `firmware/boards.txt`.
+
+use std::fs;
+use std::path::PathBuf;
+
+use crate::board_table::{TABLE, names, read, rows};
+use crate::packages::IMAGE;
+use crate::setup::TARGET;
+use crate::step::{CommandLine, Steps, Stop};
+use crate::{demo, image, paths};
+
+/// Builds what `cargo xtask build` is asked for: all programs and the image of the first board; the image of
+/// a board that is named; or those of all boards.
+///
+/// # Errors
+/// No such board, one that cannot work, or something does not build.
+pub(crate) fn build(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    match words {
+        [] => demo::build_all(steps),
+        [all] if *all == "boards" => {
+            build_images(steps)?;
+            image::build(steps)
+        }
+        [board] => {
+            let table = read(steps)?;
+            build_image(steps, works(&table, board)?)
+        }
+        _ => Err(Stop::failed(
+            "give one board, or `boards` for all: `build weact-f405`",
+        )),
+    }
+}
+
+/// Builds the images of all boards but the first into target/boards.
+///
+/// # Errors
+/// One does not build.
+pub(crate) fn build_images(steps: &Steps) -> Result<(), Stop> {
+    names(steps)?
+        .iter()
+        .skip(1)
+        .try_for_each(|board| build_image(steps, board))
+}
+
+/// Where the image for a board is left that is not the first.
+pub(crate) fn path(steps: &Steps, board: &str) -> PathBuf {
+    steps.root.join(steps.built("boards")).join(board)
+}
+
+/// The command that builds the image for a board.
+pub(crate) fn line(board: &str) -> CommandLine {
+    CommandLine::new("cargo build")
+        .words(IMAGE)
+        .env("BEAD_BOARD", board)
+}
+
+fn build_image(steps: &Steps, board: &str) -> Result<(), Stop> {
+    paths::leave_out(steps, paths::cargo_home().as_deref())?;
+    // In a directory of their own: where the first board's image lies, `bead` takes the one that it carries.
+    let apart = steps.target.join("boards/build");
+    let build = line(board).words("--target-dir").arg(&apart);
+    steps.run(&format!("the flash image for {board}"), &build)?;
+    let to = path(steps, board);
+    let folder = to.parent().unwrap_or(&steps.target);
+    let from = apart.join(TARGET).join("firmware/bead-firmware");
+    let copied = fs::create_dir_all(folder).and_then(|()| fs::copy(from, &to));
+    copied.map_err(|error| Stop::failed(format!("{}: {error}", to.display())))?;
+    image::sign(&to, board)?;
+    steps.announce(&format!("the image for {board} is {}", to.display()));
+    Ok(())
+}
+
+/// The board of this name, if the image can run there.
+///
+/// # Errors
+/// There is none, or it cannot work: why.
+fn works<'a>(table: &str, name: &'a str) -> Result<&'a str, Stop> {
+    match rows(table).find(|row| row[0] == name).as_deref() {
+        Some([_, "no", why, ..]) => Err(Stop::failed(format!("{name} cannot be a bead: {why}"))),
+        Some(_) => Ok(name),
+        None => {
+            let names: Vec<_> = rows(table)
+                .filter(|row| row[1] != "no")
+                .map(|row| row[0])
+                .collect();
+            Err(Stop::failed(format!(
+                "`{name}` is no board of {TABLE}; give one of {}, or `boards` for all",
+                names.join(", ")
+            )))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_that_cannot_work_is_refused_by_name_with_the_reason_and_an_unknown_one_with_the_names() {
+        let table = include_str!("../../../firmware/boards.txt");
+        let refused = |name: &str| works(table, name).unwrap_err().message;
+        for (name, why) in [
+            ("feather-f405", "PA0, PA1 and PA2 are not connected"),
+            ("discovery-f407", "4.7 uF at PA9"),
+            ("nucleo-f446re", "no core-coupled memory"),
+        ] {
+            let said = refused(name);
+            assert!(said.starts_with(&format!("{name} cannot be a bead: ")), "{said}");
+            assert!(said.contains(why) && !said.contains('\n'), "{said}");
+        }
+        assert!(refused("f405").contains("stm32f405rg, weact-f405, "));
+        assert_eq!(works(table, "weact-f405").unwrap(), "weact-f405");
+    }
+}
