@@ -142,6 +142,20 @@ impl Stated {
         Err("give a value above 0, and less than half of it as its uncertainty".to_owned())
     }
 
+    /// This quantity, refused above `most`, as a number that lacks its unit mostly is. `such_as` is that limit
+    /// with its unit, and an example.
+    ///
+    /// # Errors
+    /// One line: what would do.
+    pub fn at_most(self, most: f64, such_as: &str) -> Result<Self, String> {
+        if self.value <= most {
+            return Ok(self);
+        }
+        Err(format!(
+            "give at most {such_as}; a number without a unit is in SI units"
+        ))
+    }
+
     /// u over the value.
     pub fn relative(self) -> f64 {
         self.u / self.value.abs()

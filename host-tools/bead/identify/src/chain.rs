@@ -5,13 +5,16 @@
 //! compared with the codes of both sensors. The strike's own numbers are the striker's velocity, the moment
 //! at which it touches the chain, and the zero of each channel.
 
+use std::sync::Arc;
+
 use hertz_chain::Scenario;
-use hertz_chain::tangents::{Dual, Parameter, Sensor, SensorPlace, SignalTangents, tangents};
+use hertz_chain::tangents::{Parameter, Sensor, SensorPlace, tangents};
 
 use crate::model::{Evaluation, HARDENING, SignalSample, StrikeModel};
 use crate::noise::Noise;
 use crate::quantity::{Quantity, Values};
 use crate::series::{Channel, Series, Stretch, StrikeSeries};
+use crate::speeds::{DIRECTIONS, SpeedGrid, SpeedSignals};
 
 /// Longest step of the integration, s.
 const LONGEST_STEP: f64 = 5e-6;
@@ -19,11 +22,9 @@ const LONGEST_STEP: f64 = 5e-6;
 const STEPS_IN_CONTACT: f64 = 25.0;
 /// Least peak of the force, in standard deviations of its noise.
 const LEAST_PEAK: f64 = 10.0;
-/// Directions with the shared tangents.
-const ALL: usize = 8;
 
-/// A host in a chain.
-#[derive(Debug, Clone, PartialEq)]
+/// A host in a chain. Clones share the chain's runs.
+#[derive(Debug, Clone)]
 pub struct ChainOfScenario {
     scenario: Scenario,
     bead: usize,
@@ -32,6 +33,7 @@ pub struct ChainOfScenario {
     mass: f64,
     /// Step of the integration, s.
     step: f64,
+    runs: Arc<SpeedGrid>,
 }
 
 impl ChainOfScenario {
@@ -79,6 +81,7 @@ impl ChainOfScenario {
             table,
             mass: model.mass(bead),
             step,
+            runs: Arc::default(),
         })
     }
 
@@ -129,8 +132,18 @@ impl ChainOfScenario {
         scenario
     }
 
+    /// Step of the integration, s.
+    pub(crate) fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Velocity of the striker in the scenario, m/s.
+    pub(crate) fn velocity(&self) -> f64 {
+        self.scenario.striker.velocity
+    }
+
     /// The shared directions, and the striker's velocity as the first one.
-    fn parameters(&self) -> [Parameter; ALL] {
+    pub(crate) fn directions(&self) -> [Parameter; DIRECTIONS] {
         // A table that is not there has tangents of 0.
         let table = self.table.unwrap_or(usize::MAX);
         [
@@ -167,6 +180,8 @@ pub struct ChainStrike {
     series: Vec<(Series, Noise)>,
     sensors: Vec<Sensor>,
     start: [f64; 2],
+    /// Time at which the wave comes at the scenario's speed, s.
+    arrival: f64,
     greatest: f64,
 }
 
@@ -226,9 +241,10 @@ impl ChainStrike {
             series,
             sensors,
             start: [0.0; 2],
+            arrival: 0.0,
             greatest,
         };
-        one.start = one.guess(values, at as f64, peak)?;
+        one.begin(values, at as f64, peak)?;
         Ok(one)
     }
 
@@ -286,28 +302,25 @@ impl ChainStrike {
             series,
             sensors,
             start: [0.0; 2],
+            arrival: 0.0,
             greatest: 0.0,
         };
-        one.start = one.guess(values, at, peak)?;
+        one.begin(values, at, peak)?;
         Ok(one)
     }
 
-    /// Velocity and moment by the peak of the force: F ~ V^(6/5), t ~ V^(-1/5).
-    fn guess(&self, values: &Values, at: f64, peak: f64) -> Result<[f64; 2], String> {
-        let scenario = self.chain.with(values, 1.0);
-        let duration = scenario.duration.min(self.length as f64 / self.rate);
-        let step = self.chain.step;
-        let run = tangents::<0>(&scenario, &[], &self.sensors[..1], None, (duration, step));
-        let run = run.map_err(|error| error.to_string())?;
-        let signal = run.steps(0).iter().enumerate();
-        let highest = signal.max_by(|a, b| a.1.value.total_cmp(&b.1.value));
-        let (at_step, highest) = highest.map_or((0, 0.0), |(at, signal)| (at, signal.value));
+    /// Finds velocity and moment by the peak of the force: F ~ V^(6/5), t ~ V^(-1/5).
+    fn begin(&mut self, values: &Values, at: f64, peak: f64) -> Result<(), String> {
+        let chain = &self.chain;
+        let duration = chain.scenario.duration.min(self.length as f64 / self.rate);
+        let (arrival, highest) = chain.runs.highest(chain, values, &self.sensors, duration)?;
         if highest <= 0.0 {
             return Err("no force reaches the bead of the scenario in its duration".to_owned());
         }
         let faster = (peak / highest).powf(5.0 / 6.0);
-        let time = at_step as f64 * step * faster.powf(-0.2);
-        Ok([faster.ln(), at - time * self.rate])
+        self.start = [faster.ln(), at - arrival * faster.powf(-0.2) * self.rate];
+        self.arrival = arrival;
+        Ok(())
     }
 
     /// The time of a sample of a series since the striker touched the chain, s.
@@ -315,9 +328,9 @@ impl ChainStrike {
         (at as f64 - own[1]) / self.rate + series.delay
     }
 
-    fn run<const P: usize>(&self, values: &Values, own: &[f64]) -> Result<SignalTangents<P>, String> {
-        let velocity = own[0];
-        if !velocity.is_finite() || velocity.abs() > 5.0 {
+    fn signals(&self, values: &Values, own: &[f64]) -> Result<SpeedSignals, String> {
+        let speed = own[0];
+        if !speed.is_finite() || speed.abs() > 5.0 {
             return Err("no striker is as fast as its force asks for".to_owned());
         }
         let late = self
@@ -328,17 +341,8 @@ impl ChainStrike {
         if !(0.0..1.0).contains(&duration) {
             return Err("its wave would begin outside its window".to_owned());
         }
-        let scenario = self.chain.with(values, velocity.exp());
-        let parameters = self.chain.parameters();
-        let wanted = &parameters[..P.min(ALL)];
-        tangents(
-            &scenario,
-            wanted,
-            &self.sensors,
-            None,
-            (duration, self.chain.step),
-        )
-        .map_err(|error| error.to_string())
+        let span = (speed, self.arrival, duration);
+        self.chain.runs.signals(&self.chain, values, &self.sensors, span)
     }
 
     /// Gain of a series: what is computed, over it, is what the codes show.
@@ -351,9 +355,9 @@ impl ChainStrike {
         (quantity, values[quantity.place()])
     }
 
-    fn with_directions<const P: usize>(&self, values: &Values, own: &[f64]) -> Result<Evaluation, String> {
-        let run = self.run::<P>(values, own)?;
-        let velocity = self.chain.scenario.striker.velocity * own[0].exp();
+    /// Residuals and derivatives; see [`StrikeModel::evaluate`].
+    fn evaluated(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String> {
+        let signals = self.signals(values, own)?;
         let mut evaluation = Evaluation {
             residuals: Vec::new(),
             shared: std::array::from_fn(|_| Vec::new()),
@@ -373,7 +377,6 @@ impl ChainStrike {
             of(Quantity::Relaxation),
             (HARDENING, 1.0),
         ];
-        let has_shared = P == ALL;
         for (place, (series, noise)) in self.series.iter().enumerate() {
             let (gain_of, gain) = Self::gain(series, values);
             let other_gain = if gain_of == Quantity::ForceGain {
@@ -384,18 +387,17 @@ impl ChainStrike {
             for stretch in &series.stretches {
                 let begin = evaluation.residuals.len();
                 for (n, measured) in stretch.values.iter().enumerate() {
-                    let (signal, slope): (Dual<P>, f64) =
-                        run.at(place, self.time(series, stretch.from + n, own));
+                    let (signal, slope) = signals.at(place, self.time(series, stretch.from + n, own));
                     let computed = signal.value / gain;
                     evaluation.residuals.push(measured - computed - own[2 + place]);
-                    if has_shared {
+                    if with_shared {
                         for ((column, factor), by) in directions.iter().zip(&signal.by[1..]) {
                             evaluation.shared[*column].push(factor * by / gain);
                         }
                         evaluation.shared[gain_of.place()].push(-computed);
                         evaluation.shared[other_gain.place()].push(0.0);
                     }
-                    evaluation.own[0].push(signal.by[0] * velocity / gain);
+                    evaluation.own[0].push(signal.by[0] / gain);
                     evaluation.own[1].push(-slope / self.rate / gain);
                     for (other, column) in evaluation.own[2..].iter_mut().enumerate() {
                         column.push(f64::from(u8::from(other == place)));
@@ -423,11 +425,7 @@ impl StrikeModel for ChainStrike {
     }
 
     fn evaluate(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String> {
-        if with_shared {
-            self.with_directions::<ALL>(values, own)
-        } else {
-            self.with_directions::<1>(values, own)
-        }
+        self.evaluated(values, own, with_shared)
     }
 
     fn stroke(&self, values: &Values, _: &[f64]) -> f64 {
@@ -436,14 +434,14 @@ impl StrikeModel for ChainStrike {
     }
 
     fn samples(&self, values: &Values, own: &[f64]) -> Result<Vec<SignalSample>, String> {
-        let run = self.run::<0>(values, own)?;
+        let signals = self.signals(values, own)?;
         let mut points = Vec::new();
         for (place, (series, noise)) in self.series.iter().enumerate() {
             let (_, gain) = Self::gain(series, values);
             for stretch in &series.stretches {
                 for (n, measured) in stretch.values.iter().enumerate() {
                     let at = stretch.from + n;
-                    let (signal, _) = run.at(place, self.time(series, at, own));
+                    let (signal, _) = signals.at(place, self.time(series, at, own));
                     points.push(SignalSample {
                         channel: series.channel,
                         time: (at as f64 - self.trigger as f64) / self.rate,

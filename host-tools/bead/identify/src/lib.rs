@@ -15,6 +15,7 @@ pub mod report;
 pub mod ring_down;
 pub mod series;
 pub mod settings;
+mod speeds;
 pub mod spread;
 pub mod table;
 #[cfg(test)]

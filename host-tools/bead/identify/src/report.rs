@@ -1,5 +1,6 @@
 //! The result of a bead in SI units, for JSON and tables.
 
+use bead_recording::strikes::LeftOut;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -56,17 +57,6 @@ pub struct NoiseResult {
     pub deviation: f64,
     /// Coefficients of its autoregression; 0 is white.
     pub order: usize,
-}
-
-/// A strike that had no part.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct LeftOut {
-    /// Path of the recording.
-    pub recording: String,
-    /// Number of the strike, as its bead counts.
-    pub strike: u32,
-    /// The reason.
-    pub why: String,
 }
 
 /// A strike that had a part.

@@ -88,7 +88,7 @@ fn section(recording: &JudgedRecording, several: bool) -> Chapter {
     let rows = recording.limits.iter().map(row);
     let name = one_line(&recording.recording).into_owned();
     let mut grid = Grid::new(
-        "limit | worst value | ± U | ~min | ~max | #kept by | outcome",
+        "limit | worst value | ± U | ~min | ~max | ~kept by | outcome",
         rows,
     );
     if several {

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use bead_model::settings::Settings;
 use bead_wire::{Arrival, Message};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 pub use crate::assembly::UnfinishedWindow;
 use crate::assembly::{Assembly, Event};
@@ -26,6 +28,17 @@ fn name(strike: &RecordedStrike) -> StrikeName {
         strike.said.strike,
         strike.said.first_index,
     )
+}
+
+/// A strike that has no part in a result.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct LeftOut {
+    /// Path of the recording.
+    pub recording: String,
+    /// Number of the strike, as its bead counts.
+    pub strike: u32,
+    /// The reason.
+    pub why: String,
 }
 
 /// Collects the names of the strikes that are fetched in the frames of a line.

@@ -1,5 +1,6 @@
 //! The spectra of a bead's strikes, gathered.
 
+use bead_recording::strikes::LeftOut;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -25,17 +26,6 @@ pub struct UsedStrike {
     pub peak_acceleration_mps2: f64,
     /// Names of its flags.
     pub flags: Vec<&'static str>,
-}
-
-/// A strike that had none.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct LeftOut {
-    /// Path of the recording.
-    pub recording: String,
-    /// Number of the strike, as its bead counts.
-    pub strike: u32,
-    /// The reason.
-    pub why: String,
 }
 
 /// A spectrum at a frequency, over the strikes.

@@ -7,6 +7,7 @@ pub mod failure;
 pub mod output;
 
 mod beads;
+mod chosen;
 mod commands;
 mod folder_options;
 pub mod interrupt;

@@ -14,14 +14,23 @@ use crate::cli::failure::Failure;
 /// # Errors
 /// One cannot be read, or is given twice.
 pub(crate) fn open_all(paths: &[PathBuf]) -> Result<Vec<Recording>, Failure> {
-    let (mut seen, mut recordings) = (HashSet::new(), Vec::new());
+    each_once(paths)?;
+    let open = |path: &PathBuf| Ok(Recording::open_named(path)?);
+    paths.iter().map(open).collect()
+}
+
+/// Refuses a recording that is given twice.
+///
+/// # Errors
+/// One is, or cannot be read.
+pub(crate) fn each_once(paths: &[PathBuf]) -> Result<(), Failure> {
+    let mut seen = HashSet::new();
     for path in paths {
         let shown = path.display();
         let place = fs::canonicalize(path).with_context(|| format!("cannot read {shown}"))?;
         if !seen.insert(place) {
             bail!(Input, "{shown} is given twice; its strikes would count twice");
         }
-        recordings.push(Recording::open_named(path)?);
     }
-    Ok(recordings)
+    Ok(())
 }

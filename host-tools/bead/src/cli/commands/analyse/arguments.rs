@@ -2,6 +2,7 @@
 
 use clap::{Subcommand, ValueEnum};
 
+use crate::cli::chosen::StrikeChoice;
 use crate::cli::commands::prelude::*;
 use bead_spectra::strike::Sensors;
 
@@ -41,15 +42,8 @@ pub(super) enum SpectrumCommand {
 /// Arguments that all spectra have.
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// Recordings made by `bead record` or `bead emulate`.
-    #[arg(value_name = "F.mcap", required = true)]
-    pub(super) recordings: Vec<PathBuf>,
-    /// Only these strikes of each bead, counted from 0 over the recordings: 3 or 0,2,5 [default: all].
-    #[arg(long, value_name = "N", value_delimiter = ',')]
-    pub(super) strike: Vec<usize>,
-    /// Only the bead with this address.
-    #[arg(long, value_name = "N")]
-    pub(super) bead: Option<u8>,
+    #[command(flatten)]
+    pub(super) strikes: StrikeChoice,
     /// Lowest frequency, Hz [default: the lowest of which the window holds a period].
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) from: Option<f64>,

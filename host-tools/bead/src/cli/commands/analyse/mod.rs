@@ -60,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     let inputs: Vec<&Path> = common
+        .strikes
         .recordings
         .iter()
         .chain(&common.uncertainty)

@@ -192,6 +192,14 @@ pub(super) struct PointOptions {
     pub(super) seed: u64,
 }
 
+impl PointOptions {
+    /// The files that are read; those of a simulated shaker are made.
+    pub(super) fn inputs(&self) -> Vec<&Path> {
+        let is_read = self.from.is_none();
+        is_read.then_some(&*self.points).into_iter().collect()
+    }
+}
+
 /// A shaker without hardware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum SimulatedShaker {
@@ -283,7 +291,10 @@ fn part(text: &str) -> Result<f64, String> {
 }
 
 fn mass(text: &str) -> Result<Stated, String> {
-    Dimension::Mass.parse(text)?.positive()
+    Dimension::Mass
+        .parse(text)?
+        .positive()?
+        .at_most(1.0, "1 kg, such as 3.046g±1mg")
 }
 
 fn voltage(text: &str) -> Result<Stated, String> {
@@ -295,7 +306,8 @@ fn number(text: &str) -> Result<Stated, String> {
 }
 
 fn length(text: &str) -> Result<Stated, String> {
-    Dimension::Length.parse(text)?.positive()
+    let height = Dimension::Length.parse(text)?.positive()?;
+    height.at_most(10.0, "10 m, such as 100mm±0.3mm")
 }
 
 fn gravity(text: &str) -> Result<Stated, String> {

@@ -8,6 +8,7 @@ use crate::cli::commands::calibrate::finish::Prepared;
 use crate::cli::commands::calibrate::live::{self, Prompt};
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
+use crate::cli::recordings::each_once;
 
 pub(super) fn run(arguments: &DropArguments) -> Result<(), Failure> {
     let stated = stated(arguments)?;
@@ -24,6 +25,7 @@ pub(super) fn run(arguments: &DropArguments) -> Result<(), Failure> {
         truth = of_bead;
         strikes
     } else {
+        each_once(&arguments.recordings)?;
         let read = |path: &PathBuf| source::strikes(path, arguments.source.bead);
         arguments.recordings.iter().map(read).collect::<Result<_, _>>()?
     };

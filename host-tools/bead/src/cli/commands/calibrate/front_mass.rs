@@ -21,13 +21,7 @@ const SPREAD: f64 = 0.03;
 
 pub(super) fn run(arguments: &FrontMassArguments) -> Result<(), Failure> {
     let options = &arguments.points;
-    let inputs: Vec<&Path> = options
-        .from
-        .is_none()
-        .then_some(&*options.points)
-        .into_iter()
-        .collect();
-    let prepared = Prepared::new(&arguments.common, &inputs)?;
+    let prepared = Prepared::new(&arguments.common, &options.inputs())?;
     let before = prepared.before(&source::reference());
     let of_settings = before.uncertainty.and_then(|stated| stated.force_gain);
     let force_gain_u = arguments.force_gain_u.or(of_settings.map(Relative::part));

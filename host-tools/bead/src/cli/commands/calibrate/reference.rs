@@ -24,13 +24,7 @@ const REPEATS: usize = 5;
 
 pub(super) fn run(arguments: &ReferenceArguments) -> Result<(), Failure> {
     let options = &arguments.points;
-    let inputs: Vec<&Path> = options
-        .from
-        .is_none()
-        .then_some(&*options.points)
-        .into_iter()
-        .collect();
-    let prepared = Prepared::new(&arguments.common, &inputs)?;
+    let prepared = Prepared::new(&arguments.common, &options.inputs())?;
     let before = prepared.before(&source::reference());
     let stated = ReferenceInputs {
         reference_u: options.reference_u,

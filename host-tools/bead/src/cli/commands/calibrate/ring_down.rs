@@ -8,6 +8,7 @@ use crate::cli::commands::calibrate::finish::Prepared;
 use crate::cli::commands::calibrate::live::{self, Prompt};
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
+use crate::cli::recordings::each_once;
 use bead_model::design::Description;
 
 /// Taps that are less apart, s, are one.
@@ -38,6 +39,7 @@ pub(super) fn run(arguments: &RingDownArguments) -> Result<(), Failure> {
         truth = of_bead;
         vec![strikes]
     } else {
+        each_once(&arguments.recordings)?;
         let read = |path: &PathBuf| source::strikes(path, source.bead);
         arguments.recordings.iter().map(read).collect::<Result<_, _>>()?
     };

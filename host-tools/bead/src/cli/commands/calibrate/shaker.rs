@@ -24,13 +24,7 @@ const SPREAD: [f64; 2] = [0.03, 0.08];
 
 pub(super) fn run(arguments: &ShakerArguments) -> Result<(), Failure> {
     let options = &arguments.points;
-    let inputs: Vec<&Path> = options
-        .from
-        .is_none()
-        .then_some(&*options.points)
-        .into_iter()
-        .collect();
-    let prepared = Prepared::new(&arguments.common, &inputs)?;
+    let prepared = Prepared::new(&arguments.common, &options.inputs())?;
     let before = prepared.before(&source::reference());
     let stated = ShakerInputs {
         intruder: source::intruder_mass(arguments.intruder_mass, &before)?,

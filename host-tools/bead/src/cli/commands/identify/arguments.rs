@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 
 use crate::cli::beads::one_bead;
+use crate::cli::chosen::StrikeChoice;
 use crate::cli::commands::prelude::*;
 use bead_identify::quantity::{QUANTITIES, Quantity};
 
@@ -32,15 +33,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// Recordings made by `bead record` or `bead emulate`.
-    #[arg(value_name = "F.mcap", required = true)]
-    pub(super) recordings: Vec<PathBuf>,
-    /// Only these strikes of each bead, counted from 0 over the recordings: 3 or 0,2,5 [default: all].
-    #[arg(long, value_name = "N", value_delimiter = ',')]
-    pub(super) strike: Vec<usize>,
-    /// Only the bead with this address.
-    #[arg(long, value_name = "N")]
-    pub(super) bead: Option<u8>,
+    #[command(flatten)]
+    pub(super) strikes: StrikeChoice,
     /// The chain in which the bead was struck. Its values are those at which the fit begins.
     #[arg(long, value_name = "S.toml", conflicts_with_all = ["mounting", "from"])]
     pub(super) scenario: Option<PathBuf>,

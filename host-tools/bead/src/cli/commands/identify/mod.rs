@@ -13,6 +13,7 @@ use bead_model::design::{Description, Uncertainty};
 use bead_model::settings::Settings;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
+use crate::cli::chosen::left_out_line;
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use arguments::{Method, MountingOption};
@@ -24,12 +25,13 @@ use bead_identify::noise::{Noise, QuietSums};
 use bead_identify::pair::Tap;
 use bead_identify::picture;
 use bead_identify::quantity::{Quantity, Values};
-use bead_identify::report::{About, BeadResult, LeftOut, NoiseResult};
+use bead_identify::report::{About, BeadResult, NoiseResult};
 use bead_identify::ring_down::{Mounting, RingDown};
 use bead_identify::series::CHANNELS;
 use bead_identify::settings;
 use bead_identify::table::{channel_name, columns, rows};
 use bead_recording::physical;
+use bead_recording::strikes::LeftOut;
 use bead_tables::Writer;
 use report::IdentifyReport;
 use strikes::{BeadStrikes, TakenStrike};
@@ -65,10 +67,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::spinner("identifying");
     let (mut results, mut all_made, mut failed) = (Vec::new(), Vec::new(), Vec::new());
     for bead in beads {
-        progress.set_message(format!("bead {}: {} strikes", bead.address, bead.strikes.len()));
+        progress.set_message(format!("bead {}: {} strikes", bead.address, bead.gathered.len()));
         match of_bead(&inputs, &bead, &outputs) {
             Ok((result, made)) => {
-                if let Some(line) = strikes::left_out(result.address, &result.left_out) {
+                if let Some(line) = left_out_line(result.address, &result.left_out) {
                     progress.suspend(|| note!("{line}"));
                 }
                 results.push(result);
@@ -102,6 +104,7 @@ impl Outputs {
     /// The places of the files, before the work.
     fn new(arguments: &Arguments) -> Result<Self, Failure> {
         let inputs: Vec<&Path> = arguments
+            .strikes
             .recordings
             .iter()
             .chain(&arguments.scenario)
@@ -220,7 +223,7 @@ struct Made {
 fn noise_of(bead: &BeadStrikes) -> [Option<Noise>; 4] {
     let mut sums: [QuietSums; 4] = Default::default();
     let mut steps: BTreeMap<usize, f64> = BTreeMap::new();
-    for strike in &bead.strikes {
+    for strike in &bead.gathered {
         strike.series.add_quiet(&mut sums);
         for series in &strike.series.series {
             steps.insert(series.channel.place(), series.step);
@@ -234,7 +237,7 @@ fn of_bead(
     bead: &BeadStrikes,
     outputs: &Outputs,
 ) -> Result<(BeadResult, Made), Failure> {
-    let Some(last) = bead.strikes.last() else {
+    let Some(last) = bead.gathered.last() else {
         return Err(nothing(bead.address, &bead.left_out));
     };
     let description = inputs.from.unwrap_or(last.series.description);
@@ -372,9 +375,9 @@ fn candidates(
             (None, _) => Box::new(RingDown::new(&strike.series, noises, start, mounting)?),
         })
     };
-    let models: Vec<_> = bead.strikes.par_iter().map(model).collect();
+    let models: Vec<_> = bead.gathered.par_iter().map(model).collect();
     let (mut candidates, mut left_out) = (Vec::new(), Vec::new());
-    for (strike, model) in bead.strikes.iter().zip(models) {
+    for (strike, model) in bead.gathered.iter().zip(models) {
         match model {
             Ok(model) => candidates.push(Candidate {
                 recording: strike.recording,
@@ -393,7 +396,7 @@ fn candidates(
 
 /// The failure of a bead of which no strike has a part.
 fn nothing(address: u8, left_out: &[LeftOut]) -> Failure {
-    let why = strikes::left_out(address, left_out);
+    let why = left_out_line(address, left_out);
     failure!(
         Input,
         "{}",

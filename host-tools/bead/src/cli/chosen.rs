@@ -1,0 +1,168 @@
+//! The strikes of recordings that a command is asked for, bead by bead.
+
+use std::path::PathBuf;
+
+use bead_compare::report::count;
+use bead_recording::file::RecordingError;
+use bead_recording::json::hex;
+use bead_recording::strikes::{LeftOut, RecordedStrike};
+use bead_tables::printable::first_of;
+use clap::Args;
+use indicatif::ProgressBar;
+
+use crate::cli::failure::Failure;
+use crate::cli::recordings::open_all;
+
+/// Strikes that a line names.
+const NAMED: usize = 4;
+
+/// Options of commands that take some strikes of one or many recordings.
+#[derive(Debug, Args)]
+pub(crate) struct StrikeChoice {
+    /// Recordings made by `bead record` or `bead emulate`.
+    #[arg(value_name = "F.mcap", required = true)]
+    pub(crate) recordings: Vec<PathBuf>,
+    /// Only these strikes of each bead, counted from 0 over the recordings: 3 or 0,2,5 [default: all].
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    strike: Vec<usize>,
+    /// Only the bead with this address.
+    #[arg(long, value_name = "N")]
+    bead: Option<u8>,
+}
+
+/// A bead in the recordings, with what a command gathers of its strikes.
+pub(crate) struct GatheredBead<T> {
+    pub(crate) address: u8,
+    uid: Option<[u8; 12]>,
+    /// Strikes so far, wanted or not.
+    seen: usize,
+    pub(crate) left_out: Vec<LeftOut>,
+    pub(crate) gathered: T,
+}
+
+impl<T> GatheredBead<T> {
+    /// Device id, hexadecimal.
+    pub(crate) fn uid(&self) -> Option<String> {
+        self.uid.map(|uid| hex(&uid))
+    }
+}
+
+/// A recording among all: its place, and its name.
+pub(crate) type NamedPlace<'a> = (usize, &'a str);
+
+impl StrikeChoice {
+    /// Calls `take` for each chosen strike with the beads so far, the place of its bead among them, and its
+    /// recording. Returns the names of the recordings.
+    ///
+    /// # Errors
+    /// A recording cannot be read, one alone has no strike, or `take` fails.
+    pub(crate) fn each_strike<T: Default>(
+        &self,
+        progress: &ProgressBar,
+        beads: &mut Vec<GatheredBead<T>>,
+        mut take: impl FnMut(
+            &mut Vec<GatheredBead<T>>,
+            usize,
+            NamedPlace<'_>,
+            &RecordedStrike,
+        ) -> Result<(), Failure>,
+    ) -> Result<Vec<String>, Failure> {
+        let recordings = open_all(&self.recordings)?;
+        let mut names = Vec::new();
+        for (number, received) in recordings.iter().enumerate() {
+            let name = received.path.display().to_string();
+            let mut strikes = received.strikes()?;
+            let mut none = true;
+            for strike in strikes.by_ref() {
+                none = false;
+                if let Some(place) = self.place(&strike, beads) {
+                    take(beads, place, (number, &name), &strike)?;
+                }
+            }
+            if none {
+                match received.no_strike(strikes.frames()) {
+                    future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
+                    error if recordings.len() == 1 => return Err(error.into()),
+                    _ => progress.suspend(|| note!("{name}: no strike in it")),
+                }
+            }
+            names.push(name);
+        }
+        Ok(names)
+    }
+
+    /// The place of a strike's bead, which is counted; `None` for a strike that was not chosen.
+    fn place<T: Default>(&self, strike: &RecordedStrike, beads: &mut Vec<GatheredBead<T>>) -> Option<usize> {
+        let address = strike.address;
+        // A strike may come before the identity of its bead.
+        let same = |bead: &GatheredBead<T>| {
+            let uids = bead.uid.zip(strike.uid);
+            bead.address == address && uids.is_none_or(|(one, other)| one == other)
+        };
+        let place = beads.iter().position(same).unwrap_or_else(|| {
+            beads.push(GatheredBead {
+                address,
+                uid: None,
+                seen: 0,
+                left_out: Vec::new(),
+                gathered: T::default(),
+            });
+            beads.len() - 1
+        });
+        let bead = &mut beads[place];
+        bead.uid = bead.uid.or(strike.uid);
+        let number = bead.seen;
+        bead.seen += 1;
+        let is_chosen = self.strike.is_empty() || self.strike.contains(&number);
+        (is_chosen && self.has(address)).then_some(place)
+    }
+
+    /// True for a bead that was chosen.
+    pub(crate) fn has(&self, address: u8) -> bool {
+        self.bead.is_none_or(|wanted| wanted == address)
+    }
+
+    /// Refuses a bead of which no strike is there, and strikes of which none is; names single ones that are
+    /// not.
+    ///
+    /// # Errors
+    /// See above.
+    pub(crate) fn check<T>(&self, beads: &[GatheredBead<T>]) -> Result<(), Failure> {
+        let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
+        if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {
+            bail!(
+                Input,
+                "--bead {bead}: no strike is of it; the beads are {addresses:?}"
+            );
+        }
+        let of_chosen = beads.iter().filter(|bead| self.has(bead.address));
+        let most = of_chosen.map(|bead| bead.seen).max().unwrap_or(0);
+        let missing: Vec<_> = self.strike.iter().filter(|wanted| **wanted >= most).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let line = format!(
+            "--strike {} is not there: {}, counted from 0",
+            first_of(missing.iter(), NAMED),
+            count(most as u64, "strike")
+        );
+        if missing.len() == self.strike.len() {
+            bail!(Input, "{line}");
+        }
+        note!("{line}");
+        Ok(())
+    }
+}
+
+/// A line about strikes of a bead that had no part; `None` if all had one.
+pub(crate) fn left_out_line(address: u8, left_out: &[LeftOut]) -> Option<String> {
+    let named = left_out.iter();
+    let named = named.map(|out| format!("{}, strike {}: {}", out.recording, out.strike, out.why));
+    (!left_out.is_empty()).then(|| {
+        format!(
+            "bead {address}: {} left out: {}",
+            count(left_out.len() as u64, "strike"),
+            first_of(named, NAMED)
+        )
+    })
+}
