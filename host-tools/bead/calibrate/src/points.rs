@@ -8,7 +8,7 @@ use bead_tables::printable::beginning;
 use bead_tables::unit::{self, Quantity};
 use hertz_chain::read_text;
 
-use crate::sine;
+use crate::sine::{self, Tone};
 
 /// Points of a table at most.
 const MOST: usize = 10_000;
@@ -18,6 +18,10 @@ const SAMPLES_MOST: usize = 10_000_000;
 const DISTORTED: f64 = 0.3;
 /// Frequencies of both records of a point may differ by this part: two clocks.
 const CLOCKS: f64 = 1e-3;
+/// A frequency that was typed may differ from that of the bead's scans by this part.
+const TYPED: f64 = 0.02;
+/// Time from scan to scan, s: the image samples at 100 kHz and refuses another rate.
+const SAMPLE_PERIOD: f64 = 1e-5;
 /// Lowest and highest code of the converter.
 const RAILS: [u16; 2] = [0, 4095];
 
@@ -183,6 +187,17 @@ pub enum Channel {
     Acceleration,
 }
 
+impl Channel {
+    /// Place among the codes of a scan.
+    fn place(self) -> usize {
+        usize::from(self == Self::Acceleration)
+    }
+}
+
+fn is_at_rail(code: u16) -> bool {
+    RAILS.contains(&code) || code > RAILS[1]
+}
+
 /// The point of a pair of records of one steady tone: scans as `bead command raw` writes them, and the
 /// reference's acceleration, which `choice` finds in its file.
 ///
@@ -196,20 +211,8 @@ pub fn pair(scans: &Path, reference: &Path, choice: &Choice, channel: Channel) -
         format!("{shown} has no acceleration; name its column: --read acceleration=COLUMN:UNIT")
     })?;
     let samples: Vec<(f64, f64)> = trace.points().take(SAMPLES_MOST).collect();
-    let tone = |samples: &[(f64, f64)], near: Option<f64>, name: &Path| {
-        let tone = sine::fit(samples, near).map_err(|why| format!("{}: {why}", name.display()))?;
-        if tone.rest > DISTORTED * tone.rms {
-            return Err(format!(
-                "{}: beside its tone of {:.1} Hz there is {:.0} % of it; shake with one steady tone",
-                name.display(),
-                tone.frequency,
-                100.0 * tone.rest / tone.rms
-            ));
-        }
-        Ok(tone)
-    };
-    let of_reference = tone(&samples, None, reference)?;
-    let of_bead = tone(&codes, Some(of_reference.frequency), scans)?;
+    let of_reference = tone(&samples, None, &shown.to_string())?;
+    let of_bead = tone(&codes, Some(of_reference.frequency), &scans.display().to_string())?;
     if (of_bead.frequency / of_reference.frequency - 1.0).abs() > CLOCKS {
         return Err(format!(
             "{} has a tone of {:.3} Hz and {shown} one of {:.3} Hz; are these of one time?",
@@ -227,6 +230,58 @@ pub fn pair(scans: &Path, reference: &Path, choice: &Choice, channel: Channel) -
         frequency: of_reference.frequency,
         reference: of_reference.rms,
         measured: of_bead.rms,
+    })
+}
+
+/// The one steady tone in samples, which `name` has.
+fn tone(samples: &[(f64, f64)], near: Option<f64>, name: &str) -> Result<Tone, String> {
+    let tone = sine::fit(samples, near).map_err(|why| format!("{name}: {why}"))?;
+    if tone.rest > DISTORTED * tone.rms {
+        return Err(format!(
+            "{name}: beside its tone of {:.1} Hz there is {:.0} % of it; shake with one steady tone",
+            tone.frequency,
+            100.0 * tone.rest / tone.rms
+        ));
+    }
+    Ok(tone)
+}
+
+/// The point of a steady tone in a bead's scans, sample index and codes of force and acceleration. Of the
+/// reference, frequency in Hz and acceleration in m/s² rms were read.
+///
+/// # Errors
+/// One line: codes at a rail, no tone, or one of another frequency.
+pub fn steady(
+    scans: &[(u64, [u16; 2])],
+    channel: Channel,
+    (frequency, reference): (f64, f64),
+) -> Result<Point, String> {
+    let begin = scans.first().map_or(0, |(index, _)| *index);
+    let mut samples = Vec::with_capacity(scans.len());
+    for (index, codes) in scans.iter().take(SAMPLES_MOST) {
+        let code = codes[channel.place()];
+        if is_at_rail(code) {
+            return Err(format!(
+                "the code {code} is at a rail of the converter; shake more softly"
+            ));
+        }
+        let since = index.checked_sub(begin).map(|since| since as f64 * SAMPLE_PERIOD);
+        let time = since.filter(|time| samples.last().is_none_or(|(last, _)| last < time));
+        let time = time.ok_or("the bead started anew while it sent its scans; shake again")?;
+        samples.push((time, f64::from(code)));
+    }
+    let tone = tone(&samples, None, "the bead's scans")?;
+    if (tone.frequency / frequency - 1.0).abs() > TYPED {
+        return Err(format!(
+            "the bead's scans have a tone of {:.2} Hz, and {frequency} Hz was typed; type that of the shaker",
+            tone.frequency
+        ));
+    }
+    Ok(Point {
+        subject: format!("{frequency} Hz"),
+        frequency: tone.frequency,
+        reference,
+        measured: tone.rms,
     })
 }
 
@@ -252,19 +307,17 @@ fn codes(path: &Path, channel: Channel) -> Result<Vec<(f64, f64)>, String> {
             .next()
             .and_then(|cell| cell.parse().ok())
             .ok_or_else(wrong)?;
-        let place = usize::from(channel == Channel::Acceleration);
         let code: u16 = cells
-            .nth(place)
+            .nth(channel.place())
             .and_then(|cell| cell.trim().parse().ok())
             .ok_or_else(wrong)?;
-        if RAILS.contains(&code) || code > RAILS[1] {
+        if is_at_rail(code) {
             return Err(format!(
                 "{name}:{line}: the code {code} is at a rail of the converter; shake more softly"
             ));
         }
         let since = index.checked_sub(*first.get_or_insert(index)).ok_or_else(wrong)?;
-        // The image samples at 100 kHz and refuses another rate.
-        let time = since as f64 * 1e-5;
+        let time = since as f64 * SAMPLE_PERIOD;
         if samples.last().is_some_and(|(last, _)| *last >= time) {
             return Err(wrong());
         }

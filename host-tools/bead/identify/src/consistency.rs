@@ -18,6 +18,9 @@ const FAR: f64 = 4.0;
 /// Least part of the spring's force at its greatest stroke that is called hardening.
 const LEAST_HARDENING: f64 = 0.01;
 
+/// Least part of what the noise leaves unexplained that makes the spring its cause, and not its victim.
+const LEAST_EXPLAINED: f64 = 0.5;
+
 /// Something that speaks against a result: one line of what, why, and what next.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Doubt {
@@ -38,11 +41,14 @@ pub struct Hardening {
     pub stroke_m: f64,
     /// k₃ x²/k at this stroke.
     pub part: f64,
+    /// Part of the residuals beyond the noise that such a spring explains; 1 if there are none.
+    pub explained: f64,
 }
 
 impl Hardening {
     fn is_certain(&self) -> bool {
         self.part.abs() > LEAST_HARDENING
+            && self.explained > LEAST_EXPLAINED
             && self.cubic_stiffness_n_per_m3.abs() > FAR * self.standard_error_n_per_m3
     }
 }
@@ -103,8 +109,10 @@ pub fn hardening(best: &Fit<'_>, noise_free: f64) -> Option<Hardening> {
     }
     // At the best fit the right side of the fitted quantities is 0.
     let cubic = normal.right[HARDENING] / own;
+    let gain = cubic * cubic * own;
+    let beyond_noise = normal.squares - normal.free;
     let explained = Normal {
-        squares: normal.squares - cubic * cubic * own,
+        squares: normal.squares - gain,
         ..normal.clone()
     };
     let scale = Goodness::of(&explained, best.free.len() + 1, noise_free).scale();
@@ -117,6 +125,11 @@ pub fn hardening(best: &Fit<'_>, noise_free: f64) -> Option<Hardening> {
         cubic_stiffness_n_per_m3: cubic,
         standard_error_n_per_m3: scale / own.sqrt(),
         stroke_m: stroke,
+        explained: if beyond_noise > gain {
+            gain / beyond_noise
+        } else {
+            1.0
+        },
         part: cubic * stroke * stroke / best.values[Quantity::Stiffness.place()],
     })
 }

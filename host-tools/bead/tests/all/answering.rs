@@ -19,6 +19,8 @@ pub(crate) struct AnsweringBead {
     pub(crate) done: Vec<Request>,
     /// Stored strikes: boot, number, and frames. A strike without frames is listed and cannot be fetched.
     pub(crate) kept: Vec<((u32, u32), Vec<Message>)>,
+    /// Codes of the scan with each index, of a raw stream that has all scans.
+    pub(crate) scans: Option<fn(u64) -> [u16; 2]>,
     /// True to send the strike before a fetched one too, as a late answer to an earlier request.
     pub(crate) repeats: bool,
     uid: [u8; 12],
@@ -35,6 +37,7 @@ impl AnsweringBead {
             block: block.to_vec(),
             done: Vec::new(),
             kept: Vec::new(),
+            scans: None,
             repeats: false,
             uid: [address; 12],
             lock: Lock::new([address; 12], None, 0),
@@ -117,6 +120,20 @@ impl AnsweringBead {
                         value: 1,
                     });
                 }
+            }
+            Request::Raw { duration_ms } if self.scans.is_some() => {
+                let (all, scan) = (u64::from(*duration_ms) * 100, self.scans.unwrap());
+                for first_index in (0..all).step_by(32) {
+                    let codes = (first_index..all.min(first_index + 32)).map(scan);
+                    self.say(Raw {
+                        first_index,
+                        codes: Codes::pack(codes).unwrap(),
+                    });
+                }
+                self.say(Link {
+                    raw_sent: all,
+                    ..Link::default()
+                });
             }
             // One frame, then the count.
             Request::Raw { duration_ms } => {

@@ -1,7 +1,7 @@
 //! `bead calibrate`: the page typed word for word, rigs that go wrong, the emulated bead, a live line.
 
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::os::unix::net::UnixListener;
 use std::thread;
 use std::time::Duration;
@@ -12,9 +12,10 @@ use bead_calibrate::simulated::drop::{DropFault, DropRig};
 use bead_calibrate::simulated::{SimulatedBead, chance};
 use bead_recording::file::Recording;
 use bead_tables::whole::Target;
-use bead_testing::paper_settings;
+use bead_testing::{block, paper_settings};
 use serde_json::Value;
 
+use crate::answering::AnsweringBead;
 use crate::first_strike::{blocks, copy_scenario};
 use crate::program::{ROOT, TestFolder, assert_says, said, shell};
 
@@ -225,4 +226,49 @@ fn a_live_bead_is_recorded_until_its_drops_are_done() {
         "{said}"
     );
     assert!(folder.join("live.mcap").exists());
+}
+
+/// A tone of 160 Hz at both sensors, 400 codes of force and 700 of acceleration at its top.
+fn tone(index: u64) -> [u16; 2] {
+    let sine = (std::f64::consts::TAU * 160.0 * index as f64 * 1e-5).sin();
+    [
+        (2000.0 + 400.0 * sine).round() as u16,
+        (2048.0 + 700.0 * sine).round() as u16,
+    ]
+}
+
+#[test]
+fn tones_of_a_live_bead_are_taken_beside_the_reference_that_is_typed() {
+    let folder = TestFolder::new();
+    let listener = UnixListener::bind(folder.join("line.sock")).unwrap();
+    let bead = thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut bead = AnsweringBead::new(3, &block(&paper_settings()));
+        bead.scans = Some(tone);
+        let mut buffer = [0; 4096];
+        while let Ok(length @ 1..) = stream.read(&mut buffer) {
+            bead.hear(&buffer[..length]);
+            let _ = stream.write_all(&std::mem::take(&mut bead.speaker.bytes));
+        }
+    });
+    // The third is no tone of the bead, and the fourth no tone at all.
+    let lines = "160 35\\n160.4 35.2\\n90 3\\neighty 3\\n160 34.9\\n\\n";
+    let line = format!(
+        "printf '{lines}' | bead calibrate reference tones.csv --port unix:line.sock --reference-u 0.5% --open --format json \
+         2>&1 >out.json | tee said"
+    );
+    println!("{}", shell(&folder, &line));
+    let report: Value = serde_json::from_str(&folder.text("out.json")).unwrap();
+    bead.join().unwrap();
+    let lines = folder.text("said");
+    assert_says(&lines, "type its frequency in Hz and the reference's rms");
+    assert_says(&lines, "have a tone of 160.00 Hz, and 90 Hz was typed");
+    assert_says(&lines, "type two numbers above 0");
+    assert_eq!(folder.text("tones.csv").lines().count(), 4);
+    let found = number(&report["results"][0]["value"]);
+    // The low-pass of 40 kHz takes 8e-6 of a tone of 160 Hz.
+    let exact = (35.0 + 35.2 + 34.9) / 3.0 / (700.0 / 2.0_f64.sqrt());
+    assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
+    let refused = folder.run("calibrate reference tones.csv --port unix:line.sock --reference-u 0.5%");
+    assert_says(&said(&refused), "tones.csv is there already");
 }

@@ -1,10 +1,13 @@
 //! Arguments of `bead calibrate`.
 
+use bead_calibrate::points::Channel;
 use bead_calibrate::quantity::{Dimension, Stated};
 use bead_line::port::Address;
 use bead_model::design::Day;
 use clap::{Subcommand, ValueEnum};
 
+use crate::cli::commands::calibrate::live_tones;
+use crate::cli::commands::calibrate::point_files::{self, Gathered};
 use crate::cli::commands::prelude::*;
 use crate::cli::waveform_options::WaveformOptions;
 
@@ -176,14 +179,21 @@ pub(super) struct RingDownArguments {
 /// Points of a shaker, for the procedures on one.
 #[derive(Debug, Args)]
 pub(super) struct PointOptions {
-    /// A CSV table of frequency, reference rms and what was measured; or a folder of steady tones, each as
-    /// scans-NAME.csv of `bead command raw` beside the reference's record, reference-NAME.csv, .wav or
-    /// .parquet.
+    /// A CSV table of frequency, reference rms and what was measured, which --port makes; or a folder of
+    /// steady tones, each as scans-NAME.csv of `bead command raw` beside the reference's record,
+    /// reference-NAME.csv, .wav or .parquet.
     #[arg(value_name = "TABLE.csv|FOLDER")]
     pub(super) points: PathBuf,
     /// Relative standard uncertainty of the reference accelerometer, by its certificate: 0.5%.
     #[arg(long, value_name = "PART", value_parser = part)]
     pub(super) reference_u: f64,
+    /// Measure the tones first, at the bead on a serial port or pty, tcp:HOST:PORT or unix:PATH; frequency and
+    /// rms of the reference are typed.
+    #[arg(long, value_name = "P", conflicts_with = "from")]
+    pub(super) port: Option<Address>,
+    /// Bits a second of a serial port.
+    #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) baud: u32,
     /// Make the folder first, with a simulated bead on a simulated shaker.
     #[arg(long, value_enum)]
     pub(super) from: Option<SimulatedShaker>,
@@ -193,10 +203,26 @@ pub(super) struct PointOptions {
 }
 
 impl PointOptions {
-    /// The files that are read; those of a simulated shaker are made.
+    /// The files that are read; those of --port and of a simulated shaker are made.
     pub(super) fn inputs(&self) -> Vec<&Path> {
-        let is_read = self.from.is_none();
+        let is_read = self.from.is_none() && self.port.is_none();
         is_read.then_some(&*self.points).into_iter().collect()
+    }
+
+    /// Reads the points, and measures them first if there is a port. `pole`, in Hz, is that of the filter
+    /// before the converter.
+    pub(super) fn gather(
+        &self,
+        waveform: &WaveformOptions,
+        overwrite: Overwrite,
+        (channel, pole): (Channel, f64),
+    ) -> Result<Gathered, Failure> {
+        let choice = waveform.choice()?;
+        if let Some(port) = &self.port {
+            let target = place::target(&self.points, FileKind::Table, &[], overwrite)?;
+            live_tones::record((port, self.baud), target, channel)?;
+        }
+        point_files::gather(&self.points, &choice, channel, pole)
     }
 }
 

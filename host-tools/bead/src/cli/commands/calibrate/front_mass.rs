@@ -8,7 +8,7 @@ use bead_model::design::{Description, Relative};
 
 use crate::cli::commands::calibrate::arguments::FrontMassArguments;
 use crate::cli::commands::calibrate::finish::Prepared;
-use crate::cli::commands::calibrate::point_files::{gather, simulate};
+use crate::cli::commands::calibrate::point_files::simulate;
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
 
@@ -34,8 +34,8 @@ pub(super) fn run(arguments: &FrontMassArguments) -> Result<(), Failure> {
         Some(_) => Some(make(arguments, &before, force_gain_u.unwrap_or(0.0))?),
         None => None,
     };
-    let choice = arguments.waveform.choice()?;
-    let gathered = gather(&options.points, &choice, Channel::Force, before.force.pole)?;
+    let of = (Channel::Force, before.force.pole);
+    let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     if gathered.points.measured == Measured::Codes && force_gain_u.is_none() {
         bail!(
             Input,

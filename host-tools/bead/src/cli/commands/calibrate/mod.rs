@@ -5,6 +5,7 @@ mod drop;
 mod finish;
 mod front_mass;
 mod live;
+mod live_tones;
 mod point_files;
 mod reference;
 pub(crate) mod report;

@@ -9,7 +9,7 @@ use hertz_chain::Oscillator;
 
 use crate::cli::commands::calibrate::arguments::ReferenceArguments;
 use crate::cli::commands::calibrate::finish::Prepared;
-use crate::cli::commands::calibrate::point_files::{gather, simulate};
+use crate::cli::commands::calibrate::point_files::simulate;
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
 
@@ -36,13 +36,8 @@ pub(super) fn run(arguments: &ReferenceArguments) -> Result<(), Failure> {
         Some(_) => Some(make(arguments, &before)?),
         None => None,
     };
-    let choice = arguments.waveform.choice()?;
-    let gathered = gather(
-        &options.points,
-        &choice,
-        Channel::Acceleration,
-        before.acceleration.pole,
-    )?;
+    let of = (Channel::Acceleration, before.acceleration.pole);
+    let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     let is_in_codes = gathered.points.measured == bead_calibrate::points::Measured::Codes;
     let springs = (is_in_codes && !arguments.open).then(|| springs(&before));
     let stated = ReferenceInputs { springs, ..stated };

@@ -9,7 +9,7 @@ use hertz_chain::Oscillator;
 
 use crate::cli::commands::calibrate::arguments::ShakerArguments;
 use crate::cli::commands::calibrate::finish::Prepared;
-use crate::cli::commands::calibrate::point_files::{gather, simulate};
+use crate::cli::commands::calibrate::point_files::simulate;
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
 
@@ -34,13 +34,8 @@ pub(super) fn run(arguments: &ShakerArguments) -> Result<(), Failure> {
         Some(_) => Some(make(arguments, &before, &stated)?),
         None => None,
     };
-    let choice = arguments.waveform.choice()?;
-    let gathered = gather(
-        &options.points,
-        &choice,
-        Channel::Acceleration,
-        before.acceleration.pole,
-    )?;
+    let of = (Channel::Acceleration, before.acceleration.pole);
+    let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     let mut calibration = evaluate(&gathered.points, &stated).map_err(Failure::input)?;
     calibration.left_out.extend(gathered.left_out);
     prepared.finish(&arguments.common, calibration, &before, &gathered.files, truth)
