@@ -182,7 +182,7 @@ fn recordings_that_differ_springs_that_harden_and_friction_are_said_and_a_good_b
             (
                 *recording,
                 TestTap {
-                    friction: 5e-3,
+                    friction: 1e-1,
                     ..*tap
                 },
             )
