@@ -1,7 +1,7 @@
 //! Images for boards other than the first one of `firmware/boards.txt`.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::board_table::{TABLE, names, read, rows};
 use crate::packages::IMAGE;
@@ -58,6 +58,7 @@ fn build_image(steps: &Steps, board: &str) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     // In a directory of their own: where the first board's image lies, `bead` takes the one that it carries.
     let apart = steps.target.join("boards/build");
+    let_it_have_the_libraries(steps, &apart)?;
     let build = line(board).words("--target-dir").arg(&apart);
     steps.run(&format!("the flash image for {board}"), &build)?;
     let to = path(steps, board);
@@ -67,6 +68,27 @@ fn build_image(steps: &Steps, board: &str) -> Result<(), Stop> {
     copied.map_err(|error| Stop::failed(format!("{}: {error}", to.display())))?;
     image::sign(&to, board)?;
     steps.announce(&format!("the image for {board} is {}", to.display()));
+    Ok(())
+}
+
+/// Copies the libraries of the first board's image into a directory that has none: they are the same for all
+/// boards, and take two minutes to compile.
+fn let_it_have_the_libraries(steps: &Steps, apart: &Path) -> Result<(), Stop> {
+    let ours = steps.root.join(&steps.target);
+    let apart = steps.root.join(apart);
+    // Libraries of the part, and the programs that their compilation runs.
+    for of in [format!("{TARGET}/firmware"), "firmware".to_owned()] {
+        let (from, to) = (ours.join(&of), apart.join(&of));
+        if !from.is_dir() || to.exists() {
+            continue;
+        }
+        let folder = to.parent().unwrap_or(&apart);
+        let cannot = |error| Stop::failed(format!("{}: {error}", folder.display()));
+        fs::create_dir_all(folder).map_err(cannot)?;
+        // With their times, by which cargo knows that they are fresh.
+        let copy = CommandLine::new("cp -Rp").arg(&from).arg(folder);
+        steps.run("its libraries, from those of the first board", &copy)?;
+    }
     Ok(())
 }
 
