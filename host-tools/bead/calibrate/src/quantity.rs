@@ -142,8 +142,8 @@ impl Stated {
         Err("give a value above 0, and less than half of it as its uncertainty".to_owned())
     }
 
-    /// This quantity, refused above `most`, as a number that lacks its unit mostly is. `such_as` is that limit
-    /// with its unit, and an example.
+    /// This quantity, refused above `most`, as a number that lacks its unit mostly is. `such_as` is that
+    /// limit with its unit, and an example.
     ///
     /// # Errors
     /// One line: what would do.

@@ -3,10 +3,10 @@
 //! # Design
 //! Strikes of one chain differ in the striker's speed and in little else, so a thousand strikes need no
 //! thousand runs. The chain is simulated with its tangents at speeds V₀ exp(n H) for whole n, each when a
-//! strike first needs it. Between two of them a signal is Hermite's cubic in the logarithm of the speed, since
-//! the runs have its derivative; the other tangents are interpolated linearly. Signals are lined up at the
-//! arrival of the wave, which goes as V^(-1/5), before they are interpolated: else a pulse would be mixed
-//! with its own shifted copy.
+//! strike first needs it. Between two of them a signal is Hermite's cubic in the logarithm of the speed,
+//! since the runs have its derivative; the other tangents are interpolated linearly. Signals are lined up at
+//! the arrival of the wave, which goes as V^(-1/5), before they are interpolated: else a pulse would be
+//! mixed with its own shifted copy.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 

@@ -187,8 +187,8 @@ pub(super) struct PointOptions {
     /// Relative standard uncertainty of the reference accelerometer, by its certificate: 0.5%.
     #[arg(long, value_name = "PART", value_parser = part)]
     pub(super) reference_u: f64,
-    /// Measure the tones first, at the bead on a serial port or pty, tcp:HOST:PORT or unix:PATH; frequency and
-    /// rms of the reference are typed.
+    /// Measure the tones first, at the bead on a serial port or pty, tcp:HOST:PORT or unix:PATH; frequency
+    /// and rms of the reference are typed.
     #[arg(long, value_name = "P", conflicts_with = "from")]
     pub(super) port: Option<Address>,
     /// Bits a second of a serial port.
