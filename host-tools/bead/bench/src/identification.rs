@@ -9,7 +9,9 @@
 
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, bead_of, simulate_with_ring_down};
-use bead_identify::chain::{ChainOfScenario, ChainStrike};
+use bead_identify::chain::ChainOfScenario;
+use bead_identify::chain_runs::ChainRuns;
+use bead_identify::chain_strike::ChainStrike;
 use bead_identify::identified::{Candidate, Wanted, identify};
 use bead_identify::noise::{Noise, QuietSums};
 use bead_identify::quantity::{COUNT, Quantity};
@@ -156,12 +158,13 @@ impl Nominal {
         let noises: [Option<Noise>; 4] = std::array::from_fn(|place| sums[place].fit(step(place)?));
         let chain = ChainOfScenario::new(&self.scenario, BEAD).map_err(unfit)?;
         let start = chain.values();
+        let runs = ChainRuns::new(chain);
         let mut candidates = Vec::new();
         for (number, one) in (0..).zip(&series) {
             candidates.push(Candidate {
                 recording: 0,
                 number,
-                model: Box::new(ChainStrike::new(&chain, one, &noises, &start).map_err(unfit)?),
+                model: Box::new(ChainStrike::new(&runs, one, &noises, &start).map_err(unfit)?),
             });
         }
         let fitted = [

@@ -1,6 +1,8 @@
 #![doc = include_str!("../README.md")]
 
 pub mod chain;
+pub mod chain_runs;
+pub mod chain_strike;
 pub mod consistency;
 pub mod degeneracy;
 pub mod fit;
@@ -15,7 +17,6 @@ pub mod report;
 pub mod ring_down;
 pub mod series;
 pub mod settings;
-mod speeds;
 pub mod spread;
 pub mod table;
 #[cfg(test)]

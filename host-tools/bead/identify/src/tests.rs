@@ -7,7 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::chain::{ChainOfScenario, ChainStrike};
+use crate::chain::ChainOfScenario;
+use crate::chain_runs::ChainRuns;
+use crate::chain_strike::ChainStrike;
 use crate::consistency::Doubt;
 use crate::identified::{Candidate, Identified, Wanted, identify};
 use crate::noise::Noise;
@@ -313,7 +315,9 @@ fn figures_2a_to_2c_give_the_papers_values_within_half_a_per_cent() {
         .map(|(chain, signals)| Candidate {
             recording: 0,
             number: 0,
-            model: Box::new(ChainStrike::of_signals(chain, RATE, signals, &start).unwrap()),
+            model: Box::new(
+                ChainStrike::of_signals(&ChainRuns::new(chain.clone()), RATE, signals, &start).unwrap(),
+            ),
         })
         .collect();
     let wanted = Wanted {

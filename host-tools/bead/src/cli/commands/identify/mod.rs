@@ -18,7 +18,9 @@ use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use arguments::{Method, MountingOption};
 use bead_compare::sensed::{load_scenario, only_host};
-use bead_identify::chain::{ChainOfScenario, ChainStrike};
+use bead_identify::chain::ChainOfScenario;
+use bead_identify::chain_runs::ChainRuns;
+use bead_identify::chain_strike::ChainStrike;
 use bead_identify::identified::{Candidate, Identified, Wanted, identify};
 use bead_identify::model::{SignalSample, StrikeModel};
 use bead_identify::noise::{Noise, QuietSums};
@@ -368,9 +370,10 @@ fn candidates(
         MountingOption::Free => Mounting::Free,
         MountingOption::Held => Mounting::Held,
     };
+    let runs = chain.map(|chain| ChainRuns::new(chain.clone()));
     let model = |strike: &TakenStrike| -> Result<Box<dyn StrikeModel + Send>, String> {
-        Ok(match (chain, inputs.arguments.chosen()) {
-            (Some(chain), _) => Box::new(ChainStrike::new(chain, &strike.series, noises, start)?),
+        Ok(match (&runs, inputs.arguments.chosen()) {
+            (Some(runs), _) => Box::new(ChainStrike::new(runs, &strike.series, noises, start)?),
             (None, Method::Pairs) => Box::new(Tap::new(&strike.series, noises)?),
             (None, _) => Box::new(RingDown::new(&strike.series, noises, start, mounting)?),
         })

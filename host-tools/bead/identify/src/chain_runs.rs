@@ -1,4 +1,4 @@
-//! A chain's signals at any speed of the striker, from runs at speeds on a grid.
+//! A chain's signals at any speed of the striker, from runs at speeds on a runs.
 //!
 //! # Design
 //! Strikes of one chain differ in the striker's speed and in little else, so a thousand strikes need no
@@ -12,11 +12,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use hertz_chain::tangents::{Dual, Sensor, SignalTangents, tangents};
 
-use crate::chain::ChainOfScenario;
+use crate::chain::{ChainOfScenario, DIRECTIONS};
 use crate::quantity::Values;
 
-/// Directions of the tangents: the striker's velocity, then those that all strikes share.
-pub(crate) const DIRECTIONS: usize = 8;
 /// Distance of neighbouring speeds, of their logarithms.
 const SPACING: f64 = 0.02;
 /// Time by which a run is longer than the first strike needs that asks for it, s.
@@ -35,16 +33,27 @@ struct GridRun {
     run: OnceLock<RunResult>,
 }
 
-/// Runs of a chain at speeds on a grid, for the last values of the quantities that were asked for.
-#[derive(Debug, Default)]
-pub(crate) struct SpeedGrid {
+/// A chain with its runs at speeds on a grid, for the last values of the quantities that were asked for.
+#[derive(Debug)]
+pub struct ChainRuns {
+    chain: ChainOfScenario,
     runs: Mutex<Vec<(Values, Vec<Arc<GridRun>>)>>,
 }
 
-impl SpeedGrid {
+impl ChainRuns {
+    /// The chain without a run. Its strikes share it.
+    pub fn new(chain: ChainOfScenario) -> Arc<Self> {
+        let runs = Mutex::default();
+        Arc::new(Self { chain, runs })
+    }
+
+    /// The chain.
+    pub fn chain(&self) -> &ChainOfScenario {
+        &self.chain
+    }
+
     fn run_at(
         &self,
-        chain: &ChainOfScenario,
         values: &Values,
         sensors: &[Sensor],
         (node, duration): (i32, f64),
@@ -75,6 +84,7 @@ impl SpeedGrid {
             })
         };
         let made = run.run.get_or_init(|| {
+            let chain = &self.chain;
             let scenario = chain.with(values, speed_of(node).exp());
             let span = (run.duration, chain.step());
             tangents(&scenario, &chain.directions(), sensors, None, span).map_err(|error| error.to_string())
@@ -91,16 +101,15 @@ impl SpeedGrid {
     /// The chain cannot be simulated, as the end of a sentence.
     pub(crate) fn highest(
         &self,
-        chain: &ChainOfScenario,
         values: &Values,
         sensors: &[Sensor],
         duration: f64,
     ) -> Result<(f64, f64), String> {
-        let run = self.run_at(chain, values, sensors, (0, duration))?;
+        let run = self.run_at(values, sensors, (0, duration))?;
         let signal = signals(&run).steps(0).iter().enumerate();
         let highest = signal.max_by(|a, b| a.1.value.total_cmp(&b.1.value));
         let (step, value) = highest.map_or((0, 0.0), |(step, signal)| (step, signal.value));
-        Ok((step as f64 * chain.step(), value))
+        Ok((step as f64 * self.chain.step(), value))
     }
 
     /// The signals of `sensors` for `duration` s, of a striker whose speed has the logarithm `speed` beside
@@ -110,7 +119,6 @@ impl SpeedGrid {
     /// The chain cannot be simulated, as the end of a sentence.
     pub(crate) fn signals(
         &self,
-        chain: &ChainOfScenario,
         values: &Values,
         sensors: &[Sensor],
         (speed, arrival, duration): (f64, f64, f64),
@@ -118,18 +126,18 @@ impl SpeedGrid {
         let slower = (speed / SPACING).floor() as i32;
         // Behind a slower striker the wave comes later than it does here.
         let later = arrival * ((-0.2 * speed_of(slower)).exp() - (-0.2 * speed).exp());
-        let at = |node: i32| self.run_at(chain, values, sensors, (node, duration + later));
+        let at = |node: i32| self.run_at(values, sensors, (node, duration + later));
         Ok(SpeedSignals {
             runs: [at(slower)?, at(slower + 1)?],
             part: speed / SPACING - f64::from(slower),
             speed,
             arrival,
-            velocity: chain.velocity(),
+            velocity: self.chain.velocity(),
         })
     }
 }
 
-/// Logarithm of a speed of the grid.
+/// Logarithm of a speed of the runs.
 fn speed_of(node: i32) -> f64 {
     f64::from(node) * SPACING
 }
@@ -204,12 +212,12 @@ mod tests {
                 pole: 40e3,
                 front_mass: 0.0,
             });
-            let grid = SpeedGrid::default();
+            let runs = ChainRuns::new(chain.clone());
             let duration = 6e-3;
-            let (arrival, _) = grid.highest(&chain, &values, &sensors, duration).unwrap();
+            let (arrival, _) = runs.highest(&values, &sensors, duration).unwrap();
             for speed in [0.25 * SPACING, 5.5 * SPACING, -7.6 * SPACING] {
-                let between = grid
-                    .signals(&chain, &values, &sensors, (speed, arrival, duration))
+                let between = runs
+                    .signals(&values, &sensors, (speed, arrival, duration))
                     .unwrap();
                 let exact = chain.with(&values, speed.exp());
                 let span = (duration, chain.step());
