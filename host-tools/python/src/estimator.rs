@@ -18,7 +18,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUnty
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{ScenarioError, refused};
+use crate::failure::{ScenarioError, guarded, refused};
 use crate::table::Columns;
 
 /// Name of the recording in the tables.
@@ -89,7 +89,11 @@ impl Estimator {
 
     /// Takes codes, uint16 of shape (n, 4): force, wide force, acceleration, wide acceleration of each scan.
     /// Returns the tables of the windows that ended in them, `strikes` and `samples`.
-    fn process<'py>(&mut self, py: Python<'py>, codes: PyReadonlyArray2<'py, u16>) -> PyResult<Bound<'py, PyDict>> {
+    fn process<'py>(
+        &mut self,
+        py: Python<'py>,
+        codes: PyReadonlyArray2<'py, u16>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let &[_, 4] = codes.shape() else {
             return Err(ScenarioError::new_err(format!(
                 "codes have the shape {:?}; give (n, 4): force, wide force, acceleration, wide acceleration",
@@ -110,7 +114,7 @@ impl Estimator {
         let mut windows = Windows::default();
         let (meter, settings, next) = (&mut self.meter, &self.settings, self.next);
         let count = scans.len() as u64;
-        py.detach(|| meter.process(settings, next, scans, &mut windows));
+        guarded(py, || meter.process(settings, next, scans, &mut windows))?;
         self.next += count;
         let name: Arc<str> = NAME.into();
         let (mut strike_table, mut sample_table) =
@@ -148,7 +152,9 @@ impl Estimator {
             Ok(Some(Trace::even(values, rate)))
         };
         if !(rate.is_finite() && rate > 0.0) {
-            return Err(ScenarioError::new_err(format!("rate = {rate}: give samples a second, such as 1e6")));
+            return Err(ScenarioError::new_err(format!(
+                "rate = {rate}: give samples a second, such as 1e6"
+            )));
         }
         let waveform = Played {
             force: trace("force", force)?,
@@ -167,10 +173,12 @@ impl Estimator {
             strikes: 1,
             interval: 1.0,
         };
-        let scans = py.detach(|| {
+        let scans = guarded(py, || {
             let sensed = Sensed::playing(&waveform, timing);
-            AnalogFrontEnd::default().digitise(&sensed, (seconds * RATE) as usize, seed).scans
-        });
+            AnalogFrontEnd::default()
+                .digitise(&sensed, (seconds * RATE) as usize, seed)
+                .scans
+        })?;
         let count = scans.len();
         PyArray1::from_vec(py, scans.into_flattened()).reshape([count, 4])
     }

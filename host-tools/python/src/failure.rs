@@ -1,8 +1,10 @@
 //! Exceptions: the one line that the command line prints, as Python's.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use hertz_chain::{InputError, SimulateError};
 use pyo3::create_exception;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(
@@ -26,4 +28,18 @@ pub(crate) fn refused(error: &InputError) -> PyErr {
 /// The exception of a run that cannot go on.
 pub(crate) fn failed(error: &SimulateError) -> PyErr {
     ScenarioError::new_err(error.to_string())
+}
+
+/// Runs a function while other threads of Python run. A panic in it is a fault of this package, and becomes an
+/// exception that a program can catch, with the place that the panic printed.
+pub(crate) fn guarded<T: Send>(py: Python<'_>, run: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let ran = py.detach(|| catch_unwind(AssertUnwindSafe(run)));
+    ran.map_err(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+        PyRuntimeError::new_err(format!(
+            "hertz_chain has a fault: {}; please report it with what you called",
+            text.unwrap_or_default()
+        ))
+    })
 }

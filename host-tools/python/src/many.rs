@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::failure::{ScenarioError, refused};
+use crate::failure::{ScenarioError, guarded, refused};
 use crate::scenario::{Scenario, table};
 use crate::table::Columns;
 
@@ -35,13 +35,22 @@ pub(crate) fn ensemble<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let all: Vec<_> = scenarios.iter().map(|one| one.get().0.clone()).collect();
     let most = all.iter().map(|one| one.chain.beads).max().unwrap_or(1);
+    let contacts = all
+        .iter()
+        .map(|one| one.chain.beads + usize::from(one.wall.is_some()));
+    let contacts = contacts.max().unwrap_or(0);
+    if let Some(contact) = peaks.iter().find(|contact| !(1..=contacts).contains(*contact)) {
+        return Err(ScenarioError::new_err(format!(
+            "peaks: no scenario has a contact {contact}; the contacts are 1 to {contacts}"
+        )));
+    }
     let options = EnsembleOptions::default().with_peaks(&peaks);
     let count = all.len();
     let mut numbers: [Vec<f64>; 3] = Default::default();
     let [mut forces, mut times] = [0, 1].map(|_| vec![f64::NAN; count * peaks.len()]);
     let mut errors = Vec::with_capacity(count);
     for (chunk, scenarios) in all.chunks(together(most)).enumerate() {
-        let outcomes = py.detach(|| run_all(scenarios, &options));
+        let outcomes = guarded(py, || run_all(scenarios, &options))?;
         for outcome in outcomes {
             let place = errors.len() * peaks.len();
             match outcome {
@@ -70,7 +79,10 @@ pub(crate) fn ensemble<'py>(
         }
     }
     let result = PyDict::new(py);
-    for (name, values) in ["absorbed", "injected", "striker_energy"].into_iter().zip(numbers) {
+    for (name, values) in ["absorbed", "injected", "striker_energy"]
+        .into_iter()
+        .zip(numbers)
+    {
         result.set_item(name, PyArray1::from_vec(py, values))?;
     }
     for (name, values) in [("peak_force", forces), ("peak_time", times)] {
@@ -111,18 +123,20 @@ pub(crate) fn sweep<'py>(
             "{points} points do not fit into memory, {MOST_POINTS} do; run it as `bead sweep`, which writes to a file"
         )));
     }
-    let beads = plan.scenario(0).map_or(1, |scenario| scenario.chain.beads);
+    // Along an axis chains may become longer.
+    let beads = |point: u64| plan.scenario(point).map_or(1, |scenario| scenario.chain.beads);
+    let beads = beads(0).max(beads(points - 1));
     let mut columns = Columns::new(plan.columns());
     let mut from = 0;
     while from < points {
         let to = points.min(from + together(beads) as u64);
-        let computed = py.detach(|| {
+        let computed = guarded(py, || {
             compute::each_row(&plan, from..to, &|_| (), |row| {
                 columns.push(row);
                 Ok(())
             })
         });
-        computed.map_err(|error| ScenarioError::new_err(error.to_string()))?;
+        computed?.map_err(|error| ScenarioError::new_err(error.to_string()))?;
         from = to;
         py.check_signals()?;
         if let Some(progress) = &progress {
@@ -138,4 +152,3 @@ pub(crate) fn sweep<'py>(
     result.set_item("columns", columns.into_dict(py)?)?;
     Ok(result)
 }
-

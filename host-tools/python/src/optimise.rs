@@ -7,7 +7,7 @@ use hertz_chain::{Aim, OptimiseError, Search, SearchProgress, optimise as search
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 
-use crate::failure::ScenarioError;
+use crate::failure::{ScenarioError, guarded};
 use crate::scenario::Scenario;
 
 /// Searches, and returns the optimum as JSON with the scenario that has it. `callback` is called with the number
@@ -15,7 +15,10 @@ use crate::scenario::Scenario;
 /// False.
 #[pyfunction]
 #[pyo3(signature = (scenario, hosts, total_mass, speeds, worst, alike, evaluations, callback))]
-#[expect(clippy::too_many_arguments, reason = "the Python function in front of it names them")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the Python function in front of it names them"
+)]
 pub(crate) fn optimise(
     py: Python<'_>,
     scenario: &Scenario,
@@ -41,7 +44,9 @@ pub(crate) fn optimise(
     let watch = |progress: SearchProgress| {
         let goes_on = Python::attach(|py| {
             py.check_signals()?;
-            let Some(callback) = &callback else { return Ok(true) };
+            let Some(callback) = &callback else {
+                return Ok(true);
+            };
             let answer = callback.call1(py, (progress.evaluations, progress.best, progress.descents))?;
             Ok(!answer.bind(py).is(PyBool::new(py, false)))
         });
@@ -54,8 +59,11 @@ pub(crate) fn optimise(
             }
         }
     };
-    let found = py.detach(|| search_for(&scenario.0, &search, Some(&watch)));
-    if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+    let found = guarded(py, || search_for(&scenario.0, &search, Some(&watch)))?;
+    if let Some(error) = failure
+        .into_inner()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    {
         return Err(error);
     }
     let optimum = found.map_err(refused)?;

@@ -13,7 +13,7 @@ use bead_tables::{Cell, CellKind, Column};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::RecordingError;
+use crate::failure::{RecordingError, guarded};
 use crate::table::Columns;
 
 /// An open recording.
@@ -101,7 +101,7 @@ impl Recording {
             Column::new("why", CellKind::Text),
         ]);
         self.each(py, |number, strike| {
-            let replayed = py.detach(|| replay(strike));
+            let replayed = guarded(py, || replay(strike))?;
             columns.push(vec![
                 Cell::whole(number),
                 Cell::whole(strike.address),
@@ -121,7 +121,7 @@ impl Recording {
         self.each(py, |number, one| {
             count = number + 1;
             if number == strike {
-                found = Some(py.detach(|| StrikeBudget::of(one, None, None)));
+                found = Some(guarded(py, || StrikeBudget::of(one, None, None))?);
             }
             Ok(())
         })?;
@@ -137,7 +137,7 @@ impl Recording {
     /// Clocks of the beads beside the host's, as JSON.
     fn clocks(&self, py: Python<'_>) -> PyResult<String> {
         let path = self.file.path.clone();
-        let compared = py.detach(|| clock::compare(&[path])).map_err(|error| refused(&error))?;
+        let compared = guarded(py, || clock::compare(&[path]))?.map_err(|error| refused(&error))?;
         serde_json::to_string(&compared).map_err(|error| RecordingError::new_err(error.to_string()))
     }
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use crate::failure::{ScenarioError, refused};
 
 /// A checked scenario. It cannot be changed; `replace` makes another one.
-#[pyclass(frozen, eq, module = "hertz_chain")]
+#[pyclass(frozen, eq, module = "hertz_chain._hertz_chain")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Scenario(pub(crate) Described);
 

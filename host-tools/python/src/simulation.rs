@@ -8,7 +8,7 @@ use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{ScenarioError, failed};
+use crate::failure::{ScenarioError, failed, guarded};
 use crate::scenario::Scenario;
 
 /// Steps times bodies between two looks for Ctrl-C: some milliseconds.
@@ -111,14 +111,21 @@ pub(crate) fn simulate<'py>(
              that makes one time at least and {MOST:e} values at most"
         )));
     }
-    let hosts: Vec<usize> = run.model().intruders().iter().map(|intruder| intruder.bead).collect();
+    let hosts: Vec<usize> = run
+        .model()
+        .intruders()
+        .iter()
+        .map(|intruder| intruder.bead)
+        .collect();
     let (bodies, contacts) = (run.model().bodies(), run.model().contacts());
     // A run that is too large for the memory is refused here, and not by an abort in its middle.
     let room = |width: usize| {
         let mut values: Vec<f64> = Vec::new();
         let enough = values.try_reserve_exact((rows as usize + 2) * width);
         enough.map(|()| values).map_err(|_| {
-            PyMemoryError::new_err(format!("{rows:.0} times of {width} values do not fit into memory; lower the rate"))
+            PyMemoryError::new_err(format!(
+                "{rows:.0} times of {width} values do not fit into memory; lower the rate"
+            ))
         })
     };
     let mut times = room(1)?;
@@ -126,7 +133,7 @@ pub(crate) fn simulate<'py>(
         one.values = room(one.width.unwrap_or(1))?;
     }
     let look_after = (STEPS / (bodies as u64 + 1)).max(1);
-    let ran = py.detach(|| {
+    let ran = guarded(py, || {
         let mut summariser = Summariser::new(&mut run);
         let mut snapshots = Snapshots::new(&mut run, rate, end);
         let ran = run.watch_while(end, |step| {
@@ -146,7 +153,7 @@ pub(crate) fn simulate<'py>(
         });
         ran.map(|ran| (ran, summariser.summary(&mut run)))
     });
-    let (ran, summary) = ran.map_err(|error| failed(&error))?;
+    let (ran, summary) = ran?.map_err(|error| failed(&error))?;
     if let ControlFlow::Break(interrupted) = ran {
         return Err(interrupted);
     }
