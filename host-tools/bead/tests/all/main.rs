@@ -21,6 +21,8 @@ mod interrupted;
 mod kept;
 mod limits;
 mod logbook;
+mod monitor;
+mod pane;
 mod program;
 mod record;
 mod recover;
