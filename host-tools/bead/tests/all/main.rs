@@ -4,6 +4,7 @@
 
 mod analyse;
 mod answering;
+mod browser;
 mod budget;
 mod calibrate;
 mod channels;
