@@ -1,13 +1,22 @@
-//! The benchmark of the simulator.
+//! The benchmarks of the simulator and of the monitor.
 
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor
+/// Runs the benchmark with these words; with the word `monitor`, that of recorder and monitor. For `--native` it is compiled a second time, for this processor
 /// alone.
 ///
 /// # Errors
 /// It does not build, or ends with an error.
 pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    if words.first().is_some_and(|word| word.as_str() == "monitor") {
+        let line = CommandLine::new(
+            "cargo test --release --package bead-monitor --test load -- --ignored --nocapture ten_minutes",
+        );
+        return steps.run(
+            "ten beads at 1 MB/s through recorder and monitor, ten minutes",
+            &line,
+        );
+    }
     let mut line = CommandLine::new("cargo run --release --package hertz-benchmarks --");
     for word in words {
         line = line.arg(word.as_str());

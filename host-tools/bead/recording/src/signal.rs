@@ -165,6 +165,32 @@ mod tests {
     }
 
     #[test]
+    fn the_residual_is_the_share_of_the_acceleration_that_the_bead_reports_as_unexplained() {
+        let settings = paper_settings();
+        let scans = scans(6.0);
+        let signal = Signal::of(&scans, &settings).unwrap();
+        let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
+        record.clear();
+        for scan in &scans {
+            window.process(&settings, &[scan.scan()], &mut record);
+        }
+        // This ring is none that the force explains, so that most of it is left.
+        let said = window
+            .report(&settings, &record)
+            .1
+            .waveform
+            .unwrap()
+            .residual
+            .ratio();
+        let rms = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
+        let residual = signal.residual(&settings);
+        let begin = usize::from(settings.window.noise_end());
+        let share = rms(&residual) / rms(&signal.acceleration[begin..]);
+        assert!((share / said - 1.0).abs() < 0.05, "{share} {said}");
+        assert_eq!(residual.len(), scans.len() - 1);
+    }
+
+    #[test]
     fn a_window_without_its_baseline_has_no_signal() {
         let settings = paper_settings();
         assert_eq!(Signal::of(&scans(6.0)[..63], &settings), None);

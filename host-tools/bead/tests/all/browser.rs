@@ -33,7 +33,7 @@ impl Page {
     /// Opens a page; `None` where there is no Chromium.
     fn open(folder: &TestFolder, url: &str) -> Option<Self> {
         let mut chromium = Command::new("chromium");
-        chromium.args("--headless --no-sandbox --disable-gpu --window-size=1280,1000".split(' '));
+        chromium.args("--headless --no-sandbox --disable-gpu --window-size=1280,1190".split(' '));
         let profile = folder.join("profile");
         chromium.arg(format!("--user-data-dir={}", profile.display()));
         chromium.args(["--remote-debugging-port=0", "about:blank"]);

@@ -258,7 +258,10 @@ fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
         }
     }
     // A recording is kept, whatever happens.
-    let keeps = case.status < 2 || case.words.starts_with("record") && case.status == 3;
+    let records = ["record", "monitor"]
+        .iter()
+        .any(|command| case.words.starts_with(command));
+    let keeps = case.status < 2 || records && case.status == 3;
     match after.keys().find(|path| !before.contains_key(*path)) {
         Some(new) if !keeps => Err(format!("{} is left", new.display())),
         _ => Ok(()),

@@ -61,7 +61,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "SCENARIO", group = "source", requires = "bead")]
     emulate: Option<PathBuf>,
     /// The emulated beads: those with an intruder. 7-16, 7,9,12 or all.
-    #[arg(long, value_name = "N", requires = "emulate")]
+    #[arg(long, value_name = "N", requires = "emulate", conflicts_with_all = ["port", "recording"])]
     bead: Option<BeadNumbers>,
     /// Let the settings of emulated beads state the uncertainties of this file, as bead.toml has them.
     #[arg(long, value_name = "F.toml|F.settings", requires = "emulate")]
@@ -231,7 +231,11 @@ fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
     let open = open_all(&wanted, arguments.baud, |line| note!("{line}"));
     let open = open.map_err(|why| failure!(Device, "{why}"))?;
     let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
-    let names = addresses.iter().map(Address::to_string).collect();
+    let name = |address: &Address| match &live {
+        Some(_) => "the emulator".to_owned(),
+        None => address.to_string(),
+    };
+    let names = addresses.iter().map(name).collect();
     let monitor = SharedMonitor::new(Monitor::new(names, String::new()));
     let (orders, ordered) = mpsc::channel();
     let author = arguments.notes.author().clone();
