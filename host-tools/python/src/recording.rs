@@ -90,8 +90,8 @@ impl Recording {
         }
     }
 
-    /// Each strike through the bead's own code: `id`, `bead`, `strike`, `replay` and `why`, a text where a result
-    /// came out otherwise or is incomplete.
+    /// Each strike through the bead's own code: `id`, `bead`, `strike`, `replay` and `why`, a text where a
+    /// result came out otherwise or is incomplete.
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let mut columns = Columns::new(vec![
             Column::new("id", CellKind::Whole),
