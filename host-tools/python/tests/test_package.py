@@ -130,6 +130,11 @@ class AgainstTheCommandLine(unittest.TestCase):
         self.assertEqual(recording.replay()["replay"], ["identical"] * 2)
         theirs = json.loads(bead("budget", path, "--strike", 1, "--format", "json"))["beads"][0]
         self.assertEqual(recording.budget(1), theirs)
+        theirs = json.loads(bead("compare", path, "--format", "json"))
+        ours = recording.compare()
+        self.assertTrue(ours["pass"])
+        self.assertEqual(ours, {key: theirs[key] for key in ours})
+        self.assertFalse(recording.compare(hc.Scenario.paper().replace(striker={"velocity": 0.4}))["pass"])
         clocks = json.loads(bead("clock", path, "--format", "json"))
         self.assertEqual(recording.clocks().keys() - clocks.keys(), set())
 
