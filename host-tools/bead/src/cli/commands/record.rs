@@ -14,7 +14,7 @@ use crate::cli::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
 use bead_line::port::{Address, open_all};
-use bead_line::recorder::{RecordedPort, Recorder, RecorderObserver, RecorderOptions};
+use bead_line::recorder::{Recorded, RecordedPort, Recorder, RecorderObserver, RecorderOptions};
 use bead_recording::clock::Live;
 use bead_recording::file::{About, RecordingError};
 use bead_recording::frames::Frame;
@@ -96,18 +96,19 @@ fn split(text: &str) -> Result<Duration, String> {
 }
 
 /// Parses the value of `--port`; `None` is every serial port that opens.
-fn port(text: &str) -> Result<PortChoice, String> {
+pub(super) fn port(text: &str) -> Result<PortChoice, String> {
     match text {
         "all" => Ok(None),
         _ => text.parse().map(Some),
     }
 }
 
-type PortChoice = Option<Address>;
+pub(super) type PortChoice = Option<Address>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let mut target = arguments.target(started)?;
+    let own_target = || target(arguments.out.as_deref(), arguments.overwrite, started);
+    let mut target = own_target()?;
     let note = |line: String| note!("{line}");
     let open = open_all(&arguments.port, arguments.baud, note).map_err(|why| failure!(Device, "{why}"))?;
     let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
@@ -139,7 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorder = loop {
         match Recorder::new(&target, &addresses, options, about.clone(), &mut lines, &note) {
             // Another program began a recording in the same second.
-            Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
+            Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = own_target()?,
             recorder => break recorder?,
         }
     };
@@ -152,15 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if is_of_several {
         recorded.ports.iter().map(RecordedPort::to_string).for_each(note);
     }
-    let (mut gone, mut away) = (Vec::new(), Vec::new());
-    for port in &recorded.ports {
-        let (ended, reason) = match &port.end {
-            End::Stopped => continue,
-            End::Away(reason) => (&mut away, reason),
-            End::Gone(reason) => (&mut gone, reason),
-        };
-        ended.push(format!("{} went away ({reason})", port.address));
-    }
+    let [gone, away] = not_back(&recorded);
     let summary = recorded.to_string();
     if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
         bail!(
@@ -174,8 +167,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     note(summary);
     clock_lines(&recorded.clocks).for_each(note);
-    recorded.from_the_future.into_iter().for_each(note);
+    recorded.from_the_future.iter().for_each(|line| note!("{line}"));
     printed?;
+    frames_came(&recorded)
+}
+
+/// A line about each port that has gone away for good, and about each that was away at the end.
+pub(super) fn not_back(recorded: &Recorded) -> [Vec<String>; 2] {
+    let (mut gone, mut away) = (Vec::new(), Vec::new());
+    for port in &recorded.ports {
+        let (ended, reason) = match &port.end {
+            End::Stopped => continue,
+            End::Away(reason) => (&mut away, reason),
+            End::Gone(reason) => (&mut gone, reason),
+        };
+        ended.push(format!("{} went away ({reason})", port.address));
+    }
+    [gone, away]
+}
+
+/// Fails if no frame came, with the likely reason.
+pub(super) fn frames_came(recorded: &Recorded) -> Result<(), Failure> {
     match recorded.counters {
         Counters { frames: 1.., .. } => Ok(()),
         Counters { bytes: 0, .. } => {
@@ -226,24 +238,26 @@ impl RecorderObserver for StrikePrinter {
     }
 }
 
-impl Arguments {
-    /// The file of the recording. A name of the date is one that no file has yet, finished or not.
-    fn target(&self, started: DateTime<Utc>) -> Result<Target, Failure> {
-        let given = |out: &Path| place::target(out, FileKind::Recording, &[], self.overwrite);
-        if let Some(out) = &self.out {
-            return given(out);
-        }
-        let date = started.format("bead-%Y%m%d-%H%M%S");
-        let numbers = iter::once(String::new()).chain((2..).map(|number| format!("-{number}")));
-        let mut names = numbers.map(|number| PathBuf::from(format!("{date}{number}.mcap")));
-        let is_free = |name: &PathBuf| !name.exists() && !name.with_extension("mcap.partial").exists();
-        let free = names.find(is_free).expect("the numbers do not end");
-        given(&free)
+/// The file of a recording that begins now. A name of the date is one that no file has yet, finished or not.
+pub(super) fn target(
+    out: Option<&Path>,
+    overwrite: Overwrite,
+    started: DateTime<Utc>,
+) -> Result<Target, Failure> {
+    let given = |out: &Path| place::target(out, FileKind::Recording, &[], overwrite);
+    if let Some(out) = out {
+        return given(out);
     }
+    let date = started.format("bead-%Y%m%d-%H%M%S");
+    let numbers = iter::once(String::new()).chain((2..).map(|number| format!("-{number}")));
+    let mut names = numbers.map(|number| PathBuf::from(format!("{date}{number}.mcap")));
+    let is_free = |name: &PathBuf| !name.exists() && !name.with_extension("mcap.partial").exists();
+    let free = names.find(is_free).expect("the numbers do not end");
+    given(&free)
 }
 
 /// The drift of each bead's clock since its last restart, a line each, where the recording is long enough.
-fn clock_lines(live: &Live) -> impl Iterator<Item = String> {
+pub(super) fn clock_lines(live: &Live) -> impl Iterator<Item = String> {
     live.segments().filter_map(|segment| {
         let fit = segment.fit()?;
         let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
