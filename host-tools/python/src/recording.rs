@@ -142,8 +142,8 @@ impl Recording {
         serde_json::to_string(&budget).map_err(|error| RecordingError::new_err(error.to_string()))
     }
 
-    /// The strikes of one bead beside a simulated chain, without a scenario that of the recording: JSON of the
-    /// bead, its strikes and the verdict, as `bead compare` has them.
+    /// The strikes of one bead beside a simulated chain, without a scenario that of the recording: JSON of
+    /// the bead, its strikes and the verdict, as `bead compare` has them.
     #[pyo3(signature = (scenario, bead))]
     fn compare(&self, py: Python<'_>, scenario: Option<&Scenario>, bead: Option<usize>) -> PyResult<String> {
         let scenario = scenario.map(|scenario| scenario.0.clone());
