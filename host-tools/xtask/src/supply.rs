@@ -65,6 +65,14 @@ has the licences' texts beside it, and a bill of materials for each program. Whe
 it is taken under the first that [deny.toml](deny.toml) allows. The image has no copyleft in it. Rust's own `core`,
 `alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
 ";
+/// What is no package of cargo's. The text of its licence lies beside it.
+const VENDORED: &str = "
+## In the page of `bead monitor --web`
+
+| package | licence |
+|---|---|
+| uPlot 1.6.32, in [host-tools/bead/monitor/page](host-tools/bead/monitor/page) | [MIT](host-tools/bead/monitor/page/uPlot.LICENSE) |
+";
 
 /// The text of THIRD-PARTY.md for the packages that cargo would link now.
 fn page(steps: &Steps) -> Result<String, Stop> {
@@ -84,6 +92,7 @@ fn page(steps: &Steps) -> Result<String, Stop> {
         page += "| package | licence |\n|---|---|\n";
         page.extend(rows);
     }
+    page += VENDORED;
     Ok(page)
 }
 

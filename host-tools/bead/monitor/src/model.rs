@@ -25,6 +25,8 @@ const EDGES: usize = 128;
 const SILENT: Duration = Duration::from_secs(3);
 /// Time-out of a reply.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Greatest half width of the interval of a clock's drift that is shown, ppm.
+const DRIFT_KNOWN: f64 = 500.0;
 /// Span over which the rate of bytes is measured.
 const RATE_SPAN: Duration = Duration::from_secs(2);
 
@@ -309,7 +311,8 @@ impl Monitor {
         }
         let clocks = self.clocks.segments().filter_map(|segment| {
             let fit = segment.fit().filter(|fit| fit.in_real_time())?;
-            Some((segment.address, [fit.drift_ppm, fit.uncertainty_ppm?]))
+            let within = fit.uncertainty_ppm.filter(|within| *within <= DRIFT_KNOWN)?;
+            Some((segment.address, [fit.drift_ppm, within]))
         });
         let clocks: BTreeMap<u8, [f64; 2]> = clocks.collect();
         let beads = self.beads.iter().map(|(address, bead)| {

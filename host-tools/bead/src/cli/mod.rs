@@ -76,7 +76,7 @@ enum Command {
     Emulate(Box<emulate::Arguments>),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
-    /// Show live beads on a terminal, and record them.
+    /// Show live beads on a terminal or in a browser, and record them.
     Monitor(Box<monitor::Arguments>),
     /// Add notes to recordings, or print them: operator, specimen, place.
     Note(note::Arguments),

@@ -1,0 +1,200 @@
+//! `bead monitor` as its users run it: in a terminal that tmux stands in for, with two emulated beads.
+//!
+//! Where tmux or QEMU is missing, the tests are skipped and say so. `PICTURES=overwrite` draws the pictures of
+//! the book anew.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
+
+use crate::pane::svg;
+use crate::program::{PROGRAM, ROOT, TestFolder, assert_says, until};
+use bead_recording::file::{Recording, State};
+
+/// A terminal in which a program runs.
+struct Terminal {
+    folder: TestFolder,
+}
+
+impl Terminal {
+    /// Starts `bead` with these words in a terminal of 80 x 24; `None` where that cannot be.
+    fn start(arguments: &str) -> Option<Self> {
+        for program in ["tmux -V", "qemu-system-arm --version"] {
+            let is_there = Command::new("sh")
+                .args(["-c", program])
+                .output()
+                .unwrap()
+                .status
+                .success();
+            if !is_there {
+                eprintln!("skipped: `{program}` does not run here");
+                return None;
+            }
+        }
+        let terminal = Self {
+            folder: TestFolder::new(),
+        };
+        let run = format!("exec env --default-signal=INT,TERM,HUP {PROGRAM} {arguments} 2>said");
+        terminal.tmux(&[
+            "-f",
+            "/dev/null",
+            "new-session",
+            "-d",
+            "-x",
+            "80",
+            "-y",
+            "24",
+            "exec cat",
+        ]);
+        terminal.tmux(&["set-option", "-g", "remain-on-exit", "on"]);
+        terminal.tmux(&["respawn-pane", "-k", &run]);
+        Some(terminal)
+    }
+
+    fn tmux(&self, words: &[&str]) -> Output {
+        let mut tmux = Command::new("tmux");
+        tmux.current_dir(&*self.folder)
+            .env_remove("TMUX")
+            .env_remove("NO_COLOR");
+        tmux.args(["-u", "-S", "socket"]).args(words).output().unwrap()
+    }
+
+    fn keys(&self, keys: &[&str]) {
+        self.tmux(&[&["send-keys"], keys].concat());
+    }
+
+    /// The cells, with escape sequences of their attributes.
+    fn cells(&self) -> String {
+        String::from_utf8(self.tmux(&["capture-pane", "-p", "-e"]).stdout).unwrap()
+    }
+
+    fn text(&self) -> String {
+        String::from_utf8(self.tmux(&["capture-pane", "-p"]).stdout).unwrap()
+    }
+
+    /// Waits until the page has a text.
+    fn until(&self, part: &str) -> String {
+        let mut text = String::new();
+        let what = format!("the page says {part}");
+        until(&what, || {
+            thread::sleep(Duration::from_millis(50));
+            text = self.text();
+            text.contains(part)
+        });
+        text
+    }
+
+    /// Waits for the end, and returns the exit status.
+    fn ended(&self) -> String {
+        let mut dead = String::new();
+        until("the program ends", || {
+            let format = "#{pane_dead} #{pane_dead_status}";
+            dead = String::from_utf8(self.tmux(&["display-message", "-p", format]).stdout).unwrap();
+            dead.split_whitespace().count() == 2
+        });
+        dead.trim().to_owned()
+    }
+
+    fn recording(&self) -> Recording {
+        let recording = Recording::open(&self.folder.join("a.mcap")).unwrap();
+        assert_eq!(recording.state, State::Whole);
+        recording
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.tmux(&["kill-server"]);
+    }
+}
+
+fn two_beads() -> String {
+    let scenarios = format!("{ROOT}/docs/scenarios");
+    format!(
+        "monitor --emulate {scenarios}/ten-intruders.toml --bead 7,8 --uncertainty {scenarios}/paper-bead.toml --out a.mcap"
+    )
+}
+
+/// True if the pictures of the book are to be drawn anew.
+pub(crate) fn draws_pictures() -> bool {
+    std::env::var_os("PICTURES").is_some_and(|value| value == "overwrite")
+}
+
+#[test]
+fn two_emulated_beads_are_shown_noted_disarmed_and_recorded_and_the_window_may_shrink() {
+    let Some(terminal) = Terminal::start(&two_beads()) else {
+        return;
+    };
+    let page = terminal.until("strike 3 of bead 7");
+    for part in [
+        "bead monitor  a.mcap",
+        " ± ",
+        "no flags",
+        "losses of bead 7: none",
+        "q quit",
+    ] {
+        assert_says(&page, part);
+    }
+    if draws_pictures() {
+        let picture = svg(&terminal.cells(), 80, "bead monitor with two emulated beads");
+        fs::write(format!("{ROOT}/docs/images/monitor.svg"), picture).unwrap();
+    }
+    terminal.keys(&["n"]);
+    terminal.keys(&["-l", "specimen=A12"]);
+    terminal.until("note KEY=VALUE: specimen=A12_");
+    terminal.keys(&["Enter"]);
+    terminal.until("noted: specimen=A12");
+    terminal.keys(&["d"]);
+    terminal.until("bead 7: disarm: done");
+    terminal.until("7 disarmed");
+    terminal.keys(&["Right"]);
+    terminal.until("losses of bead 8");
+    terminal.tmux(&["resize-window", "-x", "20", "-y", "10"]);
+    assert_says(&terminal.until("widen: 80x24"), "bead 8, armed");
+    terminal.tmux(&["resize-window", "-x", "80", "-y", "24"]);
+    terminal.until("8 armed");
+    terminal.keys(&["q"]);
+    assert_eq!(terminal.ended(), "1 0");
+    let said = terminal.folder.text("said");
+    assert_says(&said, "a.mcap: ");
+    assert_says(&said, "0 lost, 0 corrupt, 0 restarts");
+    let notes = &terminal.recording().about.remarks;
+    assert_eq!(
+        (notes[0].key.as_str(), notes[0].value.as_str()),
+        ("specimen", "A12")
+    );
+    assert!(terminal.folder.run("replay a.mcap").status.success());
+}
+
+#[test]
+fn a_signal_gives_the_terminal_back_and_a_terminal_that_closes_completes_the_recording() {
+    for closes in [false, true] {
+        let Some(terminal) = Terminal::start(&two_beads()) else {
+            return;
+        };
+        terminal.until("strike 0 of bead 7");
+        if closes {
+            terminal.tmux(&["kill-server"]);
+            until("the recording is complete", || {
+                terminal.folder.join("a.mcap").exists()
+            });
+        } else {
+            let pid = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]).stdout;
+            let pid = String::from_utf8(pid).unwrap();
+            crate::program::signal("TERM", pid.trim());
+            assert_eq!(terminal.ended(), "1 0");
+            // The page was on a screen of its own.
+            assert!(!terminal.text().contains("q quit"), "{}", terminal.text());
+        }
+        let bytes: usize = terminal
+            .recording()
+            .pieces()
+            .unwrap()
+            .map(|piece| piece.bytes.len())
+            .sum();
+        assert!(bytes > 5000, "{bytes}");
+        assert!(!Path::new(&terminal.folder.join("a.mcap.partial")).exists());
+    }
+}
