@@ -3,6 +3,8 @@
 
 const KEPT = 200; // strikes
 const TOGETHER_MS = 500; // between the receipts of one wave at two beads, at most
+// Longest way of a wave through a row, s.
+const WAVE_S = 0.05;
 const at = (id) => document.getElementById(id);
 const strikes = []; // the newest first
 let chosen = null; // serial number of a strike that was clicked; null for the newest
@@ -85,7 +87,7 @@ function drawStrike() {
   const times = curves.force_n.map((_, place) => curves.from_ms + place * curves.step_ms);
   plot("force", "force, N", "#15803d", times, curves.force_n);
   plot("acceleration", "acceleration of the intruder, m/s²", "#7e22ce", times, curves.acceleration);
-  plot("residual", "measured less predicted acceleration, m/s²", "#b45309",
+  plot("residual", "measured less predicted, m/s²", "#b45309",
     times.slice(0, curves.residual.length), curves.residual);
 }
 
@@ -121,7 +123,7 @@ function wave() {
     const other = near.get(one.strike.bead);
     if (apart < TOGETHER_MS && (!other || apart < other.apart)) near.set(one.strike.bead, { one, apart });
   }
-  const beads = [...near.values()].map(({ one }) => ({ ...one, from: 0 }));
+  let beads = [...near.values()].map(({ one }) => ({ ...one, from: 0 }));
   const isShared = beads.length > 1 && beads.every(({ strike }) => strike.since_edge_s);
   if (isShared) {
     // An edge may come while the wave is between two beads.
@@ -129,8 +131,13 @@ function wave() {
     const period = beads[0].strike.since_edge_s[1];
     const isOver = Math.max(...since) - Math.min(...since) > period / 2;
     const unwrapped = since.map((time) => (isOver && time < period / 2 ? time + period : time));
-    const earliest = Math.min(...unwrapped);
-    beads.forEach((bead, place) => { bead.from = 1000 * (unwrapped[place] - earliest); });
+    // Until all beads have sent the newest wave, some still show the one before.
+    const own = unwrapped[beads.findIndex(({ strike }) => strike.serial === first.strike.serial)];
+    const isOf = (_, place) => Math.abs(unwrapped[place] - own) < WAVE_S;
+    const times = unwrapped.filter(isOf);
+    beads = beads.filter(isOf);
+    const earliest = Math.min(...times);
+    beads.forEach((bead, place) => { bead.from = 1000 * (times[place] - earliest); });
   }
   beads.sort((a, b) => a.strike.bead - b.strike.bead);
   return { beads, isShared };
