@@ -9,7 +9,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::panic;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -23,7 +23,7 @@ use crate::listener::{End, Listener, PortBytes, QUEUE, Shared};
 use crate::port::{Address, Port};
 use bead_recording::assembly::Assembled;
 use bead_recording::clock::Live;
-use bead_recording::file::{About, BeadIndex, RecordingError, RecordingOrigin, RecordingWriter};
+use bead_recording::file::{About, BeadIndex, Note, RecordingError, RecordingOrigin, RecordingWriter};
 use bead_recording::frames::{Frame, FrameReader, Item};
 use bead_tables::whole::Target;
 
@@ -47,8 +47,29 @@ pub struct RecorderOptions {
     pub fetch: bool,
 }
 
-/// Watches a recording while it runs.
+/// An order to a recording that runs.
+#[derive(Clone, Debug)]
+pub enum RecorderOrder {
+    /// Write this note into the recording.
+    Note(Note),
+    /// Send these bytes, a request, to the port of the bead with this address.
+    Send {
+        /// Address of the bead.
+        bead: u8,
+        /// The encoded request.
+        bytes: Vec<u8>,
+    },
+}
+
+/// Watches a recording while it runs. It must not wait: the recording would.
 pub trait RecorderObserver {
+    /// Takes every frame and every reject, with the index of its port.
+    fn item(&mut self, _source: usize, _item: &Item) {}
+
+    /// Takes the name under which the recording is being written, at its beginning and when it goes on in
+    /// another file.
+    fn file(&mut self, _partial: &Path) {}
+
     /// Takes a strike or a fault of a bead. A fetched strike has the header of a strike frame of its boot.
     fn message(&mut self, frame: &Frame, received_ns: u64, is_fetched: bool);
 
@@ -161,6 +182,7 @@ pub struct Recorder<'a> {
     /// By port and address.
     gaps: BTreeMap<(usize, u8), Gaps>,
     from_the_future: Option<String>,
+    orders: Option<Receiver<RecorderOrder>>,
     observer: &'a mut dyn RecorderObserver,
     /// Takes lines for people, also from the threads of the ports.
     note: &'a (dyn Fn(String) + Sync),
@@ -194,9 +216,11 @@ impl<'a> Recorder<'a> {
             [_] => RecordingWriter::create,
             _ => RecordingWriter::create_for_several,
         };
+        let writer = create(target, &about)?;
+        observer.file(writer.partial_path());
         Ok(Self {
             options,
-            writer: create(target, &about)?,
+            writer,
             files: Vec::new(),
             sources: addresses.iter().map(RecordedSource::new).collect(),
             clocks: Live::default(),
@@ -205,9 +229,19 @@ impl<'a> Recorder<'a> {
             strikes: 0,
             gaps: BTreeMap::new(),
             from_the_future: None,
+            orders: None,
             observer,
             note,
         })
+    }
+
+    /// Takes orders while the recording runs.
+    #[must_use]
+    pub fn with_orders(self, orders: Receiver<RecorderOrder>) -> Self {
+        Self {
+            orders: Some(orders),
+            ..self
+        }
     }
 
     /// Records the ports, in the order of their addresses, until `stop` is true, the time is over, or no port
@@ -297,7 +331,9 @@ impl<'a> Recorder<'a> {
             if let Some(path) = self.writer.split(self.options.split)? {
                 (self.note)(format!("{} is complete; the recording goes on", path.display()));
                 self.files.push(path);
+                self.observer.file(self.writer.partial_path());
             }
+            self.obey(requests)?;
             match received.recv_timeout(ASK_EVERY) {
                 Ok(PortBytes { source, bytes, .. }) if bytes.is_empty() => {
                     let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
@@ -321,6 +357,26 @@ impl<'a> Recorder<'a> {
                 }
             }
         }
+    }
+
+    /// Does what was ordered since the last time.
+    fn obey(&mut self, requests: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
+        for order in self.orders.iter().flat_map(Receiver::try_iter) {
+            match order {
+                RecorderOrder::Note(note) => match self.writer.note(&note) {
+                    Err(RecordingError::Unfit(why)) => (self.note)(why),
+                    written => written?,
+                },
+                RecorderOrder::Send { bead, bytes } => {
+                    let known = self.gaps.keys().find(|(_, address)| *address == bead);
+                    if let Some((source, _)) = known {
+                        // A port that has gone away for good takes nothing.
+                        let _ = requests[*source].send(bytes);
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Takes bytes from a port, and writes them when their bead is known.
@@ -373,6 +429,7 @@ impl<'a> Recorder<'a> {
         let from = &mut sources[source];
         let now = Instant::now();
         let push = |item: Item| {
+            observer.item(source, &item);
             let Item::Frame(frame) = item else { return };
             clocks.push(&frame);
             *from_the_future = frame.from_the_future().or(from_the_future.take());

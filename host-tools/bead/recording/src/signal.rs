@@ -8,7 +8,8 @@
 //! one.
 
 use bead_model::layout::{BASELINE, PIECE};
-use bead_model::quantity::{SensedAcceleration, SensedForce};
+use bead_model::quantity::{SensedAcceleration, SensedForce, Step};
+use bead_model::reduced_chain::ReducedChainState;
 use bead_model::sensor::{Sensor, SensorState};
 use bead_model::{Pair, Scan, Settings};
 use fixed::FixedI32;
@@ -38,6 +39,48 @@ impl Signal {
                 SensedAcceleration::ZERO,
             )?,
         })
+    }
+}
+
+impl Signal {
+    /// The measured acceleration at the time of the force, less the one that the reduced chain predicts from
+    /// the force, m/s²: a value for each scan but the last, and 0 before the bead compares them. Empty at a
+    /// sample rate at which it does not.
+    ///
+    /// Chain and filter are the bead's own ([`bead_model::waveform`]); only its gate, which silences the chain
+    /// in noise, is not.
+    pub fn residual(&self, settings: &Settings) -> Vec<f64> {
+        let taps = settings.waveform.taps.map(|tap| tap.to_num::<f64>());
+        let rate = f64::from(settings.sample_rate_hz);
+        // m/s² of a bit of a twelfth of a µm/sample², the unit of the chain.
+        let unit = 12e-6 * rate * rate * Step::DELTA.to_num::<f64>();
+        let bits = SensedAcceleration::DELTA.to_num::<f64>();
+        let begin = usize::from(settings.window.noise_end());
+        if taps == [0.0; 3] || self.force.len() <= begin {
+            return Vec::new();
+        }
+        let mut state = ReducedChainState::default();
+        let mut residual = vec![0.0; self.force.len() - 1];
+        for (piece, first) in self.force[begin..].chunks(PIECE).zip((begin..).step_by(PIECE)) {
+            let mut forces = [SensedForce::ZERO; PIECE];
+            let mut predicted = [0; PIECE];
+            let forces = &mut forces[..piece.len()];
+            for (force, newtons) in forces.iter_mut().zip(piece) {
+                *force = SensedForce::saturating_from_num(*newtons);
+            }
+            let predicted = &mut predicted[..piece.len()];
+            let (scale, company) = (&settings.scale, &settings.company);
+            settings
+                .chain
+                .process(scale, company, &mut state, forces, predicted);
+            for (sample, predicted) in (first..).zip(&*predicted) {
+                if let Some([before, now, after]) = self.acceleration.get(sample - 1..sample + 2) {
+                    let measured = (taps[0] * after + taps[1] * now + taps[2] * before) / bits;
+                    residual[sample] = (measured - f64::from(*predicted)) * unit;
+                }
+            }
+        }
+        residual
     }
 }
 

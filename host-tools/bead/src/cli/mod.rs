@@ -26,8 +26,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     analyse, bench, budget, calibrate, clock, command, compare, decode, emulate, export, fetch, figures,
-    flash, identify, judge, list, manual, note, optimise, proof, record, recover, replay, settings, simulate,
-    sweep, trend,
+    flash, identify, judge, list, manual, monitor, note, optimise, proof, record, recover, replay, settings,
+    simulate, sweep, trend,
 };
 use failure::Failure;
 
@@ -53,6 +53,7 @@ Examples:
   bead list archive --note specimen=A12
   bead trend archive --picture trend.svg
   bead record --port /dev/ttyUSB0
+  bead monitor --port /dev/ttyUSB0
   bead fetch --port /dev/ttyUSB0 --out kept.mcap
   bead command self-test --port /dev/ttyUSB0
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
@@ -75,6 +76,8 @@ enum Command {
     Emulate(Box<emulate::Arguments>),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Watch live beads: on a terminal, in a browser, in other programs; and record them.
+    Monitor(Box<monitor::Arguments>),
     /// Add notes to recordings, or print them: operator, specimen, place.
     Note(note::Arguments),
     /// Find the recordings of a folder by note, date, bead, flag and verdict.
@@ -148,6 +151,7 @@ impl Cli {
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
             Command::Judge(arguments) => judge::run(&arguments),
+            Command::Monitor(arguments) => monitor::run(&arguments),
             Command::Note(arguments) => note::run(&arguments),
             Command::List(arguments) => list::run(&arguments),
             Command::Trend(arguments) => trend::run(&arguments),

@@ -13,6 +13,7 @@ use mcap::{Attachment, WriteOptions};
 use crate::file::about::{About, Part, RecordingOrigin};
 use crate::file::error::RecordingError;
 use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, NOTE, name_of};
+use crate::file::notes::{NOTES_MOST, Note};
 use crate::file::stream::Stream;
 use crate::frames::Item;
 use bead_tables::whole::{Target, Unfinished, with_stem_end};
@@ -121,6 +122,24 @@ impl RecordingWriter {
         self.mcap
             .attach(&attachment)
             .map_err(RecordingError::unwritten(&self.partial))
+    }
+
+    /// Adds the note of a person, in this file and in those that follow it.
+    ///
+    /// # Errors
+    /// The file cannot be written, or has [`NOTES_MOST`] notes.
+    pub fn note(&mut self, note: &Note) -> Result<(), RecordingError> {
+        if self.about.remarks.len() >= NOTES_MOST {
+            return Err(RecordingError::Unfit(format!(
+                "the recording has {NOTES_MOST} notes, which are the most"
+            )));
+        }
+        self.about.remarks.push(note.clone());
+        let written = self.mcap.write_metadata(&Metadata {
+            name: NOTE.into(),
+            metadata: note.to_map(),
+        });
+        written.map_err(RecordingError::unwritten(&self.partial))
     }
 
     /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it

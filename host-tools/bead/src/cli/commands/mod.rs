@@ -22,6 +22,7 @@ pub(crate) mod identify;
 pub(crate) mod judge;
 pub(crate) mod list;
 pub(crate) mod manual;
+pub(crate) mod monitor;
 pub(crate) mod note;
 pub(crate) mod optimise;
 mod prelude;

@@ -14,7 +14,7 @@ use crate::cli::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
 use bead_line::port::{Address, open_all};
-use bead_line::recorder::{RecordedPort, Recorder, RecorderObserver, RecorderOptions};
+use bead_line::recorder::{Recorded, RecordedPort, Recorder, RecorderObserver, RecorderOptions};
 use bead_recording::clock::Live;
 use bead_recording::file::{About, RecordingError};
 use bead_recording::frames::Frame;
@@ -96,18 +96,18 @@ fn split(text: &str) -> Result<Duration, String> {
 }
 
 /// Parses the value of `--port`; `None` is every serial port that opens.
-fn port(text: &str) -> Result<PortChoice, String> {
+pub(super) fn port(text: &str) -> Result<PortChoice, String> {
     match text {
         "all" => Ok(None),
         _ => text.parse().map(Some),
     }
 }
 
-type PortChoice = Option<Address>;
+pub(super) type PortChoice = Option<Address>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let mut target = arguments.target(started)?;
+    let mut target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?;
     let note = |line: String| note!("{line}");
     let open = open_all(&arguments.port, arguments.baud, note).map_err(|why| failure!(Device, "{why}"))?;
     let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
@@ -139,7 +139,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorder = loop {
         match Recorder::new(&target, &addresses, options, about.clone(), &mut lines, &note) {
             // Another program began a recording in the same second.
-            Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
+            Err(RecordingError::Busy(_)) if arguments.out.is_none() => {
+                target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?
+            }
             recorder => break recorder?,
         }
     };
@@ -149,7 +151,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ));
     let recorded = recorder.run(ports, &stop).map_err(Failure::input)?;
     let printed = lines.printer.finish();
-    if is_of_several {
+    conclude(recorded, arguments.wait, printed)
+}
+
+/// Prints what a recording that ended is, and says whether it went well. `printed` is that of its strikes.
+pub(super) fn conclude(
+    recorded: Recorded,
+    wait: Duration,
+    printed: Result<(), Failure>,
+) -> Result<(), Failure> {
+    let note = |line: String| note!("{line}");
+    let count = recorded.ports.len();
+    if count > 1 {
         recorded.ports.iter().map(RecordedPort::to_string).for_each(note);
     }
     let (mut gone, mut away) = (Vec::new(), Vec::new());
@@ -162,7 +175,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ended.push(format!("{} went away ({reason})", port.address));
     }
     let summary = recorded.to_string();
-    if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
+    if gone.len() == count || wait.is_zero() && !gone.is_empty() {
         bail!(
             Device,
             "{}: all that came before is in {summary}; plug it in or start it again, and record to another file",
@@ -226,20 +239,22 @@ impl RecorderObserver for StrikePrinter {
     }
 }
 
-impl Arguments {
-    /// The file of the recording. A name of the date is one that no file has yet, finished or not.
-    fn target(&self, started: DateTime<Utc>) -> Result<Target, Failure> {
-        let given = |out: &Path| place::target(out, FileKind::Recording, &[], self.overwrite);
-        if let Some(out) = &self.out {
-            return given(out);
-        }
-        let date = started.format("bead-%Y%m%d-%H%M%S");
-        let numbers = iter::once(String::new()).chain((2..).map(|number| format!("-{number}")));
-        let mut names = numbers.map(|number| PathBuf::from(format!("{date}{number}.mcap")));
-        let is_free = |name: &PathBuf| !name.exists() && !name.with_extension("mcap.partial").exists();
-        let free = names.find(is_free).expect("the numbers do not end");
-        given(&free)
+/// The file of a recording that begins now. A name of the date is one that no file has yet, finished or not.
+pub(super) fn new_target(
+    out: Option<&Path>,
+    overwrite: Overwrite,
+    started: DateTime<Utc>,
+) -> Result<Target, Failure> {
+    let given = |out: &Path| place::target(out, FileKind::Recording, &[], overwrite);
+    if let Some(out) = out {
+        return given(out);
     }
+    let date = started.format("bead-%Y%m%d-%H%M%S");
+    let numbers = iter::once(String::new()).chain((2..).map(|number| format!("-{number}")));
+    let mut names = numbers.map(|number| PathBuf::from(format!("{date}{number}.mcap")));
+    let is_free = |name: &PathBuf| !name.exists() && !name.with_extension("mcap.partial").exists();
+    let free = names.find(is_free).expect("the numbers do not end");
+    given(&free)
 }
 
 /// The drift of each bead's clock since its last restart, a line each, where the recording is long enough.

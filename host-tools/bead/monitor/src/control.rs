@@ -1,0 +1,78 @@
+//! Notes and requests from a page to a recording that runs.
+
+use std::sync::mpsc::Sender;
+
+use bead_line::recorder::RecorderOrder;
+use bead_recording::file::Note;
+use bead_wire::{Key, MAX_REQUEST, Request, Ticket, encode_request};
+
+use crate::model::Monitor;
+
+/// Scans for which a signed request holds: 10 s at 100 kHz.
+const HOLDS: u64 = 1_000_000;
+
+/// Reads a note as a person types it; the error says what would do.
+type NoteParser = Box<dyn Fn(&str) -> Result<Note, String> + Send>;
+
+/// The way from a page to the recorder.
+pub struct Control {
+    orders: Sender<RecorderOrder>,
+    key: Option<Key>,
+    note: NoteParser,
+}
+
+impl Control {
+    /// Sends orders to a recorder. With a key, requests that change a bead's state are signed.
+    pub fn new(orders: Sender<RecorderOrder>, key: Option<Key>, note: NoteParser) -> Self {
+        Self { orders, key, note }
+    }
+
+    /// Writes a note, KEY=VALUE, into the recording.
+    ///
+    /// # Errors
+    /// It is no note, or the recording has ended.
+    pub fn note(&self, text: &str) -> Result<String, String> {
+        let note = (self.note)(text)?;
+        let line = format!("noted: {}={}", note.key, note.value);
+        self.send(RecorderOrder::Note(note)).map(|()| line)
+    }
+
+    /// Asks a bead to look for strikes, or for none. Its reply becomes a message of the monitor.
+    ///
+    /// # Errors
+    /// The bead is unknown, or not known well enough to sign the request, or the recording has ended.
+    pub fn arm(&self, monitor: &mut Monitor, bead: u8, armed: bool) -> Result<(), String> {
+        let known = monitor
+            .requestable(bead)
+            .ok_or_else(|| format!("nothing came from bead {bead} yet"))?;
+        let (mut request, deed) = if armed {
+            (Request::Arm, "arm")
+        } else {
+            (Request::Disarm, "disarm")
+        };
+        let number = monitor.ask(bead, deed);
+        if let Some(key) = &self.key {
+            let (Some(identity), Some(guard)) = (known.identity, known.guard) else {
+                return Err(format!(
+                    "bead {bead} has not sent identity and guard yet; try again in a second"
+                ));
+            };
+            let ticket = Ticket {
+                counter: guard.counter.saturating_add(1),
+                boot: identity.boot,
+                until: known.sample_index.saturating_add(HOLDS),
+            };
+            request = request.signed(key, &identity.uid, bead, number, ticket);
+        }
+        let mut buffer = [0; MAX_REQUEST];
+        let bytes = encode_request(bead, number, &request, &mut buffer)
+            .map_err(|_| "the request does not fit a frame".to_owned())?;
+        let bytes = bytes.to_vec();
+        self.send(RecorderOrder::Send { bead, bytes })
+    }
+
+    fn send(&self, order: RecorderOrder) -> Result<(), String> {
+        let ended = |_| "the recording has ended".to_owned();
+        self.orders.send(order).map_err(ended)
+    }
+}
