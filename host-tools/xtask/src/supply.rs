@@ -66,6 +66,14 @@ it is taken under the first that [deny.toml](deny.toml) allows. The image has no
 `alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
 ";
 
+/// What is in the programs and is no package of cargo.
+const VENDORED: &str = "
+## In the page of `bead monitor --web`
+
+uPlot 1.6.32, from the npm registry, is in this repository as it was published, with [its
+licence](host-tools/bead/monitor/page/uplot/LICENSE): MIT.
+";
+
 /// The text of THIRD-PARTY.md for the packages that cargo would link now.
 fn page(steps: &Steps) -> Result<String, Stop> {
     let mut page = HEAD.to_owned();
@@ -84,7 +92,7 @@ fn page(steps: &Steps) -> Result<String, Stop> {
         page += "| package | licence |\n|---|---|\n";
         page.extend(rows);
     }
-    Ok(page)
+    Ok(page + VENDORED)
 }
 
 /// The row of a package, from "serde v1.0.229|MIT OR Apache-2.0 (*)"; `None` for one of this workspace.

@@ -97,7 +97,7 @@ function drawRow() {
   const row = all.filter(strike => newest - (strike.received_ms ?? 0) < 1000).sort((a, b) => a.bead - b.bead);
   const canvas = element("row"), context = canvas.getContext("2d");
   const ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = Math.max(160, 60 + 28 * row.length);
+  const width = canvas.clientWidth, height = Math.max(180, 70 + 34 * row.length);
   canvas.width = width * ratio;
   canvas.height = height * ratio;
   canvas.style.height = height + "px";
@@ -149,13 +149,13 @@ function drawRow() {
 function take(message) {
   if (message.type === "state") {
     state.beads = message.beads;
-    if (state.chosen === null && state.beads.length) state.chosen = state.beads[0].bead;
     element("summary").textContent = message.strikes + " strikes, " + (message.bytes_per_s / 1000).toFixed(1) + " kB/s, "
       + message.recording;
     element("download").hidden = !message.can_download;
     element("messages").textContent = message.messages.slice(-20).reverse().join("\n");
     element("left-out").textContent = message.left_out
       ? message.left_out + " strikes went by while this page was slow; the recording has them" : "";
+    if (state.chosen === null && state.beads.length) choose(state.beads[0].bead);
     drawBeads();
   } else if (message.type === "strikes") {
     const known = new Set(state.strikes.map(strike => strike.serial));

@@ -313,7 +313,7 @@ impl TerminalPage {
             let is_chosen = Some(bead.bead) == self.bead;
             row.style(if is_chosen { style.bold() } else { style })
         });
-        let widths = [5, 14, 8, 7, 8, 5, 8, 12].map(Constraint::Length);
+        let widths = [5, 12, 8, 7, 8, 4, 8, 14].map(Constraint::Length);
         let head = [
             " bead",
             "state",

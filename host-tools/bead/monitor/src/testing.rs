@@ -1,34 +1,15 @@
 //! A monitor with a strike, for tests.
 
 use bead_recording::frames::{FrameReader, Item};
-use bead_testing::{Speaker, paper_settings};
+use bead_testing::{Speaker, block_of, paper_settings, struck_codes};
 use bead_wire::{Body, Health, Identity, Shape, Status, Strike};
 
 use crate::model::{Monitor, SharedMonitor};
 
-/// Codes of a pulse of 6 N and of an intruder that rings.
-fn codes() -> impl Iterator<Item = [u16; 4]> {
-    (0..1200).map(|sample| {
-        let at = f64::from(sample) - 400.0;
-        let force = 6.0 * (-(at / 20.0).powi(2)).exp();
-        let ring = 100.0 * (at / 9.0).sin() * (-at / 80.0).exp();
-        let acceleration = if at > 0.0 { ring } else { 0.0 };
-        let code = |value: f64, per_code: f64, zero: f64| {
-            (zero + value / per_code).round().clamp(0.0, 4095.0) as u16
-        };
-        [
-            code(force, 16.0 / 4096.0, 128.0) + (sample % 2) as u16,
-            code(force, 256.0 / 4096.0, 128.0),
-            code(acceleration, 500.0 / 4096.0, 2048.0),
-            code(acceleration, 8000.0 / 4096.0, 2048.0),
-        ]
-    })
-}
-
 /// The frames of a bead at address 7 that was struck once.
 pub(crate) fn frames() -> Vec<u8> {
     let mut bead = Speaker::at(7);
-    assert_eq!(bead.measure(&paper_settings(), codes()), 1);
+    assert_eq!(bead.measure(&paper_settings(), struck_codes()), 1);
     let identity: Identity = bead.identity();
     bead.say(1300, identity);
     let status = Status {
@@ -59,7 +40,7 @@ pub(crate) fn struck() -> SharedMonitor {
 pub(crate) fn strike_again(bead: &mut Speaker, count: u32) {
     let identity: Identity = bead.identity();
     bead.say(0, identity);
-    bead.say(0, bead_testing::block_of(&paper_settings()));
+    bead.say(0, block_of(&paper_settings()));
     for number in 0..count {
         let strike = Strike {
             strike: number,

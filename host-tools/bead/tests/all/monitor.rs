@@ -1,15 +1,21 @@
 //! `bead monitor`: driven through tmux, closed, interrupted, on a recording that grows, without a terminal.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::program::{self, PROGRAM, ROOT, TestFolder, assert_says, done, interruptible, tcp};
+use crate::program::{
+    self, PROGRAM, ROOT, RunningProgram, TestFolder, assert_says, done, interruptible, tcp,
+};
 use crate::terminal_picture::svg;
 use bead_recording::file::{Recording, State};
-use bead_testing::Speaker;
+use bead_recording::frames::decode;
+use bead_testing::{Speaker, paper_settings, struck_codes};
+use bead_wire::Message;
+use serde_json::{Value, json};
 
 /// A program in a tmux of its own, 80 by 24.
 struct Tmux {
@@ -52,6 +58,7 @@ impl Tmux {
                 .args(["-u"])
                 .args(words)
                 .env("LANG", "C.UTF-8")
+                .env_remove("NO_COLOR")
                 .output()
                 .unwrap(),
         )
@@ -107,7 +114,9 @@ impl Drop for Tmux {
 fn two_emulated_beads_are_shown_armed_noted_and_recorded_in_a_terminal() {
     let folder = TestFolder::new();
     let scenario = format!("{ROOT}/docs/scenarios/ten-intruders.toml");
-    let line = format!("monitor --emulate {scenario} --bead 7-8 --out two.mcap");
+    let line = format!(
+        "monitor --emulate {scenario} --bead 7-8 --uncertainty {ROOT}/docs/scenarios/paper-bead.toml --out two.mcap"
+    );
     let Some(tmux) = Tmux::start(&folder, 100, &line) else {
         return;
     };
@@ -129,7 +138,7 @@ fn two_emulated_beads_are_shown_armed_noted_and_recorded_in_a_terminal() {
     if std::env::var("PICTURES").is_ok_and(|what| what == "overwrite") {
         // With some history.
         thread::sleep(Duration::from_secs(20));
-        let pane = tmux.run(&["capture-pane", "-p", "-e"]);
+        let pane = tmux.run(&["capture-pane", "-p", "-e", "-N"]);
         fs::write(format!("{ROOT}/docs/images/monitor.svg"), svg(&pane, 100)).unwrap();
     }
     tmux.press(&["Down"]);
@@ -172,7 +181,6 @@ fn two_emulated_beads_are_shown_armed_noted_and_recorded_in_a_terminal() {
 /// Frames of a bead that says who it is each few milliseconds, until the program hangs up.
 fn speaking(listener: std::net::TcpListener) -> thread::JoinHandle<()> {
     thread::spawn(move || {
-        use std::io::Write;
         let (mut stream, _) = listener.accept().unwrap();
         let mut bead = Speaker::at(3);
         for index in 1.. {
@@ -276,4 +284,259 @@ fn a_recording_that_another_program_writes_is_followed() {
         recorder.interrupt(0);
     }
     bead.join().unwrap();
+}
+
+/// Ten beads that are struck without a pause, 1 MB/s in all, each at a port: what the monitor counts is what they
+/// sent. `cargo xtask bench monitor` does it for ten minutes, and prints the time that it takes of a core.
+#[test]
+fn ten_beads_at_a_megabyte_a_second_lose_nothing() {
+    const RATE: f64 = 100_000.0;
+    let seconds = std::env::var("BEAD_MONITOR_SECONDS").map_or(3.0, |text| text.parse().unwrap());
+    let folder = TestFolder::new();
+    let mut ports = String::new();
+    let beads: Vec<_> = (0..10)
+        .map(|address| {
+            let (listener, port) = tcp();
+            ports += &format!(" --port {port}");
+            thread::spawn(move || strike_at_rate(&listener, address, RATE, seconds))
+        })
+        .collect();
+    let mut program = folder.start(&format!("monitor{ports} --out ten.mcap --web"));
+    assert_says(&program.error_line(), "the page is at");
+    let started = Instant::now();
+    // The time of both modes so far, in ticks of 10 ms (proc(5), fields 14 and 15).
+    let ticks = |program: &RunningProgram| {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", program.child.id())).unwrap();
+        let fields: Vec<_> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+        fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()
+    };
+    while started.elapsed().as_secs_f64() < seconds {
+        thread::sleep(Duration::from_millis(50));
+    }
+    let part = ticks(&program) / started.elapsed().as_secs_f64();
+    thread::sleep(Duration::from_secs(1));
+    let said = program.interrupt(0);
+    let sent: Vec<(u64, u64)> = beads.into_iter().map(|bead| bead.join().unwrap()).collect();
+    let (frames, bytes) = sent
+        .iter()
+        .fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+    println!(
+        "{:.3} MB/s of ten beads: {part:.1} % of a core",
+        bytes as f64 * 1e-6 / seconds
+    );
+    assert_says(&said, &format!(" {frames} frames in {bytes} bytes"));
+    assert_says(&said, "; 0 lost, 0 corrupt, 0 restarts");
+    assert!(
+        bytes as f64 > 0.8 * 10.0 * RATE * seconds,
+        "the beads were too slow: {bytes} bytes"
+    );
+}
+
+/// Says strikes of a bead to the program that connects, at so many bytes a second. Gives the numbers of frames and
+/// bytes.
+fn strike_at_rate(listener: &std::net::TcpListener, address: u8, rate: f64, seconds: f64) -> (u64, u64) {
+    let (mut stream, _) = listener.accept().unwrap();
+    let mut bead = Speaker::at(address);
+    bead.measure(&paper_settings(), struck_codes());
+    let (one, _) = decode(&bead.bytes);
+    let (mut frames, mut bytes) = (0, 0);
+    let mut say = |stream: &mut std::net::TcpStream, bead: &mut Speaker, index: u64, message: Message| {
+        let frame = bead.frame(index, &message);
+        stream.write_all(&frame).unwrap();
+        (frames, bytes) = (frames + 1, bytes + frame.len() as u64);
+        bytes
+    };
+    let started = Instant::now();
+    let mut bead = Speaker::at(address);
+    for number in 0.. {
+        if started.elapsed().as_secs_f64() > seconds {
+            break;
+        }
+        let mut sent = 0;
+        for frame in &one {
+            let (mut message, later) = (frame.message.clone(), 1000 * u64::from(number));
+            match &mut message {
+                Message::Waveform(waveform) => {
+                    (waveform.strike, waveform.first_index) = (number, waveform.first_index + later)
+                }
+                Message::Shape(shape) => {
+                    (shape.strike, shape.first_index) = (number, shape.first_index + later)
+                }
+                Message::Strike(strike) => {
+                    strike.strike = number;
+                    for index in [
+                        &mut strike.first_index,
+                        &mut strike.trigger_index,
+                        &mut strike.peak_index,
+                    ] {
+                        *index += later;
+                    }
+                }
+                _ => {}
+            }
+            sent = say(&mut stream, &mut bead, later + frame.header.sample_index, message);
+        }
+        let due = Duration::from_secs_f64(sent as f64 / rate);
+        thread::sleep(due.saturating_sub(started.elapsed()));
+    }
+    // Until the program hangs up.
+    let _ = stream.read(&mut [0; 1]);
+    (frames, bytes)
+}
+
+/// The page in a browser shows the strike, its curves and the row, and does so again when it is loaded again.
+#[test]
+fn a_browser_shows_the_strikes_of_a_row_of_ten() {
+    let browser = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| {
+            Command::new(name)
+                .arg("--version")
+                .output()
+                .is_ok_and(|output| output.status.success())
+        });
+    let Some(browser) = browser else {
+        eprintln!("SKIPPED: no Chromium here (Debian: apt-get install chromium)");
+        return;
+    };
+    let folder = TestFolder::new();
+    let scenario = format!(
+        "{ROOT}/docs/scenarios/ten-intruders.toml --uncertainty {ROOT}/docs/scenarios/paper-bead.toml"
+    );
+    let mut program = folder.start(&format!(
+        "monitor --emulate {scenario} --bead 7-16 --interval 4 --out row.mcap --web"
+    ));
+    let line = program.error_line();
+    let url = line.trim().split(' ').next_back().unwrap().to_owned();
+    let mut browser = Browser::open(browser, &folder, &url);
+    let shown = "document.body.innerText";
+    let page = browser.wait_for(shown, |text| {
+        text.contains("ms after bead 7 was struck") && text.contains("Bead 7, strike ")
+    });
+    for part in ["N\n", "A, measured ", " ± ", "armed", "row.mcap", "download"] {
+        assert_says(&page, part);
+    }
+    browser.wait_for("document.querySelectorAll('.u-wrap').length", |plots| {
+        plots == "3"
+    });
+    browser.wait_for("document.querySelectorAll('#beads tbody tr').length", |beads| {
+        beads == "10"
+    });
+    // A reload is a browser that connects again: it gets the strikes of before.
+    let strikes = "document.body.dataset.strikes";
+    browser.wait_for(strikes, |count| count.parse().is_ok_and(|count: u32| count >= 20));
+    browser.evaluate("location.reload()");
+    browser.wait_for(strikes, |count| count.parse().is_ok_and(|count: u32| count >= 20));
+    browser.wait_for(shown, |text| text.contains("ms after bead 7 was struck"));
+    if std::env::var("PICTURES").is_ok_and(|what| what == "overwrite") {
+        browser.picture(&format!("{ROOT}/docs/images/monitor-web.png"));
+    }
+    drop(browser);
+    let said = program.interrupt(0);
+    assert_says(&said, "row.mcap: ");
+}
+
+/// A browser without a window, asked over a pair of pipes (the DevTools protocol, JSON between zero bytes).
+struct Browser {
+    child: Child,
+    to: File,
+    from: BufReader<File>,
+    session: Value,
+    number: u64,
+}
+
+impl Browser {
+    fn open(name: &str, folder: &TestFolder, url: &str) -> Self {
+        let (to, from) = (folder.join("to"), folder.join("from"));
+        done(Command::new("mkfifo").args([&to, &from]).output().unwrap());
+        let options = "--headless --no-sandbox --disable-gpu --window-size=1280,960 --remote-debugging-pipe";
+        let line = format!("exec {name} {options} --user-data-dir=browser 3<to 4>from 2>browser-said");
+        let child = Command::new("sh")
+            .args(["-c", &line])
+            .current_dir(&**folder)
+            .spawn()
+            .unwrap();
+        let mut browser = Self {
+            child,
+            to: File::options().write(true).open(to).unwrap(),
+            from: BufReader::new(File::open(from).unwrap()),
+            session: Value::Null,
+            number: 0,
+        };
+        let target = browser.ask(
+            "Target.createTarget",
+            json!({"url": url, "width": 1280, "height": 960}),
+        );
+        let to = json!({"targetId": target["targetId"], "flatten": true});
+        browser.session = browser.ask("Target.attachToTarget", to)["sessionId"].clone();
+        browser
+    }
+
+    fn ask(&mut self, method: &str, parameters: Value) -> Value {
+        self.number += 1;
+        let mut request = json!({"id": self.number, "method": method, "params": parameters});
+        if !self.session.is_null() {
+            request["sessionId"] = self.session.clone();
+        }
+        self.to.write_all(format!("{request}\0").as_bytes()).unwrap();
+        loop {
+            let mut answer = Vec::new();
+            self.from.read_until(0, &mut answer).unwrap();
+            answer.pop();
+            let answer: Value = serde_json::from_slice(&answer).unwrap();
+            if answer["id"] == self.number {
+                assert!(answer["error"].is_null(), "{method}: {answer}");
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    /// The value of an expression of the page, as text.
+    fn evaluate(&mut self, expression: &str) -> String {
+        let result = self.ask(
+            "Runtime.evaluate",
+            json!({"expression": format!("String({expression})")}),
+        );
+        result["result"]["value"].as_str().unwrap_or_default().to_owned()
+    }
+
+    fn wait_for(&mut self, expression: &str, holds: impl Fn(&str) -> bool) -> String {
+        let started = Instant::now();
+        loop {
+            let value = self.evaluate(expression);
+            if holds(&value) {
+                return value;
+            }
+            assert!(
+                started.elapsed() < Duration::from_secs(120),
+                "{expression} stays {value}"
+            );
+            thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    fn picture(&mut self, path: &str) {
+        let picture = self.ask("Page.captureScreenshot", json!({}));
+        let mut decode = Command::new("base64")
+            .arg("-d")
+            .stdin(Stdio::piped())
+            .stdout(File::create(path).unwrap())
+            .spawn()
+            .unwrap();
+        decode
+            .stdin
+            .take()
+            .unwrap()
+            .write_all(picture["data"].as_str().unwrap().as_bytes())
+            .unwrap();
+        assert!(decode.wait().unwrap().success());
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }

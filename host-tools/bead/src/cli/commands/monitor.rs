@@ -13,6 +13,7 @@ use tempfile::TempDir;
 use super::record::{PortChoice, conclude, new_target, port};
 use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::prelude::*;
+use crate::cli::commands::settings_file;
 use crate::cli::note_options::{NoteOptions, note};
 use bead_bench::bridge::{self, Bridge, Door};
 use bead_bench::emulation::Emulation;
@@ -48,6 +49,8 @@ Examples:
   bead monitor --port all --web
   bead monitor strikes.mcap.partial
   bead monitor --emulate docs/scenarios/ten-intruders.toml --bead 7-8
+  bead monitor --emulate docs/scenarios/ten-intruders.toml --web \\
+      --uncertainty docs/scenarios/paper-bead.toml
   bead monitor --port /dev/ttyUSB0 --udp 127.0.0.1:9870";
 
 #[derive(Debug, Args)]
@@ -69,6 +72,10 @@ pub(crate) struct Arguments {
     /// Time from strike to strike of emulated beads, s.
     #[arg(long, value_name = "S", default_value = "2", value_parser = positive, requires = "emulate")]
     interval: f64,
+    /// Let the settings of emulated beads state the uncertainties of this file, as bead.toml has them: the
+    /// beads then send those of their energies.
+    #[arg(long, value_name = "F.toml|F.settings", requires = "emulate")]
+    uncertainty: Option<PathBuf>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
     #[arg(long, value_name = "F.mcap", conflicts_with = "follow")]
     out: Option<PathBuf>,
@@ -321,9 +328,11 @@ impl EmulatedBeads {
         let mut placed = several::placed(&beads, &clock.crystals(), clock.start_spread, 1, true)?;
         // What they feel is repeated, each time after as many of their scans: with one crystal and one start the
         // wave runs along the row each time.
-        placed
-            .iter_mut()
-            .for_each(|one| (one.clock_ppm, one.began) = (0.0, 0.0));
+        let stated = arguments.uncertainty.as_deref();
+        let stated = stated.map(settings_file::uncertainty).transpose()?;
+        for one in &mut placed {
+            (one.clock_ppm, one.began, one.uncertainty) = (0.0, 0.0, stated);
+        }
         let solution = simulate_with_ring_down(&scenario_of)?;
         let timing = Timing {
             lead_in: 0.5 * arguments.interval,
