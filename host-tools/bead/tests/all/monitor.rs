@@ -463,10 +463,7 @@ impl Browser {
             session: Value::Null,
             number: 0,
         };
-        let target = browser.ask(
-            "Target.createTarget",
-            json!({"url": url, "width": 1280, "height": 960}),
-        );
+        let target = browser.ask("Target.createTarget", json!({"url": url}));
         let to = json!({"targetId": target["targetId"], "flatten": true});
         browser.session = browser.ask("Target.attachToTarget", to)["sessionId"].clone();
         browser
