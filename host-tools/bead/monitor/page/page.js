@@ -92,9 +92,16 @@ function drawStrike() {
 // Beads over time: the force of each at its place, on the time that all beads have from the edges at their sync
 // inputs.
 function drawRow() {
-  const all = [...state.last.values()].filter(strike => strike.curves && strike.after_edge_ms !== null);
-  const newest = Math.max(...all.map(strike => strike.received_ms ?? 0));
-  const row = all.filter(strike => newest - (strike.received_ms ?? 0) < 1000).sort((a, b) => a.bead - b.bead);
+  const all = [...state.last.values()].filter(strike => strike.curves && strike.after_edge_ms !== null && strike.received_ms);
+  const newest = Math.max(...all.map(strike => strike.received_ms));
+  const last = all.find(strike => strike.received_ms === newest);
+  // One wave is at all beads within 20 ms. An edge may lie between two of them.
+  const after = strike => {
+    const time = strike.after_edge_ms - last.after_edge_ms, period = last.edge_period_ms;
+    return period > 0 ? time - period * Math.round(time / period) : time;
+  };
+  const row = all.filter(strike => newest - strike.received_ms < 2000 && Math.abs(after(strike)) < 20)
+    .sort((a, b) => a.bead - b.bead);
   const canvas = element("row"), context = canvas.getContext("2d");
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth, height = Math.max(180, 70 + 34 * row.length);
@@ -107,12 +114,7 @@ function drawRow() {
     return;
   }
   const first = row[0];
-  const starts = row.map(strike => {
-    const period = first.edge_period_ms || Infinity;
-    const after = strike.after_edge_ms - first.after_edge_ms;
-    // An edge may lie between.
-    return Number.isFinite(period) ? after - period * Math.round(after / period) : after;
-  });
+  const starts = row.map(strike => after(strike) - after(first));
   const peak = Math.max(...row.flatMap(strike => strike.curves.force_n));
   const from = Math.min(...starts) - 0.3, to = Math.max(...starts) + 1.2;
   const left = 34, bottom = height - 26;
@@ -120,7 +122,8 @@ function drawRow() {
   const gap = (bottom - 40) / row.length;
   context.font = "12px system-ui";
   context.fillStyle = context.strokeStyle = getComputedStyle(document.body).color;
-  for (let tick = Math.ceil(from * 2) / 2; tick < to; tick += 0.5) {
+  const step = [0.5, 1, 2, 5, 10].find(step => (to - from) / step < 9) ?? 20;
+  for (let tick = Math.ceil(from / step) * step; tick < to; tick += step) {
     context.globalAlpha = 0.2;
     context.fillRect(x(tick), 8, 1, bottom - 8);
     context.globalAlpha = 1;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bead_line::recorder::RecorderObserver;
 use bead_recording::assembly::{Assembly, Event};
-use bead_recording::clock::Live;
+use bead_recording::clock::{CRYSTAL_PPM, Live};
 use bead_recording::frames::{Frame, Item};
 use bead_tables::printable::one_line;
 use bead_wire::{Arrival, Counters, Guard, Health, Identity, Message, Outcome, Reply, Status};
@@ -302,7 +302,9 @@ impl Monitor {
         }
         let clocks = self.clocks.segments().filter_map(|segment| {
             let fit = segment.fit().filter(|fit| fit.in_real_time())?;
-            Some((segment.address, [fit.drift_ppm, fit.uncertainty_ppm?]))
+            // Wider than a crystal can be off, it says nothing yet.
+            let within = fit.uncertainty_ppm.filter(|within| *within < CRYSTAL_PPM)?;
+            Some((segment.address, [fit.drift_ppm, within]))
         });
         let clocks: BTreeMap<u8, [f64; 2]> = clocks.collect();
         let beads = self.beads.iter().map(|(address, bead)| {

@@ -184,7 +184,7 @@ fn ended(served: io::Result<()>, monitor: &SharedMonitor, stop: &AtomicBool) {
 /// The origin of the frames.
 enum Source {
     /// A recording of another program.
-    Recording(PathBuf, Follower),
+    Recording(PathBuf, Box<Follower>),
     /// Ports that are recorded.
     Ports {
         open: Vec<(Address, Port)>,
@@ -196,7 +196,8 @@ enum Source {
 impl Source {
     fn open(arguments: &Arguments) -> Result<Self, Failure> {
         if let Some(path) = &arguments.follow {
-            return Ok(Self::Recording(path.clone(), Follower::open(path)?));
+            let follower = Box::new(Follower::open(path)?);
+            return Ok(Self::Recording(path.clone(), follower));
         }
         let started = DateTime::<Utc>::from(SystemTime::now());
         let target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?;
@@ -273,7 +274,7 @@ impl Source {
     ) -> Result<Option<Recorded>, Failure> {
         let (open, target, emulated) = match self {
             Self::Recording(_, follower) => {
-                follow(monitor, follower, stop)?;
+                follow(monitor, *follower, stop)?;
                 return Ok(None);
             }
             Self::Ports {
