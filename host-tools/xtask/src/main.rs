@@ -33,6 +33,7 @@ mod suite;
 mod supply;
 mod test;
 mod tools;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -178,6 +179,12 @@ const TASKS: &[XtaskCommand] = &[
             setup(steps, Need::Run)?;
             reproducible::check(steps)
         }),
+    },
+    XtaskCommand {
+        name: "wheel",
+        about: "Build the Python package hertz-chain, and try it in an empty environment: target/wheels",
+        more: "It needs Python 3.10 and a network. docs/python.md says how to install and use it.",
+        run: TaskFunction::Alone(wheel::wheel),
     },
     XtaskCommand {
         name: "python",

@@ -4,12 +4,14 @@
 /// none of them.
 pub(crate) const DEMO: &str = "-p absorber-bead -p stm32f405-qemu";
 
-/// All but what is built for the part, and but the benchmark, which brings other solvers.
-pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images --exclude hertz-benchmarks";
+/// All but what is built for the part, but the benchmark, which brings other solvers, and but the Python
+/// package, which `cargo xtask wheel` builds.
+pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images \
+    --exclude hertz-benchmarks --exclude hertz-chain-python";
 
 /// The packages that others can use, for crates.io: each may depend on those before it.
 pub(crate) const PUBLISHED: &str = "-p bead-crc -p hertz-chain -p stm32f405-qemu -p bead-model -p bead-wire \
-    -p bead-store -p bead-update -p hertz-charts -p hertz-figures -p hertz-sweep -p bead-tables -p bead-recording -p bead-line \
+    -p bead-store -p bead-update -p hertz-charts -p hertz-figures -p hertz-sweep -p bead-tables -p bead-recording -p bead-line -p bead-monitor \
     -p bead-instrument -p bead-compare -p bead-spectra -p bead-logbook -p bead-limits -p bead-calibrate -p bead-identify \
     -p bead-bench -p absorber-bead";
 

@@ -27,7 +27,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
         .words("-m pip install --quiet --no-compile --requirement")
         .arg(REQUIREMENTS);
     steps.run(
-        "pandas, polars, xarray, pyuff, mcap, GTC, endaq and lmfit, some 650 MB",
+        "pandas, polars, xarray, pyuff, mcap, GTC, endaq, lmfit and maturin, some 700 MB",
         &install,
     )?;
     std::fs::write(steps.root.join(&ready), wanted)

@@ -65,6 +65,14 @@ has the licences' texts beside it, and a bill of materials for each program. Whe
 it is taken under the first that [deny.toml](deny.toml) allows. The image has no copyleft in it. Rust's own `core`,
 `alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
 ";
+/// What is no package of cargo's. The text of its licence lies beside it.
+const VENDORED: &str = "
+## In the page of `bead monitor --web`
+
+| package | licence |
+|---|---|
+| uPlot 1.6.32, in [host-tools/bead/monitor/page](host-tools/bead/monitor/page) | [MIT](host-tools/bead/monitor/page/uPlot.LICENSE) |
+";
 
 /// What is in the programs and is no package of cargo.
 const VENDORED: &str = "
@@ -92,7 +100,8 @@ fn page(steps: &Steps) -> Result<String, Stop> {
         page += "| package | licence |\n|---|---|\n";
         page.extend(rows);
     }
-    Ok(page + VENDORED)
+    page += VENDORED;
+    Ok(page)
 }
 
 /// The row of a package, from "serde v1.0.229|MIT OR Apache-2.0 (*)"; `None` for one of this workspace.

@@ -11,7 +11,7 @@ use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::suite::Job;
-use crate::{boards, checks, demo, image, lint, mutants, python, suite};
+use crate::{boards, checks, demo, image, lint, mutants, python, suite, wheel};
 
 /// Runs every check.
 ///
@@ -34,6 +34,7 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     jobs.push(figures(steps));
     jobs.push(silent_strikes(steps));
     // Last: cargo compiles them, and waits for the lints.
+    jobs.extend(wheel::job(steps));
     jobs.push(documented_examples());
     let mut passed = 0;
     steps.both(

@@ -17,11 +17,12 @@ const NO_EXECUTOR: &[&str] = &[
 
 /// Crates that a wheel, a real board, a fuzz target or the host's tests of the bead build, with the crates
 /// that must not come with them.
-const WALLS: [(&str, &[&str]); 13] = [
+const WALLS: [(&str, &[&str]); 14] = [
     ("bead-app", NO_EXECUTOR),
     ("bead-tables", &["bead-", "hertz-", "stm32f405-qemu", "clap"]),
     ("bead-recording", NO_BENCH),
     ("bead-line", NO_BENCH),
+    ("bead-monitor", NO_BENCH),
     ("bead-instrument", NO_BENCH),
     ("bead-compare", NO_BENCH),
     ("bead-spectra", NO_BENCH),

@@ -11,6 +11,7 @@ mod fault_reports;
 pub mod faults;
 pub mod identification;
 pub mod image;
+pub mod live_beads;
 pub mod loopback;
 pub mod model_bead;
 mod playback;

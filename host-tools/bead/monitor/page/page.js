@@ -1,191 +1,218 @@
-// What the server sends goes into the page as text only: textContent, and numbers into canvases.
+// The page of `bead monitor --web`. All that comes from a bead is put in as text, never as markup.
 "use strict";
-const element = id => document.getElementById(id);
-const STRIKES_MOST = 500;
-const state = { beads: [], strikes: [], last: new Map(), chosen: null, plots: null };
+
+const KEPT = 200; // strikes
+const TOGETHER_MS = 500; // between the receipts of one wave at two beads, at most
+const at = (id) => document.getElementById(id);
+const strikes = []; // the newest first
+let chosen = null; // serial number of a strike that was clicked; null for the newest
+let state = null;
 
 const withU = (value, u) => {
-  if (!(u > 0)) return value.toFixed(2);
-  const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(u))));
-  return value.toFixed(digits) + " ± " + u.toFixed(digits);
+  if (!(u > 0)) return value.toFixed(3);
+  const digits = Math.min(6, Math.max(0, 2 - Math.floor(Math.log10(2 * u))));
+  return `${value.toFixed(digits)} ± ${(2 * u).toFixed(digits)}`;
 };
-
-const fill = (body, rows) => body.replaceChildren(...rows.map(([cells, chosen, press]) => {
-  const row = document.createElement("tr");
-  row.className = chosen ? "chosen" : "";
-  row.addEventListener("click", press);
-  for (const cell of cells) row.insertCell().textContent = cell;
-  return row;
-}));
-
-const choose = bead => {
-  state.chosen = bead;
-  drawBeads();
-  drawStrike();
+const cell = (row, text, isWarning) => {
+  const made = row.insertCell();
+  made.textContent = text;
+  if (isWarning) made.className = "warning";
+};
+const emptied = (id) => {
+  const body = at(id).tBodies[0];
+  body.replaceChildren();
+  return body;
 };
 
 function drawBeads() {
-  const rows = state.beads.map(bead => {
-    const faults = bead.standing.join(", ");
-    const losses = bead.losses.map(loss => loss.count + " " + loss.cause).join(", ");
-    return [[
-      bead.bead,
-      bead.silent_s !== null ? "silent " + bead.silent_s + " s" : faults || "good",
-      bead.armed === null ? "" : bead.armed ? "armed" : "disarmed",
-      bead.strikes,
-      bead.frames,
-      bead.supply_v === null ? "" : bead.supply_v.toFixed(3) + " V",
-      bead.clock_ppm === null ? "" : withU(bead.clock_ppm[0], bead.clock_ppm[1]),
-      losses || "none",
-      bead.port,
-    ], bead.bead === state.chosen, () => choose(bead.bead)];
-  });
-  fill(document.querySelector("#beads tbody"), rows);
+  const body = emptied("beads");
+  for (const bead of state.beads) {
+    const row = body.insertRow();
+    const armed = bead.armed === null ? "-" : bead.armed ? "armed" : "disarmed";
+    const health = bead.standing.length ? bead.standing.join(", ") : bead.last_fault;
+    const losses = bead.losses.map((loss) => `${loss.count} ${loss.cause}`).join(", ");
+    cell(row, `${bead.bead} at ${bead.port}`);
+    cell(row, bead.silent_s === null ? armed : `silent for ${bead.silent_s} s`, bead.silent_s !== null);
+    cell(row, bead.strikes);
+    cell(row, bead.frames);
+    cell(row, bead.supply_v === null ? "-" : `${bead.supply_v.toFixed(3)} V`);
+    cell(row, bead.clock_ppm === null ? "-"
+      : `${bead.clock_ppm[0].toFixed(1)} ± ${bead.clock_ppm[1].toFixed(1)} ppm`);
+    cell(row, health ?? "good", health !== null);
+    cell(row, losses || "none", losses !== "");
+  }
+  at("recording").textContent = state.recording;
+  at("rate").textContent = `${(state.bytes_per_s / 1000).toFixed(1)} kB/s, ${state.strikes} strikes`;
+  at("messages").textContent = state.messages.join("\n");
 }
 
-function drawList() {
-  const rows = state.strikes.slice(-100).reverse().map(strike => [[
-    strike.bead,
-    strike.strike,
-    withU(strike.peak_force_n, strike.peak_force_u),
-    withU(strike.absorbed_measured_nj, strike.absorbed_measured_u),
-    withU(strike.absorbed_predicted_nj, strike.absorbed_predicted_u),
-    strike.flags.join(", "),
-  ], false, () => choose(strike.bead)]);
-  fill(document.querySelector("#strikes tbody"), rows);
+const plots = {};
+function plot(id, label, colour, times, values) {
+  const width = at(id).clientWidth;
+  if (!plots[id]) {
+    const options = {
+      width, height: 220, title: label, legend: { show: false }, cursor: { drag: { x: true, y: false } },
+      scales: { x: { time: false } },
+      axes: [{ label: "ms from the trigger", labelSize: 20, size: 34 }, { size: 60 }],
+      series: [{}, { stroke: colour, width: 1.2 }],
+    };
+    plots[id] = new uPlot(options, [times, values], at(id));
+  }
+  plots[id].setSize({ width, height: 220 });
+  plots[id].setData([times, values]);
 }
 
-function makePlots(width) {
-  const text = getComputedStyle(document.body).color;
-  const plot = ([name, color]) => new uPlot({
-    title: name, width, height: 220, legend: { show: false }, cursor: { drag: { x: true, y: false } },
-    scales: { x: { time: false } },
-    series: [{}, { stroke: color, width: 1.5 }],
-    axes: [
-      { stroke: text, grid: { stroke: "#8884" }, values: (_, values) => values.map(value => value + " ms") },
-      { stroke: text, grid: { stroke: "#8884" }, size: 60 },
-    ],
-  }, [[], []], element("curves"));
-  return [["Force, N", "#1f77b4"], ["Acceleration, m/s²", "#d98200"], ["Residual, m/s²", "#a54bb5"]].map(plot);
+function shown() {
+  return strikes.find((one) => one.strike.serial === chosen) ?? strikes[0];
 }
 
 function drawStrike() {
-  const strike = state.last.get(state.chosen);
-  if (!strike) return;
-  const at = strike.at_s === null ? "" : " at " + strike.at_s.toFixed(5) + " s";
-  element("strike").textContent = "Bead " + strike.bead + ", strike " + strike.strike + at + ": "
-    + withU(strike.peak_force_n, strike.peak_force_u) + " N";
-  const residual = strike.residual === null ? "" : "; residual " + (100 * strike.residual).toFixed(2) + " %";
-  element("energies").textContent = "A, measured " + withU(strike.absorbed_measured_nj, strike.absorbed_measured_u)
-    + " nJ; B, predicted " + withU(strike.absorbed_predicted_nj, strike.absorbed_predicted_u) + " nJ" + residual
-    + "; " + (strike.flags.join(", ") || "no flags");
-  const curves = strike.curves;
+  const one = shown();
+  if (!one) return;
+  const { strike, curves } = one;
+  const time = strike.at_s === null ? "" : ` at ${strike.at_s.toFixed(5)} s`;
+  at("title").textContent = `Strike ${strike.strike} of bead ${strike.bead}${time}${strike.fetched ? ", fetched" : ""}`;
+  const residual = strike.residual === null ? "" : ` · residual ${(100 * strike.residual).toFixed(1)} %`;
+  const missing = strike.missing ? ` · ${strike.missing} samples missing` : "";
+  at("values").textContent =
+    `A ${withU(strike.absorbed_measured_nj, strike.absorbed_measured_u)} nJ · ` +
+    `B ${withU(strike.absorbed_predicted_nj, strike.absorbed_predicted_u)} nJ · ` +
+    `peak ${withU(strike.peak_force_n, strike.peak_force_u)} N · ` +
+    `${strike.acceleration[0].toFixed(1)} to ${strike.acceleration[1].toFixed(1)} m/s²${residual}${missing} · ` +
+    `${strike.flags.join(", ") || "no flags"} · ±: two standard uncertainties`;
+  at("curves").hidden = !curves;
   if (!curves) return;
-  const width = element("curves").clientWidth / 3 - 8;
-  state.plots ??= makePlots(width);
-  const times = curves.force_n.map((_, place) => curves.from_ms + curves.step_ms * place);
-  [curves.force_n, curves.acceleration, curves.residual].forEach((values, place) => {
-    state.plots[place].setData([times.slice(0, values.length), values]);
-  });
+  const times = curves.force_n.map((_, place) => curves.from_ms + place * curves.step_ms);
+  plot("force", "force, N", "#15803d", times, curves.force_n);
+  plot("acceleration", "acceleration of the intruder, m/s²", "#7e22ce", times, curves.acceleration);
+  plot("residual", "measured less predicted acceleration, m/s²", "#b45309",
+    times.slice(0, curves.residual.length), curves.residual);
 }
 
-// Beads over time: the force of each at its place, on the time that all beads have from the edges at their sync
-// inputs.
+function drawList() {
+  const body = emptied("strikes");
+  const now = shown();
+  for (const one of strikes) {
+    const { strike } = one;
+    const row = body.insertRow();
+    if (one === now) row.className = "chosen";
+    row.onclick = () => {
+      chosen = strike === strikes[0].strike ? null : strike.serial;
+      draw();
+    };
+    cell(row, strike.bead);
+    cell(row, strike.strike);
+    cell(row, strike.at_s === null ? "-" : strike.at_s.toFixed(5));
+    cell(row, strike.peak_force_n.toFixed(4));
+    cell(row, withU(strike.absorbed_measured_nj, strike.absorbed_measured_u));
+    cell(row, withU(strike.absorbed_predicted_nj, strike.absorbed_predicted_u));
+    cell(row, strike.flags.join(", "), strike.flags.length > 0);
+  }
+}
+
+// The strikes of one wave, one a bead, each with the time of its trigger on a time that all share, in ms.
+function wave() {
+  const first = shown();
+  if (!first) return { beads: [], isShared: false };
+  const near = new Map();
+  for (const one of strikes) {
+    if (!one.curves) continue;
+    const apart = one === first ? -1 : Math.abs(one.strike.received_ms - first.strike.received_ms);
+    const other = near.get(one.strike.bead);
+    if (apart < TOGETHER_MS && (!other || apart < other.apart)) near.set(one.strike.bead, { one, apart });
+  }
+  const beads = [...near.values()].map(({ one }) => ({ ...one, from: 0 }));
+  const isShared = beads.length > 1 && beads.every(({ strike }) => strike.since_edge_s);
+  if (isShared) {
+    // An edge may come while the wave is between two beads.
+    const since = beads.map(({ strike }) => strike.since_edge_s[0]);
+    const period = beads[0].strike.since_edge_s[1];
+    const isOver = Math.max(...since) - Math.min(...since) > period / 2;
+    const unwrapped = since.map((time) => (isOver && time < period / 2 ? time + period : time));
+    const earliest = Math.min(...unwrapped);
+    beads.forEach((bead, place) => { bead.from = 1000 * (unwrapped[place] - earliest); });
+  }
+  beads.sort((a, b) => a.strike.bead - b.strike.bead);
+  return { beads, isShared };
+}
+
 function drawRow() {
-  const all = [...state.last.values()].filter(strike => strike.curves && strike.after_edge_ms !== null && strike.received_ms);
-  const newest = Math.max(...all.map(strike => strike.received_ms));
-  const last = all.find(strike => strike.received_ms === newest);
-  // One wave is at all beads within 20 ms. An edge may lie between two of them.
-  const after = strike => {
-    const time = strike.after_edge_ms - last.after_edge_ms, period = last.edge_period_ms;
-    return period > 0 ? time - period * Math.round(time / period) : time;
-  };
-  const row = all.filter(strike => newest - strike.received_ms < 2000 && Math.abs(after(strike)) < 20)
-    .sort((a, b) => a.bead - b.bead);
-  const canvas = element("row"), context = canvas.getContext("2d");
-  const ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = Math.max(180, 70 + 34 * row.length);
-  canvas.width = width * ratio;
-  canvas.height = height * ratio;
-  canvas.style.height = height + "px";
-  context.scale(ratio, ratio);
-  if (row.length < 2) {
-    element("row-note").textContent = "needs strikes of two beads with edges at their sync inputs (docs/row.md)";
-    return;
-  }
-  const first = row[0];
-  const starts = row.map(strike => after(strike) - after(first));
-  const peak = Math.max(...row.flatMap(strike => strike.curves.force_n));
-  const from = Math.min(...starts) - 0.3, to = Math.max(...starts) + 1.2;
-  const left = 34, bottom = height - 26;
-  const x = time => left + (time - from) / (to - from) * (width - left - 8);
-  const gap = (bottom - 40) / row.length;
-  context.font = "12px system-ui";
-  context.fillStyle = context.strokeStyle = getComputedStyle(document.body).color;
-  const step = [0.5, 1, 2, 5, 10].find(step => (to - from) / step < 9) ?? 20;
-  for (let tick = Math.ceil(from / step) * step; tick < to; tick += step) {
-    context.globalAlpha = 0.2;
-    context.fillRect(x(tick), 8, 1, bottom - 8);
-    context.globalAlpha = 1;
-    context.fillText(tick.toFixed(1), x(tick) - 8, height - 10);
-  }
-  context.fillText("ms", width - 18, height - 10);
-  row.forEach((strike, place) => {
-    const base = bottom - 6 - gap * (row.length - 1 - place);
-    context.globalAlpha = 1;
-    context.fillText(strike.bead, 8, base + 4);
-    context.beginPath();
-    let begun = false;
-    strike.curves.force_n.forEach((force, scan) => {
-      const time = starts[place] + strike.curves.from_ms + strike.curves.step_ms * scan;
-      if (time < from || time > to) return;
-      context[begun ? "lineTo" : "moveTo"](x(time), base - force / peak * Math.min(60, 2 * gap));
-      begun = true;
+  const canvas = at("row");
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const scale = window.devicePixelRatio || 1;
+  canvas.width = width * scale;
+  canvas.height = height * scale;
+  const pen = canvas.getContext("2d");
+  pen.scale(scale, scale);
+  pen.font = "12px system-ui, sans-serif";
+  const { beads, isShared } = wave();
+  if (!beads.length) return;
+  const [left, bottom, top] = [60, 28, 12];
+  const firsts = beads.map(({ from, curves }) => from + curves.from_ms);
+  const lasts = beads.map(({ from, curves }) => from + curves.from_ms + curves.step_ms * curves.force_n.length);
+  const [begin, end] = [Math.min(...firsts), Math.max(...lasts)];
+  const highest = Math.max(...beads.flatMap(({ curves }) => curves.force_n), 1e-6);
+  const step = (height - bottom - top) / beads.length;
+  const x = (time) => left + ((time - begin) / (end - begin)) * (width - left - 10);
+  beads.forEach(({ strike, curves, from }, place) => {
+    const zero = height - bottom - 4 - place * step;
+    pen.fillStyle = "#5a6675";
+    pen.fillText(`bead ${strike.bead}`, 4, zero);
+    pen.strokeStyle = "#d9dde3";
+    pen.beginPath();
+    pen.moveTo(left, zero);
+    pen.lineTo(width - 10, zero);
+    pen.stroke();
+    pen.strokeStyle = "#15803d";
+    pen.beginPath();
+    curves.force_n.forEach((force, sample) => {
+      const [across, up] = [x(from + curves.from_ms + sample * curves.step_ms), zero - (force / highest) * step * 0.9];
+      if (sample === 0) pen.moveTo(across, up); else pen.lineTo(across, up);
     });
-    context.lineWidth = 1.5;
-    context.strokeStyle = "#1f77b4";
-    context.stroke();
+    pen.stroke();
   });
-  element("row-note").textContent = "ms after bead " + first.bead + " was struck; the highest is " + peak.toFixed(3) + " N";
+  pen.fillStyle = "#5a6675";
+  for (let tick = Math.ceil(begin); tick <= end; tick += Math.max(1, Math.round((end - begin) / 8))) {
+    pen.fillText(`${tick}`, x(tick) - 4, height - 8);
+  }
+  pen.fillText("ms", width - 22, height - 8);
+  at("base").textContent = `tallest: ${highest.toFixed(3)} N; ` + (isShared
+    ? "all beads on one time, by the edges at their sync inputs"
+    : "each bead from its own trigger: without edges at their sync inputs beads share no time");
 }
 
-function take(message) {
-  if (message.type === "state") {
-    state.beads = message.beads;
-    element("summary").textContent = message.strikes + " strikes, " + (message.bytes_per_s / 1000).toFixed(1) + " kB/s, "
-      + message.recording;
-    element("download").hidden = !message.can_download;
-    element("messages").textContent = message.messages.slice(-20).reverse().join("\n");
-    element("left-out").textContent = message.left_out
-      ? message.left_out + " strikes went by while this page was slow; the recording has them" : "";
-    if (state.chosen === null && state.beads.length) choose(state.beads[0].bead);
-    drawBeads();
-  } else if (message.type === "strikes") {
-    const known = new Set(state.strikes.map(strike => strike.serial));
-    state.strikes.push(...message.strikes.filter(strike => !known.has(strike.serial)));
-    state.strikes.splice(0, Math.max(0, state.strikes.length - STRIKES_MOST));
-    for (const strike of message.strikes) if (strike.curves) state.last.set(strike.bead, strike);
-    drawList();
-    drawStrike();
-    drawRow();
-  }
-  document.body.dataset.strikes = state.strikes.length;
+function draw() {
+  drawStrike();
+  drawList();
+  drawRow();
 }
 
 function connect() {
-  const address = new URL("live", location.href);
-  address.protocol = "ws:";
-  const socket = new WebSocket(address);
-  socket.onopen = () => { state.strikes = []; };
-  socket.onmessage = event => take(JSON.parse(event.data));
+  const socket = new WebSocket(new URL("live", location.href.replace(/^http/, "ws")));
+  socket.onopen = () => {
+    at("connection").textContent = "live";
+    at("connection").className = "";
+  };
+  socket.onmessage = ({ data }) => {
+    const news = JSON.parse(data);
+    state = news.state;
+    // A monitor that was started anew counts from 1 again.
+    if (strikes.length && strikes[0].strike.serial > state.newest) strikes.length = 0;
+    const known = new Set(strikes.map(({ strike }) => strike.serial));
+    const fresh = news.strikes.filter(({ strike }) => !known.has(strike.serial));
+    strikes.unshift(...fresh.reverse());
+    strikes.length = Math.min(strikes.length, KEPT);
+    at("missed").textContent = news.missed
+      ? `${news.missed} strikes were not shown here, as this browser was too slow; the recording has them` : "";
+    drawBeads();
+    if (fresh.length) draw();
+  };
   socket.onclose = () => {
-    element("summary").textContent = "the monitor does not answer; trying again";
+    at("connection").textContent = "connection lost; trying again";
+    at("connection").className = "warning";
     setTimeout(connect, 1000);
   };
 }
 
-new ResizeObserver(() => {
-  const width = element("curves").clientWidth / 3 - 8;
-  for (const plot of state.plots ?? []) plot.setSize({ width, height: 220 });
-}).observe(element("curves"));
+window.addEventListener("resize", draw);
 connect();

@@ -24,10 +24,13 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// The strikes since the last time, the oldest first.
-    pub fn take(&mut self, monitor: &SharedMonitor) -> Vec<Arc<ShownStrike>> {
-        let (new, missed) = monitor.lock().strikes_after(self.serial);
-        // What was before the first look, nobody missed.
+    /// The strikes since the last time, the oldest first: the newest `most` of them.
+    pub fn take(&mut self, monitor: &SharedMonitor, most: usize) -> Vec<Arc<ShownStrike>> {
+        let (mut new, mut missed) = monitor.lock().strikes_after(self.serial);
+        let more = new.len().saturating_sub(most);
+        missed += more as u64;
+        new.drain(..more);
+        // At the first look nobody has missed anything.
         if self.serial > 0 {
             self.missed += missed;
         }

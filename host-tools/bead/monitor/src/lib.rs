@@ -12,7 +12,7 @@ pub mod model;
 pub mod strike;
 pub mod terminal;
 #[cfg(test)]
-mod testing;
+mod tests;
 pub mod udp;
 pub mod web;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bead_line::recorder::RecorderObserver;
 use bead_recording::assembly::{Assembly, Event};
-use bead_recording::clock::{CRYSTAL_PPM, Live};
+use bead_recording::clock::Live;
 use bead_recording::frames::{Frame, Item};
 use bead_tables::printable::one_line;
 use bead_wire::{Arrival, Counters, Guard, Health, Identity, Message, Outcome, Reply, Status};
@@ -19,12 +19,14 @@ use crate::strike::ShownStrike;
 pub const HISTORY: usize = 512;
 /// Number of lines for people that are kept.
 const MESSAGES: usize = 100;
-/// Number of edges at a sync input that are remembered. The frames of a strike come within a few of them.
-const EDGES: usize = 8;
+/// Number of edges at a sync input that are kept of a bead: a strike may come that many later.
+const EDGES: usize = 128;
 /// Time after which a bead that sent nothing counts as silent. It sends its status every second.
 const SILENT: Duration = Duration::from_secs(3);
 /// Time-out of a reply.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Greatest half width of the interval of a clock's drift that is shown, ppm.
+const DRIFT_KNOWN: f64 = 500.0;
 /// Span over which the rate of bytes is measured.
 const RATE_SPAN: Duration = Duration::from_secs(2);
 
@@ -99,8 +101,8 @@ struct BeadState {
     health: Option<Health>,
     guard: Option<Guard>,
     last_fault: Option<String>,
-    /// The last edges at its sync input, as sample indices.
-    edges: Vec<f64>,
+    /// Positions of the last edges at its sync input, in samples.
+    edges: VecDeque<f64>,
 }
 
 /// A bead as far as a request needs it.
@@ -135,7 +137,7 @@ impl Monitor {
     /// Beads at these ports, of which nothing came yet. `recording` names the recording for people.
     pub fn new(ports: Vec<String>, recording: String) -> Self {
         Self {
-            ports,
+            ports: ports.iter().map(|port| one_line(port).into_owned()).collect(),
             beads: BTreeMap::new(),
             rejects: BTreeMap::new(),
             assembly: Assembly::default(),
@@ -143,7 +145,7 @@ impl Monitor {
             strikes: VecDeque::new(),
             newest: 0,
             messages: VecDeque::new(),
-            recording,
+            recording: one_line(&recording).into_owned(),
             file: None,
             bytes: 0,
             rate: (Instant::now(), 0, 0),
@@ -159,6 +161,16 @@ impl Monitor {
             self.messages.pop_front();
         }
         self.messages.push_back(one_line(line).into_owned());
+    }
+
+    /// Names the recording after its file.
+    pub fn record_to(&mut self, path: &Path) {
+        self.recording = one_line(&path.display().to_string()).into_owned();
+    }
+
+    /// Names the file that a page may download.
+    pub fn set_file(&mut self, file: &Path) {
+        self.file = Some(file.to_owned());
     }
 
     /// The file that is being recorded.
@@ -205,18 +217,18 @@ impl Monitor {
             Message::Status(status) => bead.status = Some(*status),
             Message::Health(health) => bead.health = Some(*health),
             Message::Guard(guard) => bead.guard = Some(*guard),
+            Message::Sync(sync) => {
+                if bead.edges.len() == EDGES {
+                    bead.edges.pop_front();
+                }
+                bead.edges.push_back(sync.position());
+            }
             Message::Fault(fault) => {
                 let detail = one_line(fault.detail.as_str());
                 let text = format!("{} {detail}", fault.cause).replace('_', " ");
                 bead.last_fault = Some(text.trim_end().to_owned());
                 let line = format!("bead {address}: fault in boot {}: {text}", fault.boot);
                 self.tell(line.trim_end());
-            }
-            Message::Sync(sync) => {
-                if bead.edges.len() == EDGES {
-                    bead.edges.remove(0);
-                }
-                bead.edges.push(sync.position());
             }
             Message::Reply(reply) => self.push_reply(address, reply),
             _ => {}
@@ -230,7 +242,7 @@ impl Monitor {
                     if is_new && let Some(bead) = self.beads.get_mut(&address) {
                         bead.strikes += 1;
                         self.newest += 1;
-                        let strike = ShownStrike::new(self.newest, *strike, &bead.edges);
+                        let strike = ShownStrike::new(self.newest, *strike, bead.edges.make_contiguous());
                         if self.strikes.len() == HISTORY {
                             self.strikes.pop_front();
                         }
@@ -283,13 +295,10 @@ impl Monitor {
         (new.cloned().collect(), missed)
     }
 
-    /// The last strike of a bead.
-    pub fn last_strike(&self, bead: u8) -> Option<Arc<ShownStrike>> {
-        self.strikes
-            .iter()
-            .rev()
-            .find(|strike| strike.bead == bead)
-            .cloned()
+    /// The strikes of a bead that are kept, the newest first.
+    pub fn strikes_of(&self, bead: u8) -> Vec<Arc<ShownStrike>> {
+        let of_bead = self.strikes.iter().rev().filter(|strike| strike.bead == bead);
+        of_bead.cloned().collect()
     }
 
     /// The state now.
@@ -302,8 +311,7 @@ impl Monitor {
         }
         let clocks = self.clocks.segments().filter_map(|segment| {
             let fit = segment.fit().filter(|fit| fit.in_real_time())?;
-            // Wider than a crystal can be off, it says nothing yet.
-            let within = fit.uncertainty_ppm.filter(|within| *within < CRYSTAL_PPM)?;
+            let within = fit.uncertainty_ppm.filter(|within| *within <= DRIFT_KNOWN)?;
             Some((segment.address, [fit.drift_ppm, within]))
         });
         let clocks: BTreeMap<u8, [f64; 2]> = clocks.collect();
@@ -433,7 +441,7 @@ impl RecorderObserver for SharedMonitor {
     }
 
     fn file(&mut self, partial: &Path) {
-        self.lock().file = Some(partial.to_owned());
+        self.lock().set_file(partial);
     }
 
     fn message(&mut self, _: &Frame, _: u64, _: bool) {}

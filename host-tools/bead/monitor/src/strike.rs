@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use bead_recording::assembly::Assembled;
 use bead_recording::signal::Signal;
-use bead_recording::strikes::RecordedStrike;
+use bead_recording::strike::RecordedStrike;
 use bead_recording::uncertainties::{of_energies, of_force};
 use serde::Serialize;
 
@@ -34,10 +34,8 @@ pub struct ShownStrike {
     pub strike: u32,
     /// Time of the trigger since the bead's reset, s.
     pub at_s: Option<f64>,
-    /// Time of the trigger since the last edge at the bead's sync input before it, ms: on the time of all beads.
-    pub after_edge_ms: Option<f64>,
-    /// Time from edge to edge, ms.
-    pub edge_period_ms: Option<f64>,
+    /// Time of the trigger since the last edge at the bead's sync input before it, and from edge to edge, s.
+    pub since_edge_s: Option<[f64; 2]>,
     /// Receive time, ms since 1970. `None` for a fetched strike.
     pub received_ms: Option<f64>,
     /// Highest force, N.
@@ -69,27 +67,31 @@ pub struct ShownStrike {
 }
 
 impl ShownStrike {
-    /// The strike with this serial number. `edges` are the last edges at the bead's sync input, as sample
-    /// indices, the newest last.
+    /// The strike with this serial number. `edges` are the positions of the last edges at the sync input of
+    /// its bead, in samples, ascending.
     pub fn new(serial: u64, assembled: Assembled, edges: &[f64]) -> Self {
         let recorded = assembled.strike;
         let said = &recorded.said;
         let energies = recorded.shape.as_ref().and_then(|shape| of_energies(shape, said));
         let energy_u = |which: usize| energies.and_then(|all| all[which]).map(|u| u * 1e9);
-        let settings = recorded.settings.as_ref();
-        let stated = settings.and_then(|settings| settings.description().uncertainty);
-        let ms_per_scan = recorded.rate().map(|rate| 1e3 / f64::from(rate));
-        let trigger = said.trigger_index as f64;
-        let before = edges.iter().rfind(|edge| **edge <= trigger);
-        let period = edges.windows(2).map(|pair| pair[1] - pair[0]).reduce(f64::min);
+        let stated = recorded
+            .settings
+            .and_then(|settings| settings.description().uncertainty);
         let waveform = recorded.shape.and_then(|shape| shape.waveform);
+        let trigger = said.trigger_index as f64;
+        let since_edge = |rate: u32| {
+            let behind = edges.partition_point(|edge| *edge <= trigger);
+            let [before, last] = edges.get(behind.checked_sub(2)?..behind)?.try_into().ok()?;
+            Some([trigger - last, last - before].map(|samples: f64| samples / f64::from(rate)))
+        };
         Self {
+            since_edge_s: recorded.rate().and_then(since_edge),
             serial,
             bead: recorded.address,
             strike: said.strike,
-            at_s: ms_per_scan.map(|ms| trigger * ms * 1e-3),
-            after_edge_ms: before.zip(ms_per_scan).map(|(edge, ms)| (trigger - edge) * ms),
-            edge_period_ms: period.zip(ms_per_scan).map(|(period, ms)| period * ms),
+            at_s: recorded
+                .rate()
+                .map(|rate| said.trigger_index as f64 / f64::from(rate)),
             received_ms: recorded.received_ns.map(|ns| ns as f64 * 1e-6),
             peak_force_n: said.peak_force.newtons(),
             peak_force_u: stated.and_then(|stated| of_force(said, &stated)).map(|[u, _]| u),
@@ -128,24 +130,14 @@ impl ShownStrike {
         self.curves.get_or_init(curves).as_ref()
     }
 
-    /// A value with its standard uncertainty, as `829.7 ± 19.3`, with the digits that the uncertainty has.
+    /// A value and two standard uncertainties, as `829.7 ± 38.7`, with the digits that these have.
     pub fn with_u(value: f64, u: Option<f64>) -> String {
-        match u {
+        match u.map(|u| 2.0 * u) {
             Some(u) if u > 0.0 => {
-                // Two digits of the uncertainty.
-                let digits = (1 - u.log10().floor() as i32).clamp(0, 6) as usize;
+                let digits = (2 - u.log10().floor() as i32).clamp(0, 6) as usize;
                 format!("{value:.digits$} ± {u:.digits$}")
             }
-            _ => format!("{value:.2}"),
-        }
-    }
-
-    /// Its flags in one line.
-    pub fn flags_text(&self) -> String {
-        if self.flags.is_empty() {
-            "no flags".to_owned()
-        } else {
-            self.flags.join(", ")
+            _ => format!("{value:.3}"),
         }
     }
 }

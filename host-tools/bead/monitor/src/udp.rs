@@ -1,12 +1,11 @@
-//! Strikes and states as JSON datagrams, for PlotJuggler and whatever reads JSON.
+//! Strikes and states as JSON over UDP, as PlotJuggler's UDP server takes them.
 //!
 //! # Design
-//! A datagram is one JSON object with a `timestamp` in s since 1970. PlotJuggler (UDP server, JSON, "use field
-//! as timestamp") makes a curve of every number in it by its path: `bead/7/strike/peak_force_n`. A strike's
-//! curves follow as one datagram for each scan, as PlotJuggler takes no arrays. A datagram that nobody takes
-//! is lost, as datagrams are.
+//! A datagram is one JSON object. It has `timestamp`, s since 1970, and an object for one bead, named
+//! `bead_7`, whose numbers become time series of these names. A receiver that is away costs nothing.
 
-use std::net::UdpSocket;
+use std::io;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -14,112 +13,95 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use serde_json::{Value, json};
 
 use crate::feed::Feed;
-use crate::model::SharedMonitor;
-use crate::strike::ShownStrike;
+use crate::model::{HISTORY, SharedMonitor};
 
-/// Interval of the search for new strikes.
-const BEAT: Duration = Duration::from_millis(100);
-/// Interval of the states.
+/// Interval of the search for new strikes, and of the states of beads.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 const STATE_EVERY: Duration = Duration::from_secs(1);
 
-/// An address that takes datagrams.
-pub struct Datagrams(UdpSocket);
+/// Sends datagrams to one address.
+pub struct UdpSender(UdpSocket);
 
-impl Datagrams {
-    /// Sends to HOST:PORT.
+impl UdpSender {
+    /// Prepares to send to an address.
     ///
     /// # Errors
-    /// It is no address, in one line.
-    pub fn to(address: &str) -> Result<Self, String> {
-        let wrong = |why: std::io::Error| {
-            format!(
-                "--udp {address}: {why}; give host and port of the program that listens, such as 127.0.0.1:9870"
-            )
+    /// The system has no way there.
+    pub fn open(to: SocketAddr) -> io::Result<Self> {
+        let any: SocketAddr = match to {
+            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
         };
-        // The family of the address says from which one to send.
-        let connect = |from: &str| {
-            let socket = UdpSocket::bind(from)?;
-            socket.connect(address).map(|()| socket)
-        };
-        let socket = connect("0.0.0.0:0")
-            .or_else(|_| connect("[::]:0"))
-            .map_err(wrong)?;
+        let socket = UdpSocket::bind(any)?;
+        socket.connect(to)?;
+        socket.set_nonblocking(true)?;
         Ok(Self(socket))
     }
 
-    /// Sends what comes until `stop`.
+    /// Sends each strike, and the state of each bead once a second, until `stop`.
     pub fn serve(&self, monitor: &SharedMonitor, stop: &AtomicBool) {
-        let mut feed = Feed::default();
-        let mut state = Instant::now();
+        let (mut feed, mut told) = (Feed::default(), None::<Instant>);
         while !stop.load(Ordering::Relaxed) {
-            for strike in feed.take(monitor) {
-                self.send_strike(&strike);
+            for strike in feed.take(monitor, HISTORY) {
+                self.send(
+                    strike.received_ms.map(|ms| 1e-3 * ms),
+                    strike.bead,
+                    json!(&*strike),
+                );
             }
-            if state.elapsed() >= STATE_EVERY {
-                state = Instant::now();
-                let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-                let view = monitor.lock().view();
-                for bead in &view.beads {
-                    let bead_json = json!({ bead.bead.to_string(): bead });
-                    self.send(&json!({"timestamp": now.as_secs_f64(), "bead": bead_json}));
+            if told.is_none_or(|told| told.elapsed() >= STATE_EVERY) {
+                told = Some(Instant::now());
+                let beads = monitor.lock().view().beads;
+                for bead in beads {
+                    self.send(None, bead.bead, json!({ "state": bead }));
                 }
             }
-            thread::sleep(BEAT);
+            thread::sleep(LOOK_EVERY);
         }
     }
 
-    fn send_strike(&self, strike: &ShownStrike) {
-        let at = strike.received_ms.unwrap_or(0.0) * 1e-3;
-        let of_bead = |value: Value| json!({ strike.bead.to_string(): value });
-        self.send(&json!({"timestamp": at, "bead": of_bead(json!({"strike": strike}))}));
-        let Some(curves) = strike.curves() else { return };
-        for (place, (force, acceleration)) in curves.force_n.iter().zip(&curves.acceleration).enumerate() {
-            let time = at + 1e-3 * (curves.from_ms + curves.step_ms * place as f64);
-            let curve = json!({
-                "force_n": force,
-                "acceleration": acceleration,
-                "residual": curves.residual.get(place),
-            });
-            self.send(&json!({"timestamp": time, "bead": of_bead(json!({"curve": curve}))}));
-        }
-    }
-
-    fn send(&self, value: &Value) {
-        // Nobody listens yet, or no longer: the next one may arrive.
-        let _ = self.0.send(value.to_string().as_bytes());
+    /// Sends what is known of a bead at a time, s since 1970; now, if that is `None`.
+    fn send(&self, at: Option<f64>, bead: u8, known: Value) {
+        let now = || {
+            let since = SystemTime::now().duration_since(UNIX_EPOCH);
+            since.map_or(0.0, |since| since.as_secs_f64())
+        };
+        let mut datagram = json!({ "timestamp": at.unwrap_or_else(now) });
+        datagram[format!("bead_{bead}")] = known;
+        // A datagram may get lost anyway.
+        let _ = self.0.send(datagram.to_string().as_bytes());
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::struck;
+    use crate::model::Monitor;
+    use bead_recording::frames::FrameReader;
+    use bead_testing::Speaker;
 
     #[test]
-    fn a_strike_comes_as_json_with_its_curves_scan_by_scan() {
-        let listener = UdpSocket::bind("127.0.0.1:0").unwrap();
-        listener.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        let monitor = struck();
-        let sender = Datagrams::to(&listener.local_addr().unwrap().to_string()).unwrap();
-        let strike = monitor.lock().last_strike(7).unwrap();
-        sender.send_strike(&strike);
-        let mut buffer = [0; 65536];
-        let mut next = || {
-            let length = listener.recv(&mut buffer).unwrap();
-            serde_json::from_slice::<Value>(&buffer[..length]).unwrap()
-        };
-        let first = next();
-        assert_eq!(first["bead"]["7"]["strike"]["peak_force_n"], strike.peak_force_n);
-        let second = next();
-        assert!(second["bead"]["7"]["curve"]["force_n"].is_number(), "{second}");
-        let from = strike.curves().unwrap().from_ms * 1e-3;
-        assert!((second["timestamp"].as_f64().unwrap() - from).abs() < 1e-6);
-    }
-
-    #[test]
-    fn an_address_without_a_port_is_refused_in_one_line() {
-        let refused = Datagrams::to("localhost").err().unwrap();
-        assert!(refused.contains("give host and port"), "{refused}");
-        assert_eq!(refused.lines().count(), 1);
+    fn a_receiver_gets_the_state_of_each_bead_as_one_object_under_its_name() {
+        let receiver = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        receiver.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let sender = UdpSender::open(receiver.local_addr().unwrap()).unwrap();
+        let (monitor, stop) = (
+            SharedMonitor::new(Monitor::new(Vec::new(), String::new())),
+            AtomicBool::new(false),
+        );
+        let mut bead = Speaker::at(7);
+        let identity = bead.identity();
+        bead.say(0, identity);
+        FrameReader::default().feed(&bead.bytes, None, |item| monitor.lock().push(0, &item));
+        let mut buffer = [0; 65_536];
+        let length = thread::scope(|scope| {
+            scope.spawn(|| sender.serve(&monitor, &stop));
+            let received = receiver.recv(&mut buffer);
+            stop.store(true, Ordering::Relaxed);
+            received.unwrap()
+        });
+        let datagram: Value = serde_json::from_slice(&buffer[..length]).unwrap();
+        assert!(datagram["timestamp"].as_f64().unwrap() > 1.7e9, "{datagram}");
+        assert_eq!(datagram["bead_7"]["state"]["frames"], 1, "{datagram}");
     }
 }

@@ -1,448 +1,307 @@
 //! The page in a browser.
 //!
 //! # Design
-//! One thread serves the page, on an address of this computer unless its user asks for more. The path begins
-//! with a token that is new each time, so other users and other pages do not find it. The `Host` of a request
-//! must be an address or `localhost`, which no name that is rebound to this computer is, and its `Origin`, if
-//! it has one, the page itself. The page loads nothing from elsewhere (`Content-Security-Policy`), and writes
-//! what it gets as text. It only looks: nothing that a browser sends changes a bead or a recording.
+//! The program listens on this computer alone, unless it is told otherwise. Three things keep others out: a
+//! random token in the path, names of hosts other than `localhost` refused (a foreign name that leads here is
+//! an attack by DNS rebinding), and an `Origin` that must be the page's own. The page is static; what a bead
+//! says goes to it as JSON, and the page puts it in as text.
 //!
-//! **Slow browsers.** Each connection takes what is new when it is ready for it ([`Feed`]). It holds up
-//! nobody, and the page says how many strikes it missed. One that connects again gets the state and the
-//! strikes that are kept.
+//! Nothing is queued for a browser. Its task takes the strikes since the last ones when the connection is
+//! ready for them, so that a slow browser costs the recorder nothing, and learns how many it missed.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::ws::{Message, WebSocket};
-use axum::extract::{Request, State, WebSocketUpgrade};
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use bead_recording::file::Recording;
+use bead_recording::recover::recover;
+use bead_tables::whole::Target;
 use rand::TryRng;
 use rand::rngs::SysRng;
-use serde_json::{Value, json};
-use tokio::io::AsyncReadExt;
+use serde_json::json;
+use tokio::time::{interval, timeout};
 use tokio_util::io::ReaderStream;
 
 use crate::feed::Feed;
 use crate::model::SharedMonitor;
-use crate::strike::ShownStrike;
 
-/// Interval of the states.
-const BEAT: Duration = Duration::from_millis(250);
-/// Time after which a browser that takes nothing is disconnected.
-const PATIENCE: Duration = Duration::from_secs(30);
-/// Greatest number of connections at a time.
-const BROWSERS_MOST: usize = 16;
-/// Sources of everything that the page loads, and nobody may frame it.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
+/// Interval of the news to a browser.
+const NEWS_EVERY: Duration = Duration::from_millis(200);
+/// Time after which a browser that takes nothing is disconnected; it connects again.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Greatest number of strikes that go to a browser at a time.
+const STRIKES_AT_A_TIME: usize = 32;
+/// Greatest number of browsers.
+const BROWSERS: usize = 16;
+/// The content of a page that may load and connect to nothing but this program.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// The files of the page, in the program: name, type, contents.
+/// The files of the page: name, type, content.
 const FILES: [(&str, &str, &str); 5] = [
     ("", "text/html; charset=utf-8", include_str!("../page/index.html")),
-    ("page.css", "text/css", include_str!("../page/page.css")),
-    ("page.js", "text/javascript", include_str!("../page/page.js")),
     (
-        "uplot.css",
-        "text/css",
-        include_str!("../page/uplot/uPlot.min.css"),
+        "page.js",
+        "text/javascript; charset=utf-8",
+        include_str!("../page/page.js"),
     ),
     (
-        "uplot.js",
-        "text/javascript",
-        include_str!("../page/uplot/uPlot.iife.min.js"),
+        "page.css",
+        "text/css; charset=utf-8",
+        include_str!("../page/page.css"),
+    ),
+    (
+        "uPlot.js",
+        "text/javascript; charset=utf-8",
+        include_str!("../page/uPlot.js"),
+    ),
+    (
+        "uPlot.css",
+        "text/css; charset=utf-8",
+        include_str!("../page/uPlot.css"),
     ),
 ];
 
-/// A page that is ready to be served.
+/// A page that waits to be served.
 pub struct WebPage {
     listener: TcpListener,
-    address: SocketAddr,
+    at: SocketAddr,
     token: String,
 }
 
 #[derive(Clone)]
 struct Served {
     monitor: SharedMonitor,
-    address: SocketAddr,
-    /// Number of connections.
+    is_here_alone: bool,
     browsers: Arc<AtomicUsize>,
 }
 
 impl WebPage {
-    /// Listens at an address; port 0 is any that is free. `only_here` refuses addresses that other computers
-    /// reach.
+    /// Listens at an address.
     ///
     /// # Errors
-    /// One line: the address is reached by others, or cannot be listened at.
-    pub fn open(address: SocketAddr, only_here: bool) -> Result<Self, String> {
-        if only_here && !address.ip().is_loopback() {
-            return Err(format!(
-                "--web {address}: other computers reach this address, and the page is not encrypted; give 127.0.0.1, and an \
-                 ssh tunnel to it, or --web-without-encryption"
-            ));
-        }
-        let failed = |why: io::Error| {
-            format!("--web: cannot listen at {address}: {why}; give another port, or 127.0.0.1:0 for any")
-        };
-        let listener = TcpListener::bind(address).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
-        let mut random = [0; 16];
-        SysRng
-            .try_fill_bytes(&mut random)
-            .map_err(|why| format!("--web: the system gives no random token ({why})"))?;
-        let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
+    /// The address cannot be listened at, or the system has no random numbers.
+    pub fn open(at: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(at)?;
+        listener.set_nonblocking(true)?;
+        let mut token = [0; 16];
+        SysRng.try_fill_bytes(&mut token).map_err(io::Error::other)?;
         Ok(Self {
+            at: listener.local_addr()?,
             listener,
-            address,
-            token,
+            token: bead_recording::json::hex(&token),
         })
     }
 
-    /// The address for the browser, with the token.
+    /// The URL of the page, with its token.
     pub fn url(&self) -> String {
-        format!("http://{}/{}/", self.address, self.token)
+        format!("http://{}/{}/", self.at, self.token)
     }
 
-    /// Serves until `stop`.
+    /// Serves the page until `stop`.
     ///
     /// # Errors
-    /// The system gives no sockets any more.
-    pub fn serve(self, monitor: &SharedMonitor, stop: &AtomicBool) -> io::Result<()> {
+    /// The system refuses a listener.
+    pub fn serve(self, monitor: SharedMonitor, stop: &AtomicBool) -> io::Result<()> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
-        let served = Served {
-            monitor: monitor.clone(),
-            address: self.address,
-            browsers: Arc::default(),
-        };
-        let mut page = Router::new()
-            .route("/live", get(live))
-            .route("/recording", get(recording));
-        for (name, kind, contents) in FILES {
-            let file = move || async move { ([(header::CONTENT_TYPE, kind)], contents) };
-            page = page.route(&format!("/{name}"), get(file));
-        }
-        let app = Router::new()
-            .nest(&format!("/{}", self.token), page)
-            // `nest` takes the path without its last slash for the page's root.
-            .route(&format!("/{}/", self.token), get(index))
-            .layer(middleware::from_fn_with_state(served.clone(), guarded))
-            .with_state(served);
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(self.listener)?;
+            let served = Served {
+                monitor,
+                is_here_alone: self.at.ip().is_loopback(),
+                browsers: Arc::default(),
+            };
+            // Without the token there is nothing.
+            let at = |name: &str| format!("/{}/{name}", self.token);
+            let mut page = Router::new()
+                .route(&at("live"), get(live))
+                .route(&at("recording"), get(download));
+            for (name, kind, content) in FILES {
+                let file = move || async move { ([(header::CONTENT_TYPE, kind)], content) };
+                page = page.route(&at(name), get(file));
+            }
+            let guard = middleware::from_fn_with_state(served.clone(), guard);
+            let routes = page.layer(guard).with_state(served);
+            let serve = axum::serve(listener, routes);
+            let stopped = async {
+                while !stop.load(Ordering::Relaxed) {
+                    tokio::time::sleep(Duration::from_millis(50)).await;
+                }
+            };
+            // Connections end with the runtime.
             tokio::select! {
-                served = async { axum::serve(listener, app).await } => served,
-                () = stopped(stop) => Ok(()),
+                served = serve => served,
+                () = stopped => Ok(()),
             }
         })
     }
 }
 
-async fn stopped(stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+/// True for the `Host` of this computer, or, where the page is open to the network, of any address that is
+/// no name.
+fn is_own_host(host: &str, is_here_alone: bool) -> bool {
+    let name = host.rsplit_once(':').map_or(host, |(name, port)| {
+        if port.bytes().all(|digit| digit.is_ascii_digit()) {
+            name
+        } else {
+            host
+        }
+    });
+    let name = name.trim_start_matches('[').trim_end_matches(']');
+    name == "localhost"
+        || name
+            .parse::<IpAddr>()
+            .is_ok_and(|ip| !is_here_alone || ip.is_loopback())
 }
 
-async fn index() -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, FILES[0].1)], FILES[0].2)
+/// True for a request by a name of this computer, and, if a page makes it, by its own page.
+fn is_own(headers: &HeaderMap, is_here_alone: bool) -> bool {
+    let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+    let host = text(header::HOST).unwrap_or_default();
+    let is_own_page = text(header::ORIGIN).is_none_or(|origin| origin == format!("http://{host}"));
+    is_own_host(host, is_here_alone) && is_own_page
 }
 
-/// Refuses requests from other pages and under other names, and says to the browser what the page may do.
-async fn guarded(State(served): State<Served>, request: Request, next: Next) -> Response {
-    let mut response = if is_ours(request.headers(), served.address) {
+/// Refuses requests that are not the page's own, and says on every answer what a browser may do with it.
+async fn guard(State(served): State<Served>, request: Request, next: Next) -> Response {
+    let is_own = is_own(request.headers(), served.is_here_alone);
+    let mut answer = if is_own {
         next.run(request).await
     } else {
-        let why = "this page answers under its address only, and to itself only\n";
-        (StatusCode::FORBIDDEN, why).into_response()
+        let advice = "open the page by the address that bead monitor printed\n";
+        (StatusCode::FORBIDDEN, advice).into_response()
     };
-    let headers = response.headers_mut();
     for (name, value) in [
         (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::REFERRER_POLICY, "no-referrer"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        // The token is in the address.
+        (header::REFERRER_POLICY, "no-referrer"),
         (header::CACHE_CONTROL, "no-store"),
+        (header::X_FRAME_OPTIONS, "DENY"),
     ] {
-        headers.insert(name, HeaderValue::from_static(value));
+        answer.headers_mut().insert(name, HeaderValue::from_static(value));
     }
-    response
+    answer
 }
 
-/// True if a request names the page by an address, and comes from the page or from no page.
-fn is_ours(headers: &HeaderMap, address: SocketAddr) -> bool {
-    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-    let Some(host) = text(header::HOST) else {
-        return false;
-    };
-    let Some((name, port)) = host.rsplit_once(':') else {
-        return false;
-    };
-    let ip = name
-        .trim_start_matches('[')
-        .trim_end_matches(']')
-        .parse::<IpAddr>();
-    let is_address = ip.is_ok_and(|ip| ip.is_loopback() || !address.ip().is_loopback());
-    let is_named = is_address || name == "localhost";
-    let is_from_itself = match headers.get(header::ORIGIN) {
-        None => true,
-        Some(origin) => origin
-            .to_str()
-            .is_ok_and(|origin| origin == format!("http://{host}")),
-    };
-    is_named && port == address.port().to_string() && is_from_itself
-}
-
-/// The recording as far as it is on disk: a recording that is cut, which every command reads.
-async fn recording(State(served): State<Served>) -> Response {
-    let path = served.monitor.lock().file().map(ToOwned::to_owned);
-    let gone = |why: &str| (StatusCode::NOT_FOUND, why.to_owned()).into_response();
-    let Some(path) = path else {
-        return gone("nothing is recorded here\n");
-    };
-    let Ok(file) = tokio::fs::File::open(&path).await else {
-        return gone("the recording has its final name now\n");
-    };
-    let length = file.metadata().await.map_or(0, |metadata| metadata.len());
-    let headers = [
-        (header::CONTENT_TYPE, "application/octet-stream"),
-        (
-            header::CONTENT_DISPOSITION,
-            "attachment; filename=\"so-far.mcap\"",
-        ),
-    ];
-    // Not what is written meanwhile: a download has an end.
-    let body = Body::from_stream(ReaderStream::new(file.take(length)));
-    (headers, body).into_response()
-}
-
-async fn live(State(served): State<Served>, upgrade: WebSocketUpgrade) -> Response {
-    if served.browsers.fetch_add(1, Ordering::Relaxed) >= BROWSERS_MOST {
+async fn live(State(served): State<Served>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
+    // Every browser sends an origin here. Another program reads the recording.
+    if !headers.contains_key(header::ORIGIN) {
+        return (StatusCode::FORBIDDEN, "this is for the page\n").into_response();
+    }
+    if served.browsers.fetch_add(1, Ordering::Relaxed) >= BROWSERS {
         served.browsers.fetch_sub(1, Ordering::Relaxed);
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many browsers\n").into_response();
+        return (
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many browsers are connected\n",
+        )
+            .into_response();
     }
+    let place = BrowserPlace(Arc::clone(&served.browsers));
+    let upgrade = upgrade.max_message_size(1 << 10);
     upgrade.on_upgrade(move |socket| async move {
-        // The browser has gone away, or takes nothing.
-        let _ = send_all(socket, &served).await;
-        served.browsers.fetch_sub(1, Ordering::Relaxed);
+        // An end of the connection is no error: the browser connects again.
+        let _ = tell_news(socket, &served.monitor).await;
+        drop(place);
     })
 }
 
-/// Sends states and strikes until the browser goes away; `None` then.
-async fn send_all(mut socket: WebSocket, served: &Served) -> Option<()> {
-    let mut feed = Feed::default();
+/// A place among those of browsers, free again when it is dropped.
+struct BrowserPlace(Arc<AtomicUsize>);
+
+impl Drop for BrowserPlace {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Sends a browser the state and the new strikes until it goes.
+async fn tell_news(mut socket: WebSocket, monitor: &SharedMonitor) -> Option<()> {
+    let (mut feed, mut clock) = (Feed::default(), interval(NEWS_EVERY));
     loop {
-        let strikes = feed.take(&served.monitor);
-        if !strikes.is_empty() {
-            send(&mut socket, &strikes_json(&strikes)).await?;
-        }
-        let (view, can_download) = {
-            let mut monitor = served.monitor.lock();
-            (monitor.view(), monitor.file().is_some())
-        };
-        let mut state = json!({"type": "state", "left_out": feed.missed, "can_download": can_download});
-        if let (Value::Object(state), Ok(Value::Object(view))) = (&mut state, serde_json::to_value(&view)) {
-            state.extend(view);
-        }
-        send(&mut socket, &state).await?;
-        // What it says is of no interest, but for its end.
-        match tokio::time::timeout(BEAT, socket.recv()).await {
-            Ok(None | Some(Err(_)) | Some(Ok(Message::Close(_)))) => return None,
-            Ok(Some(Ok(_))) => tokio::time::sleep(BEAT).await,
-            Err(_) => {}
+        tokio::select! {
+            received = socket.recv() => drop(received?.ok()?),
+            _ = clock.tick() => {
+                let strikes = feed.take(monitor, STRIKES_AT_A_TIME);
+                let with_curves = strikes.iter().map(|strike| {
+                    json!({ "strike": &**strike, "curves": strike.curves() })
+                });
+                let strikes: Vec<_> = with_curves.collect();
+                let state = monitor.lock().view();
+                let news = json!({ "state": state, "missed": feed.missed, "strikes": strikes });
+                let sent = socket.send(Message::Text(news.to_string().into()));
+                timeout(PATIENCE, sent).await.ok()?.ok()?;
+            }
         }
     }
 }
 
-async fn send(socket: &mut WebSocket, value: &Value) -> Option<()> {
-    let sent = socket.send(Message::Text(value.to_string().into()));
-    tokio::time::timeout(PATIENCE, sent).await.ok()?.ok()
+/// The recording as far as it goes, made whole.
+async fn download(State(served): State<Served>) -> Response {
+    let file = served.monitor.lock().file().map(Path::to_owned);
+    let Some(file) = file else {
+        return (
+            StatusCode::NOT_FOUND,
+            "there is no recording of this program yet\n",
+        )
+            .into_response();
+    };
+    let copied = tokio::task::spawn_blocking(move || whole_copy(&file)).await;
+    match copied {
+        Ok(Ok(copy)) => {
+            let kind = [
+                (header::CONTENT_TYPE, "application/octet-stream"),
+                (header::CONTENT_DISPOSITION, "attachment; filename=\"bead.mcap\""),
+            ];
+            let stream = ReaderStream::new(tokio::fs::File::from_std(copy));
+            (kind, Body::from_stream(stream)).into_response()
+        }
+        Ok(Err(why)) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{why}\n")).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
 }
 
-/// Strikes for the page; the last one of each bead has its curves, as only those are drawn.
-fn strikes_json(strikes: &[Arc<ShownStrike>]) -> Value {
-    let is_last = |place: usize| {
-        let later = &strikes[place + 1..];
-        later.iter().all(|strike| strike.bead != strikes[place].bead)
-    };
-    let all = strikes.iter().enumerate().map(|(place, strike)| {
-        let mut value = json!(**strike);
-        if is_last(place) {
-            value["curves"] = json!(strike.curves());
-        }
-        value
-    });
-    json!({"type": "strikes", "strikes": all.collect::<Vec<_>>()})
+/// A whole recording of what a file has so far. It has no name any more, so nothing is left of it.
+fn whole_copy(recording: &Path) -> Result<std::fs::File, String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let copy = folder.path().join("bead.mcap");
+    let recording = Recording::open(recording).map_err(|error| error.to_string())?;
+    recover(&recording, &Target::new(&copy)).map_err(|error| error.to_string())?;
+    std::fs::File::open(&copy).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::io::{Read, Write};
-    use std::net::TcpStream;
-    use std::thread;
-
     use super::*;
-    use crate::testing::struck;
 
-    /// The answer to a request with these header lines; `{}` in them is the page's address.
-    fn answer(page: SocketAddr, path: &str, headers: &str) -> String {
-        let mut stream = TcpStream::connect(page).unwrap();
-        let headers = headers.replace("{}", &page.to_string());
-        write!(
-            stream,
-            "GET {path} HTTP/1.1\r\nConnection: close\r\n{headers}\r\n"
-        )
-        .unwrap();
-        let mut text = Vec::new();
-        stream.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
-        let mut buffer = [0; 4096];
-        while let Ok(length @ 1..) = stream.read(&mut buffer) {
-            text.extend_from_slice(&buffer[..length]);
+    #[test]
+    fn only_names_that_cannot_be_another_computers_are_this_one() {
+        for host in ["localhost:80", "127.0.0.1:8080", "[::1]:80", "127.0.0.1"] {
+            assert!(is_own_host(host, true), "{host}");
         }
-        String::from_utf8_lossy(&text).into_owned()
-    }
-
-    fn with_page(test: impl FnOnce(SocketAddr, &str)) {
-        let page = WebPage::open("127.0.0.1:0".parse().unwrap(), true).unwrap();
-        let (address, path) = (page.address, format!("/{}/", page.token));
-        let (monitor, stop) = (struck(), AtomicBool::new(false));
-        thread::scope(|scope| {
-            struct Stop<'a>(&'a AtomicBool);
-            impl Drop for Stop<'_> {
-                fn drop(&mut self) {
-                    self.0.store(true, Ordering::Relaxed);
-                }
-            }
-            let serving = scope.spawn(|| page.serve(&monitor, &stop));
-            {
-                let _stop = Stop(&stop);
-                test(address, &path);
-            }
-            serving.join().unwrap().unwrap();
-        });
-    }
-
-    #[test]
-    fn only_who_has_the_token_the_right_host_and_the_right_origin_is_answered() {
-        with_page(|page, path| {
-            let status = |path: &str, headers: &str| {
-                let text = answer(page, path, headers);
-                let status = text
-                    .split(' ')
-                    .nth(1)
-                    .map(|status| status.parse::<u16>().unwrap());
-                status.unwrap()
-            };
-            let good = "Host: {}\r\n";
-            assert_eq!(status(path, good), 200);
-            let port = page.port();
-            assert_eq!(status(path, &format!("Host: localhost:{port}\r\n")), 200);
-            assert_eq!(status(path, "Host: {}\r\nOrigin: http://{}\r\n"), 200);
-            for file in &FILES[1..] {
-                assert_eq!(status(&format!("{path}{}", file.0), good), 200, "{}", file.0);
-            }
-            assert_eq!(status("/", good), 404);
-            assert_eq!(status(&format!("/{}/", "0".repeat(32)), good), 404);
-            // A name that was rebound to this computer, another page, and a page in a frame of no origin.
-            assert_eq!(status(path, &format!("Host: evil.example:{port}\r\n")), 403);
-            assert_eq!(status(path, "Host: 127.0.0.1:1\r\n"), 403);
-            assert_eq!(status(path, "Host: {}\r\nOrigin: http://evil.example\r\n"), 403);
-            assert_eq!(status(path, "Host: {}\r\nOrigin: null\r\n"), 403);
-            assert_eq!(status(&format!("{path}recording"), good), 404);
-        });
-    }
-
-    #[test]
-    fn the_page_may_load_nothing_from_elsewhere_and_names_no_other_server() {
-        with_page(|page, path| {
-            let text = answer(page, path, "Host: {}\r\n");
-            assert!(text.contains(&POLICY.split("; ").next().unwrap()[..18]), "{text}");
-            assert!(
-                text.contains("content-security-policy") && text.contains("referrer-policy: no-referrer")
-            );
-        });
-        for (name, _, contents) in FILES {
-            assert!(
-                !contents.contains("//cdn") && !contents.contains("src=\"http"),
-                "{name}"
-            );
-            // What comes from a device must not be parsed as HTML.
-            if name == "page.js" {
-                assert!(!contents.contains("innerHTML") && !contents.contains("document.write"));
-            }
+        for host in [
+            "",
+            "evil.example:80",
+            "127.0.0.1.evil.example",
+            "192.168.1.2:80",
+            "localhost.evil:80",
+        ] {
+            assert!(!is_own_host(host, true), "{host}");
         }
-    }
-
-    const UPGRADE: &str = "Host: {}\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
-                           Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nOrigin: http://{}\r\n";
-
-    #[test]
-    fn a_browser_gets_the_state_and_the_strikes_and_one_that_comes_again_gets_them_again() {
-        with_page(|page, path| {
-            for _ in 0..2 {
-                let mut stream = TcpStream::connect(page).unwrap();
-                let headers = UPGRADE.replace("{}", &page.to_string());
-                write!(
-                    stream,
-                    "GET {path}live HTTP/1.1\r\nConnection: Upgrade\r\n{headers}\r\n"
-                )
-                .unwrap();
-                let mut text = Vec::new();
-                let mut buffer = [0; 4096];
-                let has = |text: &[u8], part: &str| String::from_utf8_lossy(text).contains(part);
-                while !(has(&text, "\"type\":\"strikes\"") && has(&text, "\"type\":\"state\"")) {
-                    let length = stream.read(&mut buffer).unwrap();
-                    assert!(length > 0, "{}", String::from_utf8_lossy(&text));
-                    text.extend_from_slice(&buffer[..length]);
-                }
-                for part in [
-                    "101 Switching",
-                    "\"curves\":{\"from_ms\"",
-                    "\"supply_v\":3.3",
-                    "left_out\":0",
-                ] {
-                    assert!(has(&text, part), "{part}: {}", String::from_utf8_lossy(&text));
-                }
-            }
-        });
-    }
-
-    #[test]
-    fn a_reader_that_is_slow_learns_how_many_strikes_it_missed() {
-        let monitor = struck();
-        let mut feed = Feed::default();
-        assert_eq!((feed.take(&monitor).len(), feed.missed), (1, 0));
-        let mut bead = bead_testing::Speaker {
-            boot: 1,
-            ..bead_testing::Speaker::at(7)
-        };
-        let mut reader = bead_recording::frames::FrameReader::default();
-        let more = crate::model::HISTORY as u64 + 10;
-        crate::testing::strike_again(&mut bead, more as u32);
-        reader.feed(&bead.bytes, Some(1), |item| monitor.lock().push(0, &item));
-        assert_eq!(feed.take(&monitor).len(), crate::model::HISTORY);
-        assert_eq!(feed.missed, 10);
-    }
-
-    #[test]
-    fn an_address_that_others_reach_is_refused_unless_it_is_asked_for() {
-        let all = "0.0.0.0:0".parse().unwrap();
-        let refused = WebPage::open(all, true).err().unwrap();
-        assert!(refused.contains("not encrypted"), "{refused}");
-        assert!(WebPage::open(all, false).is_ok());
-        let taken = WebPage::open("127.0.0.1:0".parse().unwrap(), true).unwrap();
-        let refused = WebPage::open(taken.address, true).err().unwrap();
-        assert!(refused.contains("give another port"), "{refused}");
-        assert_eq!(refused.lines().count(), 1);
+        assert!(is_own_host("192.168.1.2:80", false));
+        assert!(!is_own_host("evil.example:80", false));
     }
 }

@@ -76,6 +76,7 @@ pub fn resumable(how: String) {
 
 /// Ends the program. Nothing half-done stays under a name that was asked for.
 fn end(signal: i32) -> ! {
+    bead_monitor::terminal::restore();
     remove_unfinished();
     stm32f405_qemu::remove_temporary_files();
     match LEFT.get() {

@@ -76,7 +76,7 @@ enum Command {
     Emulate(Box<emulate::Arguments>),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
-    /// Watch live beads: on a terminal, in a browser, in other programs; and record them.
+    /// Show live beads on a terminal or in a browser, and record them.
     Monitor(Box<monitor::Arguments>),
     /// Add notes to recordings, or print them: operator, specimen, place.
     Note(note::Arguments),
@@ -150,6 +150,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Monitor(arguments) => monitor::run(&arguments),
             Command::Judge(arguments) => judge::run(&arguments),
             Command::Monitor(arguments) => monitor::run(&arguments),
             Command::Note(arguments) => note::run(&arguments),

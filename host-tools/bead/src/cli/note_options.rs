@@ -45,6 +45,11 @@ impl NoteOptions {
         self.note.is_empty()
     }
 
+    /// The author of these notes, and of those that follow.
+    pub(crate) fn author(&self) -> &Author {
+        &self.author
+    }
+
     /// The notes as written now.
     pub(crate) fn signed(&self) -> Vec<Note> {
         self.author.sign(self.note.clone())

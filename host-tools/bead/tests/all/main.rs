@@ -4,6 +4,7 @@
 
 mod analyse;
 mod answering;
+mod browser;
 mod budget;
 mod calibrate;
 mod channels;
@@ -22,6 +23,7 @@ mod kept;
 mod limits;
 mod logbook;
 mod monitor;
+mod pane;
 mod program;
 mod record;
 mod recover;

@@ -7,7 +7,7 @@ use hertz_chain::{EnsembleOptions, EnsembleOutcome, Scenario, ensemble};
 use rayon::prelude::*;
 
 use crate::plan::Plan;
-use bead_tables::Writer;
+use bead_tables::{Cell, Writer};
 
 /// Runs in memory at a time: enough of one kind to fill the vectors of many threads.
 const TOGETHER: u64 = 4096;
@@ -26,6 +26,19 @@ pub fn compute(
     table: &mut Writer<'_>,
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<u64> {
+    each_row(plan, points, progress, |row| table.push(row))
+}
+
+/// Runs the points of a range as [`compute`] does, and hands their rows on in order.
+///
+/// # Errors
+/// Those of `take`.
+pub fn each_row(
+    plan: &Plan,
+    points: Range<u64>,
+    progress: &(dyn Fn(f64) + Sync),
+    mut take: impl FnMut(Vec<Cell>) -> anyhow::Result<()>,
+) -> anyhow::Result<u64> {
     let (mut failed, mut from) = (0, points.start);
     while from < points.end {
         let batch = batch(plan, from..points.end.min(from + TOGETHER));
@@ -34,7 +47,7 @@ pub fn compute(
         let results = results(plan, batch, &|part| progress(done as f64 + part * count as f64));
         for (result, point) in results.iter().zip(from..) {
             failed += u64::from(result.is_err());
-            table.push(plan.row(point, result))?;
+            take(plan.row(point, result))?;
         }
         from += count;
         progress((from - points.start) as f64);

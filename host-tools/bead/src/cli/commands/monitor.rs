@@ -1,383 +1,341 @@
-//! `bead monitor`: live beads on a terminal, a page in a browser, and in other programs.
+//! `bead monitor`: live beads on a terminal, in a browser and in other programs.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::thread::{self, Scope};
-use std::time::{Duration, Instant, SystemTime};
-use std::{io, panic};
+use std::thread;
+use std::time::{Duration, SystemTime};
 
-use chrono::{DateTime, Utc};
-use tempfile::TempDir;
-
-use super::record::{PortChoice, conclude, new_target, port};
-use crate::cli::beads::BeadNumbers;
-use crate::cli::commands::prelude::*;
-use crate::cli::commands::settings_file;
-use crate::cli::note_options::{NoteOptions, note};
-use bead_bench::bridge::{self, Bridge, Door};
-use bead_bench::emulation::Emulation;
-use bead_bench::error::BenchError;
 use bead_bench::image::find_image;
-use bead_bench::several;
+use bead_bench::live_beads::LiveBeads;
 use bead_bench::tables::BenchTables;
-use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead_compare::sensed::load_scenario;
 use bead_line::key;
-use bead_line::port::{Address, Port, open_all};
-use bead_line::recorder::{Recorded, Recorder, RecorderOptions, RecorderOrder};
-use bead_monitor::udp::Datagrams;
+use bead_line::port::{Address, open_all};
+use bead_line::recorder::{Recorded, Recorder, RecorderOptions};
+use bead_monitor::udp::UdpSender;
 use bead_monitor::web::WebPage;
 use bead_monitor::{Control, Monitor, SharedMonitor, follow, terminal};
 use bead_recording::file::{About, Follower};
+use chrono::{DateTime, Utc};
+use clap::ArgGroup;
+
+use super::record::{self, PortChoice};
+use super::settings_file;
+use crate::cli::beads::BeadNumbers;
+use crate::cli::commands::prelude::*;
+use crate::cli::note_options::{NoteOptions, note};
 
 const AFTER_HELP: &str = "\
-The beads come from ports, from a recording that another program writes, or from the emulator. What comes from \
-ports and from the emulator is recorded at the same time, as `bead record` does it. No page holds up the \
-recorder.
+Shows each bead's last strike with force, acceleration and residual, both energies with their uncertainties, \
+flags in words, the strikes before it, losses by cause, health, supply and clock. ± is two standard \
+uncertainties. The keys are at the bottom. 80x24 is enough; a smaller window gets the numbers alone. NO_COLOR \
+is heeded.
 
-Keys: up and down choose a bead, left and right a strike; n writes a note into the recording, a arms the bead, d \
-disarms it; q ends, and completes the recording. 80 by 24 cells are enough, and fewer show less.
+It records as `bead record` does, to --out or to bead-DATE-TIME.mcap, and a page never holds that up. A port that \
+goes away is opened again as soon as it is back. q, Ctrl-C, SIGTERM, SIGHUP and a terminal that is gone complete \
+the recording. A recording that another program is writing (F.mcap.partial) is shown as it grows.
 
---web prints an address for a browser on this computer, with a token in it that changes each time. Without a \
-terminal, --web, --udp run until Ctrl-C or --duration.
-
-Exit status 0 at q, Ctrl-C or --duration; 2 if there is no terminal and no other page; 3 when no port is left.
+Exit status 2 without a terminal, and 3 if no port opens or no frame came.
 
 Examples:
   bead monitor --port /dev/ttyUSB0
-  bead monitor --port /dev/ttyUSB0 --port /dev/ttyUSB1 --out chain.mcap
-  bead monitor --port all --web
-  bead monitor strikes.mcap.partial
-  bead monitor --emulate docs/scenarios/ten-intruders.toml --bead 7-8
-  bead monitor --emulate docs/scenarios/ten-intruders.toml --web \\
-      --uncertainty docs/scenarios/paper-bead.toml
-  bead monitor --port /dev/ttyUSB0 --udp 127.0.0.1:9870";
+  bead monitor --port all --out chain.mcap --note operator=Ana
+  bead monitor --emulate docs/scenarios/ten-intruders.toml --bead 7,8
+  bead monitor --port /dev/ttyUSB0 --web
+  bead monitor --port /dev/ttyUSB0 --udp 127.0.0.1:9870
+  bead monitor night.mcap.partial";
 
 #[derive(Debug, Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = AFTER_HELP, group = ArgGroup::new("source").required(true))]
 pub(crate) struct Arguments {
-    /// A recording, finished or still being written (F.mcap.partial).
-    #[arg(value_name = "F.mcap", required_unless_present_any = ["port", "emulate"])]
-    follow: Option<PathBuf>,
+    /// A recording, finished or growing, to show in place of live beads.
+    #[arg(value_name = "F.mcap", group = "source", conflicts_with_all = ["out", "note", "key", "duration"])]
+    recording: Option<PathBuf>,
     /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial
     /// port here.
-    #[arg(long, value_name = "P", value_parser = port, conflicts_with = "follow")]
+    #[arg(long, value_name = "P", group = "source", value_parser = record::port)]
     port: Vec<PortChoice>,
-    /// Emulate beads that are struck again and again, as this scenario has them.
-    #[arg(long, value_name = "SCENARIO", conflicts_with_all = ["follow", "port"])]
+    /// Show emulated beads of this scenario, a TOML file in SI units: each is the image in QEMU, struck about
+    /// once a second.
+    #[arg(long, value_name = "SCENARIO", group = "source", requires = "bead")]
     emulate: Option<PathBuf>,
-    /// The beads to emulate: 7, 7-16, 7,9,12 or all.
-    #[arg(long, value_name = "N", default_value = "all", requires = "emulate")]
-    bead: BeadNumbers,
-    /// Time from strike to strike of emulated beads, s.
-    #[arg(long, value_name = "S", default_value = "2", value_parser = positive, requires = "emulate")]
-    interval: f64,
-    /// Let the settings of emulated beads state the uncertainties of this file, as bead.toml has them: the
-    /// beads then send those of their energies.
+    /// The emulated beads: those with an intruder. 7-16, 7,9,12 or all.
+    #[arg(long, value_name = "N", requires = "emulate")]
+    bead: Option<BeadNumbers>,
+    /// Let the settings of emulated beads state the uncertainties of this file, as bead.toml has them.
     #[arg(long, value_name = "F.toml|F.settings", requires = "emulate")]
     uncertainty: Option<PathBuf>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
-    #[arg(long, value_name = "F.mcap", conflicts_with = "follow")]
+    #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// Sign requests to arm and disarm with the key in this file.
-    #[arg(long, value_name = "F.key")]
-    key: Option<PathBuf>,
-    #[command(flatten)]
-    notes: NoteOptions,
     /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
-    /// Serve the page to a browser at this address of this computer.
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:0")]
+    #[command(flatten)]
+    notes: NoteOptions,
+    /// Serve the page for a browser in place of the terminal's, at this address [default: 127.0.0.1 and a port
+    /// that is free]. The URL that is printed has a secret in it.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
+        default_missing_value = "127.0.0.1:0")]
     web: Option<SocketAddr>,
-    /// Let --web serve other computers too. The page is not encrypted: who reads the network reads the
-    /// token, and with it all strikes.
+    /// Serve the page to other computers too: not encrypted, so whoever sees the traffic sees the URL and all
+    /// that the beads measure.
     #[arg(long, requires = "web")]
-    web_without_encryption: bool,
-    /// Send each strike and each state as a JSON datagram, as PlotJuggler takes it.
-    #[arg(long, value_name = "HOST:PORT")]
-    udp: Option<String>,
+    insecure_network: bool,
+    /// Send each strike as JSON to this address by UDP, for PlotJuggler.
+    #[arg(long, value_name = "HOST:PORT", value_parser = udp_address)]
+    udp: Option<SocketAddr>,
+    /// Sign the requests to arm and disarm with the key in this file.
+    #[arg(long, value_name = "F.key")]
+    key: Option<PathBuf>,
 }
 
-/// Time for which all ports may be away.
-const WAIT: Duration = Duration::from_secs(10);
-/// Time between edges at the sync inputs of emulated beads, and that in which there are any, s.
-const SYNC_PERIOD: f64 = 0.1;
-const SYNCED: f64 = 3600.0;
-/// Time after which a recording goes on in another file.
+/// Parses an address to serve the page at.
+fn web_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse()
+        .map_err(|_| "give an address of this computer with a port, such as 127.0.0.1:8080".to_owned())
+}
+
+/// Finds the address of another program.
+fn udp_address(text: &str) -> Result<SocketAddr, String> {
+    let found = text.to_socket_addrs().ok().and_then(|mut found| found.next());
+    found.ok_or_else(|| "give host and port number, as in 127.0.0.1:9870".to_owned())
+}
+
+/// Time after which the recording goes on in another file.
 const SPLIT: Duration = Duration::from_secs(86_400);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let refused = terminal::refusal();
-    if let Some(why) = refused.filter(|_| arguments.web.is_none() && arguments.udp.is_none()) {
-        bail!(Input, "{why}");
-    }
-    // Before a recording begins.
-    let open = !arguments.web_without_encryption;
-    let web = arguments.web.map(|address| WebPage::open(address, open));
-    let web = web.transpose().map_err(Failure::input)?;
-    let udp = arguments.udp.as_deref().map(Datagrams::to).transpose();
-    let udp = udp.map_err(Failure::input)?;
-    let source = Source::open(arguments)?;
-    let stop = interrupt::orderly(source.remains());
-    let monitor = SharedMonitor::new(source.monitor());
-    let (orders, ordered) = mpsc::channel();
-    let control = source.control(arguments, orders)?;
-    let (fed, shown) = thread::scope(|scope| {
-        let (monitor, stop) = (&monitor, &*stop);
-        if let Some(web) = web {
-            note!("the page is at {}", web.url());
-            monitor.lock().tell(&format!("the page is at {}", web.url()));
-            scope.spawn(move || ended(web.serve(monitor, stop), monitor, stop));
-        }
-        if let Some(udp) = udp {
-            scope.spawn(move || udp.serve(monitor, stop));
-        }
-        let feeding = scope.spawn(move || {
-            let fed = source.feed(arguments, monitor, ordered, stop);
-            // The pages end with what they show.
-            stop.store(true, Ordering::Relaxed);
-            fed
-        });
-        let deadline = arguments
-            .duration
-            .and_then(|duration| Instant::now().checked_add(duration));
-        let shown = match refused {
-            None => terminal::show(monitor, control.as_ref(), deadline, stop),
-            Some(_) => {
-                while !stop.load(Ordering::Relaxed) && deadline.is_none_or(|at| Instant::now() < at) {
-                    thread::sleep(Duration::from_millis(50));
-                }
-                stop.store(true, Ordering::Relaxed);
-                Ok(())
-            }
-        };
-        let fed = feeding.join();
-        (fed.unwrap_or_else(|cause| panic::resume_unwind(cause)), shown)
-    });
-    let concluded =
-        fed.and_then(|recorded| recorded.map_or(Ok(()), |recorded| conclude(recorded, WAIT, Ok(()))));
-    // A page that failed costs no recording, and its reason comes after that.
-    concluded.and(
-        shown
-            .context("the terminal cannot be drawn on; the recording is complete")
-            .map_err(Failure::from),
-    )
-}
-
-/// Ends all when a page ends early.
-fn ended(served: io::Result<()>, monitor: &SharedMonitor, stop: &AtomicBool) {
-    if let Err(why) = served
-        && !stop.load(Ordering::Relaxed)
-    {
-        monitor
-            .lock()
-            .tell(&format!("the web page ended: {why}; the recording goes on"));
+    let pages = Pages::open(arguments)?;
+    match &arguments.recording {
+        Some(recording) => show_recording(recording, pages),
+        None => show_beads(arguments, pages),
     }
 }
 
-/// The origin of the frames.
-enum Source {
-    /// A recording of another program.
-    Recording(PathBuf, Box<Follower>),
-    /// Ports that are recorded.
-    Ports {
-        open: Vec<(Address, Port)>,
-        target: Target,
-        emulated: Option<EmulatedBeads>,
-    },
+/// The pages that were asked for.
+struct Pages {
+    has_terminal: bool,
+    web: Option<WebPage>,
+    udp: Option<UdpSender>,
 }
 
-impl Source {
+impl Pages {
     fn open(arguments: &Arguments) -> Result<Self, Failure> {
-        if let Some(path) = &arguments.follow {
-            let follower = Box::new(Follower::open(path)?);
-            return Ok(Self::Recording(path.clone(), follower));
+        let has_terminal = arguments.web.is_none() && terminal::is_there();
+        if !has_terminal && arguments.web.is_none() && arguments.udp.is_none() {
+            bail!(
+                Input,
+                "standard input and output are no terminal, which the page needs; run it in one, give --web for a \
+                 browser, or record without a page: bead record"
+            );
         }
-        let started = DateTime::<Utc>::from(SystemTime::now());
-        let target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?;
-        let emulated = arguments.emulate.as_deref();
-        let emulated = emulated
-            .map(|scenario| EmulatedBeads::prepare(scenario, arguments))
-            .transpose()?;
-        let ports = match &emulated {
-            Some(emulated) => emulated.addresses.iter().cloned().map(Some).collect(),
-            None => arguments.port.clone(),
+        let open = |at: SocketAddr| {
+            if !at.ip().is_loopback() && !arguments.insecure_network {
+                bail!(
+                    Input,
+                    "--web={at}: other computers could see the page, and nothing is encrypted; give 127.0.0.1 and reach it \
+                     by `ssh -L`, or accept that by --insecure-network"
+                );
+            }
+            WebPage::open(at).map_err(|error| {
+                failure!(
+                    Input,
+                    "cannot listen at {at}: {error}; give an address of this computer and a free port"
+                )
+            })
         };
-        let open = open_all(&ports, arguments.baud, |line| note!("{line}"));
-        let open = open.map_err(|why| failure!(Device, "{why}"))?;
-        Ok(Self::Ports {
-            open,
-            target,
-            emulated,
+        let udp = |to: SocketAddr| {
+            UdpSender::open(to)
+                .map_err(|error| failure!(Input, "cannot send to {to}: {error}; correct the address"))
+        };
+        Ok(Self {
+            has_terminal,
+            web: arguments.web.map(open).transpose()?,
+            udp: arguments.udp.map(udp).transpose()?,
         })
     }
 
-    /// A monitor of it, of which nothing came yet.
-    fn monitor(&self) -> Monitor {
-        match self {
-            Self::Recording(path, _) => {
-                let path = path.display().to_string();
-                Monitor::new(vec![path.clone()], format!("follows {path}"))
-            }
-            Self::Ports {
-                open,
-                target,
-                emulated,
-            } => {
-                let port = |(address, _): &(Address, Port)| match emulated {
-                    Some(_) => "emulated".to_owned(),
-                    None => address.to_string(),
-                };
-                let recording = format!("recording {}", target.path().display());
-                Monitor::new(open.iter().map(port).collect(), recording)
-            }
-        }
-    }
-
-    /// What is left if the recording cannot be completed in time.
-    fn remains(&self) -> String {
-        match self {
-            Self::Recording(..) => "nothing is left behind, run it again".to_owned(),
-            Self::Ports { target, .. } => format!(
-                "the disk was too slow to complete the recording; what came is in {}.partial, for `bead recover`",
-                target.path().display()
-            ),
-        }
-    }
-
-    /// The way to the recorder, if there is one.
-    fn control(
-        &self,
-        arguments: &Arguments,
-        orders: mpsc::Sender<RecorderOrder>,
-    ) -> Result<Option<Control>, Failure> {
-        let key = arguments.key.as_deref().map(key::read).transpose()?;
-        let author = arguments.notes.author.clone();
-        let parse = move |text: &str| note(text).map(|note| author.sign(vec![note]).remove(0));
-        let control = Control::new(orders, key, Box::new(parse));
-        Ok(matches!(self, Self::Ports { .. }).then_some(control))
-    }
-
-    /// Feeds the monitor until `stop`. Gives what was recorded.
-    fn feed(
+    /// Shows all pages until `stop`. At the end of one, however it comes, everything stops.
+    fn show(
         self,
-        arguments: &Arguments,
         monitor: &SharedMonitor,
-        orders: mpsc::Receiver<RecorderOrder>,
+        control: Option<Control>,
         stop: &AtomicBool,
-    ) -> Result<Option<Recorded>, Failure> {
-        let (open, target, emulated) = match self {
-            Self::Recording(_, follower) => {
-                follow(monitor, *follower, stop)?;
-                return Ok(None);
+    ) -> Result<(), Failure> {
+        if let Some(web) = &self.web {
+            note!("the page is at {} until Ctrl-C", web.url());
+        }
+        thread::scope(|scope| {
+            let web = self.web.map(|web| {
+                scope.spawn(move || {
+                    let _stop = StopAtEnd(stop);
+                    web.serve(monitor.clone(), stop)
+                })
+            });
+            let udp = self.udp.map(|udp| scope.spawn(move || udp.serve(monitor, stop)));
+            let shown = if self.has_terminal {
+                let _stop = StopAtEnd(stop);
+                terminal::run(monitor, control.as_ref(), stop)
+            } else {
+                Ok(())
+            };
+            let served = web.map_or(Ok(()), join);
+            if let Some(udp) = udp {
+                join(udp);
             }
-            Self::Ports {
-                open,
-                target,
-                emulated,
-            } => (open, target, emulated),
+            shown.map_err(|error| {
+                failure!(
+                    Input,
+                    "the terminal is gone ({error}); what came before it went is recorded"
+                )
+            })?;
+            served.map_err(|error| failure!(Input, "the page cannot be served any more: {error}"))
+        })
+    }
+}
+
+fn show_recording(path: &Path, pages: Pages) -> Result<(), Failure> {
+    let follower = Follower::open(path)?;
+    let name = path.display().to_string();
+    let monitor = SharedMonitor::new(Monitor::new(vec![name.clone()], name));
+    monitor.lock().set_file(path);
+    let stop = interrupt::orderly("the recording is another program's and goes on".to_owned());
+    let (shown, followed) = thread::scope(|scope| {
+        let pages = scope.spawn(|| pages.show(&monitor, None, &stop));
+        let followed = follow(&monitor, follower, &stop);
+        if followed.is_err() {
+            stop.store(true, Ordering::Relaxed);
+        }
+        (join(pages), followed)
+    });
+    followed?;
+    shown
+}
+
+fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
+    let key = arguments.key.as_deref().map(key::read).transpose()?;
+    let started = DateTime::<Utc>::from(SystemTime::now());
+    // Before the work, which a name that does not do would waste.
+    record::target(arguments.out.as_deref(), arguments.overwrite, started)?;
+    let live = arguments.emulate.as_deref();
+    let live = live.map(|scenario| arguments.live_beads(scenario)).transpose()?;
+    let emulated = live.iter().flat_map(LiveBeads::addresses).cloned().map(Some);
+    let wanted: Vec<PortChoice> = arguments.port.iter().cloned().chain(emulated).collect();
+    let open = open_all(&wanted, arguments.baud, |line| note!("{line}"));
+    let open = open.map_err(|why| failure!(Device, "{why}"))?;
+    let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
+    let names = addresses.iter().map(Address::to_string).collect();
+    let monitor = SharedMonitor::new(Monitor::new(names, String::new()));
+    let (orders, ordered) = mpsc::channel();
+    let author = arguments.notes.author().clone();
+    let sign = move |text: &str| {
+        let notes = author.sign(vec![note(text)?]);
+        notes.into_iter().next().ok_or_else(String::new)
+    };
+    let control = Control::new(orders, key, Box::new(sign));
+    let is_printed = !pages.has_terminal;
+    let tell = |line: String| {
+        if is_printed {
+            note!("{line}");
+        }
+        monitor.lock().tell(&line);
+    };
+    let mut observer = monitor.clone();
+    let recorder = arguments.recorder(&addresses, started, &mut observer, &tell)?;
+    let recorder = recorder.with_orders(ordered);
+    let stop =
+        interrupt::orderly("the disk was too slow to complete the recording; `bead recover` does".to_owned());
+    let (shown, recorded) = thread::scope(|scope| {
+        if let Some(live) = &live {
+            scope.spawn(|| live.serve(&stop, &tell));
+        }
+        let pages = scope.spawn(|| pages.show(&monitor, Some(control), &stop));
+        // It sets `stop` at its end.
+        let recorded = recorder.run(ports, &stop);
+        (join(pages), recorded)
+    });
+    let recorded = recorded.map_err(Failure::input)?;
+    summarise(&recorded);
+    shown?;
+    record::frames_came(&recorded)
+}
+
+fn join<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
+    thread
+        .join()
+        .unwrap_or_else(|cause| std::panic::resume_unwind(cause))
+}
+
+/// Prints the lines that end a recording.
+fn summarise(recorded: &Recorded) {
+    if recorded.ports.len() > 1 {
+        recorded.ports.iter().for_each(|port| note!("{port}"));
+    }
+    for line in record::not_back(recorded).iter().flatten() {
+        note!("{line} and was not back at the end");
+    }
+    note!("{recorded}");
+    record::clock_lines(&recorded.clocks).for_each(|line| note!("{line}"));
+    recorded.from_the_future.iter().for_each(|line| note!("{line}"));
+}
+
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Arguments {
+    fn live_beads(&self, path: &Path) -> Result<LiveBeads, Failure> {
+        let (scenario, text) = load_scenario(path)?;
+        let tables = BenchTables::from_toml(&text, &path.display().to_string())?;
+        let beads = match &self.bead {
+            Some(BeadNumbers::One(bead)) => vec![*bead],
+            Some(several) => several.of(&scenario)?,
+            None => Vec::new(),
         };
-        let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
+        let stated = self
+            .uncertainty
+            .as_deref()
+            .map(settings_file::uncertainty)
+            .transpose()?;
+        let image = find_image(None)?;
+        let front_end = tables.front_end.front_end()?;
+        let live = LiveBeads::open(&scenario, &front_end, &beads, stated, 1, &image)?;
+        Ok(live.with_pace(tables.clock.pace.unwrap_or(1.0)))
+    }
+
+    fn recorder<'a>(
+        &self,
+        addresses: &[Address],
+        started: DateTime<Utc>,
+        observer: &'a mut SharedMonitor,
+        tell: &'a (dyn Fn(String) + Sync),
+    ) -> Result<Recorder<'a>, Failure> {
         let options = RecorderOptions {
-            baud: arguments.baud,
-            duration: None,
+            baud: self.baud,
+            duration: self.duration,
             split: SPLIT,
-            wait: WAIT,
+            // The page says which port is away, and its reader knows how long to wait.
+            wait: Duration::MAX,
             fetch: true,
         };
         let about = About {
-            remarks: arguments.notes.signed(),
+            notes: [("started".to_owned(), started.to_rfc3339())].into(),
+            remarks: self.notes.signed(),
             ..About::default()
         };
-        let tell = |line: String| monitor.lock().tell(&line);
-        let mut observer = monitor.clone();
-        let recorder = Recorder::new(&target, &addresses, options, about, &mut observer, &tell)?;
-        let recorder = recorder.with_orders(orders);
-        thread::scope(|scope| {
-            if let Some(emulated) = &emulated {
-                emulated.run(scope, monitor, stop);
-            }
-            recorder.run(ports, stop).map(Some).map_err(Failure::input)
-        })
-    }
-}
-
-/// Beads in the emulator, each behind a socket, as if it were at a port.
-struct EmulatedBeads {
-    addresses: Vec<Address>,
-    doors: Vec<Door>,
-    emulations: Vec<Emulation>,
-    pace: f64,
-    /// Removed with the sockets at the end.
-    _folder: TempDir,
-}
-
-impl EmulatedBeads {
-    fn prepare(scenario: &Path, arguments: &Arguments) -> Result<Self, Failure> {
-        let progress = output::spinner("simulating what the beads sense".to_owned());
-        let (scenario_of, text) = load_scenario(scenario)?;
-        let tables = BenchTables::from_toml(&text, &scenario.display().to_string())?;
-        let beads = arguments.bead.of(&scenario_of)?;
-        let front_end = tables.front_end.front_end()?;
-        let (clock, image) = (&tables.clock, find_image(None)?);
-        let mut placed = several::placed(&beads, &clock.crystals(), clock.start_spread, 1, true)?;
-        // What they feel is repeated, each time after as many of their scans: with one crystal and one start the
-        // wave runs along the row each time.
-        let stated = arguments.uncertainty.as_deref();
-        let stated = stated.map(settings_file::uncertainty).transpose()?;
-        for one in &mut placed {
-            (one.clock_ppm, one.began, one.uncertainty) = (0.0, 0.0, stated);
-        }
-        let solution = simulate_with_ring_down(&scenario_of)?;
-        let timing = Timing {
-            lead_in: 0.5 * arguments.interval,
-            strikes: 1,
-            interval: arguments.interval,
-        };
-        let period = clock.sync_period.unwrap_or(SYNC_PERIOD);
-        let emulate = |placed| {
-            let mut emulation =
-                Emulation::place(&scenario_of, &solution, placed, &front_end, timing, &image)?;
-            emulation.sync_until((1..).map(|number| f64::from(number) * period), SYNCED);
-            Ok::<_, BenchError>(emulation)
-        };
-        let emulations = placed.into_iter().map(emulate).collect::<Result<Vec<_>, _>>()?;
-        let folder = tempfile::tempdir().context("cannot make a folder for the sockets of the beads")?;
-        let address = |bead: &usize| Address::Unix(folder.path().join(format!("bead-{bead}.sock")));
-        let addresses: Vec<_> = beads.iter().map(address).collect();
-        let doors = addresses.iter().map(Door::open).collect::<Result<Vec<_>, _>>()?;
-        progress.finish_and_clear();
-        Ok(Self {
-            addresses,
-            doors,
-            emulations,
-            pace: clock.pace.unwrap_or(1.0),
-            _folder: folder,
-        })
-    }
-
-    /// Runs each bead on a thread of its own until `stop`.
-    fn run<'scope>(
-        &'scope self,
-        scope: &'scope Scope<'scope, '_>,
-        monitor: &'scope SharedMonitor,
-        stop: &'scope AtomicBool,
-    ) {
-        for (emulation, door) in self.emulations.iter().zip(&self.doors) {
-            scope.spawn(move || {
-                let bridge = Bridge::new(emulation, Some(self.pace));
-                let served = bridge.and_then(|mut bridge| bridge::serve(&mut bridge, door, stop));
-                if let Err(why) = served {
-                    let bead = emulation.truth.bead;
-                    monitor.lock().tell(&format!("bead {bead} is gone: {why}"));
-                }
-            });
-        }
+        let target = record::target(self.out.as_deref(), self.overwrite, started)?;
+        observer.lock().record_to(target.path());
+        Ok(Recorder::new(&target, addresses, options, about, observer, tell)?)
     }
 }

@@ -107,7 +107,8 @@ pub(super) type PortChoice = Option<Address>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let mut target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?;
+    let own_target = || target(arguments.out.as_deref(), arguments.overwrite, started);
+    let mut target = own_target()?;
     let note = |line: String| note!("{line}");
     let open = open_all(&arguments.port, arguments.baud, note).map_err(|why| failure!(Device, "{why}"))?;
     let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
@@ -139,9 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorder = loop {
         match Recorder::new(&target, &addresses, options, about.clone(), &mut lines, &note) {
             // Another program began a recording in the same second.
-            Err(RecordingError::Busy(_)) if arguments.out.is_none() => {
-                target = new_target(arguments.out.as_deref(), arguments.overwrite, started)?
-            }
+            Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = own_target()?,
             recorder => break recorder?,
         }
     };
@@ -165,15 +164,7 @@ pub(super) fn conclude(
     if count > 1 {
         recorded.ports.iter().map(RecordedPort::to_string).for_each(note);
     }
-    let (mut gone, mut away) = (Vec::new(), Vec::new());
-    for port in &recorded.ports {
-        let (ended, reason) = match &port.end {
-            End::Stopped => continue,
-            End::Away(reason) => (&mut away, reason),
-            End::Gone(reason) => (&mut gone, reason),
-        };
-        ended.push(format!("{} went away ({reason})", port.address));
-    }
+    let [gone, away] = not_back(&recorded);
     let summary = recorded.to_string();
     if gone.len() == count || wait.is_zero() && !gone.is_empty() {
         bail!(
@@ -187,8 +178,27 @@ pub(super) fn conclude(
     }
     note(summary);
     clock_lines(&recorded.clocks).for_each(note);
-    recorded.from_the_future.into_iter().for_each(note);
+    recorded.from_the_future.iter().for_each(|line| note!("{line}"));
     printed?;
+    frames_came(&recorded)
+}
+
+/// A line about each port that has gone away for good, and about each that was away at the end.
+pub(super) fn not_back(recorded: &Recorded) -> [Vec<String>; 2] {
+    let (mut gone, mut away) = (Vec::new(), Vec::new());
+    for port in &recorded.ports {
+        let (ended, reason) = match &port.end {
+            End::Stopped => continue,
+            End::Away(reason) => (&mut away, reason),
+            End::Gone(reason) => (&mut gone, reason),
+        };
+        ended.push(format!("{} went away ({reason})", port.address));
+    }
+    [gone, away]
+}
+
+/// Fails if no frame came, with the likely reason.
+pub(super) fn frames_came(recorded: &Recorded) -> Result<(), Failure> {
     match recorded.counters {
         Counters { frames: 1.., .. } => Ok(()),
         Counters { bytes: 0, .. } => {
@@ -240,7 +250,7 @@ impl RecorderObserver for StrikePrinter {
 }
 
 /// The file of a recording that begins now. A name of the date is one that no file has yet, finished or not.
-pub(super) fn new_target(
+pub(super) fn target(
     out: Option<&Path>,
     overwrite: Overwrite,
     started: DateTime<Utc>,
@@ -258,7 +268,7 @@ pub(super) fn new_target(
 }
 
 /// The drift of each bead's clock since its last restart, a line each, where the recording is long enough.
-fn clock_lines(live: &Live) -> impl Iterator<Item = String> {
+pub(super) fn clock_lines(live: &Live) -> impl Iterator<Item = String> {
     live.segments().filter_map(|segment| {
         let fit = segment.fit()?;
         let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));

@@ -1,0 +1,102 @@
+//! Emulated beads of one chain behind sockets of their own, for programs that listen to live beads.
+//!
+//! # Design
+//! Each bead is an image in a QEMU of its own, whose time follows this computer's. All feel one strike, again
+//! and again. Their crystals are true and they are switched on together: codes repeat after a number of scans,
+//! and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
+//! `SYNC_EVERY` for an hour, so that beads which pass their time at different speeds still have one time.
+
+use std::env;
+use std::path::Path;
+use std::process;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use hertz_chain::Scenario;
+
+use crate::bridge::{self, Bridge, Door};
+use crate::emulation::{Emulation, Placed};
+use crate::error::BenchError;
+use crate::several::{self, Crystals};
+use bead_compare::front_end::AnalogFrontEnd;
+use bead_compare::sensed::{Timing, simulate_with_ring_down};
+use bead_line::port::Address;
+use bead_model::design::Uncertainty;
+
+/// Time between two edges at the sync inputs, s, and from the first one to the last.
+const SYNC_EVERY: f64 = 0.1;
+const SYNC_FOR: f64 = 3600.0;
+/// Quiet time before the strike, s, in which the image starts and arms its detector.
+const LEAD_IN: f64 = 0.05;
+
+/// Beads that wait at their addresses.
+pub struct LiveBeads {
+    beads: Vec<(Emulation, Door, Address)>,
+    pace: f64,
+}
+
+impl LiveBeads {
+    /// Puts beads at these places of a chain, each behind a socket in the folder for temporary files. Their
+    /// settings state these uncertainties, if any. `seed` is that of the noise.
+    ///
+    /// # Errors
+    /// A bead has no intruder, no settings fit it, or its socket cannot be made.
+    pub fn open(
+        scenario: &Scenario,
+        front_end: &AnalogFrontEnd,
+        beads: &[usize],
+        uncertainty: Option<Uncertainty>,
+        seed: u64,
+        image: &Path,
+    ) -> Result<Self, BenchError> {
+        let solution = simulate_with_ring_down(scenario)?;
+        let timing = Timing {
+            lead_in: LEAD_IN,
+            strikes: 1,
+            interval: 1.0,
+        };
+        let placed = several::placed(beads, &Crystals::Each(vec![0.0]), 0.0, seed, true)?;
+        let open = placed.into_iter().map(|placed| {
+            let placed = Placed {
+                uncertainty,
+                ..placed
+            };
+            let mut emulation = Emulation::place(scenario, &solution, placed, front_end, timing, image)?;
+            emulation.sync_until((1..).map(|number| f64::from(number) * SYNC_EVERY), SYNC_FOR);
+            let name = format!("bead-{}-{}.sock", process::id(), placed.address);
+            let address = Address::Unix(env::temp_dir().join(name));
+            Ok((emulation, Door::open(&address)?, address))
+        });
+        Ok(Self {
+            beads: open.collect::<Result<_, BenchError>>()?,
+            pace: 1.0,
+        })
+    }
+
+    /// Lets the beads have so many seconds in one of this computer.
+    #[must_use]
+    pub fn with_pace(self, pace: f64) -> Self {
+        Self { pace, ..self }
+    }
+
+    /// The addresses at which the beads are, in the order of their places.
+    pub fn addresses(&self) -> impl Iterator<Item = &Address> {
+        self.beads.iter().map(|(_, _, address)| address)
+    }
+
+    /// Runs the beads until `stop`. A bead that fails ends alone, and `note` takes a line about it.
+    pub fn serve(&self, stop: &AtomicBool, note: &(dyn Fn(String) + Sync)) {
+        thread::scope(|scope| {
+            for (emulation, door, _) in &self.beads {
+                scope.spawn(move || {
+                    let serve = || bridge::serve(&mut Bridge::new(emulation, Some(self.pace))?, door, stop);
+                    if let Err(error) = serve()
+                        && !stop.load(Ordering::Relaxed)
+                    {
+                        note(format!("emulated bead {}: {error}", emulation.truth.bead));
+                    }
+                });
+            }
+        });
+    }
+}

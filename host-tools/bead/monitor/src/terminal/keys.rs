@@ -1,0 +1,82 @@
+//! Keys, and what they chose.
+
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+
+use crate::control::Control;
+use crate::model::SharedMonitor;
+
+/// Greatest number of characters of a note that is typed: key, `=` and text.
+const TYPED_MOST: usize = 1000;
+/// The reason why a followed recording takes neither notes nor requests.
+const ONLY_FOLLOWED: &str = "this recording is another program's: it takes notes by `bead note` when it is complete, and requests \
+     by `bead command`";
+
+/// The choices that were made by keys.
+#[derive(Debug, Default)]
+pub(super) struct Keys {
+    /// Place of the chosen bead among those that are shown.
+    pub(super) bead: usize,
+    /// Number of strikes of the bead after the one that is shown.
+    pub(super) back: usize,
+    /// A note that is being typed.
+    pub(super) typed: Option<String>,
+}
+
+/// Consequence of a key.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Next {
+    Stay,
+    Quit,
+}
+
+impl Keys {
+    /// Does what a key is for, with the bead that is chosen.
+    pub(super) fn press(
+        &mut self,
+        key: KeyEvent,
+        bead: Option<u8>,
+        monitor: &SharedMonitor,
+        control: Option<&Control>,
+    ) -> Next {
+        let with_control = key.modifiers.contains(KeyModifiers::CONTROL);
+        if with_control && matches!(key.code, KeyCode::Char('c' | 'd')) {
+            return Next::Quit;
+        }
+        if let Some(typed) = &mut self.typed {
+            match key.code {
+                KeyCode::Esc => self.typed = None,
+                KeyCode::Backspace => drop(typed.pop()),
+                KeyCode::Enter => {
+                    let typed = self.typed.take().unwrap_or_default();
+                    if let (Some(control), false) = (control, typed.is_empty()) {
+                        let said = control.note(&typed).unwrap_or_else(|why| why);
+                        monitor.lock().tell(&said);
+                    }
+                }
+                KeyCode::Char(letter) if !with_control && typed.len() < TYPED_MOST => typed.push(letter),
+                _ => {}
+            }
+            return Next::Stay;
+        }
+        match key.code {
+            KeyCode::Char('q') => return Next::Quit,
+            KeyCode::Right | KeyCode::Tab => (self.bead, self.back) = (self.bead.saturating_add(1), 0),
+            KeyCode::Left | KeyCode::BackTab => (self.bead, self.back) = (self.bead.saturating_sub(1), 0),
+            KeyCode::Up => self.back = self.back.saturating_sub(1),
+            KeyCode::Down => self.back = self.back.saturating_add(1),
+            KeyCode::Home => self.back = 0,
+            KeyCode::Char('n' | 'a' | 'd') if control.is_none() => monitor.lock().tell(ONLY_FOLLOWED),
+            KeyCode::Char('n') => self.typed = Some(String::new()),
+            KeyCode::Char(letter @ ('a' | 'd')) => {
+                if let (Some(control), Some(bead)) = (control, bead) {
+                    let mut monitor = monitor.lock();
+                    if let Err(why) = control.arm(&mut monitor, bead, letter == 'a') {
+                        monitor.tell(&why);
+                    }
+                }
+            }
+            _ => {}
+        }
+        Next::Stay
+    }
+}

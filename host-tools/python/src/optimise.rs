@@ -1,0 +1,72 @@
+//! Searches for the best intruders.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use hertz_chain::{Aim, OptimiseError, Search, SearchProgress, optimise as search_for};
+use pyo3::prelude::*;
+use pyo3::types::PyBool;
+
+use crate::failure::{ScenarioError, guarded};
+use crate::scenario::Scenario;
+
+/// Searches, and returns the optimum as JSON with the scenario that has it. `callback` is called with the
+/// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
+/// returns False.
+#[pyfunction]
+#[pyo3(signature = (scenario, hosts, total_mass, speeds, worst, alike, evaluations, callback))]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the Python function in front of it names them"
+)]
+pub(crate) fn optimise(
+    py: Python<'_>,
+    scenario: &Scenario,
+    hosts: Vec<usize>,
+    total_mass: f64,
+    speeds: Vec<f64>,
+    worst: bool,
+    alike: bool,
+    evaluations: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<(String, Scenario)> {
+    let refused = |error: OptimiseError| ScenarioError::new_err(error.to_string());
+    let mut search = Search::new(&scenario.0, hosts, total_mass).map_err(refused)?;
+    search.speeds = speeds;
+    search.alike = alike;
+    if worst {
+        search.aim = Aim::Worst;
+    }
+    if let Some(evaluations) = evaluations {
+        search.evaluations = evaluations;
+    }
+    let failure: Mutex<Option<PyErr>> = Mutex::new(None);
+    let watch = |progress: SearchProgress| {
+        let goes_on = Python::attach(|py| {
+            py.check_signals()?;
+            let Some(callback) = &callback else {
+                return Ok(true);
+            };
+            let answer = callback.call1(py, (progress.evaluations, progress.best, progress.descents))?;
+            Ok(!answer.bind(py).is(PyBool::new(py, false)))
+        });
+        match goes_on {
+            Ok(true) => ControlFlow::Continue(()),
+            Ok(false) => ControlFlow::Break(()),
+            Err(error) => {
+                *failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    };
+    let found = guarded(py, || search_for(&scenario.0, &search, Some(&watch)))?;
+    if let Some(error) = failure
+        .into_inner()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    {
+        return Err(error);
+    }
+    let optimum = found.map_err(refused)?;
+    let json = serde_json::to_string(&optimum).map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    Ok((json, Scenario(optimum.scenario(&scenario.0))))
+}

@@ -1,0 +1,90 @@
+//! The Python package: its wheel, and a try in an environment that has nothing else.
+
+use std::path::PathBuf;
+
+use crate::packages::DEMO;
+use crate::python;
+use crate::step::{CommandLine, Steps, Stop};
+use crate::suite::Job;
+
+/// Its folder.
+const PACKAGE: &str = "host-tools/python";
+/// Directories of programs that have no Rust among them.
+const PATH: &str = "/usr/bin:/bin";
+
+/// Builds the wheel, checks its types, installs it in an empty environment, and runs its tests there.
+///
+/// # Errors
+/// There is no Python, no network, or something fails.
+pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
+    python::setup(steps)?;
+    let tools = steps.root.join(steps.built("python/bin"));
+    let wheels = steps.root.join(steps.built("wheels"));
+    // One of another version would be installed too.
+    let _ = std::fs::remove_dir_all(&wheels);
+    let build = CommandLine::program(tools.join("maturin"))
+        .words("build --release --strip --manifest-path")
+        .arg(format!("{PACKAGE}/Cargo.toml"))
+        .words("--out")
+        .arg(&wheels);
+    steps.run("the wheel", &build)?;
+    let types = CommandLine::program(tools.join("mypy"))
+        .words("--strict --cache-dir")
+        .arg(steps.built("mypy"))
+        .arg(format!("{PACKAGE}/python/hertz_chain"));
+    steps.run("its types", &types)?;
+    let demo = CommandLine::new("cargo build --release").words(DEMO);
+    steps.run("the command line beside which it is tried", &demo)?;
+
+    let empty = steps.built("wheel");
+    steps.run(
+        "an environment without Rust and without anything",
+        &CommandLine::new("python3 -m venv --clear").arg(&empty),
+    )?;
+    let wheel = only_file(&wheels)?;
+    let python = steps.root.join(&empty).join("bin/python3");
+    let install = CommandLine::program(&python)
+        .words("-m pip install --quiet --no-compile")
+        .arg(format!("{}[tables]", wheel.display()))
+        .words("matplotlib");
+    steps.run("the wheel in it", &install.env("PATH", PATH))?;
+    let test = CommandLine::program(&python)
+        .arg(format!("{PACKAGE}/tests/test_package.py"))
+        .env("PATH", PATH)
+        .env(
+            "BEAD",
+            &steps.root.join(steps.built("release/bead")).display().to_string(),
+        )
+        .env("REPOSITORY", &steps.root.display().to_string());
+    steps.run("its tests", &test)?;
+    steps.announce(&format!("pip install {}", wheel.display()));
+    Ok(())
+}
+
+/// The file in a folder that has one.
+fn only_file(folder: &std::path::Path) -> Result<PathBuf, Stop> {
+    let files =
+        std::fs::read_dir(folder).map(|entries| entries.flatten().map(|entry| entry.path()).collect());
+    let files: Vec<PathBuf> = files.unwrap_or_default();
+    match &files[..] {
+        [wheel] => Ok(wheel.clone()),
+        _ => Err(Stop::failed(format!(
+            "{} has {} wheels; it should have the one that maturin built",
+            folder.display(),
+            files.len()
+        ))),
+    }
+}
+
+/// [`wheel`] among the tests; without the Python that it needs it is skipped, and this says so.
+pub(crate) fn job(steps: &Steps) -> Option<Job> {
+    if !steps.root.join(steps.built("python/ready")).exists() {
+        steps.announce("SKIPPED: the Python package, since there is no Python to build it with");
+        return None;
+    }
+    let this = std::env::current_exe().ok()?;
+    Some(Job {
+        title: "the Python package".to_owned(),
+        line: CommandLine::program(this).words("wheel"),
+    })
+}
