@@ -74,14 +74,6 @@ const VENDORED: &str = "
 | uPlot 1.6.32, in [host-tools/bead/monitor/page](host-tools/bead/monitor/page) | [MIT](host-tools/bead/monitor/page/uPlot.LICENSE) |
 ";
 
-/// What is in the programs and is no package of cargo.
-const VENDORED: &str = "
-## In the page of `bead monitor --web`
-
-uPlot 1.6.32, from the npm registry, is in this repository as it was published, with [its
-licence](host-tools/bead/monitor/page/uplot/LICENSE): MIT.
-";
-
 /// The text of THIRD-PARTY.md for the packages that cargo would link now.
 fn page(steps: &Steps) -> Result<String, Stop> {
     let mut page = HEAD.to_owned();

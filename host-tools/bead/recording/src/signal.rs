@@ -165,30 +165,6 @@ mod tests {
     }
 
     #[test]
-    fn the_residual_is_the_one_that_the_bead_reports() {
-        let settings = paper_settings();
-        let scans = scans(6.0);
-        let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
-        record.clear();
-        for scan in &scans {
-            window.process(&settings, &[scan.scan()], &mut record);
-        }
-        let (_, shape) = window.report(&settings, &record);
-        let reported = shape.waveform.unwrap().residual.ratio();
-        let signal = Signal::of(&scans, &settings).unwrap();
-        let residual = signal.residual(&settings);
-        assert_eq!(residual.len(), scans.len() - 1);
-        let rms = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
-        // The pulse is no chain's, so nearly all of it is residual. The bead leaves out the samples that an
-        // echo may reach, and noise.
-        let part = rms(&residual) / rms(&signal.acceleration);
-        assert!(
-            (part / reported - 1.0).abs() < 0.02,
-            "{part}, reported {reported}"
-        );
-    }
-
-    #[test]
     fn a_window_without_its_baseline_has_no_signal() {
         let settings = paper_settings();
         assert_eq!(Signal::of(&scans(6.0)[..63], &settings), None);

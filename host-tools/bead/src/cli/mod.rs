@@ -152,7 +152,6 @@ impl Cli {
             Command::Record(arguments) => record::run(&arguments),
             Command::Monitor(arguments) => monitor::run(&arguments),
             Command::Judge(arguments) => judge::run(&arguments),
-            Command::Monitor(arguments) => monitor::run(&arguments),
             Command::Note(arguments) => note::run(&arguments),
             Command::List(arguments) => list::run(&arguments),
             Command::Trend(arguments) => trend::run(&arguments),

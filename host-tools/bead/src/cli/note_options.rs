@@ -16,7 +16,7 @@ pub(crate) struct NoteOptions {
     #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
     note: Vec<Note>,
     #[command(flatten)]
-    pub(crate) author: Author,
+    author: Author,
 }
 
 /// Parses a note. `date` has a meaning for `bead list`, so its text must be a date.

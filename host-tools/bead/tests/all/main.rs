@@ -38,6 +38,5 @@ mod shared_line;
 mod signed_result;
 mod slurm;
 mod sweep;
-mod terminal_picture;
 mod waveforms;
 mod yesterday;

@@ -150,23 +150,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ));
     let recorded = recorder.run(ports, &stop).map_err(Failure::input)?;
     let printed = lines.printer.finish();
-    conclude(recorded, arguments.wait, printed)
-}
-
-/// Prints what a recording that ended is, and says whether it went well. `printed` is that of its strikes.
-pub(super) fn conclude(
-    recorded: Recorded,
-    wait: Duration,
-    printed: Result<(), Failure>,
-) -> Result<(), Failure> {
-    let note = |line: String| note!("{line}");
-    let count = recorded.ports.len();
-    if count > 1 {
+    if is_of_several {
         recorded.ports.iter().map(RecordedPort::to_string).for_each(note);
     }
     let [gone, away] = not_back(&recorded);
     let summary = recorded.to_string();
-    if gone.len() == count || wait.is_zero() && !gone.is_empty() {
+    if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
         bail!(
             Device,
             "{}: all that came before is in {summary}; plug it in or start it again, and record to another file",
