@@ -174,8 +174,8 @@ fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
     description
 }
 
-/// Codes of a bead at [`paper_settings`] that a pulse of 6 N strikes at scan 400 of 1200, and of its intruder, which
-/// rings.
+/// Codes of a bead at [`paper_settings`] that a pulse of 6 N strikes at scan 400 of 1200, and of its
+/// intruder, which rings.
 pub fn struck_codes() -> impl Iterator<Item = [u16; 4]> {
     (0..1200).map(|sample: i32| {
         let at = f64::from(sample) - 400.0;
