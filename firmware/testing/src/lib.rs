@@ -10,6 +10,6 @@ mod strike;
 pub use collector::Collector;
 pub use flash::{FlashFailure, PowerCutFlash};
 pub use request::{framed, write};
-pub use settings::{any_settings, block, block_of, paper_settings, settings_at};
+pub use settings::{any_settings, block, block_of, paper_settings, settings_at, struck_codes};
 pub use speaker::Speaker;
 pub use strike::{fetched, one_sample_strike, xorshift};

@@ -173,3 +173,23 @@ fn draw_description(random: &mut dyn FnMut() -> u64) -> Description {
     description.address = corner(random, 0, 254) as u8;
     description
 }
+
+/// Codes of a bead at [`paper_settings`] that a pulse of 6 N strikes at scan 400 of 1200, and of its
+/// intruder, which rings.
+pub fn struck_codes() -> impl Iterator<Item = [u16; 4]> {
+    (0..1200).map(|sample: i32| {
+        let at = f64::from(sample) - 400.0;
+        let force = 6.0 * (-(at / 20.0).powi(2)).exp();
+        let ring = 100.0 * (at / 9.0).sin() * (-at / 80.0).exp();
+        let acceleration = if at > 0.0 { ring } else { 0.0 };
+        let code = |value: f64, per_code: f64, zero: f64| {
+            (zero + value / per_code).round().clamp(0.0, 4095.0) as u16
+        };
+        [
+            code(force, 16.0 / 4096.0, 128.0) + (sample % 2) as u16,
+            code(force, 256.0 / 4096.0, 128.0),
+            code(acceleration, 500.0 / 4096.0, 2048.0),
+            code(acceleration, 8000.0 / 4096.0, 2048.0),
+        ]
+    })
+}

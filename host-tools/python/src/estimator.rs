@@ -130,8 +130,8 @@ impl Estimator {
         Ok(result)
     }
 
-    /// Digitises signals as the reference front end does: filtered, with noise of this seed or without. Quiet is
-    /// put before and after them.
+    /// Digitises signals as the reference front end does: filtered, with noise of this seed or without. Quiet
+    /// is put before and after them.
     #[staticmethod]
     #[pyo3(signature = (force, acceleration, rate, seed))]
     fn digitise<'py>(

@@ -30,8 +30,8 @@ pub(crate) fn failed(error: &SimulateError) -> PyErr {
     ScenarioError::new_err(error.to_string())
 }
 
-/// Runs a function while other threads of Python run. A panic in it is a fault of this package, and becomes an
-/// exception that a program can catch, with the place that the panic printed.
+/// Runs a function while other threads of Python run. A panic in it is a fault of this package, and becomes
+/// an exception that a program can catch, with the place that the panic printed.
 pub(crate) fn guarded<T: Send>(py: Python<'_>, run: impl FnOnce() -> T + Send) -> PyResult<T> {
     let ran = py.detach(|| catch_unwind(AssertUnwindSafe(run)));
     ran.map_err(|panic| {

@@ -10,9 +10,9 @@ use pyo3::types::PyBool;
 use crate::failure::{ScenarioError, guarded};
 use crate::scenario::Scenario;
 
-/// Searches, and returns the optimum as JSON with the scenario that has it. `callback` is called with the number
-/// of designs tried, the least share so far or None, and the number of descents; the search ends if it returns
-/// False.
+/// Searches, and returns the optimum as JSON with the scenario that has it. `callback` is called with the
+/// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
+/// returns False.
 #[pyfunction]
 #[pyo3(signature = (scenario, hosts, total_mass, speeds, worst, alike, evaluations, callback))]
 #[expect(

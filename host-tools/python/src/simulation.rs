@@ -86,8 +86,8 @@ fn hosts(s: &Snapshot<'_>, to: &mut Vec<f64>, of: fn(&Snapshot<'_>, usize) -> Op
     to.extend(intruders.map(|intruder| of(s, intruder.bead).unwrap_or(f64::NAN)));
 }
 
-/// Runs a scenario. Returns `time`, the observables by name, `bodies`, `contacts` and `intruders` (the beads),
-/// and `summary`, a JSON text.
+/// Runs a scenario. Returns `time`, the observables by name, `bodies`, `contacts` and `intruders` (the
+/// beads), and `summary`, a JSON text.
 #[pyfunction]
 #[pyo3(signature = (scenario, rate, observables, tolerance, longest_step))]
 pub(crate) fn simulate<'py>(

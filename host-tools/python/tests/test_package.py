@@ -130,6 +130,11 @@ class AgainstTheCommandLine(unittest.TestCase):
         self.assertEqual(recording.replay()["replay"], ["identical"] * 2)
         theirs = json.loads(bead("budget", path, "--strike", 1, "--format", "json"))["beads"][0]
         self.assertEqual(recording.budget(1), theirs)
+        theirs = json.loads(bead("compare", path, "--format", "json"))
+        ours = recording.compare()
+        self.assertTrue(ours["pass"])
+        self.assertEqual(ours, {key: theirs[key] for key in ours})
+        self.assertFalse(recording.compare(hc.Scenario.paper().replace(striker={"velocity": 0.4}))["pass"])
         clocks = json.loads(bead("clock", path, "--format", "json"))
         self.assertEqual(recording.clocks().keys() - clocks.keys(), set())
 
@@ -286,10 +291,26 @@ class Examples(unittest.TestCase):
                     # docs/validation.md has 96.75 % of the chain's energy as the paper prints it.
                     self.assertIn("2.7 g: one leaves 96.7", printed.getvalue())
                 if number == 1:
-                    measured, predicted = [float(text) for text in re.findall(r"[\d.e-]+", printed.getvalue())]
-                    self.assertAlmostEqual(measured, 8.297e-7, delta=2e-9)
-                    self.assertAlmostEqual(predicted, 8.297e-7, delta=8e-9)
+                    found = re.findall(r"(\d+\.\d) ± (\d+\.\d) nJ", printed.getvalue())
+                    for energy, expanded in found:
+                        self.assertAlmostEqual(float(energy), 829.7, delta=4.0)
+                        self.assertTrue(30.0 < float(expanded) < 45.0)
+                    self.assertEqual(len(found), 2)
         matplotlib.pyplot.close("all")
+
+    def test_the_notebooks_are_those_of_the_page(self):
+        sys.path.insert(0, str(REPOSITORY / "host-tools/python"))
+        import notebooks
+
+        found = list(notebooks.sections())
+        self.assertEqual([name for name, *_ in found], list(notebooks.NAMES.values()))
+        for name, heading, text, program in found:
+            kept = REPOSITORY / "docs/notebooks" / name
+            how = "python host-tools/python/notebooks.py docs/notebooks"
+            self.assertEqual(kept.with_suffix(".py").read_text(), notebooks.script(heading, text, program), how)
+            cells = json.loads(kept.with_suffix(".ipynb").read_text())["cells"]
+            self.assertEqual("".join(cells[1]["source"]), program, how)
+            self.assertTrue(cells[1]["outputs"][0]["text"], how)
 
     def test_no_rust_is_needed(self):
         import shutil

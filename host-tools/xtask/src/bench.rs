@@ -2,18 +2,23 @@
 
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs the benchmark with these words; with the word `monitor`, that of recorder and monitor. For `--native` it is compiled a second time, for this processor
-/// alone.
+/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`. For
+/// `--native` it is compiled a second time, for this processor alone.
 ///
 /// # Errors
 /// It does not build, or ends with an error.
 pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
-    if words.first().is_some_and(|word| word.as_str() == "monitor") {
+    if let [word] = words
+        && word.as_str() == "monitor"
+    {
+        let name = "monitor_rate::ten_beads_at_a_megabyte_a_second_lose_nothing";
         let line = CommandLine::new(
-            "cargo test --release --package bead-monitor --test load -- --ignored --nocapture ten_minutes",
-        );
+            "cargo test --release --package absorber-bead --test all -- --nocapture --exact",
+        )
+        .arg(name)
+        .env("BEAD_MONITOR_SECONDS", "600");
         return steps.run(
-            "ten beads at 1 MB/s through recorder and monitor, ten minutes",
+            "recorder and monitor at 1 MB/s of ten beads, for ten minutes",
             &line,
         );
     }

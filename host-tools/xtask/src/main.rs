@@ -142,10 +142,10 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "bench",
         about: "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
-        more: "Words that follow go to the benchmark: `--format json`; `--quick`; `--peers` for a solver of Python too; \
+        more: "`monitor` benchmarks `bead monitor` instead, for ten minutes. Other words go to the benchmark: \
+               `--format json`; `--quick`; `--peers` for a solver of Python too; \
                `--native` to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. \
-               What it compares with is compiled for it alone. docs/benchmarks.md says how to read it. The one word `monitor` \
-               times recorder and monitor instead, on ten beads at 1 MB/s for ten minutes.",
+               What it compares with is compiled for it alone. docs/benchmarks.md says how to read it.",
         run: TaskFunction::WithWords(bench::bench),
     },
     XtaskCommand {

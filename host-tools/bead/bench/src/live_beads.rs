@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! Each bead is an image in a QEMU of its own, whose time follows this computer's. All feel one strike, again
-//! and again. Their crystals are true and they are switched on together: codes repeat after a number of scans,
-//! and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
+//! and again. Their crystals are true and they are switched on together: codes repeat after a number of
+//! scans, and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
 //! `SYNC_EVERY` for an hour, so that beads which pass their time at different speeds still have one time.
 
 use std::env;

@@ -3,7 +3,8 @@
 
 const KEPT = 200; // strikes
 const TOGETHER_MS = 500; // between the receipts of one wave at two beads, at most
-const WAVE_S = 0.02; // for which a wave runs along a row, at most
+// Longest way of a wave through a row, s.
+const WAVE_S = 0.05;
 const at = (id) => document.getElementById(id);
 const strikes = []; // the newest first
 let chosen = null; // serial number of a strike that was clicked; null for the newest
@@ -73,7 +74,7 @@ function drawStrike() {
   const { strike, curves } = one;
   const time = strike.at_s === null ? "" : ` at ${strike.at_s.toFixed(5)} s`;
   at("title").textContent = `Strike ${strike.strike} of bead ${strike.bead}${time}${strike.fetched ? ", fetched" : ""}`;
-  const residual = strike.residual === null ? "" : ` · residual ${(100 * strike.residual).toFixed(2)} %`;
+  const residual = strike.residual === null ? "" : ` · residual ${(100 * strike.residual).toFixed(1)} %`;
   const missing = strike.missing ? ` · ${strike.missing} samples missing` : "";
   at("values").textContent =
     `A ${withU(strike.absorbed_measured_nj, strike.absorbed_measured_u)} nJ · ` +
@@ -86,7 +87,7 @@ function drawStrike() {
   const times = curves.force_n.map((_, place) => curves.from_ms + place * curves.step_ms);
   plot("force", "force, N", "#15803d", times, curves.force_n);
   plot("acceleration", "acceleration of the intruder, m/s²", "#7e22ce", times, curves.acceleration);
-  plot("residual", "residual, m/s²", "#b45309",
+  plot("residual", "measured less predicted, m/s²", "#b45309",
     times.slice(0, curves.residual.length), curves.residual);
 }
 
@@ -111,36 +112,35 @@ function drawList() {
   }
 }
 
-// The time from one strike's edge phase to the other's, s, the shorter way round; null without edges.
-function apart(one, other) {
-  if (!one.since_edge_s || !other.since_edge_s) return null;
-  const [since, period] = one.since_edge_s;
-  const turn = (since - other.since_edge_s[0]) / period;
-  return (turn - Math.round(turn)) * period;
-}
-
-// The strikes of the wave of one strike, one a bead, each with the time of its trigger after that one's, in ms.
-function waveOf(first) {
+// The strikes of one wave, one a bead, each with the time of its trigger on a time that all share, in ms.
+function wave() {
+  const first = shown();
+  if (!first) return { beads: [], isShared: false };
   const near = new Map();
   for (const one of strikes) {
-    const { strike } = one;
-    const late = Math.abs(strike.received_ms - first.strike.received_ms);
-    const phase = apart(strike, first.strike);
-    if (!one.curves || late > TOGETHER_MS || Math.abs(phase ?? 0) > WAVE_S) continue;
-    const rank = one === first ? -1 : late;
-    const other = near.get(strike.bead);
-    if (!other || rank < other.rank) near.set(strike.bead, { ...one, rank, from: 1000 * (phase ?? 0), phase });
+    if (!one.curves) continue;
+    const apart = one === first ? -1 : Math.abs(one.strike.received_ms - first.strike.received_ms);
+    const other = near.get(one.strike.bead);
+    if (apart < TOGETHER_MS && (!other || apart < other.apart)) near.set(one.strike.bead, { one, apart });
   }
-  const beads = [...near.values()].sort((a, b) => a.strike.bead - b.strike.bead);
-  return { beads, isShared: beads.length > 1 && beads.every(({ phase }) => phase !== null) };
-}
-
-// The wave of the strike that was clicked, or else the newest one that most beads have sent.
-function wave() {
-  if (chosen !== null || !strikes.length) return strikes.length ? waveOf(shown()) : { beads: [], isShared: false };
-  const waves = strikes.slice(0, 2 * state.beads.length).map(waveOf);
-  const most = Math.max(...waves.map(({ beads }) => beads.length));
-  return waves.find(({ beads }) => beads.length === most);
+  let beads = [...near.values()].map(({ one }) => ({ ...one, from: 0 }));
+  const isShared = beads.length > 1 && beads.every(({ strike }) => strike.since_edge_s);
+  if (isShared) {
+    // An edge may come while the wave is between two beads.
+    const since = beads.map(({ strike }) => strike.since_edge_s[0]);
+    const period = beads[0].strike.since_edge_s[1];
+    const isOver = Math.max(...since) - Math.min(...since) > period / 2;
+    const unwrapped = since.map((time) => (isOver && time < period / 2 ? time + period : time));
+    // Until all beads have sent the newest wave, some still show the one before.
+    const own = unwrapped[beads.findIndex(({ strike }) => strike.serial === first.strike.serial)];
+    const isOf = (_, place) => Math.abs(unwrapped[place] - own) < WAVE_S;
+    const times = unwrapped.filter(isOf);
+    beads = beads.filter(isOf);
+    const earliest = Math.min(...times);
+    beads.forEach((bead, place) => { bead.from = 1000 * (times[place] - earliest); });
+  }
+  beads.sort((a, b) => a.strike.bead - b.strike.bead);
+  return { beads, isShared };
 }
 
 function drawRow() {

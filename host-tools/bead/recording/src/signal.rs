@@ -47,8 +47,8 @@ impl Signal {
     /// the force, m/s²: a value for each scan but the last, and 0 before the bead compares them. Empty at a
     /// sample rate at which it does not.
     ///
-    /// Chain and filter are the bead's own ([`bead_model::waveform`]); only its gate, which silences the chain
-    /// in noise, is not.
+    /// Chain and filter are the bead's own ([`bead_model::waveform`]); only its gate, which silences the
+    /// chain in noise, is not.
     pub fn residual(&self, settings: &Settings) -> Vec<f64> {
         let taps = settings.waveform.taps.map(|tap| tap.to_num::<f64>());
         let rate = f64::from(settings.sample_rate_hz);

@@ -23,6 +23,7 @@ mod kept;
 mod limits;
 mod logbook;
 mod monitor;
+mod monitor_rate;
 mod pane;
 mod program;
 mod record;

@@ -1,7 +1,7 @@
 //! `bead monitor` as its users run it: in a terminal that tmux stands in for, with two emulated beads.
 //!
-//! Where tmux or QEMU is missing, the tests are skipped and say so. `PICTURES=overwrite` draws the pictures of
-//! the book anew.
+//! Where tmux or QEMU is missing, the tests are skipped and say so. `PICTURES=overwrite` draws the pictures
+//! of the book anew.
 
 use std::fs;
 use std::path::Path;

@@ -7,6 +7,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from . import _hertz_chain
+from .scenario import Scenario
 
 if TYPE_CHECKING:
     import pandas
@@ -68,6 +69,24 @@ class Recording:
         """
         budget: dict[str, Any] = json.loads(self._native.budget(strike))
         return budget
+
+    def compare(self, scenario: Scenario | None = None, *, bead: int | None = None) -> dict[str, Any]:
+        """The strikes of one bead beside the simulated chain.
+
+        Args:
+            scenario: what was struck; by default the scenario in the recording.
+            bead: its number in the chain, needed for a recording of several.
+
+        Returns:
+            `bead`, `strikes` (device, replay, f64 and truth of each), `pass` and `failure`, as
+            `bead compare --format json` prints them.
+
+        Raises:
+            RecordingError: there is no scenario, no such bead, or the chain cannot be simulated.
+        """
+        native = None if scenario is None else scenario._native
+        compared: dict[str, Any] = json.loads(self._native.compare(native, bead))
+        return compared
 
     def clocks(self) -> dict[str, Any]:
         """The clocks of the beads, as `bead clock --format json` prints them."""

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! ratatui draws the page into cells and writes only those that change. The page is drawn ten times a second
-//! at most, on the thread that reads the keys; the recorder never waits for it. The terminal is put back as it
-//! was at the end, on a panic, and by [`restore`] where a signal ends the program.
+//! at most, on the thread that reads the keys; the recorder never waits for it. The terminal is put back as
+//! it was at the end, on a panic, and by [`restore`] where a signal ends the program.
 
 mod keys;
 mod page;

@@ -79,8 +79,8 @@ pub(crate) struct Arguments {
     duration: Option<Duration>,
     #[command(flatten)]
     notes: NoteOptions,
-    /// Serve the page for a browser in place of the terminal's, at this address [default: 127.0.0.1 and a port
-    /// that is free]. The URL that is printed has a secret in it.
+    /// Serve the page for a browser in place of the terminal's, at this address [default: 127.0.0.1 and a
+    /// port that is free]. The URL that is printed has a secret in it.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
         default_missing_value = "127.0.0.1:0")]
     web: Option<SocketAddr>,

@@ -1,0 +1,11 @@
+# %% [markdown]
+# # Which absorbers for my strike
+#
+
+# %%
+import hertz_chain as hc
+
+scenario = hc.Scenario.load("docs/scenarios/ten-intruders.toml").replace(striker={"velocity": 0.5})
+best = hc.optimise(scenario, range(7, 17), total_mass=37e-3, callback=lambda designs, share, descents: designs < 2000)
+print(f"{100 * best.share:.2f} % stays in the chain")
+print(best.scenario.to_toml())
