@@ -236,10 +236,12 @@ fn emulated_beads_with_one_sync_line_are_on_one_time_in_the_picture_of_the_row()
     page.until("document.querySelectorAll('#strikes tbody tr').length >= 12");
     page.until("document.getElementById('base').textContent.includes('all beads on one time')");
     // The wave is at bead 10 later than at bead 7, by what the chain of the scenario makes it take.
-    let later = page.value(
-        "(() => { const { beads } = wave(); return beads.length === 4 ? beads[3].from - beads[0].from : null; })()",
+    // While a wave is on its way, some beads have not sent it yet.
+    page.until(
+        "(() => { const { beads } = wave(); if (beads.length < 4) return false; \
+         window.later = beads[3].from - beads[0].from; return true; })()",
     );
-    let later = later.as_f64().unwrap();
+    let later = page.value("window.later").as_f64().unwrap();
     assert!((0.5..1.0).contains(&later), "{later} ms");
     if draws_pictures() {
         let picture = page.ask("Page.captureScreenshot", json!({ "format": "png" }));

@@ -30,7 +30,8 @@ fn a_program_that_was_copied_away_emulates_with_what_it_carries() {
     let recording = Recording::open(&folder.join("run/bead-8.mcap")).unwrap();
     let report = String::from_utf8_lossy(&recording.parts[&Part::EmulatorReport]);
     assert_says(&report, "\"image\": \"carried by bead\"");
-    assert!(fs::metadata(&program).unwrap().len() < 40 << 20);
+    // The image is 0.2 MB of it, and the monitor's two pages are 3 MB.
+    assert!(fs::metadata(&program).unwrap().len() < 44 << 20);
 }
 
 #[test]

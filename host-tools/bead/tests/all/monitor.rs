@@ -36,7 +36,8 @@ impl Terminal {
         let terminal = Self {
             folder: TestFolder::new(),
         };
-        let run = format!("exec env --default-signal=INT,TERM,HUP {PROGRAM} {arguments} 2>said");
+        // The shell keeps the exit status: tmux 3.3 now and then misses the end of its child.
+        let run = format!("env --default-signal=INT,TERM,HUP {PROGRAM} {arguments} 2>said; echo $? >status");
         terminal.tmux(&[
             "-f",
             "/dev/null",
@@ -88,13 +89,13 @@ impl Terminal {
 
     /// Waits for the end, and returns the exit status.
     fn ended(&self) -> String {
-        let mut dead = String::new();
+        let status = self.folder.join("status");
+        let mut text = String::new();
         until("the program ends", || {
-            let format = "#{pane_dead} #{pane_dead_status}";
-            dead = String::from_utf8(self.tmux(&["display-message", "-p", format]).stdout).unwrap();
-            dead.split_whitespace().count() == 2
+            text = fs::read_to_string(&status).unwrap_or_default();
+            text.ends_with('\n')
         });
-        dead.trim().to_owned()
+        text.trim().to_owned()
     }
 
     fn recording(&self) -> Recording {
@@ -156,7 +157,7 @@ fn two_emulated_beads_are_shown_noted_disarmed_and_recorded_and_the_window_may_s
     terminal.tmux(&["resize-window", "-x", "80", "-y", "24"]);
     terminal.until("8 armed");
     terminal.keys(&["q"]);
-    assert_eq!(terminal.ended(), "1 0");
+    assert_eq!(terminal.ended(), "0");
     let said = terminal.folder.text("said");
     assert_says(&said, "a.mcap: ");
     assert_says(&said, "0 lost, 0 corrupt, 0 restarts");
@@ -182,9 +183,10 @@ fn a_signal_gives_the_terminal_back_and_a_terminal_that_closes_completes_the_rec
             });
         } else {
             let pid = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]).stdout;
-            let pid = String::from_utf8(pid).unwrap();
-            crate::program::signal("TERM", pid.trim());
-            assert_eq!(terminal.ended(), "1 0");
+            let shell = String::from_utf8(pid).unwrap();
+            let children = format!("/proc/{0}/task/{0}/children", shell.trim());
+            crate::program::signal("TERM", fs::read_to_string(children).unwrap().trim());
+            assert_eq!(terminal.ended(), "0");
             // The page was on a screen of its own.
             assert!(!terminal.text().contains("q quit"), "{}", terminal.text());
         }
