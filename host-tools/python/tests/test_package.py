@@ -225,6 +225,9 @@ class Inputs(unittest.TestCase):
 
 class Threads(unittest.TestCase):
     def test_ctrl_c_ends_long_work_within_two_seconds(self):
+        # A program in the background of a script ignores it.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
         long = hc.Scenario.paper().replace(duration=1000.0, chain={"beads": 400})
         many = [hc.Scenario.paper()] * 400_000
         for work in (
