@@ -26,7 +26,7 @@ pub trait Device: 'static {
     /// Commit that the firmware is built from.
     const GIT: &'static str;
 
-    /// What the image runs on.
+    /// Board, crystal and part that the image runs on.
     fn board(&self) -> Board;
     /// Unique number of the part.
     fn uid(&self) -> [u8; 12];

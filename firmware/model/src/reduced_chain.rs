@@ -439,7 +439,7 @@ mod tests {
         ] {
             let mut watch = Watch::default();
             assert_eq!(watch.limited(value), limited);
-            // What comes after it is small.
+            // The states after it are small.
             watch.state(1);
             assert_eq!(watch.0 >= LIMIT, left, "{value}");
             for state in [value << 7, (value << 7) + 0x7F] {

@@ -138,7 +138,7 @@ class AgainstTheCommandLine(unittest.TestCase):
         clocks = json.loads(bead("clock", path, "--format", "json"))
         self.assertEqual(recording.clocks().keys() - clocks.keys(), set())
 
-        # The same samples through the same arithmetic, behind a longer quiet, give the same bits.
+        # Behind a longer quiet the arithmetic gives the same bits of the same samples.
         for strike in range(2):
             samples = recording.samples(strike)
             names = ("force_code", "force_wide_code", "acceleration_code", "acceleration_wide_code")

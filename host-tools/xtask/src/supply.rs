@@ -65,7 +65,7 @@ has the licences' texts beside it, and a bill of materials for each program. Whe
 it is taken under the first that [deny.toml](deny.toml) allows. The image has no copyleft in it. Rust's own `core`,
 `alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
 ";
-/// What is no package of cargo's. The text of its licence lies beside it.
+/// The section about code that is no package of cargo's. The text of its licence lies beside it.
 const VENDORED: &str = "
 ## In the page of `bead monitor --web`
 

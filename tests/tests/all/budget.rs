@@ -17,7 +17,7 @@ use super::company;
 /// A figure may differ from the table by this part of it: the margin for what another build path or commit
 /// name does to the compiler's choices. A gain is a difference too, so that the table stays true.
 const MARGIN: f64 = 0.03;
-/// The same for clocks that wait for each line of flash, since code may be moved within its lines.
+/// Margin of cycles that wait for each line of flash: code may be moved within its lines.
 const MARGIN_OF_LINES: f64 = 0.06;
 /// Cycles between two samples.
 const CYCLES: f64 = 1680.0;

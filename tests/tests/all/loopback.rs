@@ -148,7 +148,7 @@ fn pass_on(host: UnixStream, its: &Path, fault: LineFault) {
                     break;
                 }
             }
-            // So that the other direction ends too.
+            // The other direction ends with this one.
             let _ = to_bead.shutdown(std::net::Shutdown::Both);
         });
         let (mut buffer, mut decoder, mut run) = ([0; 4096], Decoder::new(), Vec::new());

@@ -5,7 +5,7 @@ use crate::text::Text;
 pub const MAX_BOARD: usize = 24;
 
 body! {
-    /// What the image runs on. It comes with each identity frame.
+    /// Board, crystal and part that the image runs on. It comes with each identity frame.
     pub struct Board {
         /// Name of the board that the image was built for.
         pub name: Text<MAX_BOARD>,

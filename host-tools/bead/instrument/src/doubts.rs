@@ -110,7 +110,7 @@ mod tests {
             (cut(wave(0.0, 0.05)), true),
             (cut(held(wave(0.0, 1e-9))), true),
             (turned(cut(wave(0.0, 0.01))), true),
-            // What comes back to rest again and again is not cut off at rest.
+            // A signal that comes back to rest again and again is not cut off at rest.
             (
                 [cut(wave(0.0, 0.05)).split_off(1400), wave(0.0, 0.05)].concat(),
                 false,

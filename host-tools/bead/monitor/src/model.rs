@@ -277,7 +277,7 @@ impl Monitor {
         number
     }
 
-    /// What a request to this bead needs; `None` if no frame of it came.
+    /// Identity, guard and sample index of a bead, for a request to it; `None` if no frame of it came.
     pub(crate) fn requestable(&self, bead: u8) -> Option<Requestable> {
         self.beads.get(&bead).map(|bead| Requestable {
             identity: bead.identity.clone(),

@@ -7,7 +7,7 @@ pub(super) struct Blocks {
     pub(super) counters: &'static InstructionCounters,
     /// The labels whose functions make a block a working one.
     work: Vec<usize>,
-    /// What the whole image had taken when the block began, and instructions of those functions. Nothing
+    /// Cost of the whole image up to the beginning of the block, and instructions of those functions. `None`
     /// before the first one.
     began: Option<(Cost, u64)>,
     ended: Instructions,

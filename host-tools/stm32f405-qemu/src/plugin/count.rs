@@ -55,7 +55,7 @@ impl Cost {
         }
     }
 
-    /// What is longer than what.
+    /// The order of stretches: by cycles, then by instructions.
     fn length(self) -> (u64, u64) {
         (self.cycles.unwrap_or_default().most, self.instructions)
     }

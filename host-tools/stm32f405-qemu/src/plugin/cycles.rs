@@ -251,7 +251,7 @@ mod tests {
         count.now()
     }
 
-    /// What an instruction takes between two that take one cycle each.
+    /// Cycles of an instruction between two that take one cycle each.
     fn alone(word: u32, accesses: &[u32]) -> [u64; 2] {
         const MOVE: (u32, &[u32]) = (0x4611, &[]);
         let [with, without] = [&[MOVE, (word, accesses), MOVE][..], &[MOVE, MOVE]].map(straight);

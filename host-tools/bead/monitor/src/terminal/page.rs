@@ -23,7 +23,7 @@ const LINES: u16 = 3;
 const CURVES: u16 = 7;
 const HISTORY: u16 = 2;
 
-/// What one picture shows.
+/// The content of one picture.
 pub(super) struct Content {
     view: MonitorView,
     /// Place of the chosen bead.

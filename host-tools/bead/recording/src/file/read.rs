@@ -159,7 +159,7 @@ impl Recording {
         self.pieces().map(Frames::new)
     }
 
-    /// What is not there of what was recorded, in one line: of this file, or of the one that it was recovered
+    /// A line about the part of a recording that is missing, in this file or in the one that it was recovered
     /// from. `None` if all runs are there.
     pub fn incomplete(&self) -> Option<String> {
         let runs = self.runs;

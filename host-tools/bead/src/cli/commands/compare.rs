@@ -36,7 +36,7 @@ pub(crate) struct CompareReport<'a> {
     instructions_per_sample: Option<f64>,
     pass: bool,
     failure: Option<&'a str>,
-    /// What of the recording is missing.
+    /// The part of the recording that is missing.
     incomplete: Option<&'a str>,
     /// The rule by which a goal is missed.
     decision_rule: &'static str,

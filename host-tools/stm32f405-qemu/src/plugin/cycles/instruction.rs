@@ -3,7 +3,7 @@
 //! Cycles are those of the Cortex-M4 Technical Reference Manual (DDI0439B, tables 3-1 and 7-1); encodings
 //! those of the ARMv7-M Architecture Reference Manual (DDI0403E, chapter A5).
 
-/// What an instruction does, for how long.
+/// The units that an instruction keeps busy, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Work {
     /// In the core alone: cycles.

@@ -164,7 +164,7 @@ fn a_ring_in_ccm_is_a_transfer_error_and_is_named() {
     bench.pass(30_000);
     assert!(bench.has_line(DMA2_STREAM0));
     assert_eq!(bench.read(DMA2) & 0x3f, TEIF0);
-    // Whether or not a stream uses it: each of the three addresses.
+    // Each of the three addresses, also one that no stream uses.
     for register in [0x08, 0x0c, 0x10] {
         let mut bench = MachineBench::new(Vec::new());
         bench.set(STREAM0, [(register, 0x1001_0000), (register, 0x2000_0000)]);

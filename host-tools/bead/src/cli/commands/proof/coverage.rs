@@ -52,7 +52,7 @@ pub(crate) struct Arguments {
 /// Result of `bead proof coverage`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct CoverageProof {
-    /// What ran: the bit-exact code of the bead, not the image.
+    /// The code that ran: that of the bead, bit for bit, and not the image.
     measured_by: &'static str,
     /// A, B and A - B over the drawn beads.
     coverage: [Coverage; 3],
