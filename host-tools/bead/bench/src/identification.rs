@@ -13,9 +13,9 @@ use bead_identify::chain::ChainOfScenario;
 use bead_identify::chain_runs::ChainRuns;
 use bead_identify::chain_strike::ChainStrike;
 use bead_identify::identified::{Candidate, Wanted, identify};
-use bead_identify::noise::{Noise, QuietSums};
+use bead_identify::noise::Noise;
 use bead_identify::quantity::{COUNT, Quantity};
-use bead_identify::series::StrikeSeries;
+use bead_identify::series::{StrikeSeries, noises};
 use bead_identify::spread::coverage_factor;
 use bead_model::Settings;
 use bead_model::design::{Capture, derive};
@@ -144,18 +144,7 @@ impl Nominal {
         let unfit = |why: String| BenchError::Unfit(format!("drawn bead {number}: {why}"));
         let series: Result<Vec<StrikeSeries>, String> = all.iter().map(StrikeSeries::of).collect();
         let series = series.map_err(unfit)?;
-        let mut sums: [QuietSums; 4] = Default::default();
-        series.iter().for_each(|one| one.add_quiet(&mut sums));
-        let step = |place: usize| {
-            let of = |one: &StrikeSeries| {
-                one.series
-                    .iter()
-                    .find(|one| one.channel.place() == place)
-                    .map(|one| one.step)
-            };
-            series.iter().find_map(of)
-        };
-        let noises: [Option<Noise>; 4] = std::array::from_fn(|place| sums[place].fit(step(place)?));
+        let noises = noises(&series);
         let chain = ChainOfScenario::new(&self.scenario, BEAD).map_err(unfit)?;
         let start = chain.values();
         let runs = ChainRuns::new(chain);

@@ -10,7 +10,7 @@ use bead_model::design::{Description, SensorScale};
 use bead_model::layout::BASELINE;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
 
-use crate::noise::QuietSums;
+use crate::noise::{Noise, QuietSums};
 
 /// Codes closer than this to a rail are not used: as the bead's own choice of the channel.
 const MARGIN: u16 = 64;
@@ -177,7 +177,7 @@ impl StrikeSeries {
     }
 
     /// Adds the quiet of each channel to its sums.
-    pub fn add_quiet(&self, sums: &mut [QuietSums; 4]) {
+    fn add_quiet(&self, sums: &mut [QuietSums; 4]) {
         for series in &self.series {
             sums[series.channel.place()].add(series.quiet(self.quiet), series.step);
         }
@@ -203,6 +203,19 @@ impl StrikeSeries {
         merged.dedup_by_key(|(at, ..)| *at);
         merged.into_iter().map(|(at, value, _)| (at, value)).collect()
     }
+}
+
+/// The noise of each channel over the quiet of all strikes; `None` for a channel that none uses.
+pub fn noises<'a>(strikes: impl IntoIterator<Item = &'a StrikeSeries>) -> [Option<Noise>; 4] {
+    let mut sums: [QuietSums; 4] = Default::default();
+    let mut steps = [None; 4];
+    for strike in strikes {
+        strike.add_quiet(&mut sums);
+        for series in &strike.series {
+            steps[series.channel.place()] = Some(series.step);
+        }
+    }
+    std::array::from_fn(|place| sums[place].fit(steps[place]?))
 }
 
 fn series(channel: Channel, scans: &[ScanCodes], description: &Description, quiet: usize) -> Option<Series> {

@@ -10,8 +10,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-use crate::noise::{Noise, QuietSums};
-use crate::series::StrikeSeries;
+use crate::noise::Noise;
+use crate::series::{StrikeSeries, noises};
 
 /// A tap and the bead that it meets.
 #[derive(Debug, Clone, Copy)]
@@ -176,17 +176,6 @@ pub(crate) fn series(taps: &[TestTap]) -> (Vec<StrikeSeries>, [Option<Noise>; 4]
         .iter()
         .map(|tap| StrikeSeries::of(&tap.recorded()).unwrap())
         .collect();
-    let mut sums: [QuietSums; 4] = Default::default();
-    series.iter().for_each(|one| one.add_quiet(&mut sums));
-    let step = |place: usize| {
-        let of = |one: &StrikeSeries| {
-            one.series
-                .iter()
-                .find(|one| one.channel.place() == place)
-                .map(|one| one.step)
-        };
-        series.iter().find_map(of)
-    };
-    let noises = std::array::from_fn(|place| sums[place].fit(step(place)?));
+    let noises = noises(&series);
     (series, noises)
 }

@@ -7,8 +7,6 @@ mod text;
 
 pub(crate) use arguments::Arguments;
 
-use std::collections::BTreeMap;
-
 use bead_model::design::{Description, Uncertainty};
 use bead_model::settings::Settings;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -23,13 +21,13 @@ use bead_identify::chain_runs::ChainRuns;
 use bead_identify::chain_strike::ChainStrike;
 use bead_identify::identified::{Candidate, Identified, Wanted, identify};
 use bead_identify::model::{SignalSample, StrikeModel};
-use bead_identify::noise::{Noise, QuietSums};
+use bead_identify::noise::Noise;
 use bead_identify::pair::Tap;
 use bead_identify::picture;
 use bead_identify::quantity::{Quantity, Values};
 use bead_identify::report::{About, BeadResult, NoiseResult};
 use bead_identify::ring_down::{Mounting, RingDown};
-use bead_identify::series::CHANNELS;
+use bead_identify::series::{CHANNELS, noises};
 use bead_identify::settings;
 use bead_identify::table::{channel_name, columns, rows};
 use bead_recording::physical;
@@ -221,19 +219,6 @@ struct Made {
     samples: Vec<Vec<SignalSample>>,
 }
 
-/// The noise of each channel of a bead, over its strikes.
-fn noise_of(bead: &BeadStrikes) -> [Option<Noise>; 4] {
-    let mut sums: [QuietSums; 4] = Default::default();
-    let mut steps: BTreeMap<usize, f64> = BTreeMap::new();
-    for strike in &bead.gathered {
-        strike.series.add_quiet(&mut sums);
-        for series in &strike.series.series {
-            steps.insert(series.channel.place(), series.step);
-        }
-    }
-    std::array::from_fn(|place| sums[place].fit(*steps.get(&place)?))
-}
-
 fn of_bead(
     inputs: &Inputs<'_>,
     bead: &BeadStrikes,
@@ -243,7 +228,7 @@ fn of_bead(
         return Err(nothing(bead.address, &bead.left_out));
     };
     let description = inputs.from.unwrap_or(last.series.description);
-    let noises = noise_of(bead);
+    let noises = noises(bead.gathered.iter().map(|strike| &strike.series));
     let chain = inputs
         .scenario
         .map(|scenario| chain_of(inputs, scenario, bead.address))
