@@ -7,6 +7,8 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::forked;
+
 create_exception!(
     hertz_chain,
     ScenarioError,
@@ -33,7 +35,7 @@ pub(crate) fn failed(error: &SimulateError) -> PyErr {
 /// Runs a function while other threads of Python run. A panic in it is a fault of this package, and becomes
 /// an exception that a program can catch, with the place that the panic printed.
 pub(crate) fn guarded<T: Send>(py: Python<'_>, run: impl FnOnce() -> T + Send) -> PyResult<T> {
-    let ran = py.detach(|| catch_unwind(AssertUnwindSafe(run)));
+    let ran = py.detach(|| catch_unwind(AssertUnwindSafe(|| forked::on_threads(run))));
     ran.map_err(|panic| {
         let text = panic.downcast_ref::<String>().cloned();
         let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));

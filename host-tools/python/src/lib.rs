@@ -2,6 +2,7 @@
 
 mod estimator;
 mod failure;
+mod forked;
 mod many;
 mod optimise;
 mod recording;
@@ -15,6 +16,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _hertz_chain(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
+    forked::note_process();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("ScenarioError", py.get_type::<failure::ScenarioError>())?;
     module.add("RecordingError", py.get_type::<failure::RecordingError>())?;

@@ -51,6 +51,12 @@ def same(ours, theirs):
     return np.array_equal(ours.astype(float), numbers, equal_nan=True)
 
 
+def absorbed(velocity):
+    """The energy that the paper's intruder takes of a strike, J, by an ensemble of a few."""
+    scenario = hc.Scenario.paper().replace(striker={"velocity": velocity})
+    return float(hc.ensemble([scenario] * 16).absorbed[0])
+
+
 class AgainstTheCommandLine(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
@@ -241,6 +247,14 @@ class Threads(unittest.TestCase):
             with self.assertRaises(KeyboardInterrupt):
                 work()
             self.assertLess(time.monotonic() - begun, 2.4)
+
+    def test_a_forked_process_has_threads_of_its_own(self):
+        import multiprocessing
+
+        expected = absorbed(0.5)
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            found = pool.map_async(absorbed, [0.5, 0.8]).get(timeout=60)
+        self.assertEqual(found[0], expected)
 
     def test_other_threads_run_meanwhile(self):
         counted = 0
