@@ -1,9 +1,9 @@
 //! Threads of a process that was forked.
 //!
 //! # Design
-//! Python's `multiprocessing` forks on Linux, and a child has none of its parent's threads: work that is given
-//! to the parent's pool would wait for ever. A child therefore makes a pool of its own. The first process
-//! works on the calling thread, where Python looks for Ctrl-C.
+//! Python's `multiprocessing` forks on Linux, and a child has none of its parent's threads: work that is
+//! given to the parent's pool would wait for ever. A child therefore makes a pool of its own. The first
+//! process works on the calling thread, where Python looks for Ctrl-C.
 
 use std::process;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
