@@ -1,7 +1,7 @@
 //! The bead's own fixed-point arithmetic on samples of one's own.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Sensed, Timing};
@@ -30,12 +30,11 @@ const TAIL: f64 = 0.03;
 const RATE: f64 = 1e5;
 
 /// A bead without hardware: its settings, and the state of its meter.
-#[pyclass(module = "hertz_chain._hertz_chain")]
+#[pyclass(frozen, module = "hertz_chain._hertz_chain")]
 pub(crate) struct Estimator {
     settings: Settings,
-    meter: Meter,
-    /// Index of the next scan; the first one has 1, as on the bead.
-    next: u64,
+    /// The meter and the index of the next scan; the first one has 1, as on the bead. Threads take turns.
+    meter: Mutex<(Meter, u64)>,
 }
 
 /// Windows that were measured, as a recording would have them.
@@ -82,15 +81,14 @@ impl Estimator {
         };
         Ok(Self {
             settings,
-            meter: Meter::new(),
-            next: 1,
+            meter: Mutex::new((Meter::new(), 1)),
         })
     }
 
     /// Takes codes, uint16 of shape (n, 4): force, wide force, acceleration, wide acceleration of each scan.
     /// Returns the tables of the windows that ended in them, `strikes` and `samples`.
     fn process<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         codes: PyReadonlyArray2<'py, u16>,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -112,10 +110,13 @@ impl Estimator {
             .map(|row| Scan::new([row[0], row[1], row[2], row[3]]))
             .collect();
         let mut windows = Windows::default();
-        let (meter, settings, next) = (&mut self.meter, &self.settings, self.next);
         let count = scans.len() as u64;
-        guarded(py, || meter.process(settings, next, scans, &mut windows))?;
-        self.next += count;
+        guarded(py, || {
+            let mut meter = self.meter.lock().unwrap_or_else(PoisonError::into_inner);
+            let (meter, next) = &mut *meter;
+            meter.process(&self.settings, *next, scans, &mut windows);
+            *next += count;
+        })?;
         let name: Arc<str> = NAME.into();
         let (mut strike_table, mut sample_table) =
             (Columns::new(strikes::columns()), Columns::new(samples::columns()));

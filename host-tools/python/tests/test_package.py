@@ -8,6 +8,7 @@ import csv
 import io
 import json
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -180,6 +181,7 @@ class Inputs(unittest.TestCase):
         paper = hc.Scenario.paper()
         self.assertEqual(hc.Scenario.from_dict(paper.to_dict()), paper)
         self.assertEqual(hc.Scenario.from_toml(paper.to_toml()), paper)
+        self.assertEqual(pickle.loads(pickle.dumps(paper)), paper)
         for part, change in (
             ("did you mean `velocity`", {"striker": {"velocit": 1.0}}),
             ("where a number belongs", {"striker": {"velocity": "0.8 m/s"}}),
@@ -255,6 +257,23 @@ class Threads(unittest.TestCase):
         with multiprocessing.get_context("fork").Pool(2) as pool:
             found = pool.map_async(absorbed, [0.5, 0.8]).get(timeout=60)
         self.assertEqual(found[0], expected)
+
+    def test_threads_take_turns_at_one_estimator(self):
+        estimator, codes = hc.Estimator(), np.full((200_000, 4), 2048)
+        failed = []
+
+        def work():
+            try:
+                estimator.process(codes)
+            except Exception as error:
+                failed.append(error)
+
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(failed, [])
 
     def test_other_threads_run_meanwhile(self):
         counted = 0

@@ -108,6 +108,9 @@ class Scenario:
     def __hash__(self) -> int:
         return hash(self.to_toml())
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Scenario.from_toml, (self.to_toml(),)
+
     def __repr__(self) -> str:
         chain = self.to_dict()["chain"]
         return f"<Scenario of {chain['beads']} beads>"

@@ -65,9 +65,8 @@ impl EnsembleOutcome {
     pub fn absorbed(&self) -> f64 {
         let layout = self.model.layout();
         let intruders = 0..self.model.intruders().len();
-        intruders
-            .map(|guest| self.state[layout.intruder_loss(guest)])
-            .sum()
+        // The sum of nothing would be -0.
+        intruders.fold(0.0, |sum, guest| sum + self.state[layout.intruder_loss(guest)])
     }
 
     /// Injected energy, J: the striker's loss, plus the energy of beads that moved at t = 0.
