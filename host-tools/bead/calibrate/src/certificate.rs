@@ -278,7 +278,11 @@ fn results(calibration: &Calibration) -> Chapter {
 }
 
 fn budget(result: &CalibrationResult) -> Chapter {
-    let row = |input: &BudgetRow| {
+    let row = |BudgetRow {
+                   input,
+                   sensitivity,
+                   share_percent,
+               }: &BudgetRow| {
         vec![
             GridCell::from(input.name.as_str()),
             significant(input.value, 6).into(),
@@ -287,8 +291,8 @@ fn budget(result: &CalibrationResult) -> Chapter {
             input.evaluation.into(),
             input.distribution.into(),
             freedom(input.degrees_of_freedom).into(),
-            significant(input.sensitivity, 3).into(),
-            format!("{:.1}", input.share_percent).into(),
+            significant(*sensitivity, 3).into(),
+            format!("{share_percent:.1}").into(),
         ]
     };
     let rows = result.inputs.iter().map(row);

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 /// An input of a measurement model.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ModelInput {
     /// Its name.
     pub name: String,
@@ -71,20 +71,9 @@ impl ModelInput {
 /// An input of a result with its part in the uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct BudgetRow {
-    /// Name of the input.
-    pub name: String,
-    /// Its unit; empty for a factor.
-    pub unit: &'static str,
-    /// Its estimate.
-    pub value: f64,
-    /// Its standard uncertainty, in its unit.
-    pub u: f64,
-    /// `A` from a series of observations, `B` from elsewhere (JCGM 100, 4.2 and 4.3).
-    pub evaluation: &'static str,
-    /// Its distribution.
-    pub distribution: &'static str,
-    /// Degrees of freedom of `u`; none for infinitely many.
-    pub degrees_of_freedom: Option<f64>,
+    /// The input.
+    #[serde(flatten)]
+    pub input: ModelInput,
     /// Change of the result for a change of the input by 1.
     pub sensitivity: f64,
     /// Part in the variance of the result, per cent.
@@ -177,13 +166,7 @@ pub fn propagate(
         let contributions: Vec<_> = inputs.iter().zip(&sensitivities).map(contribution).collect();
         let combined = Combined::of(values[result], &contributions, correlated);
         let row = |((input, sensitivity), part): ((&ModelInput, &Vec<f64>), &Contribution)| BudgetRow {
-            name: input.name.clone(),
-            unit: input.unit,
-            value: input.value,
-            u: input.u,
-            evaluation: input.evaluation,
-            distribution: input.distribution,
-            degrees_of_freedom: input.degrees_of_freedom,
+            input: input.clone(),
             sensitivity: sensitivity[result],
             share_percent: combined.share_percent(part.amount * part.amount),
         };

@@ -65,7 +65,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
         let combined = &result.combined;
         if let Some(key) = result.key {
             let how = match result.unit {
-                "kg" if result.inputs.iter().all(|input| input.evaluation == "B") => "weighed".to_owned(),
+                "kg" if result.inputs.iter().all(|row| row.input.evaluation == "B") => "weighed".to_owned(),
                 _ => format!("by bead calibrate {}", calibration.procedure),
             };
             let by = format!(
