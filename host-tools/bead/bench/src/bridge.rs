@@ -13,6 +13,7 @@ use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -57,29 +58,47 @@ pub struct Bridge {
     row_ns: u64,
     /// Seconds of the bead's crystal in a true one: rows follow the crystal.
     rate: f64,
-    pace: Option<TimePace>,
+    pace: Option<Pace>,
     /// Work of the emulator in the last step of time.
     pub work: StretchWork,
 }
 
-/// Relation of the image's time to this computer's.
-struct TimePace {
-    started: Instant,
-    /// Seconds of the image in one of this computer.
+/// Relation of an image's time to this computer's. Images with clones of a pace have one time: all wait for
+/// the slowest.
+#[derive(Debug, Clone)]
+pub struct Pace {
+    started: Arc<Mutex<Instant>>,
+    /// Seconds of an image in one of this computer.
     factor: f64,
 }
 
-impl TimePace {
+impl Pace {
+    /// So many seconds of an image in one of this computer, from now on.
+    pub fn new(factor: f64) -> Self {
+        let started = Arc::new(Mutex::new(Instant::now()));
+        Self { started, factor }
+    }
+
+    fn started(&self) -> MutexGuard<'_, Instant> {
+        // An instant is whole whatever a thread did that panicked.
+        self.started.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Delay at an instant of an image whose time is `now`.
     fn behind(&self, now: Duration, instant: Instant) -> Duration {
-        let passed = instant.saturating_duration_since(self.started);
+        self.since(*self.started(), now, instant)
+    }
+
+    fn since(&self, started: Instant, now: Duration, instant: Instant) -> Duration {
+        let passed = instant.saturating_duration_since(started);
         passed.mul_f64(self.factor).saturating_sub(now)
     }
 
     /// Time that should pass in one go.
-    fn due(&mut self, now: Duration, instant: Instant) -> Duration {
-        let behind = self.behind(now, instant);
-        self.started += behind.saturating_sub(BEHIND).div_f64(self.factor);
+    fn due(&self, now: Duration, instant: Instant) -> Duration {
+        let mut started = self.started();
+        let behind = self.since(*started, now, instant);
+        *started += behind.saturating_sub(BEHIND).div_f64(self.factor);
         behind.min(STEP)
     }
 
@@ -91,11 +110,11 @@ impl TimePace {
 }
 
 impl Bridge {
-    /// The image at power-up. With a pace, it has so many seconds in one of this computer, from now on.
+    /// The image at power-up. With a pace, its time follows this computer's.
     ///
     /// # Errors
     /// QEMU fails.
-    pub fn new(emulation: &Emulation, pace: Option<f64>) -> Result<Self, BenchError> {
+    pub fn new(emulation: &Emulation, pace: Option<Pace>) -> Result<Self, BenchError> {
         Self::with(emulation, pace, |_| {})
     }
 
@@ -105,7 +124,7 @@ impl Bridge {
     /// QEMU fails.
     pub fn with(
         emulation: &Emulation,
-        pace: Option<f64>,
+        pace: Option<Pace>,
         change: impl FnOnce(&mut Run),
     ) -> Result<Self, BenchError> {
         let mut machine = emulation.machine();
@@ -122,10 +141,7 @@ impl Bridge {
             row_ns: machine.sample_period_ns,
             rate: 1.0 + emulation.truth.clock_ppm * 1e-6,
             live: machine.start()?,
-            pace: pace.map(|factor| TimePace {
-                started: Instant::now(),
-                factor,
-            }),
+            pace,
             work: StretchWork::default(),
         })
     }
@@ -185,9 +201,9 @@ impl Bridge {
     }
 
     /// Time that should pass now, after bytes came in or none did.
-    fn due(&mut self, received: bool) -> Duration {
+    fn due(&self, received: bool) -> Duration {
         let now = self.now();
-        match &mut self.pace {
+        match &self.pace {
             Some(pace) => pace.due(now, Instant::now()),
             None if received => ANSWER,
             None => STEP,
@@ -419,8 +435,8 @@ mod tests {
         let ms = Duration::from_millis;
         let at = |after: u64| began + ms(after);
         let seconds = Duration::from_secs;
-        let mut pace = TimePace {
-            started: began,
+        let pace = Pace {
+            started: Arc::new(Mutex::new(began)),
             factor: 100.0,
         };
         // One that it keeps up with loses nothing, not by a hiccup either.
@@ -429,12 +445,14 @@ mod tests {
         assert_eq!(pace.pause(ms(350), at(10)), Duration::ZERO);
         assert_eq!(pace.due(ms(850), at(10)), ms(150));
         assert_eq!(pace.pause(ms(1000), at(10)), BEAT);
-        assert_eq!(pace.started, began);
+        assert_eq!(*pace.started(), began);
         // A minute in which the image came no further.
         assert_eq!(pace.due(seconds(1), at(60_000)), STEP);
         assert_eq!(pace.behind(seconds(1), at(60_000)), BEHIND);
         assert_eq!(pace.due(seconds(1) + BEHIND, at(60_000)), Duration::ZERO);
         assert_eq!(pace.due(seconds(1) + BEHIND, at(60_002)), ms(200));
+        // Another image, which was quicker, waits for this one.
+        assert_eq!(pace.clone().due(seconds(3), at(60_002)), Duration::ZERO);
     }
 
     #[test]

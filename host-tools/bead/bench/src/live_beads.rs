@@ -4,7 +4,7 @@
 //! Each bead is an image in a QEMU of its own, whose time follows this computer's. All feel one strike, again
 //! and again. Their crystals are true and they are switched on together: codes repeat after a number of
 //! scans, and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
-//! `SYNC_EVERY` for an hour, so that beads which pass their time at different speeds still have one time.
+//! `SYNC_EVERY` for an hour. The beads have one pace: when a busy computer holds one up, all wait for it.
 
 use std::env;
 use std::path::Path;
@@ -14,7 +14,7 @@ use std::thread;
 
 use hertz_chain::Scenario;
 
-use crate::bridge::{self, Bridge, Door};
+use crate::bridge::{self, Bridge, Door, Pace};
 use crate::emulation::{Emulation, Placed};
 use crate::error::BenchError;
 use crate::several::{self, Crystals};
@@ -86,10 +86,13 @@ impl LiveBeads {
 
     /// Runs the beads until `stop`. A bead that fails ends alone, and `note` takes a line about it.
     pub fn serve(&self, stop: &AtomicBool, note: &(dyn Fn(String) + Sync)) {
+        // On a busy computer too the wave goes from one to the next as it does in the chain.
+        let pace = &Pace::new(self.pace);
         thread::scope(|scope| {
             for (emulation, door, _) in &self.beads {
                 scope.spawn(move || {
-                    let serve = || bridge::serve(&mut Bridge::new(emulation, Some(self.pace))?, door, stop);
+                    let serve =
+                        || bridge::serve(&mut Bridge::new(emulation, Some(pace.clone()))?, door, stop);
                     if let Err(error) = serve()
                         && !stop.load(Ordering::Relaxed)
                     {

@@ -3,8 +3,7 @@
 
 const KEPT = 200; // strikes
 const TOGETHER_MS = 500; // between the receipts of one wave at two beads, at most
-// Longest way of a wave through a row, s.
-const WAVE_S = 0.05;
+const WAVE_S = 0.02; // from the first bead of a row to its last, at most: some 80 beads
 const at = (id) => document.getElementById(id);
 const strikes = []; // the newest first
 let chosen = null; // serial number of a strike that was clicked; null for the newest
@@ -116,29 +115,25 @@ function drawList() {
 function wave() {
   const first = shown();
   if (!first) return { beads: [], isShared: false };
-  const near = new Map();
-  for (const one of strikes) {
-    if (!one.curves) continue;
-    const apart = one === first ? -1 : Math.abs(one.strike.received_ms - first.strike.received_ms);
-    const other = near.get(one.strike.bead);
-    if (apart < TOGETHER_MS && (!other || apart < other.apart)) near.set(one.strike.bead, { one, apart });
+  const apart = (one) => Math.abs(one.strike.received_ms - first.strike.received_ms);
+  const near = strikes.filter((one) => one.curves && apart(one) < TOGETHER_MS);
+  const isShared = near.every(({ strike }) => strike.since_edge_s) && new Set(near.map(({ strike }) => strike.bead)).size > 1;
+  // Time of a strike after the first one, s. Both count from the last edge, and one may come between them.
+  const after = ({ strike }) => {
+    const [since, period] = strike.since_edge_s;
+    const later = since - first.strike.since_edge_s[0];
+    return later - period * Math.round(later / period);
+  };
+  const far = (one) => (one === first ? -1 : isShared ? Math.abs(after(one)) : apart(one));
+  const nearest = new Map();
+  for (const one of near) {
+    const other = nearest.get(one.strike.bead);
+    if (!other || far(one) < far(other)) nearest.set(one.strike.bead, one);
   }
-  let beads = [...near.values()].map(({ one }) => ({ ...one, from: 0 }));
-  const isShared = beads.length > 1 && beads.every(({ strike }) => strike.since_edge_s);
-  if (isShared) {
-    // An edge may come while the wave is between two beads.
-    const since = beads.map(({ strike }) => strike.since_edge_s[0]);
-    const period = beads[0].strike.since_edge_s[1];
-    const isOver = Math.max(...since) - Math.min(...since) > period / 2;
-    const unwrapped = since.map((time) => (isOver && time < period / 2 ? time + period : time));
-    // Until all beads have sent the newest wave, some still show the one before.
-    const own = unwrapped[beads.findIndex(({ strike }) => strike.serial === first.strike.serial)];
-    const isOf = (_, place) => Math.abs(unwrapped[place] - own) < WAVE_S;
-    const times = unwrapped.filter(isOf);
-    beads = beads.filter(isOf);
-    const earliest = Math.min(...times);
-    beads.forEach((bead, place) => { bead.from = 1000 * (times[place] - earliest); });
-  }
+  // Until all beads have sent the newest wave, some still have the one before.
+  const ofWave = [...nearest.values()].filter((one) => !isShared || Math.abs(after(one)) < WAVE_S);
+  const earliest = isShared ? Math.min(...ofWave.map(after)) : 0;
+  const beads = ofWave.map((one) => ({ ...one, from: isShared ? 1000 * (after(one) - earliest) : 0 }));
   beads.sort((a, b) => a.strike.bead - b.strike.bead);
   return { beads, isShared };
 }

@@ -16,7 +16,7 @@ use crate::cli::commands::settings_file;
 use crate::cli::note_options::NoteOptions;
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
-use bead_bench::bridge::{self, Bridge, Door};
+use bead_bench::bridge::{self, Bridge, Door, Pace};
 use bead_bench::emulation::{Emulation, Placed, Ran, settings_of};
 use bead_bench::error::BenchError;
 use bead_bench::faults::{self, Planned};
@@ -339,7 +339,7 @@ fn listen(bench: &BenchOfRun<'_>, address: &Address, door: &Door) -> Result<(), 
     if clock.sync_period.is_some() {
         note!("there are edges at its sync input for an hour of its time");
     }
-    let mut bridge = Bridge::new(&emulation, clock.pace)?;
+    let mut bridge = Bridge::new(&emulation, clock.pace.map(Pace::new))?;
     note!("a bead is at {address} until Ctrl-C; its time {passes}");
     Ok(bridge::serve(&mut bridge, door, &stop)?)
 }
