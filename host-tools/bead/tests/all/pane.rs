@@ -9,11 +9,11 @@ use std::str::Chars;
 const WIDE: f64 = 8.0;
 const HIGH: f64 = 17.0;
 const MARGIN: f64 = 12.0;
-const DARK: &str = "#12161c";
-const LIGHT: &str = "#d7dde5";
-/// Colours 0 to 7 of a terminal.
+const PAPER: &str = "#fdfdfc";
+const INK: &str = "#24292f";
+/// Colours 0 to 7 of a terminal with a light background, as the other pictures of the book have.
 const COLOURS: [&str; 8] = [
-    "#12161c", "#f47067", "#7ee787", "#f2cc60", "#6cb6ff", "#dcbdfb", "#76e3ea", "#d7dde5",
+    "#24292f", "#c0322b", "#1a7f37", "#8a5a00", "#0a58b8", "#7c3fbf", "#0f7480", "#6e7781",
 ];
 
 #[derive(Clone, Copy, Default)]
@@ -58,7 +58,7 @@ pub(crate) fn svg(cells: &str, columns: usize, title: &str) -> String {
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
          font-family=\"DejaVu Sans Mono, Menlo, Consolas, monospace\" font-size=\"13.3\">\n<title>{title}</title>\n\
-         <rect width=\"100%\" height=\"100%\" rx=\"6\" fill=\"{DARK}\"/>\n"
+         <rect width=\"100%\" height=\"100%\" rx=\"6\" fill=\"{PAPER}\"/>\n"
     );
     let mut attributes = Attributes::default();
     for (line, text) in cells.lines().enumerate() {
@@ -77,7 +77,7 @@ pub(crate) fn svg(cells: &str, columns: usize, title: &str) -> String {
 }
 
 fn cell(out: &mut String, letter: char, [x, y]: [f64; 2], attributes: Attributes) {
-    let mut ink = attributes.colour.map_or(LIGHT, |colour| COLOURS[colour]);
+    let mut ink = attributes.colour.map_or(INK, |colour| COLOURS[colour]);
     if attributes.is_reversed {
         // A little wider, so that no gap is seen between two.
         let wide = WIDE + 0.3;
@@ -86,7 +86,7 @@ fn cell(out: &mut String, letter: char, [x, y]: [f64; 2], attributes: Attributes
             "<rect x=\"{x:.1}\" y=\"{y}\" width=\"{wide}\" height=\"{HIGH}\" fill=\"{ink}\"/>"
         )
         .unwrap();
-        ink = DARK;
+        ink = PAPER;
     }
     let (middle, centre) = (x + WIDE / 2.0, y + HIGH / 2.0);
     let mut stroke =
