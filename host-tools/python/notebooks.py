@@ -43,7 +43,7 @@ def run(program):
     outputs = [{"output_type": "stream", "name": "stdout", "text": printed.getvalue().splitlines(True)}]
     for number in plt.get_fignums():
         picture = io.BytesIO()
-        plt.figure(number).savefig(picture, format="png", dpi=72, metadata={"Software": None})
+        plt.figure(number).savefig(picture, format="png", dpi=90, bbox_inches="tight", metadata={"Software": None})
         data = {"image/png": base64.b64encode(picture.getvalue()).decode(), "text/plain": ["a figure"]}
         outputs.append({"output_type": "display_data", "data": data, "metadata": {}})
     return outputs

@@ -347,6 +347,8 @@ class Examples(unittest.TestCase):
                 printed = io.StringIO()
                 with contextlib.redirect_stdout(printed):
                     exec(compile(block, f"python.md, program {number}", "exec"), {})
+                if number < 2:
+                    self.assertIn(f"```text\n{printed.getvalue()}```", page)
                 if number == 0:
                     # docs/validation.md has 96.75 % of the chain's energy as the paper prints it.
                     self.assertIn("2.7 g: one leaves 96.7", printed.getvalue())
