@@ -12,6 +12,7 @@ mod ink;
 mod legend;
 mod map;
 mod panel;
+mod plate;
 mod scale;
 mod series;
 
@@ -19,6 +20,7 @@ pub use canvas::{escape, raised};
 pub use ink::{FAMILY, Ink, style};
 pub use map::Map;
 pub use panel::{Axis, Panel};
+pub use plate::Plate;
 pub use scale::Scale;
 pub use series::{Mark, Series};
 
