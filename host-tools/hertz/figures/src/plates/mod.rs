@@ -1,5 +1,6 @@
 //! The paper's plates, and figures beyond it: one file a plate.
 
+pub(crate) mod bands;
 pub(crate) mod beyond;
 pub(crate) mod collision;
 pub(crate) mod fig2;
