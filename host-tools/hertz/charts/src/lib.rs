@@ -4,7 +4,7 @@
 //! A [`Chart`] is data: panels with curves over axes. Drawing has three layers: `frame` places a panel's
 //! axes, ticks and curves, `legend` the names, `map` colours cells, and `canvas` writes lines, marks and text
 //! as SVG. All axes of a chart begin and end in the same columns. A chart inside a page and a chart in its
-//! own file share the sheet [`style`].
+//! own file share the sheet [`style`]. A [`Plate`] puts charts side by side, with letters.
 
 mod canvas;
 mod frame;

@@ -352,8 +352,7 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
     }
     if optimum.strikes.iter().any(|strike| strike.contacts > 0.01) {
         remarks.push(
-            "What the contacts lose counts as remaining here, though it reaches no bead behind the hosts."
-                .to_owned(),
+            "Losses in contacts count as remaining, though they reach no bead behind the hosts.".to_owned(),
         );
     }
     if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
