@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod bead;
 pub mod chain;
 pub mod chain_runs;
 pub mod chain_strike;

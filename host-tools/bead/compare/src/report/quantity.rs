@@ -55,14 +55,6 @@ pub fn percent_within(part: f64, uncertainty: Option<f64>) -> String {
     format!("{} ± {:.3} %", signed(part * 100.0, 3), within * 100.0)
 }
 
-/// A number of things: `1 strike`, `2 strikes`.
-pub fn count(number: u64, one: &str) -> String {
-    match number {
-        1 => format!("1 {one}"),
-        _ => format!("{number} {one}s"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
