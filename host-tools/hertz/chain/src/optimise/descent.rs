@@ -109,7 +109,8 @@ impl Problem<'_> {
             // Calls after the last evaluation cost nothing, so this limit never ends a descent early.
             full.min(1_000_000),
             Some(StopTols {
-                ftol_rel: SETTLED,
+                // A bound moves with the noise of the shares that touch it.
+                ftol_rel: if bounded { SMOOTH } else { SETTLED },
                 ..StopTols::default()
             }),
         );
