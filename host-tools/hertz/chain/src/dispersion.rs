@@ -7,8 +7,8 @@
 //! m₁ m ω⁴ - [k (m₁ + m) + 4 K m sin²(q/2)] ω² + 4 K k sin²(q/2) = 0
 //! ```
 //!
-//! from the equations of motion with V, u ~ exp(i(q n - ω t)). Dampers and viscous contacts are left out: they
-//! widen the edges and do not move them at first order. The lesser root is the acoustic branch, in which
+//! from the equations of motion with V, u ~ exp(i(q n - ω t)). Dampers and viscous contacts are left out:
+//! they widen the edges and do not move them at first order. The lesser root is the acoustic branch, in which
 //! bead and intruder move together; the greater one is the optical branch. Between them lies a gap.
 
 use std::f64::consts::{PI, TAU};
@@ -38,8 +38,8 @@ pub struct BranchFrequencies {
     pub optical: Option<f64>,
 }
 
-/// Bands of linear waves. They pass up to the acoustic top and, with intruders, from the end of the gap to the
-/// optical top.
+/// Bands of linear waves. They pass up to the acoustic top and, with intruders, from the end of the gap to
+/// the optical top.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Bands {

@@ -1,4 +1,5 @@
-//! A drawing as pixels: PNG, and GIF for charts that follow one another. The drawing is the same as in the SVG.
+//! A drawing as pixels: PNG, and GIF for charts that follow one another. The drawing is the same as in the
+//! SVG.
 
 use std::fmt::Display;
 

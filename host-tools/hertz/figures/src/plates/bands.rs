@@ -1,5 +1,5 @@
-//! Linear waves of a loaded chain with an intruder in each bead: the branches of the dispersion, and a chain of
-//! 200 beads on which all of them ring at once.
+//! Linear waves of a loaded chain with an intruder in each bead: the branches of the dispersion, and a chain
+//! of 200 beads on which all of them ring at once.
 
 use std::f64::consts::PI;
 
@@ -108,8 +108,8 @@ fn tone_spectrum(mut values: Vec<f64>) -> Spectrum {
     })
 }
 
-/// Frequency of the strongest tone between two frequencies, Hz: the top of the parabola through the logarithms
-/// of the greatest magnitude and its neighbours.
+/// Frequency of the strongest tone between two frequencies, Hz: the top of the parabola through the
+/// logarithms of the greatest magnitude and its neighbours.
 fn tone(spectrum: &Spectrum, from: f64, to: f64) -> f64 {
     let points: Vec<(f64, f64)> = spectrum.magnitudes().collect();
     let inside = (1..points.len() - 1).filter(|&n| (from..to).contains(&points[n].0));

@@ -113,7 +113,8 @@ fn forces(lab: &Lab) -> Result<Figure, Error> {
         ];
         Panel::new("force (N)", curves).height(130)
     });
-    // On 16 beads the pulses of the soft ball's train have not parted: the force falls by a fifth between them.
+    // On 16 beads the pulses of the soft ball's train have not parted: the force falls by a fifth between
+    // them.
     let humps = PulseSearch {
         height: 0.05,
         fall: 0.1,
