@@ -1,6 +1,7 @@
 //! Quantities of beads from their strikes, as `bead identify` finds them.
 
-use bead_identify::bead::{BeadStrikes, Method, Request, identify_bead, take};
+use bead_identify::bead::{BeadStrikes, Request, identify_bead, take};
+use bead_identify::method::Method;
 use bead_identify::quantity::{QUANTITIES, Quantity};
 use bead_identify::report::IdentifyReport;
 use bead_identify::ring_down::Mounting;

@@ -137,8 +137,8 @@ impl Recording {
         serde_json::to_string(&budget).map_err(|error| RecordingError::new_err(error.to_string()))
     }
 
-    /// The strikes of one bead or of a row beside a simulated chain, without a scenario that of the recording,
-    /// as JSON.
+    /// The strikes of one bead or of a row beside a simulated chain, without a scenario that of the
+    /// recording, as JSON.
     fn compare(&self, py: Python<'_>, scenario: Option<&Scenario>, bead: Option<usize>) -> PyResult<String> {
         let scenario = scenario.map(|scenario| scenario.0.clone());
         let compared = guarded(py, || compared(&self.file, scenario, bead))?;

@@ -11,6 +11,7 @@ use crate::chain::ChainOfScenario;
 use crate::chain_runs::ChainRuns;
 use crate::chain_strike::ChainStrike;
 use crate::identified::{Candidate, Identified, Wanted, identify};
+use crate::method::Method;
 use crate::model::{SignalSample, StrikeModel};
 use crate::noise::Noise;
 use crate::pair::Tap;
@@ -33,39 +34,6 @@ const SPOILED: Flags = Flags::FORCE_RAILED
     .with(Flags::SENSOR_FAULT)
     .with(Flags::SENSOR_STILL)
     .with(Flags::PLAYED);
-
-/// The data of a fit, and their model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
-    /// Ringing after taps.
-    RingDown,
-    /// Force and acceleration of taps at a free bead.
-    Pairs,
-    /// Strikes of a chain that a scenario describes.
-    Chain,
-}
-
-impl Method {
-    /// Its name in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::RingDown => "ring_down",
-            Self::Pairs => "pairs",
-            Self::Chain => "chain",
-        }
-    }
-
-    /// Quantities that it fits unless others are asked for.
-    fn usual(self) -> Vec<Quantity> {
-        let mut fitted = vec![Quantity::Stiffness, Quantity::Damping];
-        match self {
-            Self::RingDown => {}
-            Self::Pairs => fitted.push(Quantity::AccelerationGain),
-            Self::Chain => fitted.extend([Quantity::Young, Quantity::Relaxation]),
-        }
-        fitted
-    }
-}
 
 /// Identification that is asked for, of all beads of the recordings.
 #[derive(Debug, Clone)]

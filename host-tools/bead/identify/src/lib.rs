@@ -8,6 +8,7 @@ pub mod consistency;
 pub mod degeneracy;
 pub mod fit;
 pub mod identified;
+pub mod method;
 pub mod model;
 pub mod noise;
 pub mod normal;

@@ -4,9 +4,9 @@ use bead_recording::strikes::LeftOut;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::bead::Method;
 use crate::consistency::{Doubt, Hardening, RecordingValues};
 use crate::identified::{Candidate, Identified, Wanted};
+use crate::method::Method;
 use crate::quantity::{QUANTITIES, Quantity};
 
 /// A quantity of a bead.

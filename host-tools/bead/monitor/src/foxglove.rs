@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! Each bead has the channels `/bead_7/strike` and `/bead_7/state` of JSON objects, whose schemas are made of
-//! the types that are sent. Who subscribes gets the last message of a channel at once, as strikes may be rare.
-//! Clients can read and nothing else. The protocol has no secret and does not look at a page's origin, so any
-//! program and any web page on the computers that reach the address can read.
+//! the types that are sent. Who subscribes gets the last message of a channel at once, as strikes may be
+//! rare. Clients can read and nothing else. The protocol has no secret and does not look at a page's origin,
+//! so any program and any web page on the computers that reach the address can read.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;

@@ -23,8 +23,8 @@ pub struct GatheredBead<T> {
 }
 
 impl<T: Default> GatheredBead<T> {
-    /// Counts a strike at its bead, which is added if it is new. Returns the place of the bead, and the number
-    /// of the strike among those of the bead.
+    /// Counts a strike at its bead, which is added if it is new. Returns the place of the bead, and the
+    /// number of the strike among those of the bead.
     pub fn count(beads: &mut Vec<Self>, strike: &RecordedStrike) -> (usize, usize) {
         let address = strike.address;
         // A strike may come before the identity of its bead.

@@ -76,6 +76,10 @@ mod tests {
         assert_eq!(first_of([1, 2], 2), "1, 2");
         assert_eq!(first_of(1..=22, 3), "1, 2, 3 and 19 more");
         assert_eq!(first_of([""; 0], 3), "");
+        assert_eq!(
+            [count(1, "strike"), count(0, "strike")],
+            ["1 strike", "0 strikes"]
+        );
     }
 
     #[test]

@@ -92,8 +92,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
         default_missing_value = "127.0.0.1:8765")]
     foxglove: Option<SocketAddr>,
-    /// Serve page and channels to other computers too: not encrypted, so whoever sees the traffic sees the URL
-    /// and all that the beads measure.
+    /// Serve page and channels to other computers too: not encrypted, so whoever sees the traffic sees the
+    /// URL and all that the beads measure.
     #[arg(long)]
     insecure_network: bool,
     /// Send each strike as JSON to this address by UDP, for PlotJuggler.

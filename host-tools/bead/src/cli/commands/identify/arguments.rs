@@ -91,7 +91,7 @@ pub(super) enum Method {
     Chain,
 }
 
-impl From<Method> for bead_identify::bead::Method {
+impl From<Method> for bead_identify::method::Method {
     fn from(method: Method) -> Self {
         match method {
             Method::RingDown => Self::RingDown,
