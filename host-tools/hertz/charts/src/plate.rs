@@ -1,8 +1,9 @@
 //! Charts side by side on one sheet, with the letters of a paper's figure.
 
 use super::canvas::{Anchor, Canvas, escape};
+use super::chart::Chart;
+use super::error::Error;
 use super::ink::{Ink, drawing_style};
-use super::{Chart, Error};
 
 /// Size of the letters, pixels.
 const LETTERS: f64 = 16.0;
