@@ -35,8 +35,8 @@ impl Chart {
         }
     }
 
-    /// The chart as an `<svg>` element that fills its column and takes its colours from [`style`] in the
-    /// page.
+    /// The chart as an `<svg>` element that fills its column and takes its colours from
+    /// [`style`](crate::style) in the page.
     ///
     /// # Errors
     /// An axis has no extent, or one that is no number.
