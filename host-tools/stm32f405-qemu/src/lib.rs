@@ -9,6 +9,7 @@ mod outcome;
 mod peripherals;
 mod plugin;
 mod run;
+mod thumb;
 mod vcd;
 
 pub use ending::{CodeAddress, Exception, RunEnd};

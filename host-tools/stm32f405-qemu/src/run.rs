@@ -149,15 +149,18 @@ impl Run {
             let unknown = || RunError::Input(what);
             labels.iter().position(|label| label == work).ok_or_else(unknown)
         };
+        let coverage = coverage::stem(&image.bytes)?;
         Ok(RunDescription {
             format: FORMAT,
+            shortens_waits: self.shorten_waits && self.gdb.is_none() && !self.count_cycles && coverage.is_none(),
+            instruction_ns: 1 << self.shift()?,
             rtt: image.rtt,
             vectors: image.vectors,
             fault_handlers: image.fault_handlers.clone(),
             panic_functions: image.panic_functions(),
             work: self.work.iter().map(position).collect::<Result<_, _>>()?,
             live,
-            coverage: coverage::stem(&image.bytes)?,
+            coverage,
             labels,
             functions,
             run: Cow::Borrowed(self),

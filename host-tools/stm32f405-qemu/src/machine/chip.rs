@@ -132,11 +132,16 @@ impl Chip {
 
     fn clocked(&self, address: u32) -> Result<(&'static PeripheralRow, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
-        let Gate { bus, enables, .. } = row.gate;
-        if enables != 0 && !self.units.rcc.enabled(bus, enables) {
+        if !self.is_clocked(row) {
             return Err(Unanswered { clock_off: true });
         }
         Ok((row, offset))
+    }
+
+    /// Returns `true` if the clock of a peripheral is on.
+    pub(super) fn is_clocked(&self, row: &PeripheralRow) -> bool {
+        let Gate { bus, enables, .. } = row.gate;
+        enables == 0 || self.units.rcc.enabled(bus, enables)
     }
 
     /// Passes on what a write to one peripheral does to others.

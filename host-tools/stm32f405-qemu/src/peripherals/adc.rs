@@ -328,6 +328,11 @@ impl Peripheral for Adc {
         })
     }
 
+    fn holds_until(&self, offset: u32, _now: u64) -> Option<u64> {
+        // Reading DR clears EOC.
+        (offset != 0x4c).then_some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {

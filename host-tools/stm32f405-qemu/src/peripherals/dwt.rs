@@ -62,6 +62,15 @@ impl Peripheral for Dwt {
         }
     }
 
+    fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
+        let runs = bit(self.ctrl, 0) && self.traces;
+        if offset != 0x04 || !runs {
+            return Some(u64::MAX);
+        }
+        let next = clock::ticks(now.saturating_sub(self.since_ns), self.hclk) + 1;
+        Some(self.since_ns.saturating_add(clock::edge(next, self.hclk)))
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.settle(now);
         match offset {

@@ -453,6 +453,23 @@ impl Peripheral for Tim {
         })
     }
 
+    fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
+        // Reading a captured value clears its flag.
+        if self.or == BY_CRYSTAL || matches!(offset, 0x34..=0x40) {
+            return None;
+        }
+        if !self.counter.counts() {
+            return Some(u64::MAX);
+        }
+        if offset == 0x24 {
+            return Some(self.counter.time_of(self.counter.ticks(now) + 1));
+        }
+        let matches = (0..self.kind.channels).map(|channel| self.next_match(channel));
+        let update = self.counter.update_after(self.seen);
+        let soonest = matches.chain([update]).min();
+        soonest.map(|tick| self.time_of_event(tick))
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.kind.check(offset)?;
         self.advance(now);

@@ -7,17 +7,25 @@ use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
 use super::count::InstructionCounters;
-use super::failures::{Failures, Sighting};
+use super::failures::{self, Failures, Sighting};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
-use super::{handlers, rtt, self_test};
+use super::{handlers, rtt, self_test, waiting};
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
 use crate::given::{Fault, Poke, Since};
 use crate::machine::{Exterior, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
+use crate::thumb::Registers;
+
+/// Instructions that QEMU executes itself before something may happen.
+const MARGIN: u64 = 64;
+/// Control of the memory protection unit, which the interpreter does not know.
+const MPU_CTRL: u32 = 0xe000_ed94;
+/// The register with the address of the vectors.
+const VTOR: u32 = 0xe000_ed08;
 
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
@@ -34,6 +42,12 @@ pub(super) struct Overlay {
     failures: Failures,
     /// The last time at which the overlay was called.
     now: u64,
+    /// The time at which it asked to be called.
+    wakes_at: u64,
+    /// The processor stands still up to this time: it has executed what it does up to then.
+    executed_to: Option<u64>,
+    /// Registers with which the processor goes on after a wait of the overlay's own.
+    goes_on_with: Option<Registers>,
     powered_up: bool,
     interrupts_tested: bool,
     /// QEMU has loaded the image anew, over what the firmware wrote to flash.
@@ -78,6 +92,9 @@ impl Overlay {
             faults,
             failures: Failures::default(),
             now: 0,
+            wakes_at: 0,
+            executed_to: None,
+            goes_on_with: None,
             powered_up: false,
             interrupts_tested: false,
             reloaded: false,
@@ -110,6 +127,9 @@ impl Overlay {
 
     /// The time that the overlay asked for has come.
     pub(super) fn wake(&mut self, qemu: &Qemu) {
+        if self.goes_on(qemu) {
+            return;
+        }
         self.recorder.called();
         if !std::mem::replace(&mut self.interrupts_tested, true) {
             if let Err(line) = self_test::interrupt_test(qemu) {
@@ -144,6 +164,94 @@ impl Overlay {
         self.after(now, qemu);
         if self.ends_at() <= now {
             self.end(RunEnd::Over, now, qemu);
+        }
+    }
+
+    /// A loop that waits, up to the next time at which something may happen: executes it here, and lets the
+    /// processor stand still for as long.
+    /// Gives how often it has executed the instructions, by their addresses.
+    pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
+        let now = qemu.now();
+        let until = self.wakes_at.saturating_sub(MARGIN * self.description.instruction_ns);
+        let may = self.interrupts_tested
+            && !self.ended
+            && self.executed_to.is_none()
+            && self.failures.sightings.is_empty()
+            && !self.machine.stands_still()
+            && self.description.shortens_waits
+            && self.counters().is_none_or(|counters| !counters.times())
+            && !qemu.reset_requested.load(Relaxed)
+            && now < until
+            && !failures::interrupt_pending(qemu)
+            && qemu.read_nvic(MPU_CTRL, 4) & 1 == 0;
+        let polled = waiting::WATCH.take();
+        let registers = may.then(|| qemu.registers_of_processor()).flatten();
+        let Some(registers) = registers else {
+            waiting::WATCH.result(polled, 0, 0);
+            return Vec::new();
+        };
+        let mut outside = Outside(qemu, &mut self.recorder);
+        let ns = self.description.instruction_ns;
+        let log = self.description.rtt.map(rtt::write_offset);
+        self.machine.begin_steady_reads();
+        let around = waiting::Surroundings {
+            machine: &mut self.machine,
+            outside: &mut outside,
+            qemu,
+            log,
+            watched: [&self.description.fault_handlers, &self.description.panic_functions],
+        };
+        let Some(executed) = waiting::execute(registers, now..until, ns, polled, around) else {
+            waiting::WATCH.result(polled, 0, 0);
+            return Vec::new();
+        };
+        waiting::WATCH.result(polled, executed.instructions, executed.stepped);
+        self.now = executed.now;
+        self.executed_to = Some(executed.now);
+        qemu.wake_at(executed.now);
+        self.send_to_wait(executed.registers, qemu);
+        executed.counts
+    }
+
+    /// The processor waits until it is told to go on, or for an interrupt, and then goes on with these
+    /// registers.
+    fn send_to_wait(&mut self, registers: Registers, qemu: &Qemu) {
+        self.goes_on_with = Some(registers);
+        qemu.send_to_wait(&registers);
+    }
+
+    /// The processor waits.
+    pub(super) fn halted(&mut self, qemu: &Qemu) {
+        if let Some(registers) = self.goes_on_with.take() {
+            qemu.set_registers_of_processor(&registers);
+        }
+    }
+
+    /// The processor has stood still for as long as its loop took, and goes on.
+    fn goes_on(&mut self, qemu: &Qemu) -> bool {
+        let Some(to) = self.executed_to else { return false };
+        if qemu.now() < to {
+            qemu.wake_at(to);
+            return true;
+        }
+        self.executed_to = None;
+        qemu.stall(false);
+        qemu.wake_at(self.wakes_at);
+        true
+    }
+
+    /// The processor has executed WFE, and no event has come.
+    pub(super) fn wait_for_event(&mut self, qemu: &Qemu) {
+        let vectors = qemu.read_nvic(VTOR, 4) as u32;
+        // With another table, not all handlers are known.
+        let known = vectors == self.description.vectors || vectors == 0;
+        if known
+            && self.executed_to.is_none()
+            && !failures::interrupt_pending(qemu)
+            && !self.machine.stands_still()
+            && let Some(registers) = qemu.registers_of_processor()
+        {
+            self.send_to_wait(registers, qemu);
         }
     }
 
@@ -254,6 +362,7 @@ impl Overlay {
         if let Some(blocks) = &mut self.recorder.blocks {
             blocks.restart();
         }
+        (self.executed_to, self.goes_on_with) = (None, None);
         self.recorder.restore_flash(qemu);
         // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;
@@ -285,7 +394,8 @@ impl Overlay {
         let fault = self.next_fault().map(|(at, _)| at);
         let stop = self.recorder.stops.as_ref().map(|stops| stops.at_ns);
         let next = [interrupt, poke, fault, end, stop].into_iter().flatten();
-        qemu.wake_at(next.fold(self.ends_at(), u64::min).max(now + 1));
+        self.wakes_at = next.fold(self.ends_at(), u64::min).max(now + 1);
+        qemu.wake_at(self.wakes_at);
     }
 
     /// Takes the image's log out of its memory. Gives whether the image has set the log up.
