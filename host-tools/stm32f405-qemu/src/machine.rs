@@ -24,13 +24,13 @@ mod lines;
 mod pins;
 mod polls;
 mod ports;
+mod quiet;
 pub mod registers;
 mod sampling;
 mod sleep;
 mod stimulus;
 mod table;
 mod transfers;
-mod quiet;
 mod unknown;
 mod wires;
 mod wiring;
@@ -169,7 +169,9 @@ impl Machine {
         let word = address & !3;
         let (row, offset) = self.quiet.place(word)?;
         let model = (row.model)(&self.chip.units);
-        let holds_until = model.holds_until(offset, now).filter(|_| self.chip.is_clocked(row))?;
+        let holds_until = model
+            .holds_until(offset, now)
+            .filter(|_| self.chip.is_clocked(row))?;
         let happened = now >= self.quiet.until;
         if happened {
             self.play(now, board);
@@ -179,7 +181,11 @@ impl Machine {
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
         self.polls.accessed(word);
         // What has happened may have changed memory.
-        let holds_until = if happened { now } else { holds_until.min(self.quiet.until) };
+        let holds_until = if happened {
+            now
+        } else {
+            holds_until.min(self.quiet.until)
+        };
         Some(SteadyRead {
             value: part(value, address, bytes),
             holds_until,

@@ -152,7 +152,10 @@ impl Run {
         let coverage = coverage::stem(&image.bytes)?;
         Ok(RunDescription {
             format: FORMAT,
-            shortens_waits: self.shorten_waits && self.gdb.is_none() && !self.count_cycles && coverage.is_none(),
+            shortens_waits: self.shorten_waits
+                && self.gdb.is_none()
+                && !self.count_cycles
+                && coverage.is_none(),
             instruction_ns: 1 << self.shift()?,
             rtt: image.rtt,
             vectors: image.vectors,

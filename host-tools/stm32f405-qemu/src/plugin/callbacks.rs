@@ -25,9 +25,9 @@ use super::idle::IdleSchedule;
 use super::overlay::Overlay;
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NO_REGISTERS, Notifier, Ops,
-    PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE,
-    ValidAccess, WAITED_FOR_EVENT, WAITS, WAITS_AT, Waits, exit, leave, log_moved, on_signal_of_abort, repeats, room, say,
-    symbol, take_no_signals,
+    PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS,
+    SCALE_NS, SPARE_LINE, ValidAccess, WAITED_FOR_EVENT, WAITS, WAITS_AT, Waits, exit, leave, log_moved,
+    on_signal_of_abort, repeats, room, say, symbol, take_no_signals,
 };
 use super::recorder::Outside;
 use super::self_test::self_test;

@@ -222,7 +222,9 @@ impl InstructionCounters {
             site.labels
                 .iter()
                 .for_each(|l| add(&self.labels[*l].instructions, times));
-            site.entered.iter().for_each(|l| add(&self.labels[*l].calls, times));
+            site.entered
+                .iter()
+                .for_each(|l| add(&self.labels[*l].calls, times));
         }
     }
 

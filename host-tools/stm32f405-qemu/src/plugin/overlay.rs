@@ -22,6 +22,8 @@ use crate::thumb::Registers;
 
 /// Instructions that QEMU executes itself before something may happen.
 const MARGIN: u64 = 64;
+/// Longest stretch of virtual time that is executed at once, ns: the host is listened to in between.
+const LONGEST_NS: u64 = 1_000_000_000_000;
 /// Control of the memory protection unit, which the interpreter does not know.
 const MPU_CTRL: u32 = 0xe000_ed94;
 /// The register with the address of the vectors.
@@ -172,7 +174,10 @@ impl Overlay {
     /// Gives how often it has executed the instructions, by their addresses.
     pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
         let now = qemu.now();
-        let until = self.wakes_at.saturating_sub(MARGIN * self.description.instruction_ns);
+        let until = self
+            .wakes_at
+            .saturating_sub(MARGIN * self.description.instruction_ns);
+        let until = until.min(now + LONGEST_NS);
         let may = self.interrupts_tested
             && !self.ended
             && self.executed_to.is_none()
@@ -199,7 +204,10 @@ impl Overlay {
             outside: &mut outside,
             qemu,
             log,
-            watched: [&self.description.fault_handlers, &self.description.panic_functions],
+            watched: [
+                &self.description.fault_handlers,
+                &self.description.panic_functions,
+            ],
         };
         let Some(executed) = waiting::execute(registers, now..until, ns, polled, around) else {
             waiting::WATCH.result(polled, 0, 0);

@@ -85,7 +85,11 @@ impl Watch {
         } else {
             (&self.blocks_to_try, BLOCKS, instructions > 4 * stepped)
         };
-        let next = if good { again } else { (2 * to_try.load(Relaxed)).clamp(first, most) };
+        let next = if good {
+            again
+        } else {
+            (2 * to_try.load(Relaxed)).clamp(first, most)
+        };
         to_try.store(next, Relaxed);
     }
 }
@@ -117,7 +121,10 @@ impl Bus for Surroundings<'_, '_> {
             return Some(Loaded { value, holds_until });
         }
         let value = self.qemu.peek(address, bytes)?;
-        Some(Loaded { value, holds_until: u64::MAX })
+        Some(Loaded {
+            value,
+            holds_until: u64::MAX,
+        })
     }
 
     fn is_memory(&self, address: u32) -> bool {
@@ -133,7 +140,8 @@ impl Bus for Surroundings<'_, '_> {
         if self.qemu.peek(address, bytes) == Some(value & mask) {
             return false;
         }
-        self.qemu.write_memory(address, &value.to_le_bytes()[..bytes as usize]);
+        self.qemu
+            .write_memory(address, &value.to_le_bytes()[..bytes as usize]);
         true
     }
 }

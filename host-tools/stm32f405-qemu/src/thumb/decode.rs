@@ -54,36 +54,117 @@ pub(super) enum Place {
     /// A literal.
     Absolute(u32),
     /// Base, offset, and if the base takes the new address: before or after the access.
-    Offset { base: u8, offset: u32, index: bool, write_back: bool },
+    Offset {
+        base: u8,
+        offset: u32,
+        index: bool,
+        write_back: bool,
+    },
     Sum(u8, u8, u8),
 }
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Instruction {
     /// Destination (none for a comparison), first operand, second operand.
-    Data { operation: Operation, flags: Flags, to: Option<u8>, first: u8, second: Operand },
-    Memory { datum: Datum, register: u8, place: Place },
+    Data {
+        operation: Operation,
+        flags: Flags,
+        to: Option<u8>,
+        first: u8,
+        second: Operand,
+    },
+    Memory {
+        datum: Datum,
+        register: u8,
+        place: Place,
+    },
     /// Two registers at an address.
-    Pair { store: bool, registers: [u8; 2], place: Place },
+    Pair {
+        store: bool,
+        registers: [u8; 2],
+        place: Place,
+    },
     /// Several registers: a bit for each. `down` as PUSH does.
-    Several { store: bool, base: u8, registers: u16, down: bool, write_back: bool },
-    Branch { to: u32, condition: u8, link: bool },
-    BranchTo { register: u8, link: bool },
-    BranchIfZero { register: u8, not: bool, to: u32 },
+    Several {
+        store: bool,
+        base: u8,
+        registers: u16,
+        down: bool,
+        write_back: bool,
+    },
+    Branch {
+        to: u32,
+        condition: u8,
+        link: bool,
+    },
+    BranchTo {
+        register: u8,
+        link: bool,
+    },
+    BranchIfZero {
+        register: u8,
+        not: bool,
+        to: u32,
+    },
     IfThen(u8),
     Nothing,
     /// The low byte or halfword, extended.
-    Extend { to: u8, from: u8, rotation: u32, bits: u32, signed: bool },
-    Reverse { to: u8, from: u8, kind: u8 },
-    Multiply { to: u8, a: u8, b: u8, add: Option<u8>, subtract: bool, flags: Flags },
-    MultiplyLong { to: [u8; 2], a: u8, b: u8, signed: bool, accumulate: bool },
-    Divide { to: u8, a: u8, b: u8, signed: bool },
-    BitField { to: u8, from: u8, low: u32, width: u32, signed: bool },
+    Extend {
+        to: u8,
+        from: u8,
+        rotation: u32,
+        bits: u32,
+        signed: bool,
+    },
+    Reverse {
+        to: u8,
+        from: u8,
+        kind: u8,
+    },
+    Multiply {
+        to: u8,
+        a: u8,
+        b: u8,
+        add: Option<u8>,
+        subtract: bool,
+        flags: Flags,
+    },
+    MultiplyLong {
+        to: [u8; 2],
+        a: u8,
+        b: u8,
+        signed: bool,
+        accumulate: bool,
+    },
+    Divide {
+        to: u8,
+        a: u8,
+        b: u8,
+        signed: bool,
+    },
+    BitField {
+        to: u8,
+        from: u8,
+        low: u32,
+        width: u32,
+        signed: bool,
+    },
     /// `from` is `None` for BFC.
-    Insert { to: u8, from: Option<u8>, low: u32, width: u32 },
+    Insert {
+        to: u8,
+        from: Option<u8>,
+        low: u32,
+        width: u32,
+    },
     /// MOVT.
-    MoveTop { to: u8, number: u32 },
-    LeadingZeros { to: u8, from: u8 },
+    MoveTop {
+        to: u8,
+        number: u32,
+    },
+    LeadingZeros {
+        to: u8,
+        from: u8,
+    },
 }
 
 use Instruction::{
@@ -139,8 +220,16 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
             data(Operation::Mov, Some(register(w, 0)), 0, second)
         }
         0b00_0110 | 0b00_0111 => {
-            let second = if is_set(w, 10) { plain(bits(w, 6, 3)) } else { of(register(w, 6)) };
-            let operation = if is_set(w, 9) { Operation::Sub } else { Operation::Add };
+            let second = if is_set(w, 10) {
+                plain(bits(w, 6, 3))
+            } else {
+                of(register(w, 6))
+            };
+            let operation = if is_set(w, 9) {
+                Operation::Sub
+            } else {
+                Operation::Add
+            };
             data(operation, Some(register(w, 0)), register(w, 3), second)
         }
         0b00_1000..=0b00_1111 => {
@@ -156,7 +245,11 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
         0b01_0001 => special(w)?,
         0b01_0010 | 0b01_0011 => {
             let place = Place::Absolute((at & !3) + 4 + 4 * bits(w, 0, 8));
-            Memory { datum: LOAD, register: register(w, 8), place }
+            Memory {
+                datum: LOAD,
+                register: register(w, 8),
+                place,
+            }
         }
         0b01_0100..=0b10_0111 => memory(w),
         0b10_1000..=0b10_1011 => {
@@ -172,32 +265,68 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
         0b11_0000..=0b11_0011 => {
             let (base, list, store) = (register(w, 8), bits(w, 0, 8) as u16, !is_set(w, 11));
             let write_back = store || list >> base & 1 == 0;
-            Several { store, base, registers: list, down: false, write_back }
+            Several {
+                store,
+                base,
+                registers: list,
+                down: false,
+                write_back,
+            }
         }
         0b11_0100..=0b11_0111 if bits(w, 8, 4) < 14 => {
             let to = (at + 4).wrapping_add(extended(bits(w, 0, 8) << 1, 9));
-            Branch { to, condition: bits(w, 8, 4) as u8, link: false }
+            Branch {
+                to,
+                condition: bits(w, 8, 4) as u8,
+                link: false,
+            }
         }
         0b11_1000 | 0b11_1001 => {
             let to = (at + 4).wrapping_add(extended(bits(w, 0, 11) << 1, 12));
-            Branch { to, condition: ALWAYS, link: false }
+            Branch {
+                to,
+                condition: ALWAYS,
+                link: false,
+            }
         }
         _ => return None,
     })
 }
 
-const LOAD: Datum = Datum { bytes: 4, signed: false, store: false };
+const LOAD: Datum = Datum {
+    bytes: 4,
+    signed: false,
+    store: false,
+};
 
 fn data(operation: Operation, to: Option<u8>, first: u8, second: Operand) -> Instruction {
-    Data { operation, flags: Flags::SetOutside, to, first, second }
+    Data {
+        operation,
+        flags: Flags::SetOutside,
+        to,
+        first,
+        second,
+    }
 }
 
 fn compare(operation: Operation, first: u8, second: Operand) -> Instruction {
-    Data { operation, flags: Flags::Set, to: None, first, second }
+    Data {
+        operation,
+        flags: Flags::Set,
+        to: None,
+        first,
+        second,
+    }
 }
 
 fn quiet(operation: Operation, to: u8, first: u8, second: Operand) -> Instruction {
-    Data { operation, flags: Flags::Kept, to: Some(to), first, second }
+    Data {
+        operation,
+        flags: Flags::Kept,
+        to: Some(to),
+        first,
+        second,
+    }
 }
 
 fn processing(w: u32) -> Instruction {
@@ -218,7 +347,14 @@ fn processing(w: u32) -> Instruction {
         10 => compare(Operation::Sub, r, of(m)),
         11 => compare(Operation::Add, r, of(m)),
         12 => with(Operation::Orr),
-        13 => Multiply { to: r, a: r, b: m, add: None, subtract: false, flags: Flags::SetOutside },
+        13 => Multiply {
+            to: r,
+            a: r,
+            b: m,
+            add: None,
+            subtract: false,
+            flags: Flags::SetOutside,
+        },
         14 => with(Operation::Bic),
         _ => with(Operation::Mvn),
     }
@@ -231,14 +367,22 @@ fn special(w: u32) -> Option<Instruction> {
         0 if !uses_pc => Some(quiet(Operation::Add, r, r, of(m))),
         1 if !uses_pc => Some(compare(Operation::Sub, r, of(m))),
         2 if !uses_pc => Some(quiet(Operation::Mov, r, 0, of(m))),
-        3 if m != PC && bits(w, 0, 3) == 0 => Some(BranchTo { register: m, link: is_set(w, 7) }),
+        3 if m != PC && bits(w, 0, 3) == 0 => Some(BranchTo {
+            register: m,
+            link: is_set(w, 7),
+        }),
         _ => None,
     }
 }
 
 fn memory(w: u32) -> Instruction {
     let datum = |bytes, signed, store| Datum { bytes, signed, store };
-    let offset = |base, offset| Place::Offset { base, offset, index: true, write_back: false };
+    let offset = |base, offset| Place::Offset {
+        base,
+        offset,
+        index: true,
+        write_back: false,
+    };
     let (r, base) = (register(w, 0), register(w, 3));
     let number = bits(w, 6, 5);
     match w >> 12 {
@@ -255,16 +399,28 @@ fn memory(w: u32) -> Instruction {
             ];
             let (bytes, signed, store) = KINDS[bits(w, 9, 3) as usize];
             let place = Place::Sum(base, register(w, 6), 0);
-            Memory { datum: datum(bytes, signed, store), register: r, place }
+            Memory {
+                datum: datum(bytes, signed, store),
+                register: r,
+                place,
+            }
         }
         kind @ (0b0110..=0b1000) => {
             let bytes = [4, 1, 2][kind as usize - 0b0110];
             let place = offset(base, number * bytes);
-            Memory { datum: datum(bytes, false, !is_set(w, 11)), register: r, place }
+            Memory {
+                datum: datum(bytes, false, !is_set(w, 11)),
+                register: r,
+                place,
+            }
         }
         _ => {
             let place = offset(SP, 4 * bits(w, 0, 8));
-            Memory { datum: datum(4, false, !is_set(w, 11)), register: register(w, 8), place }
+            Memory {
+                datum: datum(4, false, !is_set(w, 11)),
+                register: register(w, 8),
+                place,
+            }
         }
     }
 }
@@ -273,26 +429,56 @@ fn miscellaneous(w: u32, at: u32) -> Option<Instruction> {
     let (r, m) = (register(w, 0), register(w, 3));
     Some(match bits(w, 8, 4) {
         0b0000 => {
-            let operation = if is_set(w, 7) { Operation::Sub } else { Operation::Add };
+            let operation = if is_set(w, 7) {
+                Operation::Sub
+            } else {
+                Operation::Add
+            };
             quiet(operation, SP, SP, plain(4 * bits(w, 0, 7)))
         }
         0b0001 | 0b0011 | 0b1001 | 0b1011 => {
             let to = at + 4 + (bits(w, 9, 1) << 6 | bits(w, 3, 5) << 1);
-            BranchIfZero { register: r, not: is_set(w, 11), to }
+            BranchIfZero {
+                register: r,
+                not: is_set(w, 11),
+                to,
+            }
         }
         0b0010 => {
             let (width, signed) = (if is_set(w, 6) { 8 } else { 16 }, !is_set(w, 7));
-            Extend { to: r, from: m, rotation: 0, bits: width, signed }
+            Extend {
+                to: r,
+                from: m,
+                rotation: 0,
+                bits: width,
+                signed,
+            }
         }
         0b0100 | 0b0101 => {
             let registers = bits(w, 0, 8) as u16 | (bits(w, 8, 1) << 14) as u16;
-            Several { store: true, base: SP, registers, down: true, write_back: true }
+            Several {
+                store: true,
+                base: SP,
+                registers,
+                down: true,
+                write_back: true,
+            }
         }
         0b1100 | 0b1101 => {
             let registers = bits(w, 0, 8) as u16 | (bits(w, 8, 1) << 15) as u16;
-            Several { store: false, base: SP, registers, down: false, write_back: true }
+            Several {
+                store: false,
+                base: SP,
+                registers,
+                down: false,
+                write_back: true,
+            }
         }
-        0b1010 if bits(w, 6, 2) != 2 => Reverse { to: r, from: m, kind: bits(w, 6, 2) as u8 },
+        0b1010 if bits(w, 6, 2) != 2 => Reverse {
+            to: r,
+            from: m,
+            kind: bits(w, 6, 2) as u8,
+        },
         0b1111 if bits(w, 0, 4) != 0 => IfThen(bits(w, 0, 8) as u8),
         // NOP and YIELD.
         0b1111 if bits(w, 4, 4) < 2 => Nothing,
@@ -353,7 +539,13 @@ fn modified(a: u32, b: u32, second: Operand) -> Option<Instruction> {
         );
         return (sets && compares && first != PC).then_some(compare(operation, first, second));
     }
-    (unary || first != PC).then_some(Data { operation, flags, to: Some(to), first, second })
+    (unary || first != PC).then_some(Data {
+        operation,
+        flags,
+        to: Some(to),
+        first,
+        second,
+    })
 }
 
 /// Data processing with a plain number.
@@ -370,13 +562,23 @@ fn binary(a: u32, b: u32, at: u32) -> Option<Instruction> {
         (0b00000, _) => quiet(Operation::Add, to, from, plain(number)),
         (0b01010, _) => quiet(Operation::Sub, to, from, plain(number)),
         (0b00100, _) => quiet(Operation::Mov, to, 0, plain(u32::from(from) << 12 | number)),
-        (0b01100, _) => MoveTop { to, number: u32::from(from) << 12 | number },
-        (kind @ (0b10100 | 0b11100), _) if low + last < 32 => {
-            BitField { to, from, low, width: last + 1, signed: kind == 0b10100 }
-        }
-        (0b10110, _) if last >= low => {
-            Insert { to, from: (from != PC).then_some(from), low, width: last + 1 - low }
-        }
+        (0b01100, _) => MoveTop {
+            to,
+            number: u32::from(from) << 12 | number,
+        },
+        (kind @ (0b10100 | 0b11100), _) if low + last < 32 => BitField {
+            to,
+            from,
+            low,
+            width: last + 1,
+            signed: kind == 0b10100,
+        },
+        (0b10110, _) if last >= low => Insert {
+            to,
+            from: (from != PC).then_some(from),
+            low,
+            width: last + 1 - low,
+        },
         _ => return None,
     })
 }
@@ -394,7 +596,11 @@ fn branch(a: u32, b: u32, at: u32) -> Option<Instruction> {
         }
         let offset = s << 20 | j2 << 19 | j1 << 18 | bits(a, 0, 6) << 12 | bits(b, 0, 11) << 1;
         let to = (at + 4).wrapping_add(extended(offset, 21));
-        return Some(Branch { to, condition, link: false });
+        return Some(Branch {
+            to,
+            condition,
+            link: false,
+        });
     }
     // BL, and B with the longer offset.
     if !is_set(b, 12) {
@@ -403,7 +609,11 @@ fn branch(a: u32, b: u32, at: u32) -> Option<Instruction> {
     let (i1, i2) = (1 ^ j1 ^ s, 1 ^ j2 ^ s);
     let offset = s << 24 | i1 << 23 | i2 << 22 | bits(a, 0, 10) << 12 | bits(b, 0, 11) << 1;
     let to = (at + 4).wrapping_add(extended(offset, 25));
-    Some(Branch { to, condition: ALWAYS, link: is_set(b, 14) })
+    Some(Branch {
+        to,
+        condition: ALWAYS,
+        link: is_set(b, 14),
+    })
 }
 
 fn multiple(a: u32, b: u32) -> Option<Instruction> {
@@ -415,7 +625,13 @@ fn multiple(a: u32, b: u32) -> Option<Instruction> {
     };
     let registers = b as u16;
     let odd = registers >> SP & 1 == 1 || base == PC || (store && registers >> PC & 1 == 1);
-    (!odd).then_some(Several { store, base, registers, down, write_back: is_set(a, 5) })
+    (!odd).then_some(Several {
+        store,
+        base,
+        registers,
+        down,
+        write_back: is_set(a, 5),
+    })
 }
 
 fn pair(a: u32, b: u32, at: u32) -> Option<Instruction> {
@@ -429,11 +645,20 @@ fn pair(a: u32, b: u32, at: u32) -> Option<Instruction> {
     let place = if base == PC {
         Place::Absolute(((at & !3) + 4).wrapping_add(offset))
     } else {
-        Place::Offset { base, offset, index, write_back }
+        Place::Offset {
+            base,
+            offset,
+            index,
+            write_back,
+        }
     };
     let registers = [any(b, 12), any(b, 8)];
     let plain = registers.iter().all(|r| *r < SP);
-    plain.then_some(Pair { store: !is_set(a, 4), registers, place })
+    plain.then_some(Pair {
+        store: !is_set(a, 4),
+        registers,
+        place,
+    })
 }
 
 fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
@@ -448,13 +673,26 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
     if r == PC {
         return None;
     }
-    let datum = Datum { bytes, signed: is_set(a, 8), store };
+    let datum = Datum {
+        bytes,
+        signed: is_set(a, 8),
+        store,
+    };
     let place = if base == PC && !store {
         let offset = bits(b, 0, 12);
-        let offset = if is_set(a, 7) { offset } else { offset.wrapping_neg() };
+        let offset = if is_set(a, 7) {
+            offset
+        } else {
+            offset.wrapping_neg()
+        };
         Place::Absolute(((at & !3) + 4).wrapping_add(offset))
     } else if is_set(a, 7) {
-        Place::Offset { base, offset: bits(b, 0, 12), index: true, write_back: false }
+        Place::Offset {
+            base,
+            offset: bits(b, 0, 12),
+            index: true,
+            write_back: false,
+        }
     } else if is_set(b, 11) {
         let (index, up, write_back) = (is_set(b, 10), is_set(b, 9), is_set(b, 8));
         if index && up && !write_back {
@@ -462,13 +700,22 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
         }
         let offset = bits(b, 0, 8);
         let offset = if up { offset } else { offset.wrapping_neg() };
-        Place::Offset { base, offset, index, write_back }
+        Place::Offset {
+            base,
+            offset,
+            index,
+            write_back,
+        }
     } else if bits(b, 6, 5) == 0 {
         Place::Sum(base, any(b, 0), bits(b, 4, 2) as u8)
     } else {
         return None;
     };
-    Some(Memory { datum, register: r, place })
+    Some(Memory {
+        datum,
+        register: r,
+        place,
+    })
 }
 
 /// Shifts by a register, and extensions.
@@ -482,14 +729,30 @@ fn registers(a: u32, b: u32) -> Option<Instruction> {
             let shift = [Shift::Lsl, Shift::Lsr, Shift::Asr, Shift::Ror][kind as usize >> 1];
             let flags = if kind & 1 == 1 { Flags::Set } else { Flags::Kept };
             let second = Operand::ShiftedBy(first, shift, m);
-            Some(Data { operation: Operation::Mov, flags, to: Some(to), first: 0, second })
+            Some(Data {
+                operation: Operation::Mov,
+                flags,
+                to: Some(to),
+                first: 0,
+                second,
+            })
         }
         (kind @ (0 | 1 | 4 | 5), 8..) if first == PC => {
             let width = if kind < 4 { 16 } else { 8 };
             let rotation = 8 * bits(b, 4, 2);
-            Some(Extend { to, from: m, rotation, bits: width, signed: kind & 1 == 0 })
+            Some(Extend {
+                to,
+                from: m,
+                rotation,
+                bits: width,
+                signed: kind & 1 == 0,
+            })
         }
-        (9, kind @ (8 | 9 | 11)) => Some(Reverse { to, from: m, kind: (kind & 3) as u8 }),
+        (9, kind @ (8 | 9 | 11)) => Some(Reverse {
+            to,
+            from: m,
+            kind: (kind & 3) as u8,
+        }),
         (11, 8) => Some(LeadingZeros { to, from: m }),
         _ => None,
     }
@@ -497,17 +760,35 @@ fn registers(a: u32, b: u32) -> Option<Instruction> {
 
 fn product(a: u32, b: u32) -> Option<Instruction> {
     let (n, d, m, ra) = (any(a, 0), any(b, 8), any(b, 0), any(b, 12));
-    let long = |signed, accumulate| MultiplyLong { to: [ra, d], a: n, b: m, signed, accumulate };
+    let long = |signed, accumulate| MultiplyLong {
+        to: [ra, d],
+        a: n,
+        b: m,
+        signed,
+        accumulate,
+    };
     match (bits(a, 4, 4), bits(b, 4, 4)) {
         (0, kind @ (0 | 1)) => {
             let add = (ra != PC).then_some(ra);
-            Some(Multiply { to: d, a: n, b: m, add, subtract: kind == 1, flags: Flags::Kept })
+            Some(Multiply {
+                to: d,
+                a: n,
+                b: m,
+                add,
+                subtract: kind == 1,
+                flags: Flags::Kept,
+            })
         }
         (8, 0) => Some(long(true, false)),
         (10, 0) => Some(long(false, false)),
         (12, 0) => Some(long(true, true)),
         (14, 0) => Some(long(false, true)),
-        (kind @ (9 | 11), 15) => Some(Divide { to: d, a: n, b: m, signed: kind == 9 }),
+        (kind @ (9 | 11), 15) => Some(Divide {
+            to: d,
+            a: n,
+            b: m,
+            signed: kind == 9,
+        }),
         _ => None,
     }
 }

@@ -2,9 +2,7 @@
 
 use super::Registers;
 use super::alu::{add, shift};
-use super::decode::{
-    ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place, is_wide, narrow, wide,
-};
+use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place, is_wide, narrow, wide};
 use super::turns::Turns;
 
 /// A word that was read.
@@ -81,7 +79,12 @@ enum Step {
 
 impl<'a, B: Bus> Interpreter<'a, B> {
     pub(crate) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
-        let nothing = Cached { at: NOWHERE, next: 0, instruction: None, executed: 0 };
+        let nothing = Cached {
+            at: NOWHERE,
+            next: 0,
+            instruction: None,
+            executed: 0,
+        };
         Self {
             registers,
             now,
@@ -104,8 +107,17 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             if self.cache[place].at != pc && !self.fetch(pc, place) {
                 break;
             }
-            let Cached { next, instruction: Some(instruction), .. } = self.cache[place] else { break };
-            let Some(step) = self.conditional(instruction, next) else { break };
+            let Cached {
+                next,
+                instruction: Some(instruction),
+                ..
+            } = self.cache[place]
+            else {
+                break;
+            };
+            let Some(step) = self.conditional(instruction, next) else {
+                break;
+            };
             self.cache[place].executed += 1;
             self.now += self.instruction_ns;
             self.instructions += 1;
@@ -132,14 +144,23 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         if self.cache[place].executed > 0 || pc & 1 == 1 {
             return false;
         }
-        let Some(first) = self.bus.fetch(pc) else { return false };
+        let Some(first) = self.bus.fetch(pc) else {
+            return false;
+        };
         let (instruction, next) = if is_wide(first) {
-            let Some(second) = self.bus.fetch(pc.wrapping_add(2)) else { return false };
+            let Some(second) = self.bus.fetch(pc.wrapping_add(2)) else {
+                return false;
+            };
             (wide(first, second, pc), pc.wrapping_add(4))
         } else {
             (narrow(first, pc), pc.wrapping_add(2))
         };
-        self.cache[place] = Cached { at: pc, next, instruction, executed: 0 };
+        self.cache[place] = Cached {
+            at: pc,
+            next,
+            instruction,
+            executed: 0,
+        };
         true
     }
 
@@ -175,11 +196,21 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     fn run_one(&mut self) {
         let pc = self.registers.r[PC];
         let place = pc as usize >> 1 & (CACHE - 1);
-        let Cached { at, next, instruction: Some(instruction), .. } = self.cache[place] else { return };
+        let Cached {
+            at,
+            next,
+            instruction: Some(instruction),
+            ..
+        } = self.cache[place]
+        else {
+            return;
+        };
         if at != pc {
             return;
         }
-        let Some(step) = self.conditional(instruction, next) else { return };
+        let Some(step) = self.conditional(instruction, next) else {
+            return;
+        };
         self.cache[place].executed += 1;
         self.now += self.instruction_ns;
         self.instructions += 1;
@@ -189,20 +220,28 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         };
     }
 
-    /// Executes an instruction, unless its IT block leaves it out.
     #[inline(always)]
     fn conditional(&mut self, instruction: Instruction, next: u32) -> Option<Step> {
-        let it = self.it();
-        if it == 0 {
+        if self.registers.xpsr & IT == 0 {
             return self.execute(instruction, next, true);
         }
+        self.in_block(instruction, next)
+    }
+
+    /// Executes an instruction of an IT block, unless that leaves it out.
+    fn in_block(&mut self, instruction: Instruction, next: u32) -> Option<Step> {
+        let it = self.it();
         let step = if self.passes(it >> 4) {
             self.execute(instruction, next, false)?
         } else {
             Step::Next
         };
         let rest = it & 0x1f;
-        self.set_it(if it & 7 == 0 { 0 } else { it & 0xe0 | rest << 1 & 0x1f });
+        self.set_it(if it & 7 == 0 {
+            0
+        } else {
+            it & 0xe0 | rest << 1 & 0x1f
+        });
         Some(step)
     }
 
@@ -254,11 +293,21 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     #[inline(always)]
     fn execute(&mut self, instruction: Instruction, next: u32, outside: bool) -> Option<Step> {
         match instruction {
-            Instruction::Data { operation, flags, to, first, second } => {
+            Instruction::Data {
+                operation,
+                flags,
+                to,
+                first,
+                second,
+            } => {
                 let sets = flags == Flags::Set || (outside && flags == Flags::SetOutside);
                 self.data(operation, sets, to, first, second);
             }
-            Instruction::Memory { datum, register, place } => self.memory(datum, register, place)?,
+            Instruction::Memory {
+                datum,
+                register,
+                place,
+            } => self.memory(datum, register, place)?,
             Instruction::Branch { to, condition, link } => {
                 if condition != ALWAYS && !self.passes(condition) {
                     return Some(Step::Next);
@@ -288,11 +337,27 @@ impl<'a, B: Bus> Interpreter<'a, B> {
 
     fn rarer(&mut self, instruction: Instruction, outside: bool) -> Option<Step> {
         match instruction {
-            Instruction::Pair { store, registers, place } => self.pair(store, registers, place)?,
-            Instruction::Several { store, base, registers, down, write_back } => {
+            Instruction::Pair {
+                store,
+                registers,
+                place,
+            } => self.pair(store, registers, place)?,
+            Instruction::Several {
+                store,
+                base,
+                registers,
+                down,
+                write_back,
+            } => {
                 return self.several(store, base, registers, down, write_back);
             }
-            Instruction::Extend { to, from, rotation, bits, signed } => {
+            Instruction::Extend {
+                to,
+                from,
+                rotation,
+                bits,
+                signed,
+            } => {
                 let value = self.get(from).rotate_right(rotation);
                 self.set(to, extended(value, bits, signed));
             }
@@ -306,16 +371,33 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 };
                 self.set(to, reversed);
             }
-            Instruction::Multiply { to, a, b, add, subtract, flags } => {
+            Instruction::Multiply {
+                to,
+                a,
+                b,
+                add,
+                subtract,
+                flags,
+            } => {
                 let product = self.get(a).wrapping_mul(self.get(b));
                 let sum = add.map_or(0, |register| self.get(register));
-                let value = if subtract { sum.wrapping_sub(product) } else { sum.wrapping_add(product) };
+                let value = if subtract {
+                    sum.wrapping_sub(product)
+                } else {
+                    sum.wrapping_add(product)
+                };
                 self.set(to, value);
                 if outside && flags == Flags::SetOutside {
                     self.set_nz(value);
                 }
             }
-            Instruction::MultiplyLong { to: [low, high], a, b, signed, accumulate } => {
+            Instruction::MultiplyLong {
+                to: [low, high],
+                a,
+                b,
+                signed,
+                accumulate,
+            } => {
                 let (a, b) = (self.get(a), self.get(b));
                 let product = if signed {
                     (i64::from(a as i32) * i64::from(b as i32)) as u64
@@ -337,7 +419,13 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 };
                 self.set(to, value);
             }
-            Instruction::BitField { to, from, low, width, signed } => {
+            Instruction::BitField {
+                to,
+                from,
+                low,
+                width,
+                signed,
+            } => {
                 self.set(to, extended(self.get(from) >> low, width, signed));
             }
             Instruction::Insert { to, from, low, width } => {
@@ -402,9 +490,17 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     fn address(&self, place: Place) -> (u32, Option<(u8, u32)>) {
         match place {
             Place::Absolute(address) => (address, None),
-            Place::Offset { base, offset, index, write_back } => {
+            Place::Offset {
+                base,
+                offset,
+                index,
+                write_back,
+            } => {
                 let (before, after) = (self.get(base), self.get(base).wrapping_add(offset));
-                (if index { after } else { before }, write_back.then_some((base, after)))
+                (
+                    if index { after } else { before },
+                    write_back.then_some((base, after)),
+                )
             }
             Place::Sum(base, other, by) => (self.get(base).wrapping_add(self.get(other) << by), None),
         }
@@ -448,7 +544,14 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             if let Some((base, value)) = base {
                 self.set(base, value);
             }
-            self.set(register, if signed { extended(value, 8 * bytes, true) } else { value });
+            self.set(
+                register,
+                if signed {
+                    extended(value, 8 * bytes, true)
+                } else {
+                    value
+                },
+            );
         }
         Some(())
     }
@@ -457,13 +560,18 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         let (address, base) = self.address(place);
         let addresses = [address, address.wrapping_add(4)];
         if store {
-            addresses.iter().try_for_each(|address| self.accepts(*address, 4))?;
+            addresses
+                .iter()
+                .try_for_each(|address| self.accepts(*address, 4))?;
             for (address, register) in addresses.into_iter().zip(registers) {
                 self.store(address, 4, self.get(register));
             }
         } else {
             let values = self.load_from_memory(addresses.into_iter())?;
-            registers.into_iter().zip(values).for_each(|(register, value)| self.set(register, value));
+            registers
+                .into_iter()
+                .zip(values)
+                .for_each(|(register, value)| self.set(register, value));
         }
         if let Some((base, value)) = base {
             self.set(base, value);
@@ -475,26 +583,30 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     /// be.
     fn load_from_memory(&mut self, addresses: impl Iterator<Item = u32>) -> Option<Vec<u32>> {
         addresses
-            .map(|address| self.bus.is_memory(address).then(|| self.load(address, 4)).flatten())
+            .map(|address| {
+                self.bus
+                    .is_memory(address)
+                    .then(|| self.load(address, 4))
+                    .flatten()
+            })
             .collect()
     }
 
-    fn several(
-        &mut self,
-        store: bool,
-        base: u8,
-        list: u16,
-        down: bool,
-        write_back: bool,
-    ) -> Option<Step> {
+    fn several(&mut self, store: bool, base: u8, list: u16, down: bool, write_back: bool) -> Option<Step> {
         let bytes = 4 * list.count_ones();
         let from = self.get(base);
-        let after = if down { from.wrapping_sub(bytes) } else { from.wrapping_add(bytes) };
+        let after = if down {
+            from.wrapping_sub(bytes)
+        } else {
+            from.wrapping_add(bytes)
+        };
         let start = if down { after } else { from };
         let registers = (0..16u8).filter(|register| list >> register & 1 == 1);
         let places = registers.zip((0..).map(|n| start.wrapping_add(4 * n)));
         if store {
-            places.clone().try_for_each(|(_, address)| self.accepts(address, 4))?;
+            places
+                .clone()
+                .try_for_each(|(_, address)| self.accepts(address, 4))?;
             for (register, address) in places {
                 self.store(address, 4, self.get(register));
             }

@@ -9,8 +9,8 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunEnd, RunError, Since,
-    UartInput,
+    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, Poke, ResetCause, Run, RunEnd, RunError,
+    Since, UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -80,13 +80,13 @@ fn pin_input(pin: &str, since: Since, changes_ns: Vec<u64>) -> PinInput {
 }
 
 #[test]
-fn an_image_on_embassys_default_time_driver_comes_through_and_is_said_to_spin() {
+fn an_image_on_embassys_default_time_driver_comes_through_and_sleeps_in_wfe() {
     let mut run = run_of("default-time-driver");
     run.record_pins = true;
     let outcome = passed(&run);
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, RunEnd::Breakpoint(_)), "{:?}", outcome.end);
-    assert!(outcome.unmodelled.iter().any(|what| what.contains("WFE")));
+    assert!(!outcome.unmodelled.iter().any(|what| what.contains("WFE")));
     // It goes high at first, and then toggles every 10 ms: by a clock of 32 768 Hz, from one to the next of
     // which is 31 us.
     assert_eq!(outcome.pins.len(), 1);
@@ -467,5 +467,58 @@ fn a_run_that_ends_early_ends_at_the_same_instruction_every_time() {
             (outcome.end, counts, outcome.exceptions, outcome.rtt)
         });
         assert_eq!(a, b, "{name}");
+    }
+}
+
+/// The outcome of `waits`, in one of its ways and with so many rounds.
+fn waited(way: u32, rounds: u32, change: impl FnOnce(&mut Run)) -> Outcome {
+    let mut run = Run::new(image("waits"));
+    for (address, word) in [(0x1000_0000, way), (0x1000_0004, rounds)] {
+        let bytes = word.to_le_bytes().to_vec();
+        run.pokes.push(Poke {
+            at_ns: 0,
+            address,
+            bytes,
+        });
+    }
+    change(&mut run);
+    result(&run).unwrap()
+}
+
+#[test]
+fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
+    for way in 0..11 {
+        let [short, long] = [true, false].map(|shorten| {
+            waited(way, 2, |run| {
+                // A level that changes is played between two turns, and its edge is one more event.
+                run.shorten_waits = shorten;
+                run.pin_inputs.push(PinInput {
+                    pin: "PA3".into(),
+                    since: Since::PowerUp,
+                    changes_ns: (1..20).map(|n| n * 333_333).collect(),
+                });
+            })
+        });
+        assert_eq!(short.log.len(), 2, "way {way}: {:?}", lines(&short));
+        let [short, long] = [short, long].map(|outcome| {
+            let ends = (outcome.end, outcome.virtual_ns, outcome.stopped_at);
+            (
+                outcome.log,
+                outcome.instructions,
+                outcome.interrupts,
+                ends,
+                outcome.uart_ns,
+            )
+        });
+        assert_eq!(short, long, "way {way}");
+    }
+}
+
+#[test]
+fn turns_that_repeat_cost_nothing() {
+    // A flag in RAM, WFE, and an empty loop: with QEMU alone it takes ten times as long.
+    for way in [8, 9, 11] {
+        let outcome = waited(way, 0, |run| run.sampling_deadline_ns = 20_000_000_000);
+        assert_eq!(outcome.virtual_ns / 1_000_000_000, 20, "way {way}");
     }
 }

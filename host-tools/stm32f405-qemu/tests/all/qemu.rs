@@ -728,7 +728,10 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
     let mut hangs = bench(&image(&[], BRANCH_TO_SELF, &[]));
     hangs.run.timeout = Duration::from_millis(300);
     let mut live = hangs.run.start().unwrap();
-    let stopped = live.advance(1_000_000_000_000, Inputs::default()).unwrap_err();
+    // Two centuries: even a wait that costs nothing takes its time.
+    let stopped = live
+        .advance(7_000_000_000_000_000_000, Inputs::default())
+        .unwrap_err();
     assert!(matches!(stopped, RunError::Timeout(..)), "{stopped}");
     assert!(live.finish().is_err());
 }
