@@ -91,6 +91,12 @@ pub struct Run {
     /// [`Outcome::semihosting`](crate::Outcome::semihosting), and its exit ends the run. **It can then also
     /// read and write the host's files and run commands**: only for images that you trust.
     pub semihosting: bool,
+    /// The words that the image gets when it asks the host for its command line by semihosting.
+    #[serde(skip)]
+    pub semihosting_arguments: Vec<String>,
+    /// Ends the run with [`RunEnd::Hung`](crate::RunEnd::Hung) when the image is in an endless loop that no
+    /// interrupt, event or input of this run can end. In a [`Live`](crate::Live) run an input may still come.
+    pub stop_when_hung: bool,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
     /// Bytes for the receivers of the USARTs.
@@ -151,6 +157,8 @@ impl Run {
             stop_when_stuck: true,
             shorten_waits: true,
             semihosting: false,
+            semihosting_arguments: Vec::new(),
+            stop_when_hung: false,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),

@@ -197,9 +197,11 @@ impl Machine {
         self.play(now, board);
         let word = address & !3;
         self.polls.accessed(word);
-        let value = self.chip.widen(address, bytes, value, now);
-        if let Err(unanswered) = self.chip.write(word, value, now) {
-            self.unknown.written(word, unanswered.clock_off, value);
+        let wide = self.chip.widen(address, bytes, value, now);
+        if let Err(unanswered) = self.chip.write(word, wide, now) {
+            let stored = value & (u32::MAX >> (32 - 8 * bytes));
+            self.unknown
+                .written(word, unanswered.clock_off, stored << (8 * (address & 3)));
         }
         let mut moment = Context::new(&mut self.chip, now, board);
         self.transfers.copy_memory(&mut moment);
@@ -302,6 +304,11 @@ impl Machine {
         self.play(now, board);
         self.chip.sleep(now);
         self.settle(board);
+    }
+
+    /// Returns `true` if nothing happens any more by itself.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
     }
 
     /// Returns `true` if the processor gets no instruction.

@@ -239,7 +239,8 @@ impl Chip {
             let adc = ADCS[adc];
             format!("{adc} channel {channel} ({pin}) has no stimulus: it reads 0")
         });
-        let silent = self.stimulus.never_began().then(|| {
+        let converts = self.units.adc.converters.iter().any(|adc| adc.has_been_on);
+        let silent = (converts && self.stimulus.never_began()).then(|| {
             "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()
         });
         notes.chain(channels).chain(silent).collect()

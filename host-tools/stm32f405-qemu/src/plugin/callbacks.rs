@@ -9,6 +9,7 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
+use std::fs::File;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
@@ -27,7 +28,7 @@ use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NO_REGISTERS, Notifier, Ops,
     PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS,
     SCALE_NS, SPARE_LINE, ValidAccess, WAITED_FOR_EVENT, WAITS, WAITS_AT, Waits, exit, leave, log_moved,
-    on_signal_of_abort, repeats, room, say, symbol, take_no_signals,
+    on_signal_of_abort, repeats, room, say, symbol, take_no_signals, take_standard_streams,
 };
 use super::recorder::Outside;
 use super::self_test::self_test;
@@ -143,7 +144,12 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
             "this QEMU does not export {name}; Debian's and Ubuntu's qemu-system-arm 7.2 or newer do, static builds do not"
         )
     })?;
-    let overlay = Overlay::new(Path::new(folder))?;
+    let mut overlay = Overlay::new(Path::new(folder))?;
+    let said = Path::new(folder).join(exchange::SEMIHOSTING);
+    let said = overlay.description.run.semihosting.then_some(said);
+    let streams = take_standard_streams(said.as_deref());
+    let (from, to) = streams.map_err(|e| format!("its standard streams cannot be taken: {e}"))?;
+    overlay.talk_to(to);
     let (counters, steps) = (overlay.counters(), overlay.steps.clone());
     if let Some(stem) = &overlay.description.coverage {
         let coverage = Coverage::new(stem)?;
@@ -153,7 +159,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
     let folder = PathBuf::from(folder);
-    std::thread::spawn(move || watch_host(&folder, steps.as_ref()));
+    std::thread::spawn(move || watch_host(from, &folder, steps.as_ref()));
     let notifier = Box::leak(Box::new(Notifier {
         notify: on_machine_ready,
         node: [0; 2],
@@ -174,9 +180,9 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
 
 /// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a
 /// report.
-fn watch_host(folder: &Path, steps: Option<&Sender<TimeStep>>) {
+fn watch_host(from: File, folder: &Path, steps: Option<&Sender<TimeStep>>) {
     take_no_signals();
-    if stops::listen(steps) {
+    if stops::listen(from, steps) {
         // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {

@@ -1,6 +1,7 @@
 //! One run, seen from inside QEMU.
 
 use std::collections::VecDeque;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::Sender;
@@ -103,6 +104,13 @@ impl Overlay {
             ended: false,
             description,
         })
+    }
+
+    /// Tells the host of a live run by this stream.
+    pub(super) fn talk_to(&mut self, host: File) {
+        if let Some(stops) = &mut self.recorder.stops {
+            stops.to = Some(host);
+        }
     }
 
     pub(super) fn counters(&self) -> Option<&'static InstructionCounters> {
@@ -214,11 +222,24 @@ impl Overlay {
             return Vec::new();
         };
         waiting::WATCH.result(polled, executed.instructions, executed.stepped);
+        if executed.endless && self.description.run.stop_when_hung && self.nothing_is_to_come() {
+            self.end(RunEnd::Hung(executed.registers.r[15].into()), now, qemu);
+            return Vec::new();
+        }
         self.now = executed.now;
         self.executed_to = Some(executed.now);
         qemu.wake_at(executed.now);
         self.send_to_wait(executed.registers, qemu);
         executed.counts
+    }
+
+    /// Nothing can end a loop that waits for something.
+    fn nothing_is_to_come(&self) -> bool {
+        let fault = self.next_fault();
+        self.machine.is_at_rest()
+            && self.pokes.is_empty()
+            && fault.is_none()
+            && self.failures.end_at().is_none()
     }
 
     /// The processor waits until it is told to go on, or for an interrupt, and then goes on with these

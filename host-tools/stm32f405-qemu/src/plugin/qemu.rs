@@ -16,6 +16,9 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_int, c_void};
+use std::fs::{File, OpenOptions};
+use std::os::fd::{AsRawFd, FromRawFd};
+use std::path::Path;
 use std::ptr::null_mut;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
@@ -555,6 +558,28 @@ pub(super) fn on_signal_of_abort(function: extern "C" fn(c_int)) {
     // SAFETY: the function is of the type of a handler. It is called in the thread that aborts, outside of
     // any other code that a signal interrupts.
     unsafe { libc::signal(libc::SIGABRT, function as *const () as libc::sighandler_t) };
+}
+
+/// The host's ends of standard input and output. The image gets others by semihosting: nothing to read, and a
+/// file to write to, or nothing.
+pub(super) fn take_standard_streams(output: Option<&Path>) -> std::io::Result<(File, File)> {
+    let nothing = OpenOptions::new().read(true).write(true).open("/dev/null")?;
+    let output = output.map(|path| OpenOptions::new().create(true).append(true).open(path));
+    let output = output.transpose()?;
+    let output = output.as_ref().unwrap_or(&nothing);
+    // SAFETY: the first two calls make descriptors that nobody else has; the others replace those of the
+    // process by open ones.
+    unsafe {
+        let taken = [libc::STDIN_FILENO, libc::STDOUT_FILENO]
+            .map(|stream| libc::fcntl(stream, libc::F_DUPFD_CLOEXEC, 3));
+        if taken.contains(&-1) {
+            return Err(std::io::Error::last_os_error());
+        }
+        libc::dup2(nothing.as_raw_fd(), libc::STDIN_FILENO);
+        libc::dup2(output.as_raw_fd(), libc::STDOUT_FILENO);
+        let [from, to] = taken.map(|stream| File::from_raw_fd(stream));
+        Ok((from, to))
+    }
 }
 
 /// Lets this thread take no signals: QEMU wants them in its own.

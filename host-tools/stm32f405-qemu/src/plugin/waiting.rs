@@ -154,6 +154,8 @@ pub(super) struct Executed {
     pub(super) registers: Registers,
     pub(super) now: u64,
     pub(super) instructions: u64,
+    /// True if the loop has no end of itself.
+    pub(super) endless: bool,
     /// Those that were executed one by one.
     pub(super) stepped: u64,
     /// Addresses of instructions, with their counts.
@@ -174,6 +176,7 @@ pub(super) fn execute(
         registers: interpreter.registers,
         now: interpreter.now,
         instructions: interpreter.instructions,
+        endless: interpreter.endless,
         stepped,
         counts: interpreter.executed().collect(),
     })

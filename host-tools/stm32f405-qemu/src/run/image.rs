@@ -8,7 +8,7 @@ use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 use super::error::RunError;
 use crate::ending::CodeAddress;
 use crate::exchange::FunctionRange;
-use crate::memory::FLASH;
+use crate::memory::{FLASH, SRAM};
 
 /// A function of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,6 +85,23 @@ impl Image {
             fault_handlers,
             bytes,
         })
+    }
+
+    /// A program for the beginning of flash that starts an image whose vectors are in RAM, as a debug probe
+    /// does: VTOR, stack pointer and program counter from its table. `None` for an image in flash.
+    pub(super) fn starter(&self) -> Option<Vec<u8>> {
+        if FLASH.contains(&self.vectors) {
+            return None;
+        }
+        // ldr r0, =VTOR; ldr r1, =table; str r1, [r0]; ldr r0, [r1]; msr MSP, r0; ldr r0, [r1, #4]; bx r0
+        const CODE: [u16; 8] = [0x4803, 0x4904, 0x6001, 0x6808, 0xf380, 0x8808, 0x6848, 0x4700];
+        const VTOR: u32 = 0xe000_ed08;
+        let code_at = FLASH.start + 8;
+        let stack = SRAM.end;
+        let vectors = [stack, code_at | 1].into_iter().flat_map(u32::to_le_bytes);
+        let code = CODE.into_iter().flat_map(u16::to_le_bytes);
+        let literals = [VTOR, self.vectors].into_iter().flat_map(u32::to_le_bytes);
+        Some(vectors.chain(code).chain(literals).collect())
     }
 
     /// First addresses of the functions that every panic enters.

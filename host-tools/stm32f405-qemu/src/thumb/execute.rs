@@ -63,6 +63,8 @@ pub(crate) struct Interpreter<'a, B> {
     pub(crate) now: u64,
     /// Executed instructions.
     pub(crate) instructions: u64,
+    /// True if the last turns that were counted repeat without an end of themselves.
+    pub(crate) endless: bool,
     /// Virtual time of an instruction, ns.
     instruction_ns: u64,
     bus: &'a mut B,
@@ -89,6 +91,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             registers,
             now,
             instructions: 0,
+            endless: false,
             instruction_ns,
             bus,
             cache: vec![nothing; CACHE],
@@ -172,6 +175,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         let end = turn.holds_until.min(until);
         let turns = (end - 1).saturating_sub(self.now) / turn.ns;
         self.turns.restart();
+        self.endless = turn.holds_until == u64::MAX;
         if turns == 0 {
             return;
         }

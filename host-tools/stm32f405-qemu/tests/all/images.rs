@@ -253,18 +253,38 @@ fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
 
 #[test]
 fn the_program_ends_with_a_status_for_each_end_of_an_image() {
-    let missing = "no line of the log contains \"line 1000\"";
+    let missing = "no line of the log, a UART or semihosting matches \"line 1000$\"";
     let faulted = "the image stands in the handler of a fault: HardFault";
     for (image, options, status, words) in [
         ("logs", &["--until", "line 999"][..], 0, "line 999"),
-        ("logs", &["--until", "line 1000"], 1, missing),
-        ("spins", &["--seconds", "0.01"], 0, "the image did not sample"),
+        ("logs", &["--until", "line 1000$"], 7, missing),
+        (
+            "spins",
+            &["--for", "10ms"],
+            5,
+            "the image hangs: it is in an endless loop at",
+        ),
+        ("spins", &["--until", "("], 2, "unclosed group"),
+        ("logs", &["--version"], 0, env!("CARGO_PKG_VERSION")),
+        ("logs", &["-h"], 0, "Exit status"),
+        (
+            "logs",
+            &["--uart", "USART9=stdout"],
+            2,
+            "USART9 is none of USART1",
+        ),
+        (
+            "polls",
+            &["--strict", "--until", "waiting"],
+            6,
+            "the image accessed RNG_SR",
+        ),
         ("panics", &[], 1, "the answer is 42"),
-        ("faults", &[], 1, faulted),
-        ("locks-up", &[], 1, "the processor locked up at"),
-        ("polls", &[], 1, "busy with RNG_SR"),
+        ("faults", &[], 4, faulted),
+        ("locks-up", &[], 4, "the processor locked up at"),
+        ("polls", &[], 5, "busy with RNG_SR"),
         ("semihosts", &["--semihosting"], 1, "hello, host"),
-        ("polls", &["--nonsense"], 2, "usage"),
+        ("polls", &["--nonsense"], 2, "Usage"),
         ("no-such-image", &[], 3, "cannot read the firmware image"),
     ] {
         let (found, said) = program(image, options);
@@ -293,7 +313,7 @@ fn children(parent: u32) -> Vec<String> {
 fn qemu_ends_with_its_host_whatever_ends_the_host() {
     let spins = image("spins");
     let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
-        .args(["--seconds", "100000"])
+        .args(["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"])
         .arg(spins)
         .spawn()
         .unwrap();
@@ -450,9 +470,13 @@ fn an_image_calls_the_host_only_if_it_may() {
     assert!(said.contains(hint), "{said}");
     let mut run = run_of("semihosts");
     run.semihosting = true;
+    run.semihosting_arguments = ["run_addr", "8,9"].map(Into::into).into();
     let outcome = result(&run).unwrap();
     assert_eq!(outcome.end, RunEnd::Exited(7));
-    assert_eq!(outcome.semihosting, "hello, host\n");
+    assert_eq!(
+        outcome.semihosting,
+        "hello, host\nhello, standard output\nrun_addr 8,9\n"
+    );
     assert!(outcome.verdict().unwrap_err().contains("status 7"));
 }
 
