@@ -63,15 +63,15 @@ const OF_CORE: [(u32, &str); 17] = [
     (0xe000_1000, "DWT_CTRL"),
     (0xe000_1004, "DWT_CYCCNT"),
     (0xe000_2000, "FP_CTRL"),
-    (0xe000_e010, "SYST_CSR"),
-    (0xe000_e014, "SYST_RVR"),
-    (0xe000_e018, "SYST_CVR"),
-    (0xe000_e01c, "SYST_CALIB"),
+    (0xe000_e010, "SysTick_CTRL"),
+    (0xe000_e014, "SysTick_LOAD"),
+    (0xe000_e018, "SysTick_VAL"),
+    (0xe000_e01c, "SysTick_CALIB"),
     (0xe000_ed10, "SCR"),
-    (0xe000_edf0, "DHCSR"),
-    (0xe000_edf4, "DCRSR"),
-    (0xe000_edf8, "DCRDR"),
-    (0xe000_edfc, "DEMCR"),
+    (0xe000_edf0, "DCB_DHCSR"),
+    (0xe000_edf4, "DCB_DCRSR"),
+    (0xe000_edf8, "DCB_DCRDR"),
+    (0xe000_edfc, "DCB_DEMCR"),
     (0xe004_0004, "TPIU_CSPSR"),
     (0xe004_00f0, "TPIU_SPPR"),
 ];
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(name(0x5006_0804), "RNG_SR");
         assert_eq!(name(0x4002_4ffc), "BKPSRAM+0xffc");
         assert_eq!(name(0xe000_1004), "DWT_CYCCNT");
-        assert_eq!(name(0xe000_e018), "SYST_CVR");
+        assert_eq!(name(0xe000_e018), "SysTick_VAL");
         assert_eq!(name(0x4000_7c00), "0x40007c00 (reserved)");
         assert_eq!(name(0x4002_9400), "0x40029400 (reserved)");
     }

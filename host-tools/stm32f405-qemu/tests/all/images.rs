@@ -3,8 +3,9 @@
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -294,6 +295,40 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
 }
 
 #[test]
+fn the_program_shows_a_line_at_once_ends_at_a_pattern_and_stops_when_nobody_reads() {
+    let (found, said) = program("sleeps", &["--until", "^INFO +clock", "--for", "10s", "--strict"]);
+    assert_eq!(found, Some(0), "{said}");
+    assert!(said.contains("\n0.010000 s of the image's time"), "{said}");
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut host = host.arg(image("logs")).stdout(Stdio::piped()).spawn().unwrap();
+    let mut first = String::new();
+    BufReader::new(host.stdout.take().unwrap())
+        .read_line(&mut first)
+        .unwrap();
+    assert_eq!(first, "INFO  line 0\n");
+    assert_eq!(host.wait().unwrap().code(), Some(141));
+}
+
+#[test]
+fn a_report_says_for_other_programs_what_came_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [json, junit] = ["x.json", "x.xml"].map(|name| folder.path().join(name));
+    let paths = [&json, &junit].map(|path| path.to_str().unwrap());
+    let (found, _) = program("panics", &["--json", paths[0], "--junit", paths[1]]);
+    assert_eq!(found, Some(1));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!(
+        (&json["status"], &json["outcome"]["end"]),
+        (&1.into(), &"Panicked".into())
+    );
+    let junit = std::fs::read_to_string(&junit).unwrap();
+    assert!(
+        junit.contains("failures=\"1\"") && junit.contains("the image panicked at"),
+        "{junit}"
+    );
+}
+
+#[test]
 fn the_program_carries_the_overlay_wherever_it_is_put() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("elsewhere");
@@ -511,7 +546,7 @@ fn waited(way: u32, rounds: u32, change: impl FnOnce(&mut Run)) -> Outcome {
 
 #[test]
 fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
-    for way in 0..11 {
+    for way in 0..12 {
         let [short, long] = [true, false].map(|shorten| {
             waited(way, 2, |run| {
                 // A level that changes is played between two turns, and its edge is one more event.
@@ -523,7 +558,13 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
                 });
             })
         });
-        assert_eq!(short.log.len(), 2, "way {way}: {:?}", lines(&short));
+        // The loop with all kinds of instructions logs its sum, too.
+        assert_eq!(
+            short.log.len(),
+            if way == 11 { 4 } else { 2 },
+            "way {way}: {:?}",
+            lines(&short)
+        );
         let [short, long] = [short, long].map(|outcome| {
             let ends = (outcome.end, outcome.virtual_ns, outcome.stopped_at);
             (
@@ -541,7 +582,7 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
 #[test]
 fn turns_that_repeat_cost_nothing() {
     // A flag in RAM, WFE, and an empty loop: with QEMU alone it takes ten times as long.
-    for way in [8, 9, 11] {
+    for way in [8, 9, 12] {
         let outcome = waited(way, 0, |run| run.sampling_deadline_ns = 20_000_000_000);
         assert_eq!(outcome.virtual_ns / 1_000_000_000, 20, "way {way}");
     }

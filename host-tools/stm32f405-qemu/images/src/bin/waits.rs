@@ -4,6 +4,7 @@
 //! After each round the image logs the cycle counter, so that the log shows when the wait was over.
 #![no_std]
 #![no_main]
+#![allow(unsafe_code, reason = "a loop is written in assembler")]
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -25,6 +26,8 @@ const DWT: usize = 0xe000_1000;
 const CYCCNT: usize = DWT + 4;
 /// Cycles of a round, 1 ms of the 16 MHz after a reset.
 const ROUND: u32 = 16_000;
+
+core::arch::global_asm!(include_str!("../all_kinds.s"), options(raw));
 
 static TICKS: AtomicU32 = AtomicU32::new(0);
 
@@ -65,7 +68,7 @@ fn prepare(way: u32) {
             write(USART1 + 0x08, 1667);
             write(USART1 + 0x0c, 1 << 13 | 1 << 3);
         }
-        8.. => {
+        8..=10 | 12.. => {
             write(TIM3 + 0x0c, 1);
             enable_interrupt(29);
         }
@@ -100,7 +103,23 @@ fn wait(way: u32) {
         }
         9 => cortex_m::asm::wfe(),
         10 => cortex_m::asm::wfi(),
+        11 => {
+            let sum = all_kinds();
+            defmt::info!("sum {:#x}", sum);
+        }
         _ => loop {},
+    }
+}
+
+/// A loop on the cycle counter with instructions of all kinds that compilers make. Gives a sum of all that
+/// they made.
+fn all_kinds() -> u32 {
+    // SAFETY: the function keeps the registers that it has to, and reads the counter alone.
+    unsafe {
+        unsafe extern "C" {
+            fn instructions_of_all_kinds(counter: usize, turns: u32) -> u32;
+        }
+        instructions_of_all_kinds(CYCCNT, 2000)
     }
 }
 
@@ -117,7 +136,6 @@ fn within_a_round(register: usize) {
 }
 
 #[exception]
-#[allow(unsafe_code, reason = "the default handler is declared so")]
 unsafe fn DefaultHandler(_interrupt: i16) {
     write(TIM3 + 0x10, 0);
     TICKS.fetch_add(1, Relaxed);
