@@ -375,6 +375,32 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 };
                 self.set(to, reversed);
             }
+            Instruction::BitField {
+                to,
+                from,
+                low,
+                width,
+                signed,
+            } => {
+                self.set(to, extended(self.get(from) >> low, width, signed));
+            }
+            Instruction::Insert { to, from, low, width } => {
+                let mask = (u32::MAX >> (32 - width)) << low;
+                let bits = from.map_or(0, |from| self.get(from) << low);
+                self.set(to, self.get(to) & !mask | bits & mask);
+            }
+            Instruction::MoveTop { to, number } => {
+                self.set(to, self.get(to) & 0xffff | number << 16);
+            }
+            Instruction::LeadingZeros { to, from } => self.set(to, self.get(from).leading_zeros()),
+            other => self.product(other, outside)?,
+        }
+        Some(Step::Next)
+    }
+
+    /// Multiplies or divides.
+    fn product(&mut self, instruction: Instruction, outside: bool) -> Option<()> {
+        match instruction {
             Instruction::Multiply {
                 to,
                 a,
@@ -423,27 +449,9 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 };
                 self.set(to, value);
             }
-            Instruction::BitField {
-                to,
-                from,
-                low,
-                width,
-                signed,
-            } => {
-                self.set(to, extended(self.get(from) >> low, width, signed));
-            }
-            Instruction::Insert { to, from, low, width } => {
-                let mask = (u32::MAX >> (32 - width)) << low;
-                let bits = from.map_or(0, |from| self.get(from) << low);
-                self.set(to, self.get(to) & !mask | bits & mask);
-            }
-            Instruction::MoveTop { to, number } => {
-                self.set(to, self.get(to) & 0xffff | number << 16);
-            }
-            Instruction::LeadingZeros { to, from } => self.set(to, self.get(from).leading_zeros()),
             _ => return None,
         }
-        Some(Step::Next)
+        Some(())
     }
 
     #[inline(always)]
