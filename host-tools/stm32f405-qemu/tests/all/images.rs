@@ -278,7 +278,7 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
             "polls",
             &["--strict", "--until", "waiting"],
             6,
-            "the image accessed RNG_SR",
+            "the image accessed RNG_CR and 1 more",
         ),
         ("panics", &[], 1, "the answer is 42"),
         ("faults", &[], 4, faulted),
@@ -295,18 +295,33 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
 }
 
 #[test]
-fn the_program_shows_a_line_at_once_ends_at_a_pattern_and_stops_when_nobody_reads() {
+fn the_program_ends_at_a_pattern_and_stops_when_nobody_reads() {
     let (found, said) = program("sleeps", &["--until", "^INFO +clock", "--for", "10s", "--strict"]);
     assert_eq!(found, Some(0), "{said}");
     assert!(said.contains("\n0.010000 s of the image's time"), "{said}");
+    // A pipe whose other end is closed.
+    let (_, output) = std::io::pipe().unwrap();
     let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
-    let mut host = host.arg(image("logs")).stdout(Stdio::piped()).spawn().unwrap();
-    let mut first = String::new();
-    BufReader::new(host.stdout.take().unwrap())
-        .read_line(&mut first)
-        .unwrap();
-    assert_eq!(first, "INFO  line 0\n");
+    let mut host = host.arg(image("logs")).stdout(output).spawn().unwrap();
     assert_eq!(host.wait().unwrap().code(), Some(141));
+}
+
+#[test]
+fn a_line_is_shown_while_the_image_runs() {
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let limits = ["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"];
+    let mut host = host
+        .args(limits)
+        .arg(image("sleeps"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = String::new();
+    let mut output = BufReader::new(host.stdout.take().unwrap());
+    output.read_line(&mut first).unwrap();
+    assert_eq!(first, "INFO  clock source 1\n");
+    host.kill().unwrap();
+    host.wait().unwrap();
 }
 
 #[test]
