@@ -456,6 +456,10 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             if panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, at);
             }
+            if handlers::begins_at(address) {
+                // Entry to an exception, and the return from it, are events.
+                watch(instruction, on_send_event, NO_REGISTERS, null_mut());
+            }
             if let Some(count) = handlers::count_at(address) {
                 let count = (&raw const *count).cast_mut().cast();
                 watch(instruction, on_handler, NO_REGISTERS, count);
@@ -515,8 +519,6 @@ extern "C" fn on_handler(_processor: u32, count: Pointer) {
     if let Some(count) = unsafe { count.cast::<AtomicU64>().as_ref() } {
         count.fetch_add(1, Relaxed);
     }
-    // Entry to an exception, and the return from it, are events.
-    waiting::EVENT.store(true, Relaxed);
 }
 
 extern "C" fn on_fault(_processor: u32, at: Pointer) {

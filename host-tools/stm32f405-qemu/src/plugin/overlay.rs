@@ -273,7 +273,8 @@ impl Overlay {
     pub(super) fn wait_for_event(&mut self, qemu: &Qemu) {
         let vectors = qemu.read_nvic(VTOR, 4) as u32;
         // With another table, not all handlers are known.
-        let known = vectors == self.description.vectors || vectors == 0;
+        let at_zero = vectors == 0 && self.description.vectors == FLASH.start;
+        let known = vectors == self.description.vectors || at_zero;
         if known
             && self.executed_to.is_none()
             && !failures::interrupt_pending(qemu)

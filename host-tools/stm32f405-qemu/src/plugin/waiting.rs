@@ -108,7 +108,7 @@ pub(super) struct Surroundings<'a, 'b> {
 impl Bus for Surroundings<'_, '_> {
     fn fetch(&mut self, address: u32) -> Option<u16> {
         let watched = self.watched.iter().any(|addresses| addresses.contains(&address));
-        if watched || handlers::count_at(address).is_some() {
+        if watched || handlers::begins_at(address) {
             return None;
         }
         self.qemu.peek(address, 2).map(|half| half as u16)

@@ -68,7 +68,7 @@ pub(crate) struct Interpreter<'a, B> {
     /// Virtual time of an instruction, ns.
     instruction_ns: u64,
     bus: &'a mut B,
-    cache: Vec<Cached>,
+    cache: Box<[Cached; CACHE]>,
     turns: Turns,
 }
 
@@ -94,7 +94,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             endless: false,
             instruction_ns,
             bus,
-            cache: vec![nothing; CACHE],
+            cache: Box::new([nothing; CACHE]),
             turns: Turns::default(),
         }
     }
@@ -485,10 +485,10 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             self.set(to, value);
         }
         if sets {
-            self.set_nz(value);
-            let overflow = overflow.unwrap_or_else(|| self.has(V));
-            let flags = if carry { C } else { 0 } | if overflow { V } else { 0 };
-            self.registers.xpsr = self.registers.xpsr & !(C | V) | flags;
+            let zero = u32::from(value == 0) << 30;
+            let overflow = overflow.map_or(self.registers.xpsr & V, |overflow| u32::from(overflow) << 28);
+            let flags = value & N | zero | u32::from(carry) << 29 | overflow;
+            self.registers.xpsr = self.registers.xpsr & !(N | Z | C | V) | flags;
         }
     }
 
@@ -532,6 +532,12 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> Option<()> {
+        // A store over an instruction in the cache is for QEMU.
+        let first = (address & !1).wrapping_sub(2);
+        let mut halves = (0..4).map(|n| first.wrapping_add(2 * n));
+        if halves.any(|at| self.cache[at as usize >> 1 & (CACHE - 1)].at == at) {
+            return None;
+        }
         (address & (bytes - 1) == 0 && self.bus.accepts(address, bytes)).then_some(())
     }
 
