@@ -2,7 +2,7 @@
 
     python host-tools/python/notebooks.py docs/notebooks
 
-Each program becomes a script and a notebook, with what it printed and drew.
+Each program becomes a script and a notebook, with what it printed and drew; the page gets that below each program too.
 """
 
 import base64
@@ -19,6 +19,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs/python.md"
+PICTURES = PAGE.parent / "images"
 #: File names by the beginning of a section's heading.
 NAMES = {"Fig. 5b": "fig-5b", "An oscilloscope": "oscilloscope", "Which absorbers": "absorbers"}
 
@@ -42,7 +43,7 @@ def run(program):
     outputs = [{"output_type": "stream", "name": "stdout", "text": printed.getvalue().splitlines(True)}]
     for number in plt.get_fignums():
         picture = io.BytesIO()
-        plt.figure(number).savefig(picture, format="png", dpi=72, metadata={"Software": None})
+        plt.figure(number).savefig(picture, format="png", dpi=90, bbox_inches="tight", metadata={"Software": None})
         data = {"image/png": base64.b64encode(picture.getvalue()).decode(), "text/plain": ["a figure"]}
         outputs.append({"output_type": "display_data", "data": data, "metadata": {}})
     return outputs
@@ -69,11 +70,25 @@ def script(heading, text, program):
     return "\n".join(["# %% [markdown]", *lines, "", "# %%", program])
 
 
+def shown(name, heading, program, outputs):
+    """Writes what a program printed and drew into the page, below the program."""
+    below = f"\n```text\n{''.join(outputs[0]['text'])}```\n"
+    for drawn in outputs[1:]:
+        picture = f"python-{name}.png"
+        (PICTURES / picture).write_bytes(base64.b64decode(drawn["data"]["image/png"]))
+        below += f"\n![{heading}](images/{picture})\n"
+    block = f"```python\n{program}```\n"
+    before = re.escape(block) + r"(\n```text\n.*?```\n)?(\n!\[[^\n]*\]\(images/python-[^\n]*\)\n)?"
+    PAGE.write_text(re.sub(before, lambda _: block + below, PAGE.read_text(), flags=re.DOTALL))
+
+
 def main(folder):
     folder.mkdir(parents=True, exist_ok=True)
-    for name, heading, text, program in sections():
+    for name, heading, text, program in list(sections()):
         (folder / f"{name}.py").write_text(script(heading, text, program))
-        whole = notebook(heading, text, program, run(program))
+        outputs = run(program)
+        shown(name, heading, program, outputs)
+        whole = notebook(heading, text, program, outputs)
         (folder / f"{name}.ipynb").write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
         print(f"wrote {folder / name}.py and .ipynb")
 

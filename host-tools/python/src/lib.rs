@@ -1,8 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+mod compare;
 mod estimator;
 mod failure;
 mod forked;
+mod identify;
 mod many;
 mod optimise;
 mod recording;

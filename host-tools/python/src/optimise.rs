@@ -68,5 +68,5 @@ pub(crate) fn optimise(
     }
     let optimum = found.map_err(refused)?;
     let json = serde_json::to_string(&optimum).map_err(|error| ScenarioError::new_err(error.to_string()))?;
-    Ok((json, Scenario(optimum.scenario(&scenario.0))))
+    Ok((json, optimum.scenario(&scenario.0).into()))
 }

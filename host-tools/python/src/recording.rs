@@ -3,24 +3,19 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use bead_compare::agreement::DECISION_RULE;
-use bead_compare::bead::ComparedBead;
 use bead_compare::budget::StrikeBudget;
-use bead_compare::emulated::RunTruth;
 use bead_compare::replay::replay;
-use bead_compare::sensed::{only_host, simulate_with_ring_down};
-use bead_compare::strike::FullChain;
-use bead_compare::verdict::Echoes;
 use bead_recording::clock;
 use bead_recording::export::{samples, strikes};
-use bead_recording::file::{Part, RecordedBead, Recording as File, RecordingError as FileError};
+use bead_recording::file::{Recording as File, RecordingError as FileError};
 use bead_recording::strikes::RecordedStrike;
 use bead_tables::{Cell, CellKind, Column};
-use hertz_chain::Scenario as Described;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::compare::compared;
 use crate::failure::{RecordingError, guarded};
+use crate::identify::{Arguments, Asked};
 use crate::scenario::Scenario;
 use crate::table::Columns;
 
@@ -142,13 +137,25 @@ impl Recording {
         serde_json::to_string(&budget).map_err(|error| RecordingError::new_err(error.to_string()))
     }
 
-    /// The strikes of one bead beside a simulated chain, without a scenario that of the recording: JSON of
-    /// the bead, its strikes and the verdict, as `bead compare` has them.
-    #[pyo3(signature = (scenario, bead))]
+    /// The strikes of one bead or of a row beside a simulated chain, without a scenario that of the
+    /// recording, as JSON.
     fn compare(&self, py: Python<'_>, scenario: Option<&Scenario>, bead: Option<usize>) -> PyResult<String> {
         let scenario = scenario.map(|scenario| scenario.0.clone());
-        let compared = guarded(py, || self.compared(scenario, bead))?;
+        let compared = guarded(py, || compared(&self.file, scenario, bead))?;
         compared.map_err(RecordingError::new_err)
+    }
+
+    /// Quantities of the beads from their strikes, as JSON.
+    fn identify(&self, py: Python<'_>, arguments: Arguments) -> PyResult<String> {
+        let asked = Asked::of(arguments)?;
+        let mut beads = Vec::new();
+        let name = self.name();
+        self.each(py, |_, strike| {
+            asked.take(&mut beads, &name, strike);
+            Ok(())
+        })?;
+        let identified = guarded(py, || asked.identified(&beads, &name))?;
+        identified.map_err(RecordingError::new_err)
     }
 
     /// Clocks of the beads beside the host's, as JSON.
@@ -160,58 +167,6 @@ impl Recording {
 }
 
 impl Recording {
-    fn compared(&self, scenario: Option<Described>, asked: Option<usize>) -> Result<String, String> {
-        let line = |error: &dyn std::fmt::Display| error.to_string();
-        let (file, place) = self.of_one(asked)?;
-        let scenario = match (scenario, file.parts.get(&Part::Scenario)) {
-            (Some(scenario), _) => scenario,
-            (None, Some(text)) => {
-                Described::from_toml(&String::from_utf8_lossy(text), "the recording's scenario")
-                    .map_err(|error| line(&error))?
-            }
-            (None, None) => {
-                return Err(format!(
-                    "{} carries no scenario; say what was struck: scenario=Scenario.load(…)",
-                    self.name()
-                ));
-            }
-        };
-        let truth: Option<RunTruth> = file.json(Part::Truth).map_err(|error| line(&error))?;
-        let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
-        let bead = bead
-            .map_or_else(|| only_host(&scenario), Ok)
-            .map_err(|error| line(&error))?;
-        let echoes = Echoes::of(&scenario, truth);
-        let solution = Arc::new(simulate_with_ring_down(&scenario).map_err(|error| line(&error))?);
-        let chain = FullChain::of(&scenario, &solution, bead).map_err(|error| line(&error))?;
-        let compared = ComparedBead::read(&file, &chain, echoes, None, |_, _| ());
-        let compared = compared.map_err(|error| line(&error))?;
-        let result = serde_json::json!({
-            "bead": bead,
-            "strikes": compared.strikes,
-            "pass": compared.failure.is_none(),
-            "failure": compared.failure,
-            "decision_rule": DECISION_RULE,
-        });
-        Ok(result.to_string())
-    }
-
-    /// The recording of one bead, and its place if the recording knows it.
-    fn of_one(&self, asked: Option<usize>) -> Result<(File, Option<usize>), String> {
-        let places: Vec<usize> = self.file.beads.iter().map(RecordedBead::place).collect();
-        match (&places[..], asked) {
-            ([], _) => Ok((self.file.clone(), None)),
-            ([place], None) => Ok((self.file.of(&self.file.beads[0]), Some(*place))),
-            (_, asked) => {
-                let at = asked.and_then(|asked| places.iter().position(|place| *place == asked));
-                let at = at.ok_or_else(|| {
-                    format!("{} has the beads {places:?}; give bead= one of them", self.name())
-                })?;
-                Ok((self.file.of(&self.file.beads[at]), asked))
-            }
-        }
-    }
-
     fn name(&self) -> String {
         self.file.path.display().to_string()
     }

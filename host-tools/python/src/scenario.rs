@@ -1,50 +1,78 @@
 //! Scenarios from TOML, files and dictionaries.
 
+use std::sync::OnceLock;
+
 use hertz_chain::{Scenario as Described, TomlFile, read_table};
 use pyo3::prelude::*;
+use serde_json::Value as Json;
+use toml::Table;
 
 use crate::failure::{ScenarioError, refused};
 
-/// A checked scenario. It cannot be changed; `replace` makes another one.
+/// A checked scenario, and its tables from the first use of them. It cannot be changed; `replaced` makes
+/// another one.
 #[pyclass(frozen, eq, module = "hertz_chain._hertz_chain")]
-#[derive(Clone, PartialEq)]
-pub(crate) struct Scenario(pub(crate) Described);
+#[derive(Clone)]
+pub(crate) struct Scenario(pub(crate) Described, OnceLock<Table>);
 
-impl Scenario {
-    /// The scenario of a table, which must hold all of it.
-    pub(crate) fn of(table: toml::Table) -> PyResult<Self> {
-        let scenario: Described = read_table(table).map_err(|error| refused(&error))?;
-        scenario.check().map_err(|error| refused(&error))?;
-        Ok(Self(scenario))
+impl From<Described> for Scenario {
+    fn from(described: Described) -> Self {
+        Self(described, OnceLock::new())
     }
 }
 
-/// The table in a JSON text.
-pub(crate) fn table(json: &str) -> PyResult<toml::Table> {
-    let refused = |why: String| ScenarioError::new_err(format!("these tables cannot be read: {why}"));
-    let value: toml::Value = serde_json::from_str(json).map_err(|error| refused(error.to_string()))?;
-    match value {
-        toml::Value::Table(table) => Ok(table),
-        _ => Err(refused("give a dictionary".to_owned())),
+impl PartialEq for Scenario {
+    fn eq(&self, other: &Self) -> bool {
+        self.0 == other.0
     }
+}
+
+impl Scenario {
+    fn tables(&self) -> PyResult<&Table> {
+        if let Some(tables) = self.1.get() {
+            return Ok(tables);
+        }
+        let text = self.0.to_toml();
+        let file = TomlFile::parse(&text, "scenario").map_err(|error| refused(&error))?;
+        let tables = file.read().map_err(|error| refused(&error))?;
+        Ok(self.1.get_or_init(|| tables))
+    }
+
+    /// The scenario of a table, which must hold all of it.
+    pub(crate) fn of(table: Table) -> PyResult<Self> {
+        let scenario: Described = read_table(table).map_err(|error| refused(&error))?;
+        scenario.check().map_err(|error| refused(&error))?;
+        Ok(scenario.into())
+    }
+}
+
+fn unreadable(error: &serde_json::Error) -> PyErr {
+    ScenarioError::new_err(format!("these tables cannot be read: {error}"))
+}
+
+/// The table in a JSON text.
+pub(crate) fn table(json: &str) -> PyResult<Table> {
+    serde_json::from_str(json).map_err(|error| unreadable(&error))
 }
 
 #[pymethods]
 impl Scenario {
     #[staticmethod]
     fn paper() -> Self {
-        Self(Described::paper())
+        Described::paper().into()
     }
 
     #[staticmethod]
     fn load(path: std::path::PathBuf) -> PyResult<Self> {
-        Described::load(path).map(Self).map_err(|error| refused(&error))
+        Described::load(path)
+            .map(Self::from)
+            .map_err(|error| refused(&error))
     }
 
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         let scenario = Described::from_toml(text, "scenario");
-        scenario.map(Self).map_err(|error| refused(&error))
+        scenario.map(Self::from).map_err(|error| refused(&error))
     }
 
     #[staticmethod]
@@ -57,9 +85,31 @@ impl Scenario {
     }
 
     fn to_json(&self) -> PyResult<String> {
-        let text = self.0.to_toml();
-        let file = TomlFile::parse(&text, "scenario").map_err(|error| refused(&error))?;
-        let table: toml::Table = file.read().map_err(|error| refused(&error))?;
-        serde_json::to_string(&table).map_err(|error| ScenarioError::new_err(error.to_string()))
+        serde_json::to_string(self.tables()?).map_err(|error| ScenarioError::new_err(error.to_string()))
+    }
+
+    /// This scenario with the values of a JSON object. An object in it changes the keys of the table of its
+    /// name, null removes a key.
+    fn replaced(&self, changes: &str) -> PyResult<Self> {
+        let mut changes: Json = serde_json::from_str(changes).map_err(|error| unreadable(&error))?;
+        let mut tables = self.tables()?.clone();
+        if let Some(changes) = changes.as_object_mut() {
+            changes.retain(|key, value| {
+                if value.is_null() {
+                    tables.remove(key);
+                }
+                !value.is_null()
+            });
+        }
+        let changes: Table = serde_json::from_value(changes).map_err(|error| unreadable(&error))?;
+        for (key, value) in changes {
+            match (tables.get_mut(&key), value) {
+                (Some(toml::Value::Table(table)), toml::Value::Table(changes)) => table.extend(changes),
+                (_, value) => {
+                    tables.insert(key, value);
+                }
+            }
+        }
+        Self::of(tables)
     }
 }

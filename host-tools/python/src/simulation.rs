@@ -1,6 +1,7 @@
 //! One run with its observables in arrays.
 
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use hertz_chain::{Accuracy, Model, Run, Snapshot, Snapshots, Summariser};
 use numpy::{PyArray1, PyArrayMethods};
@@ -87,7 +88,7 @@ fn hosts(s: &Snapshot<'_>, to: &mut Vec<f64>, of: fn(&Snapshot<'_>, usize) -> Op
 }
 
 /// Runs a scenario. Returns `time`, the observables by name, `bodies`, `contacts` and `intruders` (the
-/// beads), and `summary`, a JSON text.
+/// beads), `seconds` that the integration took, and `summary`, a JSON text.
 #[pyfunction]
 #[pyo3(signature = (scenario, rate, observables, tolerance, longest_step))]
 pub(crate) fn simulate<'py>(
@@ -133,6 +134,7 @@ pub(crate) fn simulate<'py>(
         one.values = room(one.width.unwrap_or(1))?;
     }
     let look_after = (STEPS / (bodies as u64 + 1)).max(1);
+    let started = Instant::now();
     let ran = guarded(py, || {
         let mut summariser = Summariser::new(&mut run);
         let mut snapshots = Snapshots::new(&mut run, rate, end);
@@ -153,6 +155,7 @@ pub(crate) fn simulate<'py>(
         });
         ran.map(|ran| (ran, summariser.summary(&mut run)))
     });
+    let seconds = started.elapsed().as_secs_f64();
     let (ran, summary) = ran?.map_err(|error| failed(&error))?;
     if let ControlFlow::Break(interrupted) = ran {
         return Err(interrupted);
@@ -169,6 +172,7 @@ pub(crate) fn simulate<'py>(
         }
     }
     result.set_item("observables", arrays)?;
+    result.set_item("seconds", seconds)?;
     result.set_item("bodies", bodies)?;
     result.set_item("contacts", contacts)?;
     result.set_item("intruders", hosts)?;

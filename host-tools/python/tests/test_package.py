@@ -144,6 +144,11 @@ class AgainstTheCommandLine(unittest.TestCase):
         self.assertFalse(recording.compare(hc.Scenario.paper().replace(striker={"velocity": 0.4}))["pass"])
         clocks = json.loads(bead("clock", path, "--format", "json"))
         self.assertEqual(recording.clocks().keys() - clocks.keys(), set())
+        theirs = json.loads(bead("identify", path, "--scenario", PAPER, "--fit", "k,c", "--format", "json"))
+        ours = recording.identify(hc.Scenario.load(PAPER), fit=["k", "c"])
+        self.assertEqual(ours, {key: theirs[key] for key in ours})
+        one = recording.identify(hc.Scenario.load(PAPER), strikes=[1])["beads"][0]
+        self.assertEqual([strike["strike"] for strike in one["strikes"]], [1])
 
         # Behind a longer quiet the arithmetic gives the same bits of the same samples.
         for strike in range(2):
@@ -159,6 +164,17 @@ class AgainstTheCommandLine(unittest.TestCase):
             strikes = recording.strikes()
             for name in ("absorbed_measured_raw", "absorbed_predicted_raw", "peak_force_raw"):
                 self.assertEqual(found[name][0], strikes[name][strike], name)
+
+    def test_a_row_is_compared_as_a_whole(self):
+        scenario = REPOSITORY / "docs/scenarios/ten-intruders.toml"
+        bead("emulate", scenario, "--bead", "7,8", "--out", self.folder / "row")
+        path = self.folder / "row/chain.mcap"
+        theirs = json.loads(bead("compare", path, "--format", "json"))
+        recording = hc.Recording(path)
+        ours = recording.compare()
+        self.assertTrue(ours["pass"])
+        self.assertEqual(ours, {key: theirs[key] for key in ours})
+        self.assertEqual(recording.compare(bead=8)["bead"], 8)
 
     def test_messages_are_those_of_the_command_line(self):
         path = self.folder / "wrong.toml"
@@ -217,6 +233,14 @@ class Inputs(unittest.TestCase):
         self.refused("missing.mcap", lambda: hc.Recording("missing.mcap"), hc.RecordingError)
         self.refused("strike 9 is not there", lambda: hc.Recording(RECORDING).samples(9), hc.RecordingError)
         self.refused("strike 9 is not there", lambda: hc.Recording(RECORDING).budget(9), hc.RecordingError)
+        for part, wanted in (
+            ("'chain' simulates the chain", {"method": "chain"}),
+            ("leave one of them out", {"method": "pairs", "scenario": hc.Scenario.paper()}),
+            ("is none of 'ring_down'", {"method": "taps"}),
+            ("neither 'free' nor 'held'", {"mounting": "loose"}),
+            ("is none of k, c", {"fit": ["q"]}),
+        ):
+            self.refused(part, lambda wanted=wanted: hc.Recording(RECORDING).identify(**wanted), ValueError)
 
     def test_a_callback_ends_a_search_and_its_exception_comes_through(self):
         found = hc.optimise(hc.Scenario.paper(), [8], 5e-3, callback=lambda designs, best, descents: designs < 100)
@@ -323,6 +347,8 @@ class Examples(unittest.TestCase):
                 printed = io.StringIO()
                 with contextlib.redirect_stdout(printed):
                     exec(compile(block, f"python.md, program {number}", "exec"), {})
+                if number < 2:
+                    self.assertIn(f"```text\n{printed.getvalue()}```", page)
                 if number == 0:
                     # docs/validation.md has 96.75 % of the chain's energy as the paper prints it.
                     self.assertIn("2.7 g: one leaves 96.7", printed.getvalue())

@@ -187,7 +187,7 @@ pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
         }
         let texts = texts.arg("host-tools/xtask/about.hbs");
         steps.run(&format!("the licences' texts of {}", product.name), &texts)?;
-        let bill = CommandLine::program(&cyclonedx)
+        let bill = CommandLine::program(steps.root.join(&cyclonedx))
             .words("cyclonedx --format json --spec-version 1.5 --manifest-path")
             .arg(&manifest)
             .words("--target")

@@ -72,7 +72,7 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
         solution: Arc::new(solution.clone()),
         hosts: scenario.hosts(),
     };
-    let (places, notes) = among(&received, &chain, "");
+    let (places, notes) = among(&received, &chain, Some(""));
     let row = BeadRow::read(&received, &places, &chain, None).unwrap_or_else(|error| panic!("{error}"));
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -4,11 +4,10 @@ use crate::calibration::{Calibration, Check, Observation, ObservedValue};
 use crate::landing::Landing;
 use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
 use crate::quantity::Stated;
+use bead_recording::clock::QUARTZ;
 
 /// Relative standard uncertainty of the duration of contact, whose ends lie below the noise.
 const CONTACT_U: f64 = 0.03;
-/// Greatest error of the sample clock, of the quartz (docs/hardware.md).
-const CLOCK: f64 = 20e-6;
 /// Greatest error of the time between two landings, s: each begins within a sample.
 const LANDING: f64 = 1e-5;
 /// Greatest nonlinearity of the converter, as a part of a pulse's area: three codes (DocID022152, ADC
@@ -107,7 +106,7 @@ fn inputs(stated: &DropInputs, kept: &[(String, Drop, f64)]) -> Vec<ModelInput> 
             values[ALIGNMENT],
             stated.tilt.powi(2),
         ),
-        ModelInput::within("sample clock", "", 1.0, CLOCK),
+        ModelInput::within("sample clock", "", 1.0, QUARTZ),
         ModelInput::within("time between landings", "s", 0.0, LANDING),
         ModelInput::normal("duration of contact", "", 1.0, CONTACT_U),
         ModelInput::within(

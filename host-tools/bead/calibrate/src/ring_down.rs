@@ -7,6 +7,7 @@
 //! is in the correlations of the results. A gain that is wrong drops out.
 
 use bead_model::layout::BASELINE;
+use bead_recording::clock::QUARTZ;
 use bead_recording::signal::Signal as BeadSignal;
 use bead_recording::strikes::RecordedStrike;
 use bead_wire::StrikeFlags;
@@ -31,8 +32,6 @@ const RESIDUAL: f64 = 0.01;
 const RESIDUAL_NOISE: f64 = 2.0;
 /// Part by which a tap's k may differ from the middle of all.
 const ODD: f64 = 0.1;
-/// Greatest error of the sample clock, of the quartz (docs/hardware.md).
-const CLOCK: f64 = 20e-6;
 
 /// A mass, and whether it is a result of this calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -294,7 +293,7 @@ fn combine(
             host.value,
             host.u,
         ),
-        ModelInput::within("sample clock", "", 1.0, CLOCK),
+        ModelInput::within("sample clock", "", 1.0, QUARTZ),
         named("k", k_scatter / k),
         named("c", c_scatter / c),
     ];

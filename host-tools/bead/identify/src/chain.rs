@@ -1,5 +1,6 @@
 //! The chain of a scenario at other values of its quantities.
 
+use bead_tables::printable::first_of;
 use hertz_chain::Scenario;
 use hertz_chain::tangents::{Parameter, tangents};
 
@@ -9,6 +10,8 @@ use crate::quantity::{Quantity, Values};
 const LONGEST_STEP: f64 = 5e-6;
 /// Steps in the time of contact of the striker with the first bead, at least.
 const STEPS_IN_CONTACT: f64 = 25.0;
+/// Beads that a message names.
+const NAMED: usize = 10;
 /// Directions of the tangents: the striker's velocity, then those that all strikes share.
 pub(crate) const DIRECTIONS: usize = 8;
 
@@ -43,6 +46,26 @@ impl ChainOfScenario {
             format!("bead {bead} of the scenario has no intruder; those with one are {with:?}")
         })?;
         Self::of(scenario, bead, Some(table))
+    }
+
+    /// The intruder of a bead with this address: in bead `place`, else in the one whose number the address
+    /// is, else in the only host.
+    ///
+    /// # Errors
+    /// Several beads have intruders and none of them is named, or as for [`Self::new`].
+    pub fn of_bead(scenario: &Scenario, place: Option<usize>, address: u8) -> Result<Self, String> {
+        let hosts = scenario.hosts();
+        let named = hosts.iter().find(|host| **host == usize::from(address));
+        match (place.or(named.copied()), &hosts[..]) {
+            (Some(place), _) | (None, &[place]) => Self::new(scenario, place),
+            (None, []) => {
+                Err("no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned())
+            }
+            (None, hosts) => Err(format!(
+                "several beads have intruders ({}), and none is bead {address}; give the place of the bead",
+                first_of(hosts, NAMED)
+            )),
+        }
     }
 
     /// A chain without intruders. `bead` is the one whose mass is that of the chain's beads.

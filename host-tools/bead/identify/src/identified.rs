@@ -172,7 +172,7 @@ pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Iden
     });
     let intervals = intervals.collect();
     Ok(Identified {
-        combined: combined(&best.normal, &free, &covariance, &wanted.stated),
+        combined: combined(&best.normal, &free, (&unscaled, scale), &wanted.stated),
         used,
         left_out,
         degenerate,

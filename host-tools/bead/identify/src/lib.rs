@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod bead;
 pub mod chain;
 pub mod chain_runs;
 pub mod chain_strike;
@@ -7,6 +8,7 @@ pub mod consistency;
 pub mod degeneracy;
 pub mod fit;
 pub mod identified;
+pub mod method;
 pub mod model;
 pub mod noise;
 pub mod normal;

@@ -93,6 +93,18 @@ impl Quantity {
         }
     }
 
+    /// Relative change of its value in the samples with that of the clock: a bead whose clock is fast has
+    /// longer times at the same forces and masses.
+    pub(crate) fn by_clock(self) -> f64 {
+        match self {
+            Self::Stiffness => -2.0,
+            Self::Damping => -1.0,
+            Self::Young => -3.0,
+            Self::Relaxation => 1.0,
+            Self::IntruderMass | Self::BeadMass | Self::ForceGain | Self::AccelerationGain => 0.0,
+        }
+    }
+
     /// Place in the order in which quantities are held, first to last, where the data cannot tell some apart:
     /// what a balance or a certificate knows comes first.
     pub fn held_before(self) -> usize {

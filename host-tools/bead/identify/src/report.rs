@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::consistency::{Doubt, Hardening, RecordingValues};
 use crate::identified::{Candidate, Identified, Wanted};
+use crate::method::Method;
 use crate::quantity::{QUANTITIES, Quantity};
 
 /// A quantity of a bead.
@@ -99,6 +100,32 @@ pub struct BeadResult {
     pub strikes: Vec<UsedStrike>,
     /// Strikes that had none.
     pub left_out: Vec<LeftOut>,
+}
+
+/// The result of all beads, as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct IdentifyReport {
+    /// `ring_down`, `pairs` or `chain`.
+    method: &'static str,
+    /// One for each bead.
+    pub beads: Vec<BeadResult>,
+}
+
+impl IdentifyReport {
+    /// The results of a method.
+    pub fn new(method: Method, beads: Vec<BeadResult>) -> Self {
+        let method = method.name();
+        Self { method, beads }
+    }
+
+    /// The method in words.
+    pub fn method(&self) -> &'static str {
+        match self.method {
+            "chain" => "strikes of the chain",
+            "pairs" => "force and acceleration",
+            _ => "free ringing",
+        }
+    }
 }
 
 /// Who the bead is, and what is known beside the fit.

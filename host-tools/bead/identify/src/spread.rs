@@ -1,5 +1,6 @@
 //! Standard errors, correlations and intervals of a fit.
 
+use bead_recording::clock::QUARTZ;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
@@ -12,6 +13,8 @@ use crate::quantity::{COUNT, QUANTITIES, Quantity};
 pub const LEAST_PROBABILITY: f64 = 0.01;
 /// Coverage of intervals.
 const COVERAGE: f64 = 0.95;
+/// Standard uncertainty of the bead's clock, as a part: of a rectangular distribution.
+const CLOCK_U: f64 = QUARTZ * 0.577_350_269_189_625_8;
 /// Most strikes of a profile. With more, standard errors are so small that the fit is linear over them.
 pub const MOST_PROFILED: usize = 8;
 
@@ -68,46 +71,44 @@ pub fn covariance(normal: &Normal, free: &[Quantity]) -> Option<DMatrix<f64>> {
     Some(information.cholesky()?.inverse())
 }
 
-/// Change of the logarithm of each free quantity with that of a held one.
-pub fn by_held(
-    normal: &Normal,
-    free: &[Quantity],
-    covariance: &DMatrix<f64>,
-    held: Quantity,
-) -> DVector<f64> {
+/// Change of the logarithm of each free quantity with that of a held one; `covariance` is that by the noise.
+fn by_held(normal: &Normal, free: &[Quantity], covariance: &DMatrix<f64>, held: Quantity) -> DVector<f64> {
     let mixed = DVector::from_fn(free.len(), |at, _| {
         normal.information[(free[at].place(), held.place())]
     });
     -(covariance * mixed)
 }
 
-/// Covariance of the logarithms of all quantities, by the noise and by relative standard uncertainties of the
-/// held ones. A held quantity without one counts as exact.
+/// Covariance of the logarithms of all quantities, by the scatter (`unscaled` is that by the noise, and
+/// `scale` the factor in standard errors), by relative standard uncertainties of the held ones, and by that of
+/// the bead's clock. A held quantity without one counts as exact.
 pub fn combined(
     normal: &Normal,
     free: &[Quantity],
-    covariance: &DMatrix<f64>,
+    (unscaled, scale): (&DMatrix<f64>, f64),
     held: &[Option<f64>; COUNT],
 ) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(COUNT, COUNT);
+    let mut of_clock = DVector::zeros(COUNT);
     for (a, one) in free.iter().enumerate() {
+        of_clock[one.place()] = one.by_clock();
         for (b, other) in free.iter().enumerate() {
-            all[(one.place(), other.place())] = covariance[(a, b)];
+            all[(one.place(), other.place())] = unscaled[(a, b)] * scale * scale;
         }
     }
     for quantity in QUANTITIES.into_iter().filter(|one| !free.contains(one)) {
-        let Some(part) = held[quantity.place()] else {
-            continue;
-        };
         let mut slopes = DVector::zeros(COUNT);
         slopes[quantity.place()] = 1.0;
-        let by = by_held(normal, free, covariance, quantity);
+        let by = by_held(normal, free, unscaled, quantity);
         for (at, one) in free.iter().enumerate() {
             slopes[one.place()] = by[at];
+            // A held value does not go with the clock, and so lies beside the one that the samples have.
+            of_clock[one.place()] -= by[at] * quantity.by_clock();
         }
+        let part = held[quantity.place()].unwrap_or(0.0);
         all += &slopes * slopes.transpose() * (part * part);
     }
-    all
+    all + &of_clock * of_clock.transpose() * (CLOCK_U * CLOCK_U)
 }
 
 /// Ends of the profile interval of a quantity: where the sum of squares, with all else fitted anew, is
@@ -146,4 +147,34 @@ pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f6
         Some(best.values[of.place()] * log.exp())
     };
     Some([end(-1.0)?, end(1.0)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The data know k/m, as a ringing does.
+    #[test]
+    fn a_clock_moves_what_is_fitted_also_through_what_is_held() {
+        use Quantity::{IntruderMass, Stiffness};
+        let mut normal = Normal::none();
+        for (one, a) in [(Stiffness, 1.0), (IntruderMass, -1.0)] {
+            for (other, b) in [(Stiffness, 1.0), (IntruderMass, -1.0)] {
+                normal.information[(one.place(), other.place())] = 1e10 * a * b;
+            }
+        }
+        for (free, held, stated) in [(Stiffness, IntruderMass, 1e-4), (IntruderMass, Stiffness, 0.0)] {
+            let unscaled = DMatrix::from_element(1, 1, 1e-10);
+            let mut known = [None; COUNT];
+            known[held.place()] = Some(stated);
+            let all = combined(&normal, &[free], (&unscaled, 3.0), &known);
+            let u = all[(free.place(), free.place())].sqrt();
+            // The scale is of the scatter alone.
+            let expected = (9e-10_f64 + stated * stated + (2.0 * CLOCK_U).powi(2)).sqrt();
+            assert!(
+                (u / expected - 1.0).abs() < 1e-12,
+                "{free:?}: {u:e}, not {expected:e}"
+            );
+        }
+    }
 }

@@ -8,7 +8,9 @@
 
 mod control;
 mod feed;
+pub mod foxglove;
 pub mod model;
+mod publish;
 pub mod strike;
 pub mod terminal;
 #[cfg(test)]

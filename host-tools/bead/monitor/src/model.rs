@@ -11,6 +11,7 @@ use bead_recording::clock::Live;
 use bead_recording::frames::{Frame, Item};
 use bead_tables::printable::one_line;
 use bead_wire::{Arrival, Counters, Guard, Health, Identity, Message, Outcome, Reply, Status};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::strike::ShownStrike;
@@ -31,7 +32,7 @@ const DRIFT_KNOWN: f64 = 500.0;
 const RATE_SPAN: Duration = Duration::from_secs(2);
 
 /// A loss and its cause.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Loss {
     /// Its cause in words.
     pub cause: String,
@@ -40,7 +41,7 @@ pub struct Loss {
 }
 
 /// A bead as pages show it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct BeadView {
     /// Its address.
     pub bead: u8,

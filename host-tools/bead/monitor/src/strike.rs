@@ -6,10 +6,11 @@ use bead_recording::assembly::Assembled;
 use bead_recording::signal::Signal;
 use bead_recording::strike::RecordedStrike;
 use bead_recording::uncertainties::{of_energies, of_force};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Curves of a strike, a value for each scan of its window.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Curves {
     /// Time of the first scan from the trigger, ms.
     pub from_ms: f64,
@@ -24,7 +25,7 @@ pub struct Curves {
 }
 
 /// A strike that came, whole or with gaps. Its curves are computed when a page first asks for them.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct ShownStrike {
     /// Its place among all strikes of this monitor, from 1.
     pub serial: u64,

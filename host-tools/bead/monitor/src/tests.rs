@@ -1,6 +1,10 @@
 //! Tests of the model, fed with the frames of stand-in beads.
 
+use std::net::TcpStream;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
+use std::time::Duration;
 
 use bead_recording::file::Note;
 use bead_recording::frames::FrameReader;
@@ -10,8 +14,11 @@ use bead_wire::{
     Strike, StrikeFlags, Sync,
 };
 
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+
 use crate::model::HISTORY;
-use crate::{Control, Feed, Monitor, SharedMonitor};
+use crate::{Control, Feed, Monitor, SharedMonitor, follow};
 use bead_line::recorder::RecorderOrder;
 
 /// A monitor of one port, and the reader of its line.
@@ -211,4 +218,79 @@ fn an_order_goes_to_the_bead_and_its_reply_becomes_a_message() {
     assert!(matches!(ordered.try_recv(), Ok(RecorderOrder::Note(note)) if note.value == "Ana"));
     drop(ordered);
     assert!(control.note("operator=Ana").unwrap_err().contains("has ended"));
+}
+
+/// The next message of a client, as text or as the payload of a channel's message.
+fn next(client: &mut tungstenite::WebSocket<TcpStream>) -> Value {
+    use tungstenite::Message::{Binary, Text};
+    loop {
+        return match client.read().unwrap() {
+            Text(text) => serde_json::from_str(&text).unwrap(),
+            // Operation, subscription and time precede the message.
+            Binary(bytes) => serde_json::from_slice(&bytes[13..]).unwrap(),
+            _ => continue,
+        };
+    }
+}
+
+/// Stops threads at its end, also after a failed assertion.
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_client_of_foxglove_that_comes_late_gets_the_last_strike_with_its_curves_and_their_schema() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../tests/data/recording-v1.mcap"
+    );
+    let follower = bead_recording::file::Follower::open(Path::new(path)).unwrap();
+    let monitor = Bench::new().monitor;
+    let server = crate::foxglove::FoxgloveServer::open(([127, 0, 0, 1], 0).into()).unwrap();
+    let (port, stop) = (server.port(), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        let _stop = StopAtEnd(&stop);
+        scope.spawn(|| follow(&monitor, follower, &stop).unwrap());
+        scope.spawn(|| server.serve(&monitor, &stop));
+        let mut request = format!("ws://127.0.0.1:{port}").into_client_request().unwrap();
+        let protocol = "foxglove.sdk.v1".parse().unwrap();
+        request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
+        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let (mut client, _) = tungstenite::client(request, stream).unwrap();
+        let channel = loop {
+            let message = next(&mut client);
+            let channels = message["channels"].as_array().cloned().unwrap_or_default();
+            if let Some(channel) = channels.into_iter().find(|one| one["topic"] == "/bead_0/strike") {
+                break channel;
+            }
+        };
+        assert!(
+            channel["schema"]
+                .as_str()
+                .unwrap()
+                .contains("absorbed_measured_nj")
+        );
+        // The strikes are over by now.
+        std::thread::sleep(Duration::from_millis(500));
+        let subscribe =
+            json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": channel["id"] }] });
+        client
+            .send(tungstenite::Message::text(subscribe.to_string()))
+            .unwrap();
+        let strike = next(&mut client);
+        let last = monitor.lock().strikes_of(0)[0].strike;
+        assert_eq!(strike["strike"], last, "{strike}");
+        let force = strike["curves"]["force_n"].as_array().unwrap();
+        assert_eq!(strike["time_ms"].as_array().unwrap().len(), force.len());
+        let peak = force.iter().filter_map(Value::as_f64).fold(0.0, f64::max);
+        assert!(
+            (peak / strike["peak_force_n"].as_f64().unwrap() - 1.0).abs() < 0.01,
+            "{peak}"
+        );
+    });
 }

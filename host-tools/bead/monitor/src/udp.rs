@@ -6,18 +6,12 @@
 
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::sync::atomic::AtomicBool;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::feed::Feed;
-use crate::model::{HISTORY, SharedMonitor};
-
-/// Interval of the search for new strikes, and of the states of beads.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
-const STATE_EVERY: Duration = Duration::from_secs(1);
+use crate::model::SharedMonitor;
+use crate::publish::{News, publish};
 
 /// Sends datagrams to one address.
 pub struct UdpSender(UdpSocket);
@@ -40,45 +34,30 @@ impl UdpSender {
 
     /// Sends each strike, and the state of each bead once a second, until `stop`.
     pub fn serve(&self, monitor: &SharedMonitor, stop: &AtomicBool) {
-        let (mut feed, mut told) = (Feed::default(), None::<Instant>);
-        while !stop.load(Ordering::Relaxed) {
-            for strike in feed.take(monitor, HISTORY) {
-                self.send(
-                    strike.received_ms.map(|ms| 1e-3 * ms),
-                    strike.bead,
-                    json!(&*strike),
-                );
-            }
-            if told.is_none_or(|told| told.elapsed() >= STATE_EVERY) {
-                told = Some(Instant::now());
-                let beads = monitor.lock().view().beads;
-                for bead in beads {
-                    self.send(None, bead.bead, json!({ "state": bead }));
-                }
-            }
-            thread::sleep(LOOK_EVERY);
-        }
-    }
-
-    /// Sends what is known of a bead at a time, s since 1970; now, if that is `None`.
-    fn send(&self, at: Option<f64>, bead: u8, known: Value) {
-        let now = || {
-            let since = SystemTime::now().duration_since(UNIX_EPOCH);
-            since.map_or(0.0, |since| since.as_secs_f64())
-        };
-        let mut datagram = json!({ "timestamp": at.unwrap_or_else(now) });
-        datagram[format!("bead_{bead}")] = known;
-        // A datagram may get lost anyway.
-        let _ = self.0.send(datagram.to_string().as_bytes());
+        publish(monitor, stop, |news| {
+            let known = match news {
+                News::Strike(strike) => json!(**strike),
+                News::State(state) => json!({ "state": state }),
+            };
+            let mut datagram = json!({ "timestamp": news.time() });
+            datagram[format!("bead_{}", news.bead())] = known;
+            // A datagram may get lost anyway.
+            let _ = self.0.send(datagram.to_string().as_bytes());
+        });
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::Ordering;
+    use std::thread;
+    use std::time::Duration;
+
     use super::*;
     use crate::model::Monitor;
     use bead_recording::frames::FrameReader;
     use bead_testing::Speaker;
+    use serde_json::Value;
 
     #[test]
     fn a_receiver_gets_the_state_of_each_bead_as_one_object_under_its_name() {

@@ -2,6 +2,7 @@
 
 pub mod arrival;
 pub mod assembly;
+pub mod beads;
 pub mod clock;
 pub mod export;
 mod fetched;

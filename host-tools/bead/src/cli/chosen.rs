@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use bead_compare::report::count;
+use bead_recording::beads::GatheredBead;
 use bead_recording::file::RecordingError;
-use bead_recording::json::hex;
-use bead_recording::strikes::{LeftOut, RecordedStrike};
+use bead_recording::strikes::RecordedStrike;
 use bead_tables::printable::first_of;
 use clap::Args;
 use indicatif::ProgressBar;
@@ -28,23 +28,6 @@ pub(crate) struct StrikeChoice {
     /// Only the bead with this address.
     #[arg(long, value_name = "N")]
     bead: Option<u8>,
-}
-
-/// A bead in the recordings, with what a command gathers of its strikes.
-pub(crate) struct GatheredBead<T> {
-    pub(crate) address: u8,
-    uid: Option<[u8; 12]>,
-    /// Strikes so far, wanted or not.
-    seen: usize,
-    pub(crate) left_out: Vec<LeftOut>,
-    pub(crate) gathered: T,
-}
-
-impl<T> GatheredBead<T> {
-    /// Device id, hexadecimal.
-    pub(crate) fn uid(&self) -> Option<String> {
-        self.uid.map(|uid| hex(&uid))
-    }
 }
 
 /// A recording among all: its place, and its name.
@@ -75,7 +58,9 @@ impl StrikeChoice {
             let mut none = true;
             for strike in strikes.by_ref() {
                 none = false;
-                if let Some(place) = self.place(&strike, beads) {
+                let (place, count) = GatheredBead::count(beads, &strike);
+                let is_chosen = self.strike.is_empty() || self.strike.contains(&count);
+                if is_chosen && self.has(strike.address) {
                     take(beads, place, (number, &name), &strike)?;
                 }
             }
@@ -89,32 +74,6 @@ impl StrikeChoice {
             names.push(name);
         }
         Ok(names)
-    }
-
-    /// The place of a strike's bead, which is counted; `None` for a strike that was not chosen.
-    fn place<T: Default>(&self, strike: &RecordedStrike, beads: &mut Vec<GatheredBead<T>>) -> Option<usize> {
-        let address = strike.address;
-        // A strike may come before the identity of its bead.
-        let same = |bead: &GatheredBead<T>| {
-            let uids = bead.uid.zip(strike.uid);
-            bead.address == address && uids.is_none_or(|(one, other)| one == other)
-        };
-        let place = beads.iter().position(same).unwrap_or_else(|| {
-            beads.push(GatheredBead {
-                address,
-                uid: None,
-                seen: 0,
-                left_out: Vec::new(),
-                gathered: T::default(),
-            });
-            beads.len() - 1
-        });
-        let bead = &mut beads[place];
-        bead.uid = bead.uid.or(strike.uid);
-        let number = bead.seen;
-        bead.seen += 1;
-        let is_chosen = self.strike.is_empty() || self.strike.contains(&number);
-        (is_chosen && self.has(address)).then_some(place)
     }
 
     /// True for a bead that was chosen.
@@ -152,17 +111,4 @@ impl StrikeChoice {
         note!("{line}");
         Ok(())
     }
-}
-
-/// A line about strikes of a bead that had no part; `None` if all had one.
-pub(crate) fn left_out_line(address: u8, left_out: &[LeftOut]) -> Option<String> {
-    let named = left_out.iter();
-    let named = named.map(|out| format!("{}, strike {}: {}", out.recording, out.strike, out.why));
-    (!left_out.is_empty()).then(|| {
-        format!(
-            "bead {address}: {} left out: {}",
-            count(left_out.len() as u64, "strike"),
-            first_of(named, NAMED)
-        )
-    })
 }

@@ -13,7 +13,6 @@ use crate::cli::commands::command::{SENT, SENT_LATELY};
 use crate::cli::commands::compare_reference::ReferenceReport;
 use crate::cli::commands::compare_row::RowReport;
 use crate::cli::commands::emulate::SeveralBeads;
-use crate::cli::commands::identify::report::IdentifyReport;
 use crate::cli::commands::proof::accuracy::StrikerCell;
 use crate::cli::commands::proof::calibrate::CalibrateProof;
 use crate::cli::commands::proof::coverage::CoverageProof;
@@ -26,6 +25,7 @@ use crate::cli::commands::{
 use bead_bench::loopback::BenchReport;
 use bead_bench::run::RunReport;
 use bead_bench::silent::SilentOutcome;
+use bead_identify::report::IdentifyReport;
 use bead_recording::clock::ClockComparison;
 use bead_recording::json::SCHEMA_VERSION;
 use bead_recording::schemas::{of_bodies, of_body, of_frames};

@@ -34,6 +34,14 @@ pub fn first_of<T: ToString>(names: impl IntoIterator<Item = T>, most: usize) ->
     }
 }
 
+/// A number of things: `1 strike`, `2 strikes`.
+pub fn count(number: u64, one: &str) -> String {
+    match number {
+        1 => format!("1 {one}"),
+        _ => format!("{number} {one}s"),
+    }
+}
+
 /// True for control characters, separators of lines, and marks that change the direction of writing, with
 /// which a name can look like another (Unicode annex 9, section 2).
 fn is_control(character: char) -> bool {
@@ -68,6 +76,10 @@ mod tests {
         assert_eq!(first_of([1, 2], 2), "1, 2");
         assert_eq!(first_of(1..=22, 3), "1, 2, 3 and 19 more");
         assert_eq!(first_of([""; 0], 3), "");
+        assert_eq!(
+            [count(1, "strike"), count(0, "strike")],
+            ["1 strike", "0 strikes"]
+        );
     }
 
     #[test]

@@ -4,14 +4,16 @@
 //! of the book anew.
 
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::pane::svg;
-use crate::program::{PROGRAM, ROOT, TestFolder, assert_says, until};
+use crate::program::{PROGRAM, ROOT, TestFolder, assert_says, tcp, until};
 use bead_recording::file::{Recording, State};
+use bead_testing::{Speaker, block_of, one_sample_strike, paper_settings};
 
 /// A terminal in which a program runs.
 struct Terminal {
@@ -78,12 +80,15 @@ impl Terminal {
     /// Waits until the page has a text.
     fn until(&self, part: &str) -> String {
         let mut text = String::new();
-        let what = format!("the page says {part}");
-        until(&what, || {
+        let started = Instant::now();
+        while !text.contains(part) {
+            assert!(
+                started.elapsed() < Duration::from_secs(60),
+                "never: {part} on the page\n{text}"
+            );
             thread::sleep(Duration::from_millis(50));
             text = self.text();
-            text.contains(part)
-        });
+        }
         text
     }
 
@@ -167,6 +172,39 @@ fn two_emulated_beads_are_shown_noted_disarmed_and_recorded_and_the_window_may_s
         ("specimen", "A12")
     );
     assert!(terminal.folder.run("replay a.mcap").status.success());
+}
+
+#[test]
+fn a_port_that_goes_away_under_the_page_goes_on_in_the_same_recording() {
+    let (listener, port) = tcp();
+    let Some(terminal) = Terminal::start(&format!("monitor --port {port} --out a.mcap")) else {
+        return;
+    };
+    let mut bead = Speaker::at(7);
+    for number in [1, 2] {
+        let (mut line, _) = listener.accept().unwrap();
+        let identity = bead.identity();
+        bead.say(0, identity);
+        bead.say(0, block_of(&paper_settings()));
+        let struck = one_sample_strike(number, 1000 * u64::from(number));
+        for message in struck {
+            bead.say(1000 * u64::from(number), message);
+        }
+        line.write_all(&std::mem::take(&mut bead.bytes)).unwrap();
+        terminal.until(&format!("strike {number} of bead 7"));
+        drop(line);
+        terminal.until("went away");
+    }
+    let (_line, _) = listener.accept().unwrap();
+    terminal.keys(&["q"]);
+    assert_eq!(terminal.ended(), "0");
+    let strikes: Vec<u32> = terminal
+        .recording()
+        .strikes()
+        .unwrap()
+        .map(|strike| strike.said.strike)
+        .collect();
+    assert_eq!(strikes, [1, 2]);
 }
 
 #[test]

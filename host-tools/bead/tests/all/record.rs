@@ -217,6 +217,8 @@ fn a_port_or_a_name_that_is_in_use_is_refused_and_what_uses_it_goes_on() {
     strike_is_printed(&mut bead, &mut recorder);
     let busy = folder.run(&format!("record --port {port} --out b.mcap"));
     refused(&busy, 3, &format!("bead: {port} is in use by another program"));
+    let watched = folder.run(&format!("monitor --port {port} --udp 127.0.0.1:9 --out b.mcap"));
+    refused(&watched, 3, &format!("bead: {port} is in use by another program"));
     for overwrite in ["", "--overwrite"] {
         let taken = folder.run(&format!("record --port {other} --out a.mcap {overwrite}"));
         refused(&taken, 2, "another program is recording to a.mcap");

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal
 
 from . import _hertz_chain
 from .scenario import Scenario
@@ -71,14 +72,15 @@ class Recording:
         return budget
 
     def compare(self, scenario: Scenario | None = None, *, bead: int | None = None) -> dict[str, Any]:
-        """The strikes of one bead beside the simulated chain.
+        """The strikes beside the simulated chain, of one bead or of a row of beads.
 
         Args:
             scenario: what was struck; by default the scenario in the recording.
-            bead: its number in the chain, needed for a recording of several.
+            bead: the number of one bead in the chain; by default all beads of a recording of several.
 
         Returns:
-            `bead`, `strikes` (device, replay, f64 and truth of each), `pass` and `failure`, as
+            Of one bead `bead`, `strikes` (device, replay, f64 and truth of each), `pass` and `failure`; of a row
+            `beads`, `arrivals` and speeds of the wave, `energy` along the row, `notes`, `pass` and `failure`. As
             `bead compare --format json` prints them.
 
         Raises:
@@ -87,6 +89,52 @@ class Recording:
         native = None if scenario is None else scenario._native
         compared: dict[str, Any] = json.loads(self._native.compare(native, bead))
         return compared
+
+    def identify(
+        self,
+        scenario: Scenario | None = None,
+        *,
+        place: int | None = None,
+        method: Literal["ring_down", "pairs", "chain"] | None = None,
+        mounting: Literal["free", "held"] = "free",
+        fit: Iterable[str] = (),
+        bead: int | None = None,
+        strikes: Iterable[int] = (),
+        doubtful: bool = False,
+    ) -> dict[str, Any]:
+        """Spring, damper, gains and contacts of each bead, fitted to the samples of its strikes.
+
+        Args:
+            scenario: the chain in which the beads were struck; without one they were tapped outside of a chain.
+            place: place of the bead in the chain, by default its address, or the only bead with an intruder.
+            method: `ring_down` (the default), `pairs` (force and acceleration of a tap), or `chain` (the default
+                with a scenario).
+            mounting: `free` (hung on threads, on foam) or `held` (clamped), while it rings.
+            fit: quantities by letter or name: k, c, m, M, Y, tau, gF, ga.
+            bead: the address of the only bead that is wanted.
+            strikes: numbers of the strikes of each bead that have a part, from 0; by default all.
+            doubtful: take strikes too that are railed, cut, or met by another wave.
+
+        Returns:
+            `method` and `beads`, as `bead identify --format json` prints them: of each bead the `quantities` with
+            value (SI), standard error and interval of 95 %, correlations, agreement with the noise, doubts.
+
+        Raises:
+            RecordingError: no strike has signals, or the scenario has no such bead.
+            ValueError: a method, a mounting or a quantity that does not exist.
+        """
+        arguments = {
+            "scenario": None if scenario is None else scenario._native,
+            "place": place,
+            "method": method,
+            "mounting": mounting,
+            "fit": list(fit),
+            "bead": bead,
+            "strikes": list(strikes),
+            "doubtful": doubtful,
+        }
+        identified: dict[str, Any] = json.loads(self._native.identify(arguments))
+        return identified
 
     def clocks(self) -> dict[str, Any]:
         """The clocks of the beads, as `bead clock --format json` prints them."""

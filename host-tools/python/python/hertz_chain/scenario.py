@@ -83,15 +83,7 @@ class Scenario:
 
         >>> bare = Scenario.paper().replace(intruder=None)
         """
-        tables = self.to_dict()
-        for key, value in changes.items():
-            if value is None:
-                tables.pop(key, None)
-            elif isinstance(value, dict) and isinstance(tables.get(key), dict):
-                tables[key] = {**tables[key], **value}
-            else:
-                tables[key] = value
-        return Scenario(**tables)
+        return Scenario._of(self._native.replaced(as_json(changes)))
 
     def to_dict(self) -> dict[str, Any]:
         """The tables, SI units."""

@@ -54,6 +54,8 @@ class Simulation:
     intruders: NDArray[np.int64]
     #: Peaks, final state, energies by cause and cost, as `bead simulate --format json` prints them.
     summary: dict[str, Any]
+    #: Time that the integration took, s; what a call takes beside is that of the arrays' way to Python.
+    seconds: float
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """An observable by its name."""
@@ -122,4 +124,5 @@ def simulate(
         contacts=np.arange(1, found["contacts"] + 1),
         intruders=np.array(found["intruders"], dtype=np.int64),
         summary=json.loads(found["summary"]),
+        seconds=found["seconds"],
     )

@@ -7,6 +7,7 @@ mod page;
 mod quantity;
 mod terminal;
 
+pub use bead_tables::printable::count;
 pub use content::{Chapter, DASH, Fact, Grid, GridCell, Medium, Passage, Report};
-pub use quantity::{EnergyUnit, count, energy, number, percent, percent_within, signed};
+pub use quantity::{EnergyUnit, energy, number, percent, percent_within, signed};
 pub use terminal::aligned;

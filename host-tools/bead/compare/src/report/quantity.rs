@@ -55,14 +55,6 @@ pub fn percent_within(part: f64, uncertainty: Option<f64>) -> String {
     format!("{} ± {:.3} %", signed(part * 100.0, 3), within * 100.0)
 }
 
-/// A number of things: `1 strike`, `2 strikes`.
-pub fn count(number: u64, one: &str) -> String {
-    match number {
-        1 => format!("1 {one}"),
-        _ => format!("{number} {one}s"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,9 +73,5 @@ mod tests {
             assert_eq!(format!("{} {}", unit.number(energies[0], 3), unit.symbol), shown);
         }
         assert_eq!(energy(-2e-6), "−2000.000 nJ");
-        assert_eq!(
-            (count(1, "strike"), count(0, "strike")),
-            ("1 strike".into(), "0 strikes".into())
-        );
     }
 }

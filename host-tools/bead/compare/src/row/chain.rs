@@ -43,9 +43,9 @@ pub struct PlacedBead {
 }
 
 /// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
-/// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
-/// it.
-pub fn among(received: &Recording, chain: &RowChain, text: &str) -> (Vec<PlacedBead>, Vec<String>) {
+/// that is left out, and for each host of which there is no bead. A bead that carries another scenario than
+/// `text`, as its author wrote it, is left out.
+pub fn among(received: &Recording, chain: &RowChain, text: Option<&str>) -> (Vec<PlacedBead>, Vec<String>) {
     let mut places: Vec<PlacedBead> = Vec::new();
     let mut notes = Vec::new();
     for (bead, received) in received.beads.iter().zip(received.each()) {
@@ -56,7 +56,8 @@ pub fn among(received: &Recording, chain: &RowChain, text: &str) -> (Vec<PlacedB
         } else if places.iter().any(|other| other.bead == at) {
             Some("is there twice")
         } else {
-            let is_other = own.is_some_and(|own| **own != *text.as_bytes());
+            let both = own.zip(text);
+            let is_other = both.is_some_and(|(own, text)| **own != *text.as_bytes());
             is_other.then_some("carries another scenario")
         };
         match why {

@@ -25,7 +25,7 @@ pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Targ
     let (scenario, text) = (given.scenario.clone(), &given.text);
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let mut chain = RowChain::of(scenario)?;
-    let (places, mut notes) = among(received, &chain, text);
+    let (places, mut notes) = among(received, &chain, Some(text));
     if places.is_empty() {
         let (path, why) = (received.path.display(), notes.join("; "));
         bail!(Input, "{path}: none of its beads is of this scenario: {why}");

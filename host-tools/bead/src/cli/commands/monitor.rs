@@ -1,5 +1,6 @@
 //! `bead monitor`: live beads on a terminal, in a browser and in other programs.
 
+use std::fmt::Display;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -13,6 +14,7 @@ use bead_compare::sensed::load_scenario;
 use bead_line::key;
 use bead_line::port::{Address, open_all};
 use bead_line::recorder::{Recorded, Recorder, RecorderOptions};
+use bead_monitor::foxglove::FoxgloveServer;
 use bead_monitor::udp::UdpSender;
 use bead_monitor::web::WebPage;
 use bead_monitor::{Control, Monitor, SharedMonitor, follow, terminal};
@@ -44,6 +46,7 @@ Examples:
   bead monitor --emulate docs/scenarios/ten-intruders.toml --bead 7,8
   bead monitor --port /dev/ttyUSB0 --web
   bead monitor --port /dev/ttyUSB0 --udp 127.0.0.1:9870
+  bead monitor --port /dev/ttyUSB0 --foxglove
   bead monitor night.mcap.partial";
 
 #[derive(Debug, Args)]
@@ -84,9 +87,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
         default_missing_value = "127.0.0.1:0")]
     web: Option<SocketAddr>,
-    /// Serve the page to other computers too: not encrypted, so whoever sees the traffic sees the URL and all
-    /// that the beads measure.
-    #[arg(long, requires = "web")]
+    /// Serve live channels to Foxglove or Lichtblick at this address [default: 127.0.0.1:8765]. Any program
+    /// and any web page on this computer can read them.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
+        default_missing_value = "127.0.0.1:8765")]
+    foxglove: Option<SocketAddr>,
+    /// Serve page and channels to other computers too: not encrypted, so whoever sees the traffic sees the
+    /// URL and all that the beads measure.
+    #[arg(long)]
     insecure_network: bool,
     /// Send each strike as JSON to this address by UDP, for PlotJuggler.
     #[arg(long, value_name = "HOST:PORT", value_parser = udp_address)]
@@ -123,33 +131,50 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 struct Pages {
     has_terminal: bool,
     web: Option<WebPage>,
+    foxglove: Option<FoxgloveServer>,
     udp: Option<UdpSender>,
 }
 
 impl Pages {
     fn open(arguments: &Arguments) -> Result<Self, Failure> {
         let has_terminal = arguments.web.is_none() && terminal::is_there();
-        if !has_terminal && arguments.web.is_none() && arguments.udp.is_none() {
+        let serves = arguments.web.is_some() || arguments.foxglove.is_some();
+        if arguments.insecure_network && !serves {
+            bail!(
+                Input,
+                "--insecure-network is of --web and --foxglove; give one of them, or leave it out"
+            );
+        }
+        if !has_terminal && !serves && arguments.udp.is_none() {
             bail!(
                 Input,
                 "standard input and output are no terminal, which the page needs; run it in one, give --web for a \
                  browser, or record without a page: bead record"
             );
         }
-        let open = |at: SocketAddr| {
+        let check = |option: &str, at: SocketAddr| {
             if !at.ip().is_loopback() && !arguments.insecure_network {
                 bail!(
                     Input,
-                    "--web={at}: other computers could see the page, and nothing is encrypted; give 127.0.0.1 and reach it \
-                     by `ssh -L`, or accept that by --insecure-network"
+                    "{option}={at}: other computers could see it, and nothing is encrypted; give 127.0.0.1 and reach it by \
+                     `ssh -L`, or accept that by --insecure-network"
                 );
             }
-            WebPage::open(at).map_err(|error| {
-                failure!(
-                    Input,
-                    "cannot listen at {at}: {error}; give an address of this computer and a free port"
-                )
-            })
+            Ok(())
+        };
+        let taken = |at: SocketAddr, error: &dyn Display| {
+            failure!(
+                Input,
+                "cannot listen at {at}: {error}; give an address of this computer and a free port"
+            )
+        };
+        let web = |at: SocketAddr| {
+            check("--web", at)?;
+            WebPage::open(at).map_err(|error| taken(at, &error))
+        };
+        let foxglove = |at: SocketAddr| {
+            check("--foxglove", at)?;
+            FoxgloveServer::open(at).map_err(|error| taken(at, &error))
         };
         let udp = |to: SocketAddr| {
             UdpSender::open(to)
@@ -157,7 +182,8 @@ impl Pages {
         };
         Ok(Self {
             has_terminal,
-            web: arguments.web.map(open).transpose()?,
+            web: arguments.web.map(web).transpose()?,
+            foxglove: arguments.foxglove.map(foxglove).transpose()?,
             udp: arguments.udp.map(udp).transpose()?,
         })
     }
@@ -172,7 +198,13 @@ impl Pages {
         if let Some(web) = &self.web {
             note!("the page is at {} until Ctrl-C", web.url());
         }
+        if let Some(foxglove) = &self.foxglove {
+            let port = foxglove.port();
+            note!("Foxglove and Lichtblick find the beads at ws://localhost:{port}");
+        }
         thread::scope(|scope| {
+            let foxglove = self.foxglove;
+            let foxglove = foxglove.map(|foxglove| scope.spawn(move || foxglove.serve(monitor, stop)));
             let web = self.web.map(|web| {
                 scope.spawn(move || {
                     let _stop = StopAtEnd(stop);
@@ -187,9 +219,7 @@ impl Pages {
                 Ok(())
             };
             let served = web.map_or(Ok(()), join);
-            if let Some(udp) = udp {
-                join(udp);
-            }
+            foxglove.into_iter().chain(udp).for_each(join);
             shown.map_err(|error| {
                 failure!(
                     Input,

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use crate::cli::chosen::{GatheredBead, left_out_line};
 use crate::cli::commands::analyse::arguments::Common;
 use crate::cli::commands::prelude::*;
 use bead_compare::report::count;
+use bead_recording::beads::GatheredBead;
 use bead_recording::strikes::LeftOut;
 use bead_spectra::bead::{BeadSpectrum, BeadSums};
 use bead_spectra::plan::{Plan, StrikeSpectrum, Wanted};
@@ -62,7 +62,7 @@ pub(super) fn gather(
     choice.check(&beads)?;
     let lines = beads
         .iter()
-        .filter_map(|bead| left_out_line(bead.address, &bead.left_out));
+        .filter_map(|bead| LeftOut::line(bead.address, &bead.left_out));
     lines.for_each(|line| note!("{line}"));
     let spectra = beads.into_iter().filter_map(|bead| {
         let uid = bead.uid();

@@ -6,6 +6,7 @@ use crate::cli::beads::one_bead;
 use crate::cli::chosen::StrikeChoice;
 use crate::cli::commands::prelude::*;
 use bead_identify::quantity::{QUANTITIES, Quantity};
+use bead_identify::ring_down::Mounting;
 
 const AFTER_HELP: &str = "\
 ring-down, the default: the ringing of the intruder after each tap, once nothing touches the bead, gives k and c. \
@@ -88,6 +89,25 @@ pub(super) enum Method {
     Pairs,
     /// Strikes of a chain.
     Chain,
+}
+
+impl From<Method> for bead_identify::method::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::RingDown => Self::RingDown,
+            Method::Pairs => Self::Pairs,
+            Method::Chain => Self::Chain,
+        }
+    }
+}
+
+impl From<MountingOption> for Mounting {
+    fn from(option: MountingOption) -> Self {
+        match option {
+            MountingOption::Free => Self::Free,
+            MountingOption::Held => Self::Held,
+        }
+    }
 }
 
 impl Arguments {

@@ -1,9 +1,8 @@
 //! The result of `bead identify` for people.
 
-use crate::cli::commands::identify::report::IdentifyReport;
 use crate::cli::output;
 use bead_compare::report::{DASH, count};
-use bead_identify::report::{BeadResult, QuantityResult};
+use bead_identify::report::{BeadResult, IdentifyReport, QuantityResult};
 
 /// The tables of all beads, each below its heading.
 pub(super) fn text(report: &IdentifyReport) -> String {

@@ -1,0 +1,97 @@
+//! Recordings beside simulated chains, as `bead compare` holds them.
+
+use std::fmt::Display;
+use std::sync::Arc;
+
+use bead_compare::agreement::DECISION_RULE;
+use bead_compare::bead::ComparedBead;
+use bead_compare::emulated::RunTruth;
+use bead_compare::row::{self, BeadRow, RowChain, among};
+use bead_compare::sensed::{only_host, simulate_with_ring_down};
+use bead_compare::strike::FullChain;
+use bead_compare::verdict::Echoes;
+use bead_recording::file::{Part, RecordedBead, Recording};
+use hertz_chain::Scenario;
+
+/// One bead, or all of a row unless one is asked for, beside the chain of a scenario, by default that of the
+/// recording. JSON as `bead compare` prints it.
+pub(crate) fn compared(
+    file: &Recording,
+    scenario: Option<Scenario>,
+    asked: Option<usize>,
+) -> Result<String, String> {
+    let carried = file.parts.get(&Part::Scenario);
+    let carried = carried.map(|text| String::from_utf8_lossy(text).into_owned());
+    let (scenario, text) = match (scenario, carried) {
+        (Some(scenario), _) => (scenario, None),
+        (None, Some(text)) => {
+            let scenario = Scenario::from_toml(&text, "the recording's scenario").map_err(line)?;
+            (scenario, Some(text))
+        }
+        (None, None) => {
+            return Err(format!(
+                "{} carries no scenario; say what was struck: scenario=Scenario.load(…)",
+                file.path.display()
+            ));
+        }
+    };
+    if file.beads.len() > 1 && asked.is_none() {
+        return row_compared(file, scenario, text.as_deref());
+    }
+    bead_compared(file, &scenario, asked)
+}
+
+fn line(error: impl Display) -> String {
+    error.to_string()
+}
+
+fn bead_compared(file: &Recording, scenario: &Scenario, asked: Option<usize>) -> Result<String, String> {
+    let (file, place) = of_one(file, asked)?;
+    let truth: Option<RunTruth> = file.json(Part::Truth).map_err(line)?;
+    let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
+    let bead = bead.map_or_else(|| only_host(scenario), Ok).map_err(line)?;
+    let echoes = Echoes::of(scenario, truth);
+    let solution = Arc::new(simulate_with_ring_down(scenario).map_err(line)?);
+    let chain = FullChain::of(scenario, &solution, bead).map_err(line)?;
+    let compared = ComparedBead::read(&file, &chain, echoes, None, |_, _| ()).map_err(line)?;
+    let result = serde_json::json!({
+        "bead": bead,
+        "strikes": compared.strikes,
+        "pass": compared.failure.is_none(),
+        "failure": compared.failure,
+        "decision_rule": DECISION_RULE,
+    });
+    Ok(result.to_string())
+}
+
+/// The recording of one bead, and its place if the recording knows it.
+fn of_one(file: &Recording, asked: Option<usize>) -> Result<(Recording, Option<usize>), String> {
+    let places: Vec<usize> = file.beads.iter().map(RecordedBead::place).collect();
+    match (&places[..], asked) {
+        ([], _) => Ok((file.clone(), None)),
+        ([place], None) => Ok((file.of(&file.beads[0]), Some(*place))),
+        (_, asked) => {
+            let at = asked.and_then(|asked| places.iter().position(|place| *place == asked));
+            let at = at.ok_or_else(|| {
+                let path = file.path.display();
+                format!("{path} has the beads {places:?}; give bead= one of them")
+            })?;
+            Ok((file.of(&file.beads[at]), asked))
+        }
+    }
+}
+
+fn row_compared(file: &Recording, scenario: Scenario, text: Option<&str>) -> Result<String, String> {
+    let chain = RowChain::of(scenario).map_err(line)?;
+    let (places, notes) = among(file, &chain, text);
+    if places.is_empty() {
+        let (path, why) = (file.path.display(), notes.join("; "));
+        return Err(format!("{path}: none of its beads is of this scenario: {why}"));
+    }
+    let row = BeadRow::read(file, &places, &chain, None).map_err(line)?;
+    if row.strikes.is_empty() {
+        return Err(format!("{} has no strike", file.path.display()));
+    }
+    let compared = row::compare(&row, &chain, notes).map_err(line)?;
+    serde_json::to_string(&compared).map_err(line)
+}

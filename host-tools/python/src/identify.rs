@@ -1,0 +1,144 @@
+//! Quantities of beads from their strikes, as `bead identify` finds them.
+
+use bead_identify::bead::{BeadStrikes, Request, identify_bead, take};
+use bead_identify::method::Method;
+use bead_identify::quantity::{QUANTITIES, Quantity};
+use bead_identify::report::IdentifyReport;
+use bead_identify::ring_down::Mounting;
+use bead_recording::beads::GatheredBead;
+use bead_recording::strikes::RecordedStrike;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::scenario::Scenario;
+
+/// The checked arguments of `Recording.identify`.
+pub(crate) struct Asked {
+    method: Method,
+    mounting: Mounting,
+    fit: Vec<Quantity>,
+    scenario: Option<hertz_chain::Scenario>,
+    place: Option<usize>,
+    /// Address of the only bead that is wanted.
+    bead: Option<u8>,
+    /// Numbers of the strikes of each bead; all if it is empty.
+    strikes: Vec<usize>,
+    doubtful: bool,
+}
+
+/// The keyword arguments, as a dictionary that has them all.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Arguments {
+    scenario: Option<Py<Scenario>>,
+    place: Option<usize>,
+    method: Option<String>,
+    mounting: String,
+    fit: Vec<String>,
+    bead: Option<u8>,
+    strikes: Vec<usize>,
+    doubtful: bool,
+}
+
+impl Asked {
+    /// Checks the arguments.
+    pub(crate) fn of(arguments: Arguments) -> PyResult<Self> {
+        let fit = arguments.fit.iter().map(|name| quantity(name));
+        Ok(Self {
+            method: method_of(arguments.method.as_deref(), arguments.scenario.is_some())?,
+            mounting: mounting_of(&arguments.mounting)?,
+            fit: fit.collect::<PyResult<_>>()?,
+            scenario: arguments.scenario.map(|scenario| scenario.get().0.clone()),
+            place: arguments.place,
+            bead: arguments.bead,
+            strikes: arguments.strikes,
+            doubtful: arguments.doubtful,
+        })
+    }
+
+    /// Adds a strike to its bead if it is wanted.
+    pub(crate) fn take(&self, beads: &mut Vec<BeadStrikes>, name: &str, strike: &RecordedStrike) {
+        let (place, number) = GatheredBead::count(beads, strike);
+        let is_wanted = self.bead.is_none_or(|bead| bead == strike.address);
+        if is_wanted && (self.strikes.is_empty() || self.strikes.contains(&number)) {
+            take(&mut beads[place], (0, name), strike, self.doubtful);
+        }
+    }
+
+    /// The quantities of all beads, as JSON.
+    pub(crate) fn identified(&self, beads: &[BeadStrikes], name: &str) -> Result<String, String> {
+        let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
+        if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {
+            return Err(format!(
+                "bead {bead}: no strike is of it; the beads are {addresses:?}"
+            ));
+        }
+        let names = [name.to_owned()];
+        let request = Request {
+            method: self.method,
+            mounting: self.mounting,
+            fit: self.fit.clone(),
+            scenario: self.scenario.as_ref(),
+            place: self.place,
+            stated: None,
+            from: None,
+            names: &names,
+            draws: false,
+            samples: false,
+        };
+        let wanted = beads.iter();
+        let wanted = wanted.filter(|bead| self.bead.is_none_or(|address| address == bead.address));
+        let (mut results, mut failed) = (Vec::new(), None);
+        for bead in wanted {
+            match identify_bead(&request, bead) {
+                Ok(bead) => results.push(bead.result),
+                // The other beads go on.
+                Err(error) => failed = failed.or(Some(error.to_string())),
+            }
+        }
+        match failed {
+            Some(why) if results.is_empty() => Err(why),
+            _ => {
+                let report = IdentifyReport::new(self.method, results);
+                serde_json::to_string(&report).map_err(|error| error.to_string())
+            }
+        }
+    }
+}
+
+fn method_of(name: Option<&str>, has_scenario: bool) -> PyResult<Method> {
+    let wrong = |why: String| Err(PyValueError::new_err(why));
+    match (name, has_scenario) {
+        (None | Some("chain"), true) => Ok(Method::Chain),
+        (None | Some("ring_down"), false) => Ok(Method::RingDown),
+        (Some("pairs"), false) => Ok(Method::Pairs),
+        (Some("chain"), false) => wrong(
+            "method 'chain' simulates the chain from the striker to the bead: give scenario=Scenario.load(…)"
+                .to_owned(),
+        ),
+        (Some("ring_down" | "pairs"), true) => wrong(
+            "scenario= describes a chain, and the method takes taps at a bead outside of one: leave one of them out"
+                .to_owned(),
+        ),
+        (Some(other), _) => wrong(format!(
+            "method {other:?} is none of 'ring_down', 'pairs' and 'chain'"
+        )),
+    }
+}
+
+fn mounting_of(name: &str) -> PyResult<Mounting> {
+    match name {
+        "free" => Ok(Mounting::Free),
+        "held" => Ok(Mounting::Held),
+        other => Err(PyValueError::new_err(format!(
+            "mounting {other:?} is neither 'free' nor 'held'"
+        ))),
+    }
+}
+
+fn quantity(name: &str) -> PyResult<Quantity> {
+    Quantity::named(name).ok_or_else(|| {
+        let names: Vec<_> = QUANTITIES.iter().map(|one| one.symbol()).collect();
+        PyValueError::new_err(format!("fit {name:?} is none of {}", names.join(", ")))
+    })
+}
