@@ -8,8 +8,8 @@
 //! before the first instruction that it does not know, before an access that its [`Bus`] refuses, and at a
 //! time limit. QEMU goes on from there, and cannot tell.
 //!
-//! A loop that comes back to the same state without having changed memory does the same again, as long as what
-//! it reads stays. Its turns up to then are counted at once ([`Turns`]).
+//! A loop that comes back to the same state without having changed memory does the same again, as long as
+//! what it reads stays. Its turns up to then are counted at once ([`Turns`]).
 
 mod alu;
 mod decode;

@@ -2,9 +2,9 @@
 
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or that of the
-/// emulator with `emulator`. For
-/// `--native` it is compiled a second time, for this processor alone.
+/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or
+/// that of the emulator with `emulator`. For `--native` it is compiled a second time, for this processor
+/// alone.
 ///
 /// # Errors
 /// It does not build, or ends with an error.

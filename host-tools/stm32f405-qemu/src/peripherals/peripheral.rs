@@ -17,8 +17,8 @@ pub(crate) trait Peripheral {
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister>;
 
     /// Time up to which a read gives the same as one now, if nothing happens to the peripheral. This time may
-    /// be too early, but never too late. `None` if a read has an effect beyond its value, as taking a byte has,
-    /// or if this is not known.
+    /// be too early, but never too late. `None` if a read has an effect beyond its value, as taking a byte
+    /// has, or if this is not known.
     fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
         None
     }

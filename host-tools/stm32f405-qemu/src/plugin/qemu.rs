@@ -507,8 +507,8 @@ impl Qemu {
     }
 }
 
-/// A WFI of the overlay's own, in a page where the part has nothing. QEMU passes time only while the processor
-/// waits, and it waits by an instruction.
+/// A WFI of the overlay's own, in a page where the part has nothing. QEMU passes time only while the
+/// processor waits, and it waits by an instruction.
 pub(super) const WAITS_AT: u32 = 0x1ffe_f000;
 /// The WFI, and a branch back to it.
 pub(super) const WAITS: [u8; 4] = [0x30, 0xbf, 0xfd, 0xe7];

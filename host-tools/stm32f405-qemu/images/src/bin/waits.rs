@@ -1,5 +1,5 @@
-//! Waits in one of the ways in which firmware does. The host writes the way's number to the first word of CCM,
-//! and how many rounds there are to the second; 0 is for ever.
+//! Waits in one of the ways in which firmware does. The host writes the way's number to the first word of
+//! CCM, and how many rounds there are to the second; 0 is for ever.
 //!
 //! After each round the image logs the cycle counter, so that the log shows when the wait was over.
 #![no_std]
