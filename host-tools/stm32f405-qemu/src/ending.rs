@@ -22,6 +22,8 @@ pub enum RunEnd {
     /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The
     /// program counter there, if QEMU said it.
     LockedUp(Option<CodeAddress>),
+    /// The image is in an endless loop here, and no interrupt is to come.
+    Hung(CodeAddress),
     /// The image does nothing but read this register, which no model knows.
     Stuck(String),
     /// The host stopped it: its time was over.

@@ -27,7 +27,7 @@ use crate::given::{Inputs, Run};
 use crate::outcome::{Sampling, StretchWork};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 15;
+pub(crate) const FORMAT: u32 = 16;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -69,6 +69,10 @@ pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
 pub(crate) struct RunDescription<'a> {
     pub(crate) format: u32,
     pub(crate) run: Cow<'a, Run>,
+    /// True if loops that wait may be executed without QEMU.
+    pub(crate) shortens_waits: bool,
+    /// Virtual time of an instruction, ns.
+    pub(crate) instruction_ns: u64,
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
     /// Address of the image's vector table.

@@ -80,10 +80,23 @@ pub struct Run {
     /// Ends the run early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does nothing but
     /// read a register that no model knows: half a million times.
     pub stop_when_stuck: bool,
+    /// Executes loops that wait for a register, a word of RAM or nothing outside of QEMU, and the turns that
+    /// are all the same at once. The outcome is the same without, but for [`Outcome::busy_with`] and
+    /// [`StretchWork::calls`](crate::StretchWork); the run takes longer. Has no effect with a debugger, while
+    /// cycles are counted or coverage is recorded.
+    ///
+    /// [`Outcome::busy_with`]: crate::Outcome::busy_with
+    pub shorten_waits: bool,
     /// Lets the image call the host by semihosting (BKPT 0xAB). Its output is
     /// [`Outcome::semihosting`](crate::Outcome::semihosting), and its exit ends the run. **It can then also
     /// read and write the host's files and run commands**: only for images that you trust.
     pub semihosting: bool,
+    /// The words that the image gets when it asks the host for its command line by semihosting.
+    #[serde(skip)]
+    pub semihosting_arguments: Vec<String>,
+    /// Ends the run with [`RunEnd::Hung`](crate::RunEnd::Hung) when the image is in an endless loop that no
+    /// interrupt, event or input of this run can end. In a [`Live`](crate::Live) run an input may still come.
+    pub stop_when_hung: bool,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
     /// Bytes for the receivers of the USARTs.
@@ -142,7 +155,10 @@ impl Run {
             software_scan_under_trigger: true,
             receive_dma_latency_ns: 0,
             stop_when_stuck: true,
+            shorten_waits: true,
             semihosting: false,
+            semihosting_arguments: Vec::new(),
+            stop_when_hung: false,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),

@@ -9,6 +9,7 @@ mod outcome;
 mod peripherals;
 mod plugin;
 mod run;
+mod thumb;
 mod vcd;
 
 pub use ending::{CodeAddress, Exception, RunEnd};
@@ -21,4 +22,6 @@ pub use outcome::{
 };
 #[doc(hidden)]
 pub use run::carry;
-pub use run::{Function, Live, Passed, RunError, functions, qemu_version, remove_temporary_files};
+pub use run::{
+    Function, Live, Passed, RunError, TestCase, functions, qemu_version, remove_temporary_files, test_cases,
+};

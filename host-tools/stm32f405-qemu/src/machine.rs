@@ -24,6 +24,7 @@ mod lines;
 mod pins;
 mod polls;
 mod ports;
+mod quiet;
 pub mod registers;
 mod sampling;
 mod sleep;
@@ -50,6 +51,7 @@ use events::MachineEvent;
 use levels::Levels;
 use lines::InterruptLines;
 use polls::Polls;
+use quiet::{QuietTime, SteadyRead};
 use sampling::Scans;
 use table::DMA2_LINES;
 use transfers::{Context, Transfers, part, serving};
@@ -66,6 +68,7 @@ pub struct Machine {
     lines: InterruptLines,
     unknown: UnknownRegisters,
     polls: Polls,
+    quiet: QuietTime,
     /// The register without a model that the processor does nothing but read.
     stuck: Option<u32>,
     /// The cause of a reset that was asked for and has not come yet.
@@ -112,6 +115,7 @@ impl Machine {
             lines: InterruptLines::default(),
             unknown: UnknownRegisters::default(),
             polls: Polls::default(),
+            quiet: QuietTime::default(),
             stuck: None,
             reset_wanted: None,
             resets: Vec::new(),
@@ -148,14 +152,56 @@ impl Machine {
         part(value, address, bytes)
     }
 
+    /// Begins a stretch of [`Self::read_steady`]: between it and the last of these calls come no others.
+    pub fn begin_steady_reads(&mut self) {
+        self.quiet = QuietTime::default();
+    }
+
+    /// Does what [`Self::read`] does, for a register that changes by time and events only. `None`, without an
+    /// effect, for one that a read changes, or that no model knows.
+    pub fn read_steady(
+        &mut self,
+        address: u32,
+        bytes: u32,
+        now: u64,
+        board: &mut impl Exterior,
+    ) -> Option<SteadyRead> {
+        let word = address & !3;
+        let (row, offset) = self.quiet.place(word)?;
+        let model = (row.model)(&self.chip.units);
+        let holds_until = model
+            .holds_until(offset, now)
+            .filter(|_| self.chip.is_clocked(row))?;
+        let happened = now >= self.quiet.until;
+        if happened {
+            self.play(now, board);
+            self.settle(board);
+            self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
+        }
+        let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
+        self.polls.accessed(word);
+        // What has happened may have changed memory.
+        let holds_until = if happened {
+            now
+        } else {
+            holds_until.min(self.quiet.until)
+        };
+        Some(SteadyRead {
+            value: part(value, address, bytes),
+            holds_until,
+        })
+    }
+
     /// The processor writes 1, 2 or 4 bytes.
     pub fn write(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         let word = address & !3;
         self.polls.accessed(word);
-        let value = self.chip.widen(address, bytes, value, now);
-        if let Err(unanswered) = self.chip.write(word, value, now) {
-            self.unknown.written(word, unanswered.clock_off, value);
+        let wide = self.chip.widen(address, bytes, value, now);
+        if let Err(unanswered) = self.chip.write(word, wide, now) {
+            let stored = value & (u32::MAX >> (32 - 8 * bytes));
+            self.unknown
+                .written(word, unanswered.clock_off, stored << (8 * (address & 3)));
         }
         let mut moment = Context::new(&mut self.chip, now, board);
         self.transfers.copy_memory(&mut moment);
@@ -258,6 +304,16 @@ impl Machine {
         self.play(now, board);
         self.chip.sleep(now);
         self.settle(board);
+    }
+
+    /// Returns `true` if nothing happens any more by itself.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
+    }
+
+    /// Returns `true` if the processor gets no instruction.
+    pub(crate) fn stands_still(&self) -> bool {
+        self.chip.stands_still() || self.chip.sleeps()
     }
 
     /// Returns `true` if a sleep now is STOP or STANDBY.

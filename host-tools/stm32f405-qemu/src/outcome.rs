@@ -106,6 +106,11 @@ impl Outcome {
                      {had}{fault}{last}"
                 )
             }
+            RunEnd::Hung(at) => {
+                format!(
+                    "the image hangs: it is in an endless loop at {at}, and no interrupt is to come{last}"
+                )
+            }
             RunEnd::Stuck(register) => {
                 format!("the image does nothing but read {register}, which no model knows{place}")
             }
@@ -117,7 +122,7 @@ impl Outcome {
     /// Lets `name` fill in the function around each address.
     pub(crate) fn name_functions(&mut self, name: impl Fn(&mut CodeAddress)) {
         let at_end = match &mut self.end {
-            RunEnd::Breakpoint(place) => Some(place),
+            RunEnd::Breakpoint(place) | RunEnd::Hung(place) => Some(place),
             RunEnd::LockedUp(place) => place.as_mut(),
             _ => None,
         };
@@ -337,7 +342,7 @@ pub struct UnknownRegister {
     pub reads: u64,
     /// Number of writes.
     pub writes: u64,
-    /// The last value written.
+    /// The last value written; of a narrow store, in its place in the word.
     pub last_write: Option<u32>,
 }
 

@@ -26,3 +26,4 @@ mod recorder;
 mod rtt;
 mod self_test;
 mod stops;
+mod waiting;

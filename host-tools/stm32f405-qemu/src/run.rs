@@ -6,6 +6,7 @@
 //! carries everything between the two (see `exchange`). Nothing is left behind, and runs share nothing, so
 //! they may go in parallel.
 
+mod cases;
 mod checks;
 mod coverage;
 mod error;
@@ -23,6 +24,7 @@ use std::ffi::OsString;
 use std::net::{Ipv4Addr, TcpListener};
 use std::time::Duration;
 
+pub use cases::{TestCase, test_cases};
 pub use error::RunError;
 pub use folder::remove_temporary_files;
 pub use image::{Function, functions};
@@ -80,7 +82,10 @@ impl Run {
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
         let folder = RunFolder::new()?;
-        let arguments = self.command(&folder, &description)?;
+        let mut arguments = self.command(&folder, &description)?;
+        if let Some(starter) = image.starter() {
+            arguments.extend(loader(&folder, "starter.bin", FLASH.start, &starter)?);
+        }
         let job = QemuJob {
             qemu,
             overlay,
@@ -149,15 +154,21 @@ impl Run {
             let unknown = || RunError::Input(what);
             labels.iter().position(|label| label == work).ok_or_else(unknown)
         };
+        let coverage = coverage::stem(&image.bytes)?;
         Ok(RunDescription {
             format: FORMAT,
+            shortens_waits: self.shorten_waits
+                && self.gdb.is_none()
+                && !self.count_cycles
+                && coverage.is_none(),
+            instruction_ns: 1 << self.shift()?,
             rtt: image.rtt,
             vectors: image.vectors,
             fault_handlers: image.fault_handlers.clone(),
             panic_functions: image.panic_functions(),
             work: self.work.iter().map(position).collect::<Result<_, _>>()?,
             live,
-            coverage: coverage::stem(&image.bytes)?,
+            coverage,
             labels,
             functions,
             run: Cow::Borrowed(self),
@@ -179,16 +190,20 @@ impl Run {
         }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
-            let output = format!("file,id=semihosting,path={}", said.display());
+            // What the image writes to its standard output comes there by another way, and in order.
+            let output = format!("file,id=semihosting,path={},append=on", said.display());
             arguments.extend(["-chardev".into(), output.into(), "-semihosting-config".into()]);
-            arguments.push("enable=on,target=native,chardev=semihosting".into());
+            let words = self.semihosting_arguments.iter();
+            // QEMU takes two commas for one.
+            let words: String = words
+                .map(|word| format!(",arg={}", word.replace(',', ",,")))
+                .collect();
+            arguments.push(format!("enable=on,target=native,chardev=semihosting{words}").into());
         }
         for (i, (address, bytes)) in self.flash.iter().enumerate() {
             // QEMU's loader refuses an empty file.
             if !bytes.is_empty() {
-                let path = folder.write(&format!("flash{i}.bin"), bytes)?;
-                let loader = format!("loader,file={},addr={address:#x},force-raw=on", path.display());
-                arguments.extend(["-device".into(), loader.into()]);
+                arguments.extend(loader(folder, &format!("flash{i}.bin"), *address, bytes)?);
             }
         }
         Ok(arguments)
@@ -267,6 +282,13 @@ impl Run {
         }
         Ok(())
     }
+}
+
+/// QEMU's arguments for bytes in flash.
+fn loader(folder: &RunFolder, name: &str, address: u32, bytes: &[u8]) -> Result<[OsString; 2], RunError> {
+    let path = folder.write(name, bytes)?;
+    let loader = format!("loader,file={},addr={address:#x},force-raw=on", path.display());
+    Ok(["-device".into(), loader.into()])
 }
 
 /// Refuses a port at which QEMU's stub cannot listen. QEMU's own line on that comes when it has started.

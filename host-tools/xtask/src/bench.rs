@@ -1,9 +1,10 @@
-//! The benchmarks of the simulator and of the monitor.
+//! The benchmarks of the simulator, of the monitor and of the emulator.
 
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`. For
-/// `--native` it is compiled a second time, for this processor alone.
+/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or
+/// that of the emulator with `emulator`. For `--native` it is compiled a second time, for this processor
+/// alone.
 ///
 /// # Errors
 /// It does not build, or ends with an error.
@@ -22,6 +23,11 @@ pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             &line,
         );
     }
+    if let [word] = words
+        && word.as_str() == "emulator"
+    {
+        return emulator(steps);
+    }
     let mut line = CommandLine::new("cargo run --release --package hertz-benchmarks --");
     for word in words {
         line = line.arg(word.as_str());
@@ -35,4 +41,16 @@ pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
         }
     }
     steps.run("the chain simulator and general solvers", &line)
+}
+
+/// How fast an image waits in the emulator.
+fn emulator(steps: &Steps) -> Result<(), Stop> {
+    const TARGET: &str = "thumbv7em-none-eabihf";
+    let build = "cargo build --package stm32f405-qemu-images --profile firmware --bin waits --target";
+    let line = CommandLine::new(build).arg(TARGET);
+    steps.run("the image that waits", &line)?;
+    let image = steps.target.join(TARGET).join("firmware/waits");
+    let line =
+        CommandLine::new("cargo run --release --package stm32f405-qemu --example waiting --").arg(image);
+    steps.run("the emulator while firmware waits", &line)
 }

@@ -142,7 +142,8 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "bench",
         about: "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
-        more: "`monitor` benchmarks `bead monitor` instead, for ten minutes. Other words go to the benchmark: \
+        more: "`monitor` benchmarks `bead monitor` instead, for ten minutes; `emulator` how fast firmware waits in the \
+               emulator. Other words go to the benchmark: \
                `--format json`; `--quick`; `--peers` for a solver of Python too; \
                `--native` to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. \
                What it compares with is compiled for it alone. docs/benchmarks.md says how to read it.",

@@ -132,11 +132,16 @@ impl Chip {
 
     fn clocked(&self, address: u32) -> Result<(&'static PeripheralRow, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
-        let Gate { bus, enables, .. } = row.gate;
-        if enables != 0 && !self.units.rcc.enabled(bus, enables) {
+        if !self.is_clocked(row) {
             return Err(Unanswered { clock_off: true });
         }
         Ok((row, offset))
+    }
+
+    /// Returns `true` if the clock of a peripheral is on.
+    pub(super) fn is_clocked(&self, row: &PeripheralRow) -> bool {
+        let Gate { bus, enables, .. } = row.gate;
+        enables == 0 || self.units.rcc.enabled(bus, enables)
     }
 
     /// Passes on what a write to one peripheral does to others.
@@ -234,7 +239,8 @@ impl Chip {
             let adc = ADCS[adc];
             format!("{adc} channel {channel} ({pin}) has no stimulus: it reads 0")
         });
-        let silent = self.stimulus.never_began().then(|| {
+        let converts = self.units.adc.converters.iter().any(|adc| adc.has_been_on);
+        let silent = (converts && self.stimulus.never_began()).then(|| {
             "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()
         });
         notes.chain(channels).chain(silent).collect()

@@ -55,6 +55,27 @@ const OTHERS: [(Range<u32>, &str); 13] = [
     (0xe004_1000..0xe004_2000, "ETM"),
 ];
 
+/// Registers of the processor's own units (ARMv7-M ARM, B3.3.2, C1.8.7, C1.7.6, C1.6.5).
+const OF_CORE: [(u32, &str); 17] = [
+    (0xe000_0e00, "ITM_TER"),
+    (0xe000_0e40, "ITM_TPR"),
+    (0xe000_0e80, "ITM_TCR"),
+    (0xe000_1000, "DWT_CTRL"),
+    (0xe000_1004, "DWT_CYCCNT"),
+    (0xe000_2000, "FP_CTRL"),
+    (0xe000_e010, "SysTick_CTRL"),
+    (0xe000_e014, "SysTick_LOAD"),
+    (0xe000_e018, "SysTick_VAL"),
+    (0xe000_e01c, "SysTick_CALIB"),
+    (0xe000_ed10, "SCR"),
+    (0xe000_edf0, "DCB_DHCSR"),
+    (0xe000_edf4, "DCB_DCRSR"),
+    (0xe000_edf8, "DCB_DCRDR"),
+    (0xe000_edfc, "DCB_DEMCR"),
+    (0xe004_0004, "TPIU_CSPSR"),
+    (0xe004_00f0, "TPIU_SPPR"),
+];
+
 /// A peripheral of [`TABLE`]: its name, its first address, and its kind, which has the registers.
 type MappedBlock = (&'static str, u32, &'static str);
 
@@ -98,6 +119,9 @@ pub fn all() -> impl Iterator<Item = NamedRegister> {
 /// Name of the register at an address: `SPI1_SR`, `SPI1+0x24` between the registers of a peripheral, or
 /// `0x40007c00 (reserved)` where there is none.
 pub fn name(address: u32) -> String {
+    if let Some((_, name)) = OF_CORE.iter().find(|(at, _)| *at == address) {
+        return (*name).into();
+    }
     let other = OTHERS.iter().find(|(range, _)| range.contains(&address));
     let place = places().take_while(|(_, start, _)| *start <= address).last();
     let (peripheral, start) = match (other, place) {
@@ -147,6 +171,8 @@ mod tests {
         assert_eq!(name(0x4000_7404), "DAC_SWTRIGR");
         assert_eq!(name(0x5006_0804), "RNG_SR");
         assert_eq!(name(0x4002_4ffc), "BKPSRAM+0xffc");
+        assert_eq!(name(0xe000_1004), "DWT_CYCCNT");
+        assert_eq!(name(0xe000_e018), "SysTick_VAL");
         assert_eq!(name(0x4000_7c00), "0x40007c00 (reserved)");
         assert_eq!(name(0x4002_9400), "0x40029400 (reserved)");
     }

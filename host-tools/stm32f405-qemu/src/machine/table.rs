@@ -204,10 +204,20 @@ peripherals! {
     signature: Signature = Signature { uid, ..Signature::default() } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
 }
 
+/// The number of the row of the peripheral at an address.
+pub(super) fn row_at(address: u32) -> Option<usize> {
+    TABLE.iter().position(|row| row.addresses.contains(&address))
+}
+
+/// The offset of an address in a peripheral.
+pub(super) fn offset_in(row: &PeripheralRow, address: u32) -> u32 {
+    address - row.addresses.start
+}
+
 /// The peripheral at an address, and the offset in it.
 pub(super) fn locate(address: u32) -> Option<(&'static PeripheralRow, u32)> {
-    let row = TABLE.iter().find(|row| row.addresses.contains(&address))?;
-    Some((row, address - row.addresses.start))
+    let row = &TABLE[row_at(address)?];
+    Some((row, offset_in(row, address)))
 }
 
 #[cfg(test)]

@@ -67,6 +67,8 @@ pub(crate) struct Adc {
     sqr: [u32; 3],
     jsqr: u32,
     dr: u32,
+    /// True if ADON was ever set.
+    pub(crate) has_been_on: bool,
     /// Divider of PCLK2 (CCR.ADCPRE, section 13.13.16).
     pub(crate) divider: u32,
     scan: Option<ScanProgress>,
@@ -297,6 +299,7 @@ impl Adc {
             self.requests_ended = false;
         }
         self.cr2 = value & 0x3f7f_0f03;
+        self.has_been_on |= value & ADON != 0;
         let other = self
             .external_trigger()
             .is_some_and(|extsel| !TRIGGER_OUTPUTS.contains(&extsel));
@@ -328,6 +331,11 @@ impl Peripheral for Adc {
         })
     }
 
+    fn holds_until(&self, offset: u32, _now: u64) -> Option<u64> {
+        // Reading DR clears EOC.
+        (offset != 0x4c).then_some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {
@@ -354,7 +362,7 @@ impl Peripheral for Adc {
         (self.overruns, self.triggers_ignored) = (old.overruns, old.triggers_ignored);
         (self.extra, self.misses) = (old.extra, old.misses);
         self.software_scan_under_trigger = old.software_scan_under_trigger;
-        (self.divider, self.notes) = (old.divider, old.notes);
+        (self.divider, self.notes, self.has_been_on) = (old.divider, old.notes, old.has_been_on);
     }
 
     fn interrupt(&self, _output: usize) -> bool {

@@ -325,6 +325,10 @@ impl Peripheral for Dma {
         })
     }
 
+    fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
+        Some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 | 0x04 => {}

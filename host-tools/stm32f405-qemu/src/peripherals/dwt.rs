@@ -62,6 +62,12 @@ impl Peripheral for Dwt {
         }
     }
 
+    fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
+        let runs = bit(self.ctrl, 0) && self.traces;
+        // Within a loop's turn it moves on.
+        Some(if offset == 0x04 && runs { now } else { u64::MAX })
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.settle(now);
         match offset {

@@ -287,6 +287,10 @@ impl Peripheral for FlashController {
         })
     }
 
+    fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
+        Some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             // ICRST reads as 0 (section 3.9.1).

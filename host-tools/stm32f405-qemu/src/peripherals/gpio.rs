@@ -206,6 +206,11 @@ impl Peripheral for Gpio {
         })
     }
 
+    fn holds_until(&self, offset: u32, _now: u64) -> Option<u64> {
+        // Reading LCKR is a step of its key.
+        (offset != 0x1c).then_some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         let before = self.outputs();
         match offset {

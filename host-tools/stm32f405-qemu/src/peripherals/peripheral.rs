@@ -16,6 +16,13 @@ pub(crate) trait Peripheral {
     /// The model has no such register.
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister>;
 
+    /// Time up to which a read gives the same as one now, if nothing happens to the peripheral. This time may
+    /// be too early, but never too late. `None` if a read has an effect beyond its value, as taking a byte
+    /// has, or if this is not known.
+    fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
+        None
+    }
+
     /// Writes a register.
     ///
     /// # Errors

@@ -108,6 +108,20 @@ impl Peripheral for SysTick {
         })
     }
 
+    fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
+        let tick = match offset {
+            _ if self.control & ENABLE == 0 && !self.counted => return Some(u64::MAX),
+            // Reading COUNTFLAG clears it.
+            0x00 if self.counted => return Some(now),
+            0x00 => self.zero_after(self.seen),
+            // Within a loop's turn it moves on.
+            0x08 => return Some(now),
+            _ => None,
+        };
+        let edge = |tick| self.origin_ns.saturating_add(clock::edge(tick, self.hz()));
+        Some(tick.map_or(u64::MAX, edge))
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.settle(now);
         match offset {

@@ -37,6 +37,8 @@ const MOE: u32 = 1 << 15;
 const POLARITIES: u32 = 0xaaaa;
 const CHANNELS: usize = 4;
 
+/// Least prescaler with which a counter keeps its value for some turns of a loop.
+const SLOW: u32 = 32;
 /// OR.TI1_RMP of TIM11: the crystal, divided for the RTC, is its input (section 19.5.11).
 const BY_CRYSTAL: u32 = 0b10;
 /// Of [`Tim::crystal_seen`]: the crystal is not captured.
@@ -140,6 +142,11 @@ impl Tim {
                 }
             }
         }
+    }
+
+    /// Returns `true` if no event to come changes how the counter counts.
+    fn counts_on(&self) -> bool {
+        self.cr1 & OPM == 0 && self.or != BY_CRYSTAL && !self.has_pending_load()
     }
 
     /// The internal trigger (ITR0 to ITR3) that starts this timer: in slave mode *trigger* (section 18.4.3),
@@ -425,6 +432,9 @@ impl Tim {
 impl Peripheral for Tim {
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
         self.kind.check(offset)?;
+        if offset == 0x24 && self.counts_on() {
+            return Ok(self.counter.count(now));
+        }
         self.advance(now);
         Ok(match offset {
             0x00 => self.cr1 | u32::from(self.counter.enabled),
@@ -451,6 +461,29 @@ impl Peripheral for Tim {
             0x50 => self.or,
             _ => return Err(NoRegister),
         })
+    }
+
+    fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
+        // Reading a captured value clears its flag.
+        if self.or == BY_CRYSTAL || matches!(offset, 0x34..=0x40) {
+            return None;
+        }
+        if !self.counter.counts() {
+            return Some(u64::MAX);
+        }
+        if offset == 0x24 {
+            // Within a loop's turn a faster counter moves on anyway.
+            let slow = self.counter.prescaler.active >= SLOW;
+            return Some(if slow {
+                self.counter.time_of(self.counter.ticks(now) + 1)
+            } else {
+                now
+            });
+        }
+        let matches = (0..self.kind.channels).map(|channel| self.next_match(channel));
+        let update = self.counter.update_after(self.seen);
+        let soonest = matches.chain([update]).min();
+        soonest.map(|tick| self.time_of_event(tick))
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {

@@ -313,6 +313,11 @@ impl Peripheral for Usart {
         })
     }
 
+    fn holds_until(&self, offset: u32, _now: u64) -> Option<u64> {
+        // Reading the data register takes a byte.
+        (offset != 0x04).then_some(u64::MAX)
+    }
+
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {

@@ -9,6 +9,7 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
+use std::fs::File;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
@@ -25,13 +26,13 @@ use super::idle::IdleSchedule;
 use super::overlay::Overlay;
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NO_REGISTERS, Notifier, Ops,
-    PRIORITY, Pointer, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE,
-    ValidAccess, WAITED_FOR_EVENT, Waits, exit, leave, log_moved, on_signal_of_abort, repeats, room, say,
-    symbol, take_no_signals,
+    PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS,
+    SCALE_NS, SPARE_LINE, ValidAccess, WAITED_FOR_EVENT, WAITS, WAITS_AT, Waits, exit, leave, log_moved,
+    on_signal_of_abort, repeats, room, say, symbol, take_no_signals, take_standard_streams,
 };
 use super::recorder::Outside;
 use super::self_test::self_test;
-use super::stops;
+use super::{stops, waiting};
 use crate::ending::RunEnd;
 use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
 use crate::machine::Machine;
@@ -41,11 +42,13 @@ static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static InstructionCounters, Mutex<Sites>)> = OnceLock::new();
 static COVERAGE: OnceLock<Coverage> = OnceLock::new();
-/// Thumb's WFI and WFE, narrow, and wide with the second halfword above the first.
+/// Thumb's WFI, WFE and SEV, narrow, and wide with the second halfword above the first.
 const WFI: u32 = 0xbf30;
 const WFE: u32 = 0xbf20;
+const SEV: u32 = 0xbf40;
 const WFI_WIDE: u32 = 0x8003_f3af;
 const WFE_WIDE: u32 = 0x8002_f3af;
+const SEV_WIDE: u32 = 0x8004_f3af;
 
 /// `b .`, narrow and wide.
 const BRANCH_TO_SELF: u32 = 0xe7fe;
@@ -141,7 +144,12 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
             "this QEMU does not export {name}; Debian's and Ubuntu's qemu-system-arm 7.2 or newer do, static builds do not"
         )
     })?;
-    let overlay = Overlay::new(Path::new(folder))?;
+    let mut overlay = Overlay::new(Path::new(folder))?;
+    let said = Path::new(folder).join(exchange::SEMIHOSTING);
+    let said = overlay.description.run.semihosting.then_some(said);
+    let streams = take_standard_streams(said.as_deref());
+    let (from, to) = streams.map_err(|e| format!("its standard streams cannot be taken: {e}"))?;
+    overlay.talk_to(to);
     let (counters, steps) = (overlay.counters(), overlay.steps.clone());
     if let Some(stem) = &overlay.description.coverage {
         let coverage = Coverage::new(stem)?;
@@ -151,7 +159,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
     let folder = PathBuf::from(folder);
-    std::thread::spawn(move || watch_host(&folder, steps.as_ref()));
+    std::thread::spawn(move || watch_host(from, &folder, steps.as_ref()));
     let notifier = Box::leak(Box::new(Notifier {
         notify: on_machine_ready,
         node: [0; 2],
@@ -172,9 +180,9 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
 
 /// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a
 /// report.
-fn watch_host(folder: &Path, steps: Option<&Sender<TimeStep>>) {
+fn watch_host(from: File, folder: &Path, steps: Option<&Sender<TimeStep>>) {
     take_no_signals();
-    if stops::listen(steps) {
+    if stops::listen(from, steps) {
         // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {
@@ -213,7 +221,9 @@ extern "C" fn on_exit(_: Pointer, _: Pointer) {
 
 extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
     let Some(functions) = FUNCTIONS.get() else { return };
-    let qemu = lay_over(functions).unwrap_or_else(|line| exit(SELF_TEST_STATUS, &line));
+    let mut qemu = lay_over(functions).unwrap_or_else(|line| exit(SELF_TEST_STATUS, &line));
+    qemu.map_windows();
+    qemu.poke(WAITS_AT, &WAITS);
     let qemu = QEMU.get_or_init(|| qemu);
     if let Err(line) = self_test(qemu) {
         exit(SELF_TEST_STATUS, &line);
@@ -263,6 +273,9 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             (f.memory_region_init_ram)(region, none, c"stm32f405.ccm".as_ptr(), CCM.len() as u64, none);
             (f.memory_region_add_subregion_overlap)(system, CCM.start.into(), region, PRIORITY);
         }
+        let waits = room();
+        (f.memory_region_init_ram)(waits, none, c"stm32f405.waits".as_ptr(), 0x1000, none);
+        (f.memory_region_add_subregion_overlap)(system, WAITS_AT.into(), waits, PRIORITY);
         // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
         // vectors.
         let (flash, bytes) = (room(), FLASH.len() as u64);
@@ -298,6 +311,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             nvic,
             waits: Waits::find().ok(),
             on_wait,
+            processor: ProcessorAccess::find().ok(),
+            windows: Vec::new(),
             rest_timer,
             rest: IdleSchedule::default(),
             reset_requested: AtomicBool::new(false),
@@ -332,10 +347,16 @@ extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: 
 
 extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
     let address = address_of(start, offset);
+    if waiting::WATCH.read()
+        && let Some(qemu) = QEMU.get()
+    {
+        qemu.call_between_instructions(on_loop);
+    }
     access(|machine, now, outside| machine.read(address, bytes, now, outside)).into()
 }
 
 extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    waiting::WATCH.written();
     let (address, value) = (address_of(start, offset), value as u32);
     access(|machine, now, outside| machine.write(address, bytes, value, now, outside));
 }
@@ -363,7 +384,9 @@ extern "C" fn on_rest(_: Pointer) {
 }
 
 extern "C" fn on_wait(_processor: Pointer, _: Pointer) {
-    if let Some(qemu) = QEMU.get() {
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.halted(qemu);
+        drop(overlay);
         qemu.pass_time();
     }
 }
@@ -409,6 +432,10 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             let address = (f.qemu_plugin_insn_vaddr)(instruction) as u32;
             let at = address as usize as Pointer;
             let watch = f.qemu_plugin_register_vcpu_insn_exec_cb;
+            if address == WAITS_AT {
+                watch(instruction, on_own_wait, NO_REGISTERS, null_mut());
+                continue;
+            }
             let word = QEMU.get().map(|qemu| qemu.instruction(address));
             if faults.contains(&address) {
                 let loops = matches!(word, Some(BRANCH_TO_SELF | BRANCH_TO_SELF_WIDE));
@@ -417,6 +444,7 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             }
             match word {
                 Some(WFI | WFI_WIDE) => watch(instruction, on_wait_for_interrupt, NO_REGISTERS, null_mut()),
+                Some(SEV | SEV_WIDE) => watch(instruction, on_send_event, NO_REGISTERS, null_mut()),
                 Some(WFE | WFE_WIDE) => watch(instruction, on_wait_for_event, NO_REGISTERS, null_mut()),
                 Some(CPSID_I) => watch(instruction, on_mask, NO_REGISTERS, at),
                 Some(CPSIE_I) => watch(instruction, on_unmask, NO_REGISTERS, null_mut()),
@@ -427,6 +455,10 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             }
             if panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, at);
+            }
+            if handlers::begins_at(address) {
+                // Entry to an exception, and the return from it, are events.
+                watch(instruction, on_send_event, NO_REGISTERS, null_mut());
             }
             if let Some(count) = handlers::count_at(address) {
                 let count = (&raw const *count).cast_mut().cast();
@@ -449,11 +481,29 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
 /// A block of instructions begins. If the image has logged something since the last, it is taken at once, so
 /// that the log's buffer never gets full.
 extern "C" fn on_block(_processor: u32, start: Pointer) {
+    if waiting::WATCH.block()
+        && let Some(qemu) = QEMU.get()
+    {
+        qemu.call_between_instructions(on_loop);
+    }
     if let Some(offset) = log_moved(start as usize as u32)
         && let Some((mut overlay, qemu)) = running()
         && overlay.drain_log(qemu)
     {
         LOG_SEEN.store(offset, Relaxed);
+    }
+}
+
+/// The processor may be in a loop that waits.
+extern "C" fn on_loop(_processor: Pointer, _: Pointer) {
+    if let Some((mut overlay, qemu)) = running() {
+        let counts = overlay.shorten_wait(qemu);
+        if let Some((counters, sites)) = COUNTERS.get() {
+            let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
+            for (address, times) in counts {
+                counters.executed_again(sites.get(address, counters, None), times);
+            }
+        }
     }
 }
 
@@ -503,8 +553,38 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
     qemu.pass_wait();
 }
 
+extern "C" fn on_own_wait(_processor: u32, _: Pointer) {
+    if let Some(qemu) = QEMU.get() {
+        qemu.pass_wait();
+    }
+}
+
+/// QEMU's WFE does not wait, before version 11.
 extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
-    WAITED_FOR_EVENT.store(true, Relaxed);
+    let Some(qemu) = QEMU.get() else { return };
+    if qemu_has_events() || waiting::EVENT.swap(false, Relaxed) {
+        return;
+    }
+    if !qemu.call_between_instructions(on_halt) {
+        WAITED_FOR_EVENT.store(true, Relaxed);
+    }
+}
+
+/// From version 11 on, QEMU has the event register.
+fn qemu_has_events() -> bool {
+    const FIRST: c_int = 6;
+    qemu_plugin_version >= FIRST
+}
+
+/// The processor has executed WFE, and no event has come.
+extern "C" fn on_halt(_processor: Pointer, _: Pointer) {
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.wait_for_event(qemu);
+    }
+}
+
+extern "C" fn on_send_event(_processor: u32, _: Pointer) {
+    waiting::EVENT.store(true, Relaxed);
 }
 
 fn with_counters(count: impl FnOnce(&InstructionCounters)) {

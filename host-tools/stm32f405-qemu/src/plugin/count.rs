@@ -215,6 +215,19 @@ impl InstructionCounters {
         }
     }
 
+    /// Adds instructions that were executed outside of QEMU: how often each, by the site of its address.
+    pub(super) fn executed_again(&self, site: Option<&Site>, times: u64) {
+        add(&self.total, times);
+        if let Some(site) = site {
+            site.labels
+                .iter()
+                .for_each(|l| add(&self.labels[*l].instructions, times));
+            site.entered
+                .iter()
+                .for_each(|l| add(&self.labels[*l].calls, times));
+        }
+    }
+
     pub(super) fn total(&self) -> u64 {
         self.total.load(Relaxed)
     }
@@ -242,7 +255,11 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn add_one(counter: &AtomicU64) {
-    counter.store(counter.load(Relaxed) + 1, Relaxed);
+    add(counter, 1);
+}
+
+fn add(counter: &AtomicU64, n: u64) {
+    counter.store(counter.load(Relaxed) + n, Relaxed);
 }
 
 /// Sites by address. They are kept for the life of QEMU, since a block may be translated many times.

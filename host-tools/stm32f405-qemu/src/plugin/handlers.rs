@@ -6,7 +6,7 @@
 //! a run costs no more. A handler that several vectors share is left out: it is the one for interrupts that
 //! should not come, and a panic or a fault tells of it.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -21,6 +21,8 @@ pub(super) const VECTORS: usize = EXCEPTIONS + INTERRUPTS;
 const NAMED: [(usize, &str); 4] = [(2, "NMI"), (11, "SVCall"), (14, "PendSV"), (15, "SysTick")];
 
 static HANDLERS: OnceLock<HashMap<u32, Handler>> = OnceLock::new();
+/// First addresses of all handlers, also of those that share one.
+static ENTRIES: OnceLock<HashSet<u32>> = OnceLock::new();
 
 struct Handler {
     vector: usize,
@@ -40,6 +42,12 @@ pub(super) fn find(vectors: &[[u8; 4]]) {
         (at(vector), Handler { vector, taken })
     });
     HANDLERS.get_or_init(|| handlers.collect());
+    ENTRIES.get_or_init(|| (2..vectors.len()).map(at).collect());
+}
+
+/// Returns `true` if a handler begins at an address.
+pub(super) fn begins_at(address: u32) -> bool {
+    ENTRIES.get().is_some_and(|entries| entries.contains(&address))
 }
 
 /// The count of the handler that begins at an address.

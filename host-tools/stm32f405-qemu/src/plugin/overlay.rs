@@ -1,23 +1,34 @@
 //! One run, seen from inside QEMU.
 
 use std::collections::VecDeque;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
 use super::count::InstructionCounters;
-use super::failures::{Failures, Sighting};
+use super::failures::{self, Failures, Sighting};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
-use super::{handlers, rtt, self_test};
+use super::{handlers, rtt, self_test, waiting};
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
 use crate::given::{Fault, Poke, Since};
 use crate::machine::{Exterior, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
+use crate::thumb::Registers;
+
+/// Instructions that QEMU executes itself before something may happen.
+const MARGIN: u64 = 64;
+/// Longest stretch of virtual time that is executed at once, ns: the host is listened to in between.
+const LONGEST_NS: u64 = 1_000_000_000_000;
+/// Control of the memory protection unit, which the interpreter does not know.
+const MPU_CTRL: u32 = 0xe000_ed94;
+/// The register with the address of the vectors.
+const VTOR: u32 = 0xe000_ed08;
 
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
@@ -34,6 +45,12 @@ pub(super) struct Overlay {
     failures: Failures,
     /// The last time at which the overlay was called.
     now: u64,
+    /// The time at which it asked to be called.
+    wakes_at: u64,
+    /// The processor stands still up to this time: it has executed what it does up to then.
+    executed_to: Option<u64>,
+    /// Registers with which the processor goes on after a wait of the overlay's own.
+    goes_on_with: Option<Registers>,
     powered_up: bool,
     interrupts_tested: bool,
     /// QEMU has loaded the image anew, over what the firmware wrote to flash.
@@ -78,12 +95,22 @@ impl Overlay {
             faults,
             failures: Failures::default(),
             now: 0,
+            wakes_at: 0,
+            executed_to: None,
+            goes_on_with: None,
             powered_up: false,
             interrupts_tested: false,
             reloaded: false,
             ended: false,
             description,
         })
+    }
+
+    /// Tells the host of a live run by this stream.
+    pub(super) fn talk_to(&mut self, host: File) {
+        if let Some(stops) = &mut self.recorder.stops {
+            stops.to = Some(host);
+        }
     }
 
     pub(super) fn counters(&self) -> Option<&'static InstructionCounters> {
@@ -110,6 +137,9 @@ impl Overlay {
 
     /// The time that the overlay asked for has come.
     pub(super) fn wake(&mut self, qemu: &Qemu) {
+        if self.goes_on(qemu) {
+            return;
+        }
         self.recorder.called();
         if !std::mem::replace(&mut self.interrupts_tested, true) {
             if let Err(line) = self_test::interrupt_test(qemu) {
@@ -144,6 +174,114 @@ impl Overlay {
         self.after(now, qemu);
         if self.ends_at() <= now {
             self.end(RunEnd::Over, now, qemu);
+        }
+    }
+
+    /// A loop that waits, up to the next time at which something may happen: executes it here, and lets the
+    /// processor stand still for as long.
+    /// Gives how often it has executed the instructions, by their addresses.
+    pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
+        let now = qemu.now();
+        let until = self
+            .wakes_at
+            .saturating_sub(MARGIN * self.description.instruction_ns);
+        let until = until.min(now + LONGEST_NS);
+        let may = self.interrupts_tested
+            && !self.ended
+            && self.executed_to.is_none()
+            && self.failures.sightings.is_empty()
+            && !self.machine.stands_still()
+            && self.description.shortens_waits
+            && self.counters().is_none_or(|counters| !counters.times())
+            && !qemu.reset_requested.load(Relaxed)
+            && now < until
+            && !failures::interrupt_pending(qemu)
+            && qemu.read_nvic(MPU_CTRL, 4) & 1 == 0;
+        let polled = waiting::WATCH.take();
+        let registers = may.then(|| qemu.registers_of_processor()).flatten();
+        let Some(registers) = registers else {
+            waiting::WATCH.result(polled, 0, 0);
+            return Vec::new();
+        };
+        let mut outside = Outside(qemu, &mut self.recorder);
+        let ns = self.description.instruction_ns;
+        let log = self.description.rtt.map(rtt::write_offset);
+        self.machine.begin_steady_reads();
+        let around = waiting::Surroundings {
+            machine: &mut self.machine,
+            outside: &mut outside,
+            qemu,
+            log,
+            watched: [
+                &self.description.fault_handlers,
+                &self.description.panic_functions,
+            ],
+        };
+        let Some(executed) = waiting::execute(registers, now..until, ns, polled, around) else {
+            waiting::WATCH.result(polled, 0, 0);
+            return Vec::new();
+        };
+        waiting::WATCH.result(polled, executed.instructions, executed.stepped);
+        if executed.endless && self.description.run.stop_when_hung && self.nothing_is_to_come() {
+            self.end(RunEnd::Hung(executed.registers.r[15].into()), now, qemu);
+            return Vec::new();
+        }
+        self.now = executed.now;
+        self.executed_to = Some(executed.now);
+        qemu.wake_at(executed.now);
+        self.send_to_wait(executed.registers, qemu);
+        executed.counts
+    }
+
+    /// Nothing can end a loop that waits for something.
+    fn nothing_is_to_come(&self) -> bool {
+        let fault = self.next_fault();
+        self.machine.is_at_rest()
+            && self.pokes.is_empty()
+            && fault.is_none()
+            && self.failures.end_at().is_none()
+    }
+
+    /// The processor waits until it is told to go on, or for an interrupt, and then goes on with these
+    /// registers.
+    fn send_to_wait(&mut self, registers: Registers, qemu: &Qemu) {
+        self.goes_on_with = Some(registers);
+        qemu.send_to_wait(&registers);
+    }
+
+    /// The processor waits.
+    pub(super) fn halted(&mut self, qemu: &Qemu) {
+        if let Some(registers) = self.goes_on_with.take() {
+            qemu.set_registers_of_processor(&registers);
+        }
+    }
+
+    /// The processor has stood still for as long as its loop took, and goes on.
+    fn goes_on(&mut self, qemu: &Qemu) -> bool {
+        let Some(to) = self.executed_to else { return false };
+        if qemu.now() < to {
+            qemu.wake_at(to);
+            return true;
+        }
+        self.executed_to = None;
+        qemu.stall(false);
+        qemu.wake_at(self.wakes_at);
+        true
+    }
+
+    /// The processor has executed WFE, and no event has come.
+    pub(super) fn wait_for_event(&mut self, qemu: &Qemu) {
+        let vectors = qemu.read_nvic(VTOR, 4) as u32;
+        // With another table, not all handlers are known.
+        let at_zero = vectors == 0 && self.description.vectors == FLASH.start;
+        let known = vectors == self.description.vectors || at_zero;
+        if known
+            && self.executed_to.is_none()
+            && !failures::interrupt_pending(qemu)
+            && !self.machine.stands_still()
+            && let Some(registers) = qemu.registers_of_processor()
+        {
+            self.send_to_wait(registers, qemu);
         }
     }
 
@@ -254,6 +392,7 @@ impl Overlay {
         if let Some(blocks) = &mut self.recorder.blocks {
             blocks.restart();
         }
+        (self.executed_to, self.goes_on_with) = (None, None);
         self.recorder.restore_flash(qemu);
         // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;
@@ -285,7 +424,8 @@ impl Overlay {
         let fault = self.next_fault().map(|(at, _)| at);
         let stop = self.recorder.stops.as_ref().map(|stops| stops.at_ns);
         let next = [interrupt, poke, fault, end, stop].into_iter().flatten();
-        qemu.wake_at(next.fold(self.ends_at(), u64::min).max(now + 1));
+        self.wakes_at = next.fold(self.ends_at(), u64::min).max(now + 1);
+        qemu.wake_at(self.wakes_at);
     }
 
     /// Takes the image's log out of its memory. Gives whether the image has set the log up.

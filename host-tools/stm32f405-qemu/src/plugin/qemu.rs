@@ -16,12 +16,18 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_int, c_void};
+use std::fs::{File, OpenOptions};
+use std::os::fd::{AsRawFd, FromRawFd};
+use std::path::Path;
 use std::ptr::null_mut;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
 use super::idle::IdleSchedule;
 use crate::exchange::LINE_PREFIX;
 use crate::machine::{INTERRUPTS, NMI, SYSTICK};
+use crate::memory::{CCM, FLASH, SRAM};
+use crate::thumb::Registers;
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
@@ -108,6 +114,30 @@ functions! {
     bql_unlock | qemu_mutex_unlock_iothread: fn();
 }
 
+functions! {
+    /// Functions that read and write the processor's registers: see [`Qemu::registers_of_processor`].
+    ProcessorAccess:
+    arm_cpu_gdb_read_register: fn(Pointer, *mut ByteArray, c_int) -> c_int;
+    arm_cpu_gdb_write_register: fn(Pointer, *mut u8, c_int) -> c_int;
+    g_byte_array_new: fn() -> *mut ByteArray;
+    g_byte_array_set_size: fn(*mut ByteArray, u32) -> *mut ByteArray;
+}
+
+/// The public part of GLib's `GByteArray`.
+#[repr(C)]
+pub(super) struct ByteArray {
+    data: *const u8,
+    length: u32,
+}
+
+/// Memory of the guest as the host has it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Window {
+    start: u32,
+    bytes: u32,
+    host: *mut u8,
+}
+
 /// `MemoryRegionOps`.
 #[repr(C)]
 pub(super) struct Ops {
@@ -179,6 +209,10 @@ pub(super) struct Qemu {
     pub(super) waits: Option<Waits>,
     /// Called in the processor's thread for [`Self::pass_wait`]. It is to call [`Self::pass_time`].
     pub(super) on_wait: extern "C" fn(Pointer, Pointer),
+    /// `None` with a QEMU that does not export it: loops that wait are not shortened.
+    pub(super) processor: Option<ProcessorAccess>,
+    /// SRAM, CCM and flash.
+    pub(super) windows: Vec<Window>,
     pub(super) rest_timer: Pointer,
     pub(super) rest: IdleSchedule,
     pub(super) reset_requested: AtomicBool,
@@ -256,6 +290,100 @@ impl Qemu {
             // between two instructions and with QEMU's big lock held.
             unsafe { (waits.async_run_on_cpu)((self.functions.qemu_get_cpu)(0), self.on_wait, null_mut()) };
         }
+    }
+
+    /// Has a function called in the processor's thread, between two instructions and with QEMU's big lock
+    /// held. Gives whether this QEMU can do so.
+    pub(super) fn call_between_instructions(&self, function: extern "C" fn(Pointer, Pointer)) -> bool {
+        if let Some(waits) = &self.waits {
+            // SAFETY: processor 0 exists once the machine is made.
+            unsafe { (waits.async_run_on_cpu)((self.functions.qemu_get_cpu)(0), function, null_mut()) };
+        }
+        self.waits.is_some()
+    }
+
+    /// The processor's registers, between two instructions.
+    pub(super) fn registers_of_processor(&self) -> Option<Registers> {
+        let access = self.processor.as_ref()?;
+        let mut registers = Registers::default();
+        // SAFETY: processor 0 exists once the machine is made. GLib's array is never freed, and a register of
+        // 32 bits puts four bytes at its end.
+        unsafe {
+            let cpu = (self.functions.qemu_get_cpu)(0);
+            let array = GUEST_REGISTERS.get_or_init(|| AtomicPtr::new((access.g_byte_array_new)()));
+            let array = array.load(Relaxed);
+            let word = |number: c_int| {
+                (access.g_byte_array_set_size)(array, 0);
+                let bytes = (access.arm_cpu_gdb_read_register)(cpu, array, number);
+                (bytes == 4 && (*array).length == 4).then(|| (*array).data.cast::<u32>().read_unaligned())
+            };
+            for (number, register) in (0..).zip(&mut registers.r) {
+                *register = word(number)?;
+            }
+            registers.xpsr = word(XPSR)?;
+        }
+        Some(registers)
+    }
+
+    pub(super) fn set_registers_of_processor(&self, registers: &Registers) {
+        let Some(access) = &self.processor else { return };
+        let words = (0..).zip(registers.r).chain([(XPSR, registers.xpsr)]);
+        for (number, value) in words {
+            let mut bytes = value.to_le_bytes();
+            // SAFETY: as above; a register of 32 bits is taken from four bytes.
+            unsafe {
+                let cpu = (self.functions.qemu_get_cpu)(0);
+                (access.arm_cpu_gdb_write_register)(cpu, bytes.as_mut_ptr(), number);
+            }
+        }
+    }
+
+    /// Lets the processor execute the WFI at [`WAITS_AT`], from which it goes on elsewhere.
+    pub(super) fn send_to_wait(&self, registers: &Registers) {
+        let mut r = registers.r;
+        r[15] = WAITS_AT;
+        // Out of any IT block.
+        let xpsr = registers.xpsr & !0x0600_fc00;
+        self.set_registers_of_processor(&Registers { r, xpsr });
+    }
+
+    /// Finds where the host has SRAM, CCM and flash.
+    pub(super) fn map_windows(&mut self) {
+        for (range, writable) in [(SRAM, true), (CCM, true), (FLASH, false)] {
+            let mut length = range.len() as u64;
+            let (map, space) = (self.functions.address_space_map, self.address_space);
+            // SAFETY: takes an address space and a length, which it may make less; memory stays where it is.
+            let host = unsafe { map(space, range.start.into(), &raw mut length, writable, UNSPECIFIED) };
+            if !host.is_null() && length == range.len() as u64 {
+                self.windows.push(Window {
+                    start: range.start,
+                    bytes: range.len() as u32,
+                    host: host.cast(),
+                });
+            }
+        }
+    }
+
+    /// The place of 1, 2 or 4 aligned bytes in the host's memory.
+    fn in_window(&self, address: u32, bytes: u32) -> Option<*mut u8> {
+        let within = |window: &&Window| address.wrapping_sub(window.start) <= window.bytes - bytes;
+        let window = self.windows.iter().find(within)?;
+        // SAFETY: the bytes lie in the window.
+        Some(unsafe { window.host.add((address - window.start) as usize) })
+    }
+
+    /// Reads 1, 2 or 4 aligned bytes of memory, without QEMU's doing.
+    pub(super) fn peek(&self, address: u32, bytes: u32) -> Option<u32> {
+        let place = self.in_window(address, bytes)?;
+        // SAFETY: the bytes are guest memory, which lives as long as QEMU, aligned as the address is. Only
+        // this thread writes them meanwhile.
+        Some(unsafe {
+            match bytes {
+                1 => place.read_volatile().into(),
+                2 => place.cast::<u16>().read_volatile().into(),
+                _ => place.cast::<u32>().read_volatile(),
+            }
+        })
     }
 
     /// Lets time go on from timer to timer until the processor has something to do, as QEMU's main thread
@@ -379,6 +507,17 @@ impl Qemu {
     }
 }
 
+/// A WFI of the overlay's own, in a page where the part has nothing. QEMU passes time only while the
+/// processor waits, and it waits by an instruction.
+pub(super) const WAITS_AT: u32 = 0x1ffe_f000;
+/// The WFI, and a branch back to it.
+pub(super) const WAITS: [u8; 4] = [0x30, 0xbf, 0xfd, 0xe7];
+
+/// Number of xPSR in the list of a debugger's registers.
+const XPSR: c_int = 25;
+/// GLib's array for [`Qemu::registers_of_processor`].
+static GUEST_REGISTERS: OnceLock<AtomicPtr<ByteArray>> = OnceLock::new();
+
 /// The write offset of the log, in guest memory, and what it was when the log was last looked at.
 static LOG_OFFSET: AtomicPtr<AtomicU32> = AtomicPtr::new(std::ptr::null_mut());
 pub(super) static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
@@ -390,6 +529,9 @@ static BLOCK_BEFORE: AtomicU32 = AtomicU32::new(0);
 /// A block of instructions begins. Gives the write offset of the log if the image has moved it.
 pub(super) fn log_moved(block: u32) -> Option<u32> {
     // Only the processor's thread writes here.
+    if block == WAITS_AT {
+        return None;
+    }
     BLOCK_BEFORE.store(LAST_BLOCK.load(Relaxed), Relaxed);
     LAST_BLOCK.store(block, Relaxed);
     let word = LOG_OFFSET.load(Relaxed);
@@ -416,6 +558,28 @@ pub(super) fn on_signal_of_abort(function: extern "C" fn(c_int)) {
     // SAFETY: the function is of the type of a handler. It is called in the thread that aborts, outside of
     // any other code that a signal interrupts.
     unsafe { libc::signal(libc::SIGABRT, function as *const () as libc::sighandler_t) };
+}
+
+/// The host's ends of standard input and output. The image gets others by semihosting: nothing to read, and a
+/// file to write to, or nothing.
+pub(super) fn take_standard_streams(output: Option<&Path>) -> std::io::Result<(File, File)> {
+    let nothing = OpenOptions::new().read(true).write(true).open("/dev/null")?;
+    let output = output.map(|path| OpenOptions::new().create(true).append(true).open(path));
+    let output = output.transpose()?;
+    let output = output.as_ref().unwrap_or(&nothing);
+    // SAFETY: the first two calls make descriptors that nobody else has; the others replace those of the
+    // process by open ones.
+    unsafe {
+        let taken = [libc::STDIN_FILENO, libc::STDOUT_FILENO]
+            .map(|stream| libc::fcntl(stream, libc::F_DUPFD_CLOEXEC, 3));
+        if taken.contains(&-1) {
+            return Err(std::io::Error::last_os_error());
+        }
+        libc::dup2(nothing.as_raw_fd(), libc::STDIN_FILENO);
+        libc::dup2(output.as_raw_fd(), libc::STDOUT_FILENO);
+        let [from, to] = taken.map(|stream| File::from_raw_fd(stream));
+        Ok((from, to))
+    }
 }
 
 /// Lets this thread take no signals: QEMU wants them in its own.

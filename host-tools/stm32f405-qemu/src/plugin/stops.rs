@@ -9,6 +9,7 @@
 //! A thread reads what the host says, here and in runs that are not live: it sees at once when the host is
 //! gone.
 
+use std::fs::File;
 use std::io::{self, Read};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -17,6 +18,8 @@ use crate::given::Inputs;
 use crate::machine::USARTS;
 
 pub(super) struct Stops {
+    /// The host's end of standard output.
+    pub(super) to: Option<File>,
     steps: Receiver<TimeStep>,
     pub(super) at_ns: u64,
     /// Frames that each USART sent since the last stop, as records.
@@ -32,6 +35,7 @@ impl Stops {
     pub(super) fn new() -> (Self, Sender<TimeStep>) {
         let (sender, steps) = channel();
         let stops = Self {
+            to: None,
             steps,
             at_ns: 0,
             sent: Default::default(),
@@ -53,7 +57,8 @@ impl Stops {
         bytes.append(&mut self.log);
         self.calls = 0;
         let reached = Reached { sent, ..reached };
-        if exchange::write_message(&mut io::stdout().lock(), &reached, &bytes).is_err() {
+        let to = self.to.as_mut();
+        if to.is_none_or(|to| exchange::write_message(to, &reached, &bytes).is_err()) {
             without_host();
         }
     }
@@ -74,8 +79,7 @@ fn without_host() -> ! {
 }
 
 /// Passes the host's steps on, until it asks for the report (`true`) or closes its end.
-pub(super) fn listen(steps: Option<&Sender<TimeStep>>) -> bool {
-    let mut from = io::stdin().lock();
+pub(super) fn listen(mut from: File, steps: Option<&Sender<TimeStep>>) -> bool {
     loop {
         let mut what = [0];
         match (from.read(&mut what), what, steps) {

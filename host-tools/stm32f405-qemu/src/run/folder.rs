@@ -1,5 +1,6 @@
 //! The directory of a run.
 
+use std::io::Read;
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -75,6 +76,21 @@ impl RunFolder {
 
     pub(super) fn text(&self, name: &str) -> String {
         let bytes = std::fs::read(self.path(name)).unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
+    /// The text in a file, which is empty after that. The other side appends to it.
+    pub(super) fn take_text(&self, name: &str) -> String {
+        let file = std::fs::OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(self.path(name));
+        let Ok(mut file) = file else { return String::new() };
+        let mut bytes = Vec::new();
+        let taken = file.read_to_end(&mut bytes).and_then(|_| file.set_len(0));
+        if taken.is_err() {
+            return String::new();
+        }
         String::from_utf8_lossy(&bytes).into_owned()
     }
 

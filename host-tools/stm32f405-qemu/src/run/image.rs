@@ -8,7 +8,7 @@ use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 use super::error::RunError;
 use crate::ending::CodeAddress;
 use crate::exchange::FunctionRange;
-use crate::memory::FLASH;
+use crate::memory::{FLASH, SRAM, is_ram};
 
 /// A function of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,7 +74,8 @@ impl Image {
         }
         // Where another program starts first, the image's table lies behind that.
         let table = elf.section_by_name(".vector_table");
-        let table = table.map_or(FLASH.start, |section| section.address() as u32);
+        let table = table.map(|section| section.address() as u32);
+        let table = table.unwrap_or_else(|| first_segment(&elf));
         let fault_handlers = vectors(&elf, table, 3..7).into_iter().map(|vector| vector & !1);
         let fault_handlers = fault_handlers.collect();
         Ok(Self {
@@ -85,6 +86,23 @@ impl Image {
             fault_handlers,
             bytes,
         })
+    }
+
+    /// A program for the beginning of flash that starts an image whose vectors are in RAM, as a debug probe
+    /// does: VTOR, stack pointer and program counter from its table. `None` for an image in flash.
+    pub(super) fn starter(&self) -> Option<Vec<u8>> {
+        if !is_ram(self.vectors, 8) {
+            return None;
+        }
+        // ldr r0, =VTOR; ldr r1, =table; str r1, [r0]; ldr r0, [r1]; msr MSP, r0; ldr r0, [r1, #4]; bx r0
+        const CODE: [u16; 8] = [0x4803, 0x4904, 0x6001, 0x6808, 0xf380, 0x8808, 0x6848, 0x4700];
+        const VTOR: u32 = 0xe000_ed08;
+        let code_at = FLASH.start + 8;
+        let stack = SRAM.end;
+        let vectors = [stack, code_at | 1].into_iter().flat_map(u32::to_le_bytes);
+        let code = CODE.into_iter().flat_map(u16::to_le_bytes);
+        let literals = [VTOR, self.vectors].into_iter().flat_map(u32::to_le_bytes);
+        Some(vectors.chain(code).chain(literals).collect())
     }
 
     /// First addresses of the functions that every panic enters.
@@ -143,6 +161,14 @@ impl Image {
         let range = |(label, start, end)| FunctionRange { label, start, end };
         Ok((labels, ranges.into_iter().map(range).collect()))
     }
+}
+
+/// Where an image begins that does not say where its vectors are: in flash, if it has anything there.
+fn first_segment(elf: &object::File<'_>) -> u32 {
+    let starts: Vec<u32> = elf.segments().map(|segment| segment.address() as u32).collect();
+    let lowest = starts.iter().copied().filter(|start| is_ram(*start, 8)).min();
+    let in_flash = starts.iter().any(|start| FLASH.contains(start));
+    lowest.filter(|_| !in_flash).unwrap_or(FLASH.start)
 }
 
 /// Some vectors of the table at this address. None if the image has no such table.

@@ -8,7 +8,7 @@ use super::image::Image;
 use super::log::Log;
 use super::process::{QemuJob, QemuProcess, StopReport};
 use super::sent;
-use crate::exchange::{Reached, TimeStep};
+use crate::exchange::{self, Reached, TimeStep};
 use crate::given::{Inputs, Run};
 use crate::machine::USARTS;
 use crate::outcome::{LogLine, Outcome, Sampling, StretchWork, Uart};
@@ -52,6 +52,8 @@ pub struct Passed {
     pub uarts: Vec<Uart>,
     /// The image's log.
     pub log: Vec<LogLine>,
+    /// Text that the image wrote by semihosting.
+    pub semihosting: String,
     /// The externally triggered scans since power-up. `None` before the first.
     pub sampling: Option<Sampling>,
     /// When the last row of the stimulus ends, if the first has begun.
@@ -154,6 +156,7 @@ impl Live {
             now_ns: reached.now_ns,
             uarts,
             log: self.log.take(rest),
+            semihosting: self.job.folder.take_text(exchange::SEMIHOSTING),
             sampling: reached.sampling,
             codes_until_ns: reached.codes_until_ns,
             work: reached.work,

@@ -3,14 +3,15 @@
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunEnd, RunError, Since,
-    UartInput,
+    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, Poke, ResetCause, Run, RunEnd, RunError,
+    Since, UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -80,13 +81,13 @@ fn pin_input(pin: &str, since: Since, changes_ns: Vec<u64>) -> PinInput {
 }
 
 #[test]
-fn an_image_on_embassys_default_time_driver_comes_through_and_is_said_to_spin() {
+fn an_image_on_embassys_default_time_driver_comes_through_and_sleeps_in_wfe() {
     let mut run = run_of("default-time-driver");
     run.record_pins = true;
     let outcome = passed(&run);
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, RunEnd::Breakpoint(_)), "{:?}", outcome.end);
-    assert!(outcome.unmodelled.iter().any(|what| what.contains("WFE")));
+    assert!(!outcome.unmodelled.iter().any(|what| what.contains("WFE")));
     // It goes high at first, and then toggles every 10 ms: by a clock of 32 768 Hz, from one to the next of
     // which is 31 us.
     assert_eq!(outcome.pins.len(), 1);
@@ -253,24 +254,93 @@ fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
 
 #[test]
 fn the_program_ends_with_a_status_for_each_end_of_an_image() {
-    let missing = "no line of the log contains \"line 1000\"";
+    let missing = "no line of the log, a UART or semihosting matches \"line 1000$\"";
     let faulted = "the image stands in the handler of a fault: HardFault";
     for (image, options, status, words) in [
         ("logs", &["--until", "line 999"][..], 0, "line 999"),
-        ("logs", &["--until", "line 1000"], 1, missing),
-        ("spins", &["--seconds", "0.01"], 0, "the image did not sample"),
+        ("logs", &["--until", "line 1000$"], 7, missing),
+        (
+            "spins",
+            &["--for", "10ms"],
+            5,
+            "the image hangs: it is in an endless loop at",
+        ),
+        ("spins", &["--until", "("], 2, "unclosed group"),
+        ("logs", &["--version"], 0, env!("CARGO_PKG_VERSION")),
+        ("logs", &["-h"], 0, "Exit status"),
+        (
+            "logs",
+            &["--uart", "USART9=stdout"],
+            2,
+            "USART9 is none of USART1",
+        ),
+        (
+            "polls",
+            &["--strict", "--until", "waiting"],
+            6,
+            "the image accessed RNG_CR and 1 more",
+        ),
         ("panics", &[], 1, "the answer is 42"),
-        ("faults", &[], 1, faulted),
-        ("locks-up", &[], 1, "the processor locked up at"),
-        ("polls", &[], 1, "busy with RNG_SR"),
+        ("faults", &[], 4, faulted),
+        ("locks-up", &[], 4, "the processor locked up at"),
+        ("polls", &[], 5, "busy with RNG_SR"),
         ("semihosts", &["--semihosting"], 1, "hello, host"),
-        ("polls", &["--nonsense"], 2, "usage"),
+        ("polls", &["--nonsense"], 2, "Usage"),
         ("no-such-image", &[], 3, "cannot read the firmware image"),
     ] {
         let (found, said) = program(image, options);
         assert_eq!(found, Some(status), "{image}: {said}");
         assert!(said.contains(words), "{image}: {said}");
     }
+}
+
+#[test]
+fn the_program_ends_at_a_pattern_and_stops_when_nobody_reads() {
+    let (found, said) = program("sleeps", &["--until", "^INFO +clock", "--for", "10s", "--strict"]);
+    assert_eq!(found, Some(0), "{said}");
+    assert!(said.contains("\n0.010000 s of the image's time"), "{said}");
+    // A pipe whose other end is closed.
+    let (_, output) = std::io::pipe().unwrap();
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut host = host.arg(image("logs")).stdout(output).spawn().unwrap();
+    assert_eq!(host.wait().unwrap().code(), Some(141));
+}
+
+#[test]
+fn a_line_is_shown_while_the_image_runs() {
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let limits = ["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"];
+    let mut host = host
+        .args(limits)
+        .arg(image("sleeps"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = String::new();
+    let mut output = BufReader::new(host.stdout.take().unwrap());
+    output.read_line(&mut first).unwrap();
+    assert_eq!(first, "INFO  clock source 1\n");
+    host.kill().unwrap();
+    host.wait().unwrap();
+}
+
+#[test]
+fn a_report_says_for_other_programs_what_came_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [json, junit] = ["x.json", "x.xml"].map(|name| folder.path().join(name));
+    let paths = [&json, &junit].map(|path| path.to_str().unwrap());
+    let (found, _) = program("panics", &["--json", paths[0], "--junit", paths[1]]);
+    assert_eq!(found, Some(1));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!(
+        (&json["status"], &json["outcome"]["end"]),
+        (&1.into(), &"Panicked".into())
+    );
+    let junit = std::fs::read_to_string(&junit).unwrap();
+    assert!(
+        junit.contains("failures=\"1\"") && junit.contains("the image panicked at"),
+        "{junit}"
+    );
 }
 
 #[test]
@@ -293,7 +363,7 @@ fn children(parent: u32) -> Vec<String> {
 fn qemu_ends_with_its_host_whatever_ends_the_host() {
     let spins = image("spins");
     let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
-        .args(["--seconds", "100000"])
+        .args(["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"])
         .arg(spins)
         .spawn()
         .unwrap();
@@ -450,9 +520,13 @@ fn an_image_calls_the_host_only_if_it_may() {
     assert!(said.contains(hint), "{said}");
     let mut run = run_of("semihosts");
     run.semihosting = true;
+    run.semihosting_arguments = ["run_addr", "8,9"].map(Into::into).into();
     let outcome = result(&run).unwrap();
     assert_eq!(outcome.end, RunEnd::Exited(7));
-    assert_eq!(outcome.semihosting, "hello, host\n");
+    assert_eq!(
+        outcome.semihosting,
+        "hello, host\nhello, standard output\nrun_addr 8,9\n"
+    );
     assert!(outcome.verdict().unwrap_err().contains("status 7"));
 }
 
@@ -468,4 +542,71 @@ fn a_run_that_ends_early_ends_at_the_same_instruction_every_time() {
         });
         assert_eq!(a, b, "{name}");
     }
+}
+
+/// The outcome of `waits`, in one of its ways and with so many rounds.
+fn waited(way: u32, rounds: u32, change: impl FnOnce(&mut Run)) -> Outcome {
+    let mut run = Run::new(image("waits"));
+    for (address, word) in [(0x1000_0000, way), (0x1000_0004, rounds)] {
+        let bytes = word.to_le_bytes().to_vec();
+        run.pokes.push(Poke {
+            at_ns: 0,
+            address,
+            bytes,
+        });
+    }
+    change(&mut run);
+    result(&run).unwrap()
+}
+
+#[test]
+fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
+    for way in 0..12 {
+        let [short, long] = [true, false].map(|shorten| {
+            waited(way, 2, |run| {
+                // A level that changes is played between two turns, and its edge is one more event.
+                run.shorten_waits = shorten;
+                run.pin_inputs.push(PinInput {
+                    pin: "PA3".into(),
+                    since: Since::PowerUp,
+                    changes_ns: (1..20).map(|n| n * 333_333).collect(),
+                });
+            })
+        });
+        // The loop with all kinds of instructions logs its sum, too.
+        assert_eq!(
+            short.log.len(),
+            if way == 11 { 4 } else { 2 },
+            "way {way}: {:?}",
+            lines(&short)
+        );
+        let [short, long] = [short, long].map(|outcome| {
+            let ends = (outcome.end, outcome.virtual_ns, outcome.stopped_at);
+            (
+                outcome.log,
+                outcome.instructions,
+                outcome.interrupts,
+                ends,
+                outcome.uart_ns,
+            )
+        });
+        assert_eq!(short, long, "way {way}");
+    }
+}
+
+#[test]
+fn turns_that_repeat_cost_nothing() {
+    // A flag in RAM, WFE, and an empty loop: with QEMU alone it takes ten times as long.
+    for way in [8, 9, 12] {
+        let outcome = waited(way, 0, |run| run.sampling_deadline_ns = 20_000_000_000);
+        assert_eq!(outcome.virtual_ns / 1_000_000_000, 20, "way {way}");
+    }
+}
+
+#[test]
+fn an_interrupt_is_an_event_that_ends_the_next_wfe_too() {
+    // Its handler is shared by all vectors. Round 1 ends with the interrupt, round 2 with the event of that.
+    let outcome = waited(9, 4, |_| {});
+    let ticks = lines(&outcome).into_iter().map(|line| line.rsplit_once(", ").unwrap().1.to_owned());
+    assert_eq!(ticks.collect::<Vec<_>>(), ["1 ticks", "1 ticks", "2 ticks", "2 ticks"]);
 }

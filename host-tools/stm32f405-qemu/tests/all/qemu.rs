@@ -112,6 +112,11 @@ fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
 
 /// An ELF with one segment in flash and a symbol table: name, address, size, type.
 pub(super) fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
+    elf_at(FLASH, code, symbols)
+}
+
+/// An ELF with one segment at an address.
+fn elf_at(start: u32, code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
     let words = |values: &[u32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let mut strings = vec![0u8];
     let mut table = words(&[0; 4]);
@@ -139,7 +144,7 @@ pub(super) fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
     // Header sizes and counts: one segment, three sections, names in the last.
     file.extend(words(&[52 | 32 << 16, 1 | 40 << 16, 3 | 2 << 16]));
     let size = code.len() as u32;
-    file.extend(words(&[1, code_at, FLASH, FLASH, size, size, 5, 4]));
+    file.extend(words(&[1, code_at, start, start, size, size, 5, 4]));
     file.extend(code);
     file.extend(&table);
     file.extend(&strings);
@@ -695,6 +700,23 @@ fn a_live_run_gives_the_same_bytes_times_and_counts_wherever_it_stops() {
 }
 
 #[test]
+fn an_image_in_ram_is_started_there_with_its_own_vectors() {
+    let code_at = SRAM + 4 * VECTORS as u32;
+    let mut vectors = vectors();
+    (vectors[1], vectors[3]) = (code_at | 1, (code_at + 4) | 1);
+    let mut bytes: Vec<u8> = vectors.iter().flat_map(|v| v.to_le_bytes()).collect();
+    // nop; bkpt; and the handler of the HardFault that follows.
+    for instruction in [0xbf00, 0xbe00, BRANCH_TO_SELF] {
+        bytes.extend(instruction.to_le_bytes());
+    }
+    let outcome = outcome(&elf_at(SRAM, &bytes, &[]), |_| {});
+    let RunEnd::Breakpoint(at) = outcome.end else {
+        panic!("{:?}", outcome.end)
+    };
+    assert_eq!(at.address, code_at + 2);
+}
+
+#[test]
 fn what_comes_too_late_for_a_live_run_is_refused_and_no_time_passes() {
     let bench = bench(&acquiring(&[]));
     let mut live = bench.run.start().unwrap();
@@ -728,7 +750,10 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
     let mut hangs = bench(&image(&[], BRANCH_TO_SELF, &[]));
     hangs.run.timeout = Duration::from_millis(300);
     let mut live = hangs.run.start().unwrap();
-    let stopped = live.advance(1_000_000_000_000, Inputs::default()).unwrap_err();
+    // Two centuries: even a wait that costs nothing takes its time.
+    let stopped = live
+        .advance(7_000_000_000_000_000_000, Inputs::default())
+        .unwrap_err();
     assert!(matches!(stopped, RunError::Timeout(..)), "{stopped}");
     assert!(live.finish().is_err());
 }

@@ -1,0 +1,56 @@
+//! How fast an image waits, for each of the ways of `images/src/bin/waits.rs`: virtual over real time, with
+//! QEMU alone and with loops that wait executed outside of it.
+//!
+//!     cargo xtask bench emulator
+
+use std::time::{Duration, Instant};
+
+use stm32f405_qemu::{Poke, Run, RunError};
+
+const WAYS: [&str; 13] = [
+    "TIM2_CNT",
+    "DWT_CYCCNT",
+    "SysTick_CTRL",
+    "SysTick_VAL",
+    "TIM3_SR",
+    "USART1_SR",
+    "GPIOA_IDR and DWT_CYCCNT",
+    "DMA, ADC, flash, and DWT_CYCCNT",
+    "a flag in RAM",
+    "WFE",
+    "WFI",
+    "instructions of all kinds",
+    "loop {}",
+];
+
+/// Virtual over real time of a way, and reads of a register in a second.
+fn speed(image: &str, way: usize, shorten: bool) -> Result<f64, RunError> {
+    let mut run = Run::new(image);
+    run.shorten_waits = shorten;
+    run.sampling_deadline_ns = if shorten { 2_000_000_000 } else { 20_000_000 };
+    run.timeout = Duration::from_secs(600);
+    for (address, word) in [(0x1000_0000, way as u32), (0x1000_0004, 0)] {
+        let bytes = word.to_le_bytes().to_vec();
+        run.pokes.push(Poke {
+            at_ns: 0,
+            address,
+            bytes,
+        });
+    }
+    let began = Instant::now();
+    let outcome = run.execute()?;
+    Ok(outcome.virtual_ns as f64 * 1e-9 / began.elapsed().as_secs_f64())
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let image = std::env::args().nth(1).ok_or("name the image")?;
+    println!(
+        "virtual over real time, with the start of QEMU in it (2 s of virtual time; 0.02 s in QEMU alone)"
+    );
+    println!("{:34} {:>10} {:>10}", "waits for", "in QEMU", "shortened");
+    for (way, name) in WAYS.iter().enumerate() {
+        let [without, with] = [false, true].map(|shorten| speed(&image, way, shorten));
+        println!("{name:34} {:9.2}x {:9.2}x", without?, with?);
+    }
+    Ok(())
+}

@@ -1,0 +1,148 @@
+//! The command line.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Parser;
+use regex::Regex;
+use stm32f405_qemu::{Run, RunError};
+
+const ABOUT: &str = "Runs the firmware image of an STM32F405 in QEMU: its log and its UARTs come while it runs, and \
+                     the exit status says what came of it.";
+
+const MORE: &str = "\
+Examples:
+  stm32f405-run firmware.elf                                two seconds of the image's time
+  stm32f405-run --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
+  stm32f405-run --uart USART2=stdout firmware.elf           with the text of a UART
+  stm32f405-run --uart USART1=pty firmware.elf              a terminal program can talk to it
+  stm32f405-run --strict --junit report.xml firmware.elf    for CI
+
+As a runner of cargo, in .cargo/config.toml:
+  [target.thumbv7em-none-eabihf]
+  runner = \"stm32f405-run --chip STM32F405RG\"
+An image made with embedded-test is run case by case, each from a reset; its words are those of `cargo test`:
+  cargo test -- --list
+  cargo test -- --exact tests::it_adds
+
+Exit status:
+  0  passed: used up its time, stopped at a breakpoint, exited with 0, or said what --until waits for
+  1  panicked, exited with another status, or a test case failed
+  2  wrong arguments
+  3  there was no run: no image, no QEMU
+  4  a fault, or locked up
+  5  hangs: an endless loop, a register without a model, or --timeout
+  6  accessed a register without a model, under --strict
+  7  did not say what --until waits for
+  141  nobody reads the output any more";
+
+/// Command-line arguments.
+#[derive(Debug, Clone, Parser)]
+#[command(name = "stm32f405-run", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
+pub(crate) struct Arguments {
+    /// Name of the chip, for command lines that other runners take too.
+    #[arg(long, value_parser = chip)]
+    chip: Option<String>,
+    /// Time of the image: 2s, 500ms, or a number of seconds. An image that samples gets a stimulus instead,
+    /// and ends after it.
+    #[arg(long = "for", alias = "seconds", value_name = "TIME", default_value = "2s", value_parser = duration)]
+    pub(crate) time: Duration,
+    /// Limit of real time.
+    #[arg(long, value_name = "TIME", default_value = "120s", value_parser = duration)]
+    pub(crate) timeout: Duration,
+    /// End the run at a line of the log, of a UART or of semihosting in which this regular expression is
+    /// found; fail if there is none.
+    #[arg(long, value_name = "PATTERN")]
+    pub(crate) until: Option<Regex>,
+    /// Fail if the image accesses a register that has no model.
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// Lead a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a file:
+    /// USART2=stdout, =pty, =tcp:127.0.0.1:4000, =file:PATH. Can be given for each UART.
+    #[arg(long, value_name = "UART=WHERE", value_parser = super::uart::way)]
+    pub(crate) uart: Vec<super::uart::Way>,
+    /// Let the image call the host: only for an image that you trust. The words after ELF are its command
+    /// line.
+    #[arg(long)]
+    pub(crate) semihosting: bool,
+    /// Write the levels of output pins over time, for a waveform viewer such as GTKWave.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vcd: Option<PathBuf>,
+    /// Write what came of the run, as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Write what came of the run, as a JUnit report.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) junit: Option<PathBuf>,
+    /// Wait for a debugger at this TCP port of this computer.
+    #[arg(long, value_name = "PORT")]
+    gdb: Option<u16>,
+    /// The image.
+    pub(crate) elf: PathBuf,
+    /// Words for the image, or for its test cases.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    pub(crate) words: Vec<String>,
+}
+
+impl Arguments {
+    /// Refuses words that nobody takes.
+    ///
+    /// # Errors
+    /// [`RunError::Input`].
+    pub(crate) fn check_words(&self) -> Result<(), RunError> {
+        match self.words.first() {
+            Some(word) if !self.semihosting => {
+                let what = format!("nobody takes the word {word:?} after the image");
+                let next = "put options before the image, or add --semihosting to pass words to it";
+                Err(RunError::Input(format!("{what}; {next}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The same, with another time of the image.
+    pub(crate) fn with_time(&self, time: Duration) -> Self {
+        Self { time, ..self.clone() }
+    }
+
+    /// The run that they ask for.
+    pub(crate) fn run(&self) -> Run {
+        let mut run = Run::new(&self.elf);
+        // A sine on both inputs, for images that sample.
+        run.stimulus = (0..5000)
+            .map(|i| {
+                let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
+                [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
+            })
+            .collect();
+        run.timeout = self.timeout;
+        run.semihosting = self.semihosting;
+        run.semihosting_arguments.clone_from(&self.words);
+        run.record_pins = self.vcd.is_some();
+        run.gdb = self.gdb;
+        // What comes in by a UART may end a loop.
+        run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);
+        run
+    }
+}
+
+fn chip(name: &str) -> Result<String, String> {
+    let known = name.to_ascii_uppercase().starts_with("STM32F405");
+    known
+        .then(|| name.to_owned())
+        .ok_or_else(|| "this emulator is of the STM32F405 alone; give STM32F405RG".to_owned())
+}
+
+/// A time: `2s`, `500ms`, `20us`, or seconds.
+fn duration(text: &str) -> Result<Duration, String> {
+    let units = [("ms", 1e-3), ("us", 1e-6), ("s", 1.0)];
+    let unit = units
+        .iter()
+        .find_map(|(unit, s)| Some((text.strip_suffix(unit)?, *s)));
+    let (number, seconds) = unit.unwrap_or((text, 1.0));
+    let number: Option<f64> = number.trim().parse().ok();
+    let time = number.and_then(|number| Duration::try_from_secs_f64(number * seconds).ok());
+    // A century is enough, and fits into 64 bits of ns.
+    let time = time.filter(|time| time.as_secs() < 3_000_000_000);
+    time.ok_or_else(|| "give a time such as 2s, 500ms or 0.5".to_owned())
+}

@@ -1,0 +1,44 @@
+//! Runs an image, shows what it says while it runs, and tells by its exit status what came of it.
+//!
+//!     cargo run --release -p stm32f405-qemu -- firmware.elf
+//!
+//! `arguments` is the command line; `session` is one run; `report` says what came of it, to a reader and to
+//! other programs; `cases` runs the test cases of an image one by one; `uart` is where the USARTs lead.
+
+mod arguments;
+mod cases;
+mod report;
+mod session;
+mod uart;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use stm32f405_qemu::{RunError, test_cases};
+
+use arguments::Arguments;
+use report::Verdict;
+
+fn main() -> ExitCode {
+    stm32f405_qemu::carry_overlay!();
+    let arguments = Arguments::parse();
+    let verdict = run(&arguments).unwrap_or_else(|error| Verdict::no_run(&error));
+    if let Some(why) = &verdict.why {
+        eprintln!("stm32f405-run: {why}");
+    }
+    ExitCode::from(verdict.status)
+}
+
+fn run(arguments: &Arguments) -> Result<Verdict, RunError> {
+    match test_cases(&arguments.elf)? {
+        Some(all) => cases::run(arguments, &all),
+        None => {
+            arguments.check_words()?;
+            let session = session::run(arguments.run(), arguments, &mut uart::Lines::new(arguments))?;
+            let verdict = report::verdict(&session, arguments.strict);
+            report::summary(&session);
+            report::write(arguments, &session, &verdict)?;
+            Ok(verdict)
+        }
+    }
+}

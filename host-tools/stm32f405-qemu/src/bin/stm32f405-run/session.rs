@@ -1,0 +1,109 @@
+//! One run of an image, shown while it lasts.
+
+use std::time::{Duration, Instant};
+
+use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError};
+
+use super::arguments::Arguments;
+use super::uart::{Lines, SEMIHOSTING, Ways};
+
+/// Virtual time from look to look, ns.
+const STEP_NS: u64 = 10_000_000;
+
+/// What came of a run.
+pub(crate) struct Session {
+    pub(crate) result: Result<Outcome, RunError>,
+    /// `--until` was given, and whether its pattern was found.
+    pub(crate) until: Option<(String, bool)>,
+    /// Nobody reads the output any more.
+    pub(crate) closed: bool,
+    pub(crate) took: Duration,
+    /// Bytes that each USART sent.
+    pub(crate) sent: Vec<(String, usize)>,
+}
+
+/// Runs an image.
+///
+/// # Errors
+/// [`RunError`] if it does not start. What fails later is in the session.
+pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<Session, RunError> {
+    let mut ways = Ways::open(&arguments.uart)?;
+    let began = Instant::now();
+    let mut last = None;
+    let mut result = through(run, arguments, lines, &mut ways, &mut last);
+    // The verdict quotes the last line.
+    if let Ok(outcome) = &mut result
+        && outcome.log.is_empty()
+    {
+        outcome.log.extend(last);
+    }
+    if let Some(outcome) = result.as_ref().map_or_else(RunError::outcome, Some) {
+        lines.text(SEMIHOSTING, outcome.semihosting.as_bytes(), Some(String::new()));
+    }
+    lines.finish();
+    Ok(Session {
+        result,
+        until: arguments
+            .until
+            .as_ref()
+            .map(|until| (until.to_string(), lines.found)),
+        closed: lines.closed,
+        took: began.elapsed(),
+        sent: std::mem::take(&mut lines.sent).into_iter().collect(),
+    })
+}
+
+fn through(
+    run: Run,
+    arguments: &Arguments,
+    lines: &mut Lines,
+    ways: &mut Ways,
+    last: &mut Option<LogLine>,
+) -> Result<Outcome, RunError> {
+    let (tail_ns, limited) = (run.tail_ns, run.gdb.is_none());
+    let deadline = u64::try_from(arguments.time.as_nanos()).unwrap_or(u64::MAX);
+    let mut live = run.start()?;
+    let began = Instant::now();
+    let mut ends_at = deadline;
+    loop {
+        let now = live.now_ns();
+        if now >= ends_at {
+            break;
+        }
+        let uart = ways.received(now);
+        let inputs = Inputs {
+            uart,
+            ..Inputs::default()
+        };
+        let passed = live.advance((now + STEP_NS).min(ends_at), inputs)?;
+        show(&passed, lines, ways, last);
+        if passed.ended || lines.found || lines.closed {
+            break;
+        }
+        // An image that samples ends after the stimulus.
+        ends_at = passed
+            .codes_until_ns
+            .map_or(deadline, |until| until.saturating_add(tail_ns));
+        if limited && began.elapsed() > arguments.timeout {
+            let outcome = live.finish()?;
+            return Err(RunError::Timeout(arguments.timeout, Box::new(outcome)));
+        }
+        if ways.have_input() {
+            // Who types there lives in real time.
+            std::thread::sleep(Duration::from_nanos(passed.now_ns).saturating_sub(began.elapsed()));
+        }
+    }
+    live.finish()
+}
+
+fn show(passed: &Passed, lines: &mut Lines, ways: &mut Ways, last: &mut Option<LogLine>) {
+    for line in &passed.log {
+        lines.line(&line.to_string());
+    }
+    *last = passed.log.last().cloned().or_else(|| last.take());
+    lines.text(SEMIHOSTING, passed.semihosting.as_bytes(), Some(String::new()));
+    for uart in &passed.uarts {
+        lines.uart(uart);
+        ways.send(uart);
+    }
+}

@@ -1,0 +1,41 @@
+//! Reads of registers that change by time and events only, one after the other, without anything else.
+
+use super::table::{PeripheralRow, TABLE, offset_in, row_at};
+
+/// A read that has no effect but its value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SteadyRead {
+    /// What is read.
+    pub value: u32,
+    /// Time up to which another read gives the same, ns. Not later than this read if something has happened
+    /// before it.
+    pub holds_until: u64,
+}
+
+/// Registers whose peripheral is kept.
+const PLACES: usize = 8;
+
+/// The time up to which nothing happens, and the peripherals of the registers that were read last.
+#[derive(Debug, Clone, Default)]
+pub(super) struct QuietTime {
+    /// When the next event comes. 0 if that has to be found out.
+    pub(super) until: u64,
+    places: [Option<(u32, usize)>; PLACES],
+}
+
+impl QuietTime {
+    /// The peripheral of a register, and its offset in it.
+    pub(super) fn place(&mut self, address: u32) -> Option<(&'static PeripheralRow, u32)> {
+        let place = &mut self.places[(address >> 2 ^ address >> 10) as usize % PLACES];
+        let row = match *place {
+            Some((at, row)) if at == address => row,
+            _ => {
+                let row = row_at(address)?;
+                *place = Some((address, row));
+                row
+            }
+        };
+        let row = &TABLE[row];
+        Some((row, offset_in(row, address)))
+    }
+}

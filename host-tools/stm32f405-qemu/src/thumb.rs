@@ -1,0 +1,28 @@
+//! An interpreter of the Thumb instructions that waiting loops are made of.
+//!
+//! # Design
+//!
+//! QEMU takes some microseconds for each access to a register, so a loop that polls one runs far slower than
+//! real time. This interpreter executes such a loop beside QEMU, instruction by instruction, with QEMU's own
+//! state and at the same virtual times. It does not know what a loop waits for, and guesses nothing: it stops
+//! before the first instruction that it does not know, before an access that its [`Bus`] refuses, and at a
+//! time limit. QEMU goes on from there, and cannot tell.
+//!
+//! A loop that comes back to the same state without having changed memory does the same again, as long as
+//! what it reads stays. Its turns up to then are counted at once ([`Turns`]).
+
+mod alu;
+mod decode;
+mod execute;
+mod turns;
+
+pub(crate) use execute::{Bus, Interpreter, Loaded};
+
+/// The processor's registers and flags.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Registers {
+    /// R0 to R15; R15 is the address of the next instruction.
+    pub(crate) r: [u32; 16],
+    /// xPSR: the flags, Q, GE, the state of an IT block, the exception.
+    pub(crate) xpsr: u32,
+}
