@@ -607,6 +607,11 @@ fn turns_that_repeat_cost_nothing() {
 fn an_interrupt_is_an_event_that_ends_the_next_wfe_too() {
     // Its handler is shared by all vectors. Round 1 ends with the interrupt, round 2 with the event of that.
     let outcome = waited(9, 4, |_| {});
-    let ticks = lines(&outcome).into_iter().map(|line| line.rsplit_once(", ").unwrap().1.to_owned());
-    assert_eq!(ticks.collect::<Vec<_>>(), ["1 ticks", "1 ticks", "2 ticks", "2 ticks"]);
+    let ticks = lines(&outcome)
+        .into_iter()
+        .map(|line| line.rsplit_once(", ").unwrap().1.to_owned());
+    assert_eq!(
+        ticks.collect::<Vec<_>>(),
+        ["1 ticks", "1 ticks", "2 ticks", "2 ticks"]
+    );
 }
