@@ -1,8 +1,8 @@
 //! The chain of a scenario at other values of its quantities.
 
 use bead_tables::printable::first_of;
-use hertz_chain::Scenario;
 use hertz_chain::tangents::{Parameter, tangents};
+use hertz_chain::{Contact, Scenario};
 
 use crate::quantity::{Quantity, Values};
 
@@ -115,14 +115,14 @@ impl ChainOfScenario {
         values
     }
 
-    /// κ, N/m^1.5, of the contact behind the bead at these values.
+    /// The contact behind the bead at these values.
     ///
     /// # Errors
     /// No chain has these values.
-    pub fn contact_stiffness(&self, values: &Values) -> Result<f64, String> {
+    pub fn contact(&self, values: &Values) -> Result<Contact, String> {
         let model = hertz_chain::Model::of(&self.with(values, 1.0)).map_err(|error| error.to_string())?;
         let behind = (self.bead + 1).min(model.contacts());
-        Ok(model.contact(behind).stiffness)
+        Ok(model.contact(behind))
     }
 
     /// The scenario at these values, with the striker `faster` by a factor.

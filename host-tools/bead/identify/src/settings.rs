@@ -35,10 +35,14 @@ pub fn identified(
             Quantity::BeadMass => after.bead.mass = value(quantity),
             Quantity::Young => {
                 if let Some(chain) = chain {
-                    after.contact.stiffness = chain.contact_stiffness(values)?;
+                    after.contact.stiffness = chain.contact(values)?.stiffness;
                 }
             }
-            Quantity::Relaxation => after.contact.relaxation = value(quantity),
+            // A contact with an unlike bead behind has another time than the chain's material.
+            Quantity::Relaxation => {
+                let time = |chain: &ChainOfScenario| Ok::<_, String>(chain.contact(values)?.relaxation);
+                after.contact.relaxation = chain.map_or(Ok(value(quantity)), time)?;
+            }
             Quantity::ForceGain => {
                 after.force.per_code *= value(quantity);
                 after.force.wide_per_code *= value(quantity);

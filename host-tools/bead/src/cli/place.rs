@@ -76,8 +76,8 @@ const KINDS: [(FileKind, &str, &[&[u8]], &str); 15] = [
     (
         FileKind::Picture,
         "a picture",
-        &[b"\x89PNG", b"GIF8"],
-        "png gif jpg",
+        &[b"\x89PNG", b"GIF8", b"%PDF-"],
+        "png gif jpg pdf",
     ),
     (FileKind::Program, "a program", &[b"\x7fELF"], "elf"),
     (FileKind::Archive, "an archive", &[b"\x1f\x8b", b"PK\x03\x04"], ""),

@@ -5,6 +5,7 @@
 //! ```text
 //! F = κ δ^(3/2) + (3/2) τ κ δ^(1/2) δ'          Hertz, and Kuwabara and Kono's viscous part
 //! κ = 1 / (θa + θb) / √(1/Ra + 1/Rb)            θ = 3 (1 - ν²) / (4 Y)
+//! τ = (θa τa + θb τb) / (θa + θb)               two Kelvin-Voigt halves in series
 //! (M - m) U'' = ΣF + k x + c x'                 a bead and, in a host, x = u - U
 //! m u'' = -k x - c x'                           the intruder
 //! ```
@@ -31,7 +32,7 @@ use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 pub struct Contact {
     /// Hertz stiffness κ, N/m^(3/2).
     pub stiffness: f64,
-    /// Relaxation time τ, s.
+    /// Relaxation time τ, s, of both bodies together.
     pub relaxation: f64,
     /// Static load F₀ that it carries at rest, N.
     pub load: f64,
@@ -42,6 +43,18 @@ pub struct Contact {
 /// θ = 3 (1 - ν²) / (4 Y) of a body at a contact, 1/Pa.
 pub(crate) fn compliance(young: f64, poisson: f64) -> f64 {
     0.75 * (1.0 - poisson * poisson) / young
+}
+
+/// Relaxation time of a contact, s, from the compliance θ, 1/Pa, and the relaxation time, s, of each body.
+///
+/// Each body is a Kelvin-Voigt element: the same force presses both, each takes the part θ/(θa + θb) of the
+/// overlap, and its viscous force is its own τ times the rate of its elastic one. To first order in τ the
+/// contact is then one such element with τ = (θa τa + θb τb)/(θa + θb). Like bodies give their own τ exactly.
+pub(crate) fn series_relaxation(
+    (near_compliance, near): (f64, f64),
+    (far_compliance, far): (f64, f64),
+) -> f64 {
+    near + (far - near) * (far_compliance / (near_compliance + far_compliance))
 }
 
 impl Contact {
@@ -182,7 +195,7 @@ impl Model {
         let first = Sphere {
             radius: striker.radius,
             material: striker.material(),
-            relaxation: beads[0].relaxation,
+            relaxation: striker.relaxation.unwrap_or(beads[0].relaxation),
         };
         let bodies: Vec<_> = std::iter::once(first).chain(beads).collect();
         let mut masses: Vec<f64> = bodies.iter().map(Sphere::mass).collect();
@@ -196,18 +209,19 @@ impl Model {
         let mut contacts: Vec<Contact> = bodies
             .windows(2)
             .map(|pair| {
-                let relaxation = 0.5 * (pair[0].relaxation + pair[1].relaxation);
                 let ((near, near_curvature), (far, far_curvature)) = (side(&pair[0]), side(&pair[1]));
+                let relaxation = series_relaxation((near, pair[0].relaxation), (far, pair[1].relaxation));
                 Contact::new(near + far, near_curvature + far_curvature, relaxation, load)
             })
             .collect();
-        contacts[0].relaxation = striker.relaxation.unwrap_or(contacts[0].relaxation);
         (contacts[0].load, contacts[0].static_overlap) = (0.0, 0.0);
         if let Some(wall) = &scenario.wall {
             let last = &bodies[bodies.len() - 1];
-            let relaxation = wall.relaxation.unwrap_or(last.relaxation);
             let (near, curvature) = side(last);
-            let theta = near + compliance(wall.young, wall.poisson);
+            let far = compliance(wall.young, wall.poisson);
+            let own = wall.relaxation.unwrap_or(last.relaxation);
+            let relaxation = series_relaxation((near, last.relaxation), (far, own));
+            let theta = near + far;
             let curvature = curvature + wall.radius.map_or(0.0, |radius| 1.0 / radius);
             contacts.push(Contact::new(theta, curvature, relaxation, load));
         }

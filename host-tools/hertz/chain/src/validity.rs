@@ -15,8 +15,8 @@ use crate::summary::ContactPeak;
 pub struct Validity {
     /// The contact.
     pub contact: usize,
-    /// Highest pressure p₀ = 3 F / (2 π a²), Pa. Ductile bodies yield below the surface where it is 1.6 times
-    /// their strength.
+    /// Highest pressure p₀ = 3 F / (2 π a²), Pa. Ductile bodies yield below the surface from 1.6 times their
+    /// strength on.
     pub pressure: f64,
     /// Radius a of the contact over that of the smaller body. Hertz' law is for small ones.
     pub radius_ratio: f64,
@@ -27,9 +27,36 @@ pub struct Validity {
     pub softer: f64,
 }
 
-/// Polymers have a modulus below this, Pa, and the pressure at which Bakelite, a strong one, yields.
-const POLYMERS: f64 = 20e9;
-const BAKELITE_YIELDS: f64 = 200e6;
+/// A strong material of its kind, in place of the strength that a scenario does not state.
+struct StrongMaterial {
+    /// Young's moduli of its kind are below this, Pa.
+    below: f64,
+    name: &'static str,
+    /// Yield stress in simple tension or compression, Pa.
+    strength: f64,
+}
+
+/// Materials by their moduli. Many of the same modulus are weaker: soft steel has a sixth of this strength.
+const STRONG: [StrongMaterial; 3] = [
+    StrongMaterial {
+        below: 20e9,
+        name: "Bakelite",
+        strength: 200e6,
+    },
+    StrongMaterial {
+        below: 150e9,
+        name: "hard brass",
+        strength: 350e6,
+    },
+    StrongMaterial {
+        below: f64::INFINITY,
+        name: "hardened bearing steel",
+        strength: 2e9,
+    },
+];
+/// p₀ at which yield begins, over the strength in simple tension (Johnson, section 6.1, of von Mises and of
+/// Tresca alike).
+const YIELDS: f64 = 1.6;
 /// Beyond this Hertz' parabolas differ from spheres by some per cent.
 const LARGE: f64 = 0.1;
 const SHORT: f64 = 1.0;
@@ -71,11 +98,14 @@ impl Validity {
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         let contact = self.contact;
-        if self.softer < POLYMERS && self.pressure > BAKELITE_YIELDS {
+        let material = STRONG.iter().find(|material| self.softer < material.below);
+        if let Some(material) = material.filter(|material| self.pressure > YIELDS * material.strength) {
             remarks.push(format!(
-                "contact {contact} is pressed with {:.0} MPa: Bakelite yields near {:.0} MPa, and elastic contact no longer holds",
+                "contact {contact} is pressed with {:.0} MPa: {} yields from {:.0} MPa on ({YIELDS} times its strength), and \
+                 elastic contact no longer holds",
                 1e-6 * self.pressure,
-                1e-6 * BAKELITE_YIELDS,
+                material.name,
+                1e-6 * YIELDS * material.strength,
             ));
         }
         if self.radius_ratio > LARGE {

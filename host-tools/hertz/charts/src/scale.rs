@@ -48,6 +48,8 @@ const DIGITS: [&[u8]; 5] = [
     &[1, 3],
     &[1],
 ];
+/// Over fewer decades than this, equal steps of the value read better than digits of a decade.
+const SHORT: f64 = 0.6;
 /// Over more decades than this, the steps between them have no ticks.
 const DECADES: f64 = 7.0;
 
@@ -122,8 +124,8 @@ impl Ticks {
                 kept.filter(&inside).collect()
             });
         let mut minor = at(if high - low < DECADES { DIGITS[0] } else { &[1] });
-        if major.len() < 2 {
-            // Less than a decade without a round number: equal steps of the value do.
+        if major.len() < 2 || high - low < SHORT {
+            // Less than a decade has no two round numbers or three: equal steps of the value do.
             let ends = (10_f64.powf(low), 10_f64.powf(high));
             let value = |place: &f64| (ends.0..=ends.1).contains(place);
             let linear = Self::linear(ends, most, false, value);
@@ -212,6 +214,7 @@ Count -0.5 4.5 9: 0 1 2 3 4
 Count -0.5 0.5 9: 0
 Count -0.5 19.5 9: 0 5 10 15
 Log 27 105 9: 30 40 50 60 70 80 90 100
+Log 0.08 0.21 8: 0.08 0.1 0.12 0.14 0.16 0.18 0.2
 Log 0.3 300 8: 0.3 1 3 10 30 100 300
 Log 1e-16 1e-3 6: 10^(−15) 10^(−12) 10^(−9) 10^(−6) 10^(−3)
 Log 101 149 5: 110 120 130 140

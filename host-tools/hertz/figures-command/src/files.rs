@@ -1,4 +1,5 @@
-//! A figure as files: the picture (SVG, PNG) and its data (CSV, Parquet), all from one chart.
+//! A figure as files: the picture (SVG, PNG, PDF) and its data (CSV, Parquet), all from one chart. A plate as
+//! files: its picture.
 //!
 //! Each row of the data is one point, in the units of the axes. `panel` and `curve` say where the point
 //! belongs, `x_quantity` and `y_quantity` what it is.
@@ -7,22 +8,51 @@ use bead::cli::failure::Failure;
 use bead::cli::place::FileKind;
 use bead_tables::whole::Target;
 use bead_tables::{Cell, Column, Writer};
-use hertz_charts::Chart;
+use hertz_charts::{Chart, Plate};
 use hertz_figures::plan::{Figure, FigurePlan};
 
+use crate::drawing::Drawing;
+use crate::pdf::pdf;
 use crate::pixels::{gif, png};
 
 /// The files that a figure may have, by their endings.
-pub(crate) const KINDS: [(&str, FileKind); 5] = [
+pub(crate) const KINDS: [(&str, FileKind); 6] = [
     ("svg", FileKind::Drawing),
     ("png", FileKind::Picture),
+    ("pdf", FileKind::Picture),
     ("csv", FileKind::Table),
     ("parquet", FileKind::Parquet),
     ("gif", FileKind::Picture),
 ];
 
+/// The files of a plate: the first of [`KINDS`].
+pub(crate) const PLATE_KINDS: usize = 3;
+
+/// Writes the pictures of a plate, `plate-NUMBER.svg`, `.png` and `.pdf`, and returns their paths.
+///
+/// # Errors
+/// As [`write()`].
+pub(crate) fn write_plate(
+    number: &str,
+    plate: &Plate,
+    target: impl Fn(&str, FileKind) -> Result<Target, Failure>,
+) -> Result<Vec<String>, Failure> {
+    let drawing = Drawing::of_plate(plate)?;
+    let mut paths = Vec::new();
+    for (extension, kind) in &KINDS[..PLATE_KINDS] {
+        let target = target(&format!("plate-{number}.{extension}"), *kind)?;
+        match *extension {
+            "svg" => target.write_bytes(plate.standalone_svg()?)?,
+            "png" => target.write_bytes(png(&drawing)?)?,
+            _ => target.write_bytes(pdf(&drawing)?)?,
+        }
+        paths.push(target.path().display().to_string());
+    }
+    Ok(paths)
+}
+
 /// Writes the files of a figure, each to the target of its name, and returns their paths: `figure-NAME.svg`,
-/// `.png`, `.csv`, `.parquet` and, of an animation, `.gif`.
+/// `.png`, `.pdf`, `.csv`, `.parquet` and, of an animation, `.gif`.
 ///
 /// # Errors
 /// The chart cannot be drawn, such as one with an axis without extent, or a file cannot be written.
@@ -32,6 +62,7 @@ pub(crate) fn write(
     target: impl Fn(&str, FileKind) -> Result<Target, Failure>,
 ) -> Result<Vec<String>, Failure> {
     let chart = &figure.chart;
+    let drawing = Drawing::of(chart)?;
     let mut paths = Vec::new();
     for (extension, kind) in KINDS {
         if extension == "gif" && figure.frames.is_empty() {
@@ -40,7 +71,8 @@ pub(crate) fn write(
         let target = target(&format!("figure-{}.{extension}", plan.name), kind)?;
         match extension {
             "svg" => target.write_bytes(chart.standalone_svg()?)?,
-            "png" => target.write_bytes(png(chart)?)?,
+            "png" => target.write_bytes(png(&drawing)?)?,
+            "pdf" => target.write_bytes(pdf(&drawing)?)?,
             "gif" => target.write_bytes(gif(&figure.frames)?)?,
             "csv" => target.write(|file| write_points(chart, Writer::csv(file, &columns())?))?,
             _ => target.write(|file| {

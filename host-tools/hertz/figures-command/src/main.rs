@@ -1,6 +1,8 @@
 //! `bead figures`: the paper's figures, each with its data and its checks.
 
+mod drawing;
 mod files;
+mod pdf;
 mod pixels;
 
 use std::path::PathBuf;
@@ -13,12 +15,13 @@ use bead::cli::place::{self, FileKind, Overwrite};
 use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{FigureOutcome, FigurePlan};
-use hertz_figures::{catalogue, chapter};
+use hertz_figures::{catalogue, chapter, plate};
 use serde_json::json;
 
 const AFTER_HELP: &str = "\
-Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html \
-shows them all with their checks.
+Each figure is written as figure-NAME.svg, .png, .pdf, .csv and .parquet, an animation as .gif too. If all \
+figures of a plate are drawn, plate-NUMBER.svg, .png and .pdf show them as one: (a), (b), (c). index.html \
+shows all with their checks.
 
 Examples:
   bead figures --list
@@ -78,6 +81,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             place(&format!("figure-{}.{extension}", plan.name), kind)?;
         }
     }
+    for number in plate::whole(&plans) {
+        for (extension, kind) in &files::KINDS[..files::PLATE_KINDS] {
+            place(&format!("plate-{number}.{extension}"), *kind)?;
+        }
+    }
     place::make_directory(&arguments.out)?;
     let table_file = arguments
         .overwrite
@@ -85,16 +93,23 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::progress(plans.len() as u64);
     let lab = Lab::default();
     let mut outcomes = Vec::new();
-    let mut plate = "";
-    for plan in &plans {
-        progress.set_message(format!("figure {}: {}", plan.name, plan.title));
-        if plan.plate() != plate {
-            lab.clear();
-            plate = plan.plate();
+    for number in plate::numbers(&plans) {
+        let mut drawn = Vec::new();
+        for plan in plans.iter().filter(|plan| plan.plate() == number) {
+            progress.set_message(format!("figure {}: {}", plan.name, plan.title));
+            let figure = plan.draw(&lab).map_err(Failure::input)?;
+            outcomes.push(plan.outcome(&figure, files::write(plan, &figure, place)?));
+            drawn.push((*plan, figure));
+            progress.inc(1);
         }
-        let figure = plan.draw(&lab).map_err(Failure::input)?;
-        outcomes.push(plan.outcome(&figure, files::write(plan, &figure, place)?));
-        progress.inc(1);
+        if let Some(plate) = plate::assemble(&drawn) {
+            let files = files::write_plate(number, &plate, place)?;
+            let first = outcomes.len() - drawn.len();
+            outcomes[first..]
+                .iter_mut()
+                .for_each(|outcome| outcome.plate_files.clone_from(&files));
+        }
+        lab.clear();
     }
     progress.finish_and_clear();
     index.write_bytes(chapter::html(&outcomes))?;

@@ -1,4 +1,5 @@
-//! A chart as pixels: PNG, and GIF for charts that follow one another. The drawing is the same as in the SVG.
+//! A drawing as pixels: PNG, and GIF for charts that follow one another. The drawing is the same as in the
+//! SVG.
 
 use std::fmt::Display;
 
@@ -8,6 +9,8 @@ use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
 
+use crate::drawing::Drawing;
+
 /// Pixels of a PNG for each pixel of the chart: 560 dots an inch for a chart of a column's width.
 const PRINT: f32 = 4.0;
 /// Pixels of a PNG a metre, so that a chart of a column's width is 86 mm wide.
@@ -15,13 +18,13 @@ const DENSITY: u32 = 22_326;
 /// Pixels of an animation for each pixel of the chart.
 const SCREEN: f32 = 1.5;
 
-/// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text
-/// set in a font of this program, so that it looks the same everywhere.
+/// A PNG of four times the drawing's size in pixels: the same drawing in its light colours, with the text set
+/// in a font of this program, so that it looks the same everywhere.
 ///
 /// # Errors
-/// As [`Chart::inline_svg`].
-pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
-    let pixels = pixels(chart, PRINT)?;
+/// It is no drawing that can be shown as pixels.
+pub(crate) fn png(drawing: &Drawing) -> Result<Vec<u8>, Error> {
+    let pixels = pixels(drawing, PRINT)?;
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, pixels.width(), pixels.height());
     encoder.set_color(png::ColorType::Rgba);
@@ -34,18 +37,14 @@ pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
     let written = encoder
         .write_header()
         .and_then(|mut writer| writer.write_image_data(pixels.data()));
-    written.map_err(|reason| Error::new(&chart.description, " as PNG", reason))?;
+    written.map_err(|reason| drawing.refused(" as PNG", reason))?;
     Ok(bytes)
 }
 
 /// The pixels of [`png()`] at any scale.
-fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
-    let refused = |reason: &dyn Display| Error::new(&chart.description, " as pixels", reason);
-    let mut options = usvg::Options::default();
-    let fonts = options.fontdb_mut();
-    fonts.load_font_data(dejavu::sans::regular().to_vec());
-    fonts.set_sans_serif_family("DejaVu Sans");
-    let tree = usvg::Tree::from_str(&chart.inline_svg()?, &options).map_err(|error| refused(&error))?;
+fn pixels(drawing: &Drawing, scale: f32) -> Result<Pixmap, Error> {
+    let refused = |reason: &dyn Display| drawing.refused(" as pixels", reason);
+    let tree = usvg::Tree::from_str(&drawing.svg, &drawing.options()).map_err(|error| refused(&error))?;
     let [width, height] =
         [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;
@@ -66,7 +65,7 @@ pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let images = charts
         .par_iter()
         .map(|chart| {
-            let pixels = pixels(chart, SCREEN)?;
+            let pixels = pixels(&Drawing::of(chart)?, SCREEN)?;
             let size = |pixels: u32| u16::try_from(pixels).map_err(|error| refused(&error));
             let (width, height) = (size(pixels.width())?, size(pixels.height())?);
             let mut image = gif::Frame::from_rgba_speed(width, height, &mut pixels.take(), 10);

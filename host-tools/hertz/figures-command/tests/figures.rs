@@ -66,10 +66,12 @@ fn a_figure_leaves_its_picture_its_data_and_its_checks() {
     let schemas = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/schemas");
     schema::hold(schemas, "figures", &of::<Vec<FigureOutcome>>("figures"));
     schema::assert_valid(schemas, "figures", &figures);
-    assert_eq!(figure["files"].as_array().unwrap().len(), 4);
+    assert_eq!(figure["files"].as_array().unwrap().len(), 5);
+    assert_eq!(figure["plate_files"].as_array().unwrap().len(), 0);
     let bytes = |extension: &str| fs::read(out.join(format!("figure-2c.{extension}"))).unwrap();
     assert!(bytes("svg").starts_with(b"<svg "));
     assert!(bytes("png").starts_with(b"\x89PNG"));
+    assert!(bytes("pdf").starts_with(b"%PDF-"));
     assert!(bytes("parquet").starts_with(b"PAR1"));
     let csv = String::from_utf8(bytes("csv")).unwrap();
     assert!(csv.starts_with("panel,curve,x_quantity,x,y_quantity,y\n"));
@@ -83,6 +85,31 @@ fn a_figure_leaves_its_picture_its_data_and_its_checks() {
     assert!(table.contains("| 2c | highest acceleration | 133.233 m/s² |"));
     let index = fs::read_to_string(out.join("index.html")).unwrap();
     assert!(index.contains("figure-2c.svg"));
+}
+
+#[test]
+fn all_figures_of_a_number_make_a_plate() {
+    let directory = tempfile::tempdir().unwrap();
+    let figures = json(&[
+        "A6",
+        "--out",
+        directory.path().to_str().unwrap(),
+        "--format",
+        "json",
+    ]);
+    let plates = |figure: usize| figures[figure]["plate_files"].as_array().unwrap();
+    assert_eq!((plates(0).len(), plates(0)), (3, plates(1)));
+    let svg = fs::read_to_string(directory.path().join("plate-A6.svg")).unwrap();
+    assert!(svg.contains(">(a)</text>") && svg.contains(">(b)</text>"));
+    let page = fs::read_to_string(directory.path().join("index.html")).unwrap();
+    assert!(page.contains("plate-A6.pdf"));
+    // The font is in the file, so that the page looks the same everywhere.
+    let pdf = fs::read(directory.path().join("plate-A6.pdf")).unwrap();
+    assert!(
+        pdf.windows(10).any(|bytes| bytes == b"/FontFile2"),
+        "{} bytes",
+        pdf.len()
+    );
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use crate::error::Error;
 use crate::plan::FigurePlan;
 use crate::plates::{
-    beyond, collision, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4, fig5, fig6, fig7, shaken,
+    bands, beyond, collision, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4, fig5, fig6, fig7, meeting,
+    shaken,
 };
 
 /// Every figure, in the paper's order.
@@ -21,6 +22,8 @@ pub fn catalogue() -> Vec<FigurePlan> {
         fig_a5_a6::PLANS,
         collision::PLANS,
         beyond::PLANS,
+        bands::PLANS,
+        meeting::PLANS,
     ]
     .concat()
 }

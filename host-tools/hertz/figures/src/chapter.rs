@@ -127,14 +127,15 @@ pub fn html(outcomes: &[FigureOutcome]) -> String {
     for outcome in outcomes {
         push(format_args!(
             "<section id=\"{0}\"><h2>{0} · {1}</h2><p>{2}. As <a href=\"figure-{0}.svg\">SVG</a>, \
-             <a href=\"figure-{0}.png\">PNG</a>, <a href=\"figure-{0}.csv\">CSV</a>, \
-             <a href=\"figure-{0}.parquet\">Parquet</a>.</p><img src=\"figure-{0}.{4}\" alt=\"{3}\"><table>\
+             <a href=\"figure-{0}.png\">PNG</a>, <a href=\"figure-{0}.pdf\">PDF</a>, \
+             <a href=\"figure-{0}.csv\">CSV</a>, <a href=\"figure-{0}.parquet\">Parquet</a>.{5}</p><img src=\"figure-{0}.{4}\" alt=\"{3}\"><table>\
              <tr><th>what</th><th>value</th><th>expected</th><th></th></tr>",
             escape(outcome.name),
             raised(outcome.title, escape),
             raised(outcome.setting, escape),
             escape(outcome.title),
             if outcome.animated { "gif" } else { "svg" },
+            plate_link(outcome),
         ));
         for check in &outcome.checks {
             push(format_args!(
@@ -156,6 +157,20 @@ pub fn html(outcomes: &[FigureOutcome]) -> String {
     )
 }
 
+/// Links to the plate of a figure; empty if there is none.
+fn plate_link(outcome: &FigureOutcome) -> String {
+    let link = |path: &String| {
+        let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
+        let kind = name.rsplit('.').next().unwrap_or(name).to_uppercase();
+        format!("<a href=\"{}\">{kind}</a>", escape(name))
+    };
+    if outcome.plate_files.is_empty() {
+        return String::new();
+    }
+    let links: Vec<String> = outcome.plate_files.iter().map(link).collect();
+    format!(" The whole plate as {}.", links.join(", "))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,6 +183,7 @@ mod tests {
             pass: checks.iter().all(|check| check.pass),
             checks,
             files: Vec::new(),
+            plate_files: Vec::new(),
             animated: false,
         }
     }

@@ -80,8 +80,10 @@ pub(crate) fn time_axis(span: Range<f64>) -> Axis {
     Axis::new("time since the strike (ms)", span.start * 1e3..span.end * 1e3)
 }
 
-/// `count` values from `low` to `high` in geometric progression.
+/// `count` values from `low` to `high` in geometric progression. The ends are exact, since an axis that ends
+/// there would leave out a point beyond them.
 pub(crate) fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let step = (high / low).ln() / (count - 1) as f64;
-    (0..count).map(|n| low * (step * n as f64).exp()).collect()
+    let inner = (1..count - 1).map(|n| low * (step * n as f64).exp());
+    std::iter::once(low).chain(inner).chain([high]).collect()
 }

@@ -119,11 +119,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Times at which the momentum of a run is checked.
 const LOOKS: usize = 64;
 
+/// Greatest error of the momentum, over the striker's: two bodies that meet may have none in all.
 fn momentum_error(solution: &Solution) -> f64 {
+    let model = solution.model();
+    let scale = (model.mass(0) * model.striker_speed()).abs();
     let mut sampler = solution.sampler();
     let start = sampler.at(0.0).momentum();
     (1..=LOOKS)
         .map(|look| sampler.at(solution.end() * look as f64 / LOOKS as f64).momentum())
-        .map(|momentum| (momentum / start - 1.0).abs())
+        .map(|momentum| (momentum - start).abs() / scale)
         .fold(0.0, f64::max)
 }

@@ -76,6 +76,8 @@ pub struct FigureOutcome {
     pub checks: Vec<FigureCheck>,
     /// The files written.
     pub files: Vec<String>,
+    /// The files of its plate, which shows all figures of its number; empty if not all of them were drawn.
+    pub plate_files: Vec<String>,
     /// True if it is an animation.
     #[serde(skip)]
     pub animated: bool,
@@ -98,6 +100,11 @@ impl FigurePlan {
             .name
             .trim_end_matches(|character: char| character.is_ascii_lowercase());
         if number.is_empty() { self.name } else { number }
+    }
+
+    /// Its letter on the plate; empty for a figure without one.
+    pub(crate) fn letter(&self) -> &'static str {
+        &self.name[self.plate().len()..]
     }
 
     /// Runs what the figure needs, and draws it. The last checks are the conservation laws over the runs that
@@ -132,6 +139,7 @@ impl FigurePlan {
             pass: figure.checks.iter().all(|check| check.pass),
             checks: figure.checks.clone(),
             files,
+            plate_files: Vec::new(),
             animated: !figure.frames.is_empty(),
         }
     }

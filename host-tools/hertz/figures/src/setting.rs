@@ -10,6 +10,8 @@ pub(crate) const ELASTIC: f64 = 0.0;
 pub(crate) const MASS: f64 = Oscillator::PAPER.mass;
 pub(crate) const STIFFNESS: f64 = Oscillator::PAPER.stiffness;
 pub(crate) const DAMPING: f64 = Oscillator::PAPER.damping;
+/// Note on an energy of the chain by the paper's E_n, which seems to grow while an intruder takes energy up.
+pub(crate) const AS_PRINTED: &str = "E_T as printed: the host counts with M, not M − m";
 /// The stiffness that the paper finds to absorb most, N/m.
 pub(crate) const OPTIMUM: f64 = 1e5;
 

@@ -350,6 +350,11 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
             "The far end has a part in this. If that is not meant, give the chain more beads, or the run less time.".to_owned(),
         );
     }
+    if optimum.strikes.iter().any(|strike| strike.contacts > 0.01) {
+        remarks.push(
+            "Losses in contacts count as remaining, though they reach no bead behind the hosts.".to_owned(),
+        );
+    }
     if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
         remarks.push("Energy is still between the hosts: in a longer run more of it is absorbed.".to_owned());
     }

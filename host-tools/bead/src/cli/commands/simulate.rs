@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hertz_chain::{Options, Run, Summary, Validity, summarise};
+use hertz_chain::{Bands, Dispersion, Options, Run, Summary, Validity, summarise};
 use indicatif::HumanDuration;
 
 use crate::cli::commands::prelude::*;
@@ -62,7 +62,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     progress.finish_and_clear();
     let validity = Validity::of(&scenario, &summary.peak_force)?;
-    let report = SimulateReport { summary, validity };
+    // A chain without load or with unlike beads has no bands, which is no fault of it.
+    let bands = Dispersion::of(&scenario)
+        .ok()
+        .map(|dispersion| dispersion.bands());
+    let report = SimulateReport {
+        summary,
+        validity,
+        bands,
+    };
     output::print(arguments.format, &report, || table(&scenario.title, &report))
 }
 
@@ -110,9 +118,15 @@ pub(crate) struct SimulateReport {
     #[serde(flatten)]
     summary: Summary,
     validity: Vec<Validity>,
+    /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bands: Option<Bands>,
 }
 
-fn table(title: &str, SimulateReport { summary, validity }: &SimulateReport) -> String {
+fn table(title: &str, report: &SimulateReport) -> String {
+    let SimulateReport {
+        summary, validity, ..
+    } = report;
     let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
     let known = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     let contacts = summary.peak_force.iter().zip(validity).map(|(peak, valid)| {
@@ -174,6 +188,7 @@ fn table(title: &str, SimulateReport { summary, validity }: &SimulateReport) -> 
     });
     parts.push(output::table("energy | µJ | of the striker's", energies));
 
+    parts.extend(report.bands.as_ref().map(pass_bands));
     let solver = &summary.solver;
     parts.push(format!(
         "{:.3} ms simulated in {:.2} s: {} steps, {} evaluations, energy balance closes to {:.1e}",
@@ -184,6 +199,15 @@ fn table(title: &str, SimulateReport { summary, validity }: &SimulateReport) -> 
         energy.balance_error,
     ));
     parts.join("\n\n")
+}
+
+/// The bands in a line.
+fn pass_bands(bands: &Bands) -> String {
+    let acoustic = format!("Linear waves pass up to {:.2} Hz", bands.acoustic_top);
+    match (bands.gap_end, bands.optical_top) {
+        (Some(from), Some(to)) => format!("{acoustic}, and from {from:.2} to {to:.2} Hz."),
+        _ => format!("{acoustic}."),
+    }
 }
 
 #[cfg(test)]

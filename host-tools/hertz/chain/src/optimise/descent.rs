@@ -5,13 +5,15 @@ use std::cell::RefCell;
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use super::problem::{Problem, Properties, TriedDesign};
-use super::search::Search;
+use super::search::{Aim, Search};
 use crate::simulate::SimulateError;
 
 /// Change of a variable to either side, for a difference quotient.
 const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
+/// Shares are smooth to this, so a share so little above its bound is at it.
+const SMOOTH: f64 = 1e-7;
 /// Least gain for which a descent is restarted from its end, without its estimate of the curvature.
 const GAINED: f64 = 1e-6;
 
@@ -34,9 +36,19 @@ impl Problem<'_> {
     }
 
     /// Runs the method once, up to a total of `full` evaluations.
+    ///
+    /// The greatest of several shares has kinks, on which a descent would stop short. It is found as the
+    /// least bound t with every share below it: t is one more variable, and each share a constraint.
     fn follow_down(&self, start: TriedDesign, full: usize) -> Result<TriedDesign, SimulateError> {
         let variables = Variables::new(self.search, start.design.len());
-        let first = variables.of(&start.design);
+        let mut first = variables.of(&start.design);
+        let mut bounds = variables.bounds.clone();
+        let bounded = self.search.aim == Aim::Worst && self.speeds.len() > 1;
+        if bounded {
+            // A fresh start has not been tried, and no share is above 1.
+            first.push(start.value.min(1.0));
+            bounds.push((0.0, 1.0));
+        }
         let descent = RefCell::new(Descent {
             problem: self,
             variables: &variables,
@@ -44,17 +56,61 @@ impl Problem<'_> {
             best: start,
             full: false,
             failed: None,
+            known: None,
         });
+        let mean = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
+            descent
+                .borrow_mut()
+                .aim(x, gradient, |shares| Aim::Mean.of(shares))
+        };
+        let bound = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
+            let last = x.len() - 1;
+            if let Some(gradient) = gradient {
+                gradient.fill(0.0);
+                gradient[last] = 1.0;
+            }
+            x[last]
+        };
+        let above = |strike: usize| {
+            let descent = &descent;
+            move |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
+                let (bound, x) = x.split_last().expect("the bound is the last variable");
+                if let Some(last) = gradient.as_mut().and_then(|gradient| gradient.last_mut()) {
+                    *last = -1.0;
+                }
+                let free = gradient.map(|gradient| &mut gradient[..x.len()]);
+                let share = descent.borrow_mut().aim(x, free, |shares| shares[strike]);
+                if (share - bound).abs() < SMOOTH {
+                    0.0
+                } else {
+                    share - bound
+                }
+            }
+        };
+        let above: Vec<_> = (0..self.speeds.len()).map(above).collect();
+        let too_heavy = |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
+            if let Some(gradient) = &mut gradient {
+                gradient.fill(0.0);
+            }
+            let free = variables.bounds.len();
+            overweight(&x[..free], gradient.map(|gradient| &mut gradient[..free]))
+        };
+        let mut constraints = vec![&too_heavy as &dyn slsqp::Func<()>];
+        if bounded {
+            constraints.extend(above.iter().map(|above| above as &dyn slsqp::Func<()>));
+        }
+        let objective: &dyn slsqp::Func<()> = if bounded { &bound } else { &mean };
         let ended = slsqp::minimize(
-            |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| descent.borrow_mut().value(x, gradient),
+            objective,
             &first,
-            &variables.bounds,
-            &[&overweight as &dyn slsqp::Func<()>],
+            &bounds,
+            &constraints,
             (),
             // Calls after the last evaluation cost nothing, so this limit never ends a descent early.
             full.min(1_000_000),
             Some(StopTols {
-                ftol_rel: SETTLED,
+                // A bound moves with the noise of the shares that touch it.
+                ftol_rel: if bounded { SMOOTH } else { SETTLED },
                 ..StopTols::default()
             }),
         );
@@ -116,6 +172,15 @@ impl Variables {
     }
 }
 
+/// Shares at a place of the variables, and on demand beside it.
+struct KnownShares {
+    x: Vec<f64>,
+    /// One for each strike.
+    shares: Vec<f64>,
+    /// Of each variable: the shares to either side, and their distance in it.
+    beside: Option<Vec<([Vec<f64>; 2], f64)>>,
+}
+
 /// State of a descent, which the objective function cannot return.
 struct Descent<'a> {
     problem: &'a Problem<'a>,
@@ -126,34 +191,60 @@ struct Descent<'a> {
     /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
     failed: Option<SimulateError>,
+    /// The last place: objective and constraints ask for the same one in turn.
+    known: Option<KnownShares>,
 }
 
 impl Descent<'_> {
-    /// Returns the smooth aim at `x`, and writes its derivatives if they are wanted.
-    fn value(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        let beside = gradient
-            .as_ref()
-            .map_or_else(Vec::new, |_| self.variables.beside(x));
-        let Some(shares) = self.shares(x, &beside) else {
+    /// Returns a number made of the shares at `x`, and writes its derivatives if they are wanted.
+    fn aim(&mut self, x: &[f64], gradient: Option<&mut [f64]>, of: impl Fn(&[f64]) -> f64) -> f64 {
+        let (worst, with_slopes) = (self.best.value, gradient.is_some());
+        let Some(known) = self.known(x, with_slopes) else {
             // An objective function cannot stop the descent, but a constant value ends it.
             gradient.into_iter().for_each(|gradient| gradient.fill(0.0));
-            return self.best.value;
+            return worst;
         };
+        let beside = known.beside.iter().flatten();
+        let slopes = beside.map(|([low, high], apart)| (of(high) - of(low)) / apart);
+        for (entry, slope) in gradient.into_iter().flatten().zip(slopes) {
+            *entry = slope;
+        }
+        of(&known.shares)
+    }
+
+    /// Returns the shares at `x`, and beside it if wanted; `None` once the search is spent, stopped, or has
+    /// failed.
+    fn known(&mut self, x: &[f64], with_slopes: bool) -> Option<&KnownShares> {
+        let suffices = |known: &KnownShares| known.x == x && (known.beside.is_some() || !with_slopes);
+        if !self.known.as_ref().is_some_and(suffices) {
+            self.known = Some(self.evaluate(x, with_slopes)?);
+        }
+        self.known.as_ref()
+    }
+
+    fn evaluate(&mut self, x: &[f64], with_slopes: bool) -> Option<KnownShares> {
+        let beside = if with_slopes {
+            self.variables.beside(x)
+        } else {
+            Vec::new()
+        };
+        let mut shares = self.shares(x, &beside)?.into_iter();
+        let here = shares.next()?;
         let problem = self.problem;
-        let value = problem.search.aim.of(&shares[0]);
+        let value = problem.search.aim.of(&here);
         // A fresh start may be slightly too heavy, where its masses were raised to the least.
-        if value < self.best.value && overweight(x, None, &mut ()) <= 1e-9 {
+        if value < self.best.value && overweight(x, None) <= 1e-9 {
             self.best.value = value;
             self.best.design = self.variables.design(x);
             problem.note(value);
         }
-        let pairs = shares[1..].chunks_exact(2).zip(&beside);
-        let slopes =
-            pairs.map(|(pair, (_, apart))| (problem.follow(&pair[1]) - problem.follow(&pair[0])) / apart);
-        for (entry, slope) in gradient.into_iter().flatten().zip(slopes) {
-            *entry = slope;
-        }
-        problem.follow(&shares[0])
+        let pair = |(_, apart): &([Vec<f64>; 2], f64)| Some(([shares.next()?, shares.next()?], *apart));
+        let beside = with_slopes.then(|| beside.iter().map_while(pair).collect());
+        Some(KnownShares {
+            x: x.to_vec(),
+            shares: here,
+            beside,
+        })
     }
 
     /// Returns the shares at `x`, then beside it; `None` once the search is spent, stopped, or has failed.
@@ -181,7 +272,7 @@ impl Descent<'_> {
 }
 
 /// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
-fn overweight(x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()) -> f64 {
+fn overweight(x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
     let part = 1.0 / (x.len() / 3) as f64;
     if let Some(gradient) = gradient {
         gradient.fill(0.0);

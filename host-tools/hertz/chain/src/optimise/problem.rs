@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::remaining::{Remaining, given, remaining, struck_at};
-use super::search::{Aim, COARSE, Search};
+use super::search::{COARSE, Search};
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
@@ -43,8 +43,6 @@ pub(super) struct TriedDesign {
 const RAMP: f64 = 4.0;
 /// Factors by which fresh starts differ from the best design, in turn: small, for a valley left too early.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
-/// Exponent of the power mean in place of the greatest share: of three, at most 1.7 % below it.
-const POWER: f64 = 64.0;
 /// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
 /// Least designs computed at once, for any length of chain: enough to share the wave's way to the first host.
@@ -141,17 +139,6 @@ impl Problem<'_> {
         if sofar.best.is_none_or(|best| share < best) {
             sofar.best = Some(share);
             self.sofar.set(sofar);
-        }
-    }
-
-    /// Returns the smooth aim that a descent minimises.
-    pub(super) fn follow(&self, shares: &[f64]) -> f64 {
-        match self.search.aim {
-            Aim::Mean => self.search.aim.of(shares),
-            Aim::Worst => {
-                let mean = shares.iter().map(|share| share.powf(POWER)).sum::<f64>() / shares.len() as f64;
-                mean.powf(1.0 / POWER)
-            }
         }
     }
 

@@ -39,7 +39,7 @@ pub enum Aim {
     /// Their mean.
     #[default]
     Mean,
-    /// The greatest. The descent follows a power mean, which is smooth; designs are compared by the greatest.
+    /// The greatest.
     Worst,
 }
 

@@ -53,7 +53,7 @@ pub struct Chain {
     pub young: f64,
     /// Poisson's ratio.
     pub poisson: f64,
-    /// Viscoelastic relaxation time τ of the contacts, s; 0 is elastic.
+    /// Viscoelastic relaxation time τ of the material, s; 0 is elastic.
     pub relaxation: f64,
     /// Treatment of a total contact force below zero.
     #[serde(default)]
@@ -97,7 +97,8 @@ pub struct Striker {
     /// Mass, kg; without it, that of a full sphere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
-    /// Relaxation time of its contact, s; without it, that of bead 1.
+    /// Relaxation time of its material, s; without it, that of bead 1. The time of a contact follows from
+    /// both bodies' ([`Contact::relaxation`](crate::Contact)).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
 }
@@ -114,7 +115,7 @@ pub struct Wall {
     /// Radius, m; without it the wall is flat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
-    /// Relaxation time of its contact, s; without it, that of the last bead.
+    /// Relaxation time of its material, s; without it, that of the last bead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
     /// Free space between the last bead and the wall at t = 0, m.
@@ -280,7 +281,7 @@ impl Chain {
 }
 
 impl Striker {
-    /// A full sphere of `radius`, m, at `velocity`, m/s, whose contact has the relaxation time of bead 1.
+    /// A full sphere of `radius`, m, at `velocity`, m/s, with the relaxation time of bead 1.
     pub const fn new(radius: f64, material: Material, velocity: f64) -> Self {
         Self {
             radius,
@@ -300,7 +301,7 @@ impl Striker {
 }
 
 impl Wall {
-    /// A flat wall whose contact has the relaxation time of the last bead.
+    /// A flat wall with the relaxation time of the last bead.
     pub const fn flat(material: Material) -> Self {
         Self {
             young: material.young,

@@ -64,6 +64,19 @@ pub(super) struct DualChain<const P: usize> {
     pub(super) push_gain: Dual<P>,
 }
 
+/// One body of a contact.
+#[derive(Debug, Clone, Copy)]
+struct ContactSide {
+    /// θ, 1/Pa.
+    theta: f64,
+    /// The part of θ that goes with the chain's modulus, 1/Pa.
+    theta_of_chain: f64,
+    /// τ of the material, s.
+    relaxation: f64,
+    /// 1 if that is the chain's, else 0.
+    relaxes: f64,
+}
+
 /// The parts of masses, stiffnesses and relaxation times that go with the chain's own material.
 struct Materials<'a, const P: usize> {
     scenario: &'a Scenario,
@@ -92,40 +105,58 @@ impl<const P: usize> Materials<'_, P> {
         f64::from(u8::from(!self.owns(bead, |section| section.relaxation)))
     }
 
-    /// Change of the relaxation time of the contact between two bodies with the chain's. The striker and the
-    /// wall are no beads.
-    fn relaxation_slope(&self, near: Option<usize>, far: Option<usize>) -> f64 {
+    /// Compliance and relaxation time of the bodies before and after contact j (from 1).
+    fn sides(&self, j: usize) -> [ContactSide; 2] {
         let Scenario { striker, wall, .. } = self.scenario;
-        match (near, far) {
-            (Some(near), Some(far)) => 0.5 * (self.relaxes(near) + self.relaxes(far)),
-            (None, Some(far)) if striker.relaxation.is_none() => self.relaxes(far),
-            (Some(near), None) if wall.as_ref().is_some_and(|wall| wall.relaxation.is_none()) => {
-                self.relaxes(near)
+        let bead = |bead: usize| {
+            let (theta, theta_of_chain) = self.theta(bead);
+            ContactSide {
+                theta,
+                theta_of_chain,
+                relaxation: self.spheres[bead - 1].relaxation,
+                relaxes: self.relaxes(bead),
             }
-            _ => 0.0,
+        };
+        // A striker or wall without a relaxation time has that of the bead that it touches.
+        let other = |theta: f64, relaxation: Option<f64>, touched: ContactSide| ContactSide {
+            theta,
+            theta_of_chain: 0.0,
+            relaxation: relaxation.unwrap_or(touched.relaxation),
+            relaxes: if relaxation.is_none() {
+                touched.relaxes
+            } else {
+                0.0
+            },
+        };
+        match (j, wall) {
+            (1, _) => {
+                let theta = compliance(striker.young, striker.poisson);
+                [other(theta, striker.relaxation, bead(1)), bead(1)]
+            }
+            (_, Some(wall)) if j > self.spheres.len() => {
+                let theta = compliance(wall.young, wall.poisson);
+                [bead(j - 1), other(theta, wall.relaxation, bead(j - 1))]
+            }
+            _ => [bead(j - 1), bead(j)],
         }
     }
 
     /// Contact j (from 1) of the model.
     fn contact(&self, model: &Model, j: usize) -> DualContact<P> {
         let contact = model.contact(j);
-        let near = Some(j - 1).filter(|bead| *bead > 0);
-        let far = Some(j).filter(|bead| *bead <= self.spheres.len());
-        let Scenario { striker, wall, .. } = self.scenario;
-        let wall = wall
-            .as_ref()
-            .map_or(0.0, |wall| compliance(wall.young, wall.poisson));
-        let (a, of_a) = near.map_or((compliance(striker.young, striker.poisson), 0.0), |bead| {
-            self.theta(bead)
-        });
-        let (b, of_b) = far.map_or((wall, 0.0), |bead| self.theta(bead));
+        let [a, b] = self.sides(j);
+        let (theta, young) = (a.theta + b.theta, self.scenario.chain.young);
         let mut stiffness = Dual::constant(contact.stiffness);
-        if let Some(direction) = self.seeds.direction(Parameter::Young) {
-            stiffness.by[direction] = contact.stiffness * (of_a + of_b) / (a + b) / self.scenario.chain.young;
-        }
         let mut relaxation = Dual::constant(contact.relaxation);
+        if let Some(direction) = self.seeds.direction(Parameter::Young) {
+            let of_chain = a.theta_of_chain + b.theta_of_chain;
+            stiffness.by[direction] = contact.stiffness * of_chain / theta / young;
+            // τ = τa + (τb - τa) θb/(θa + θb), and θ of the chain goes as 1/Y.
+            let turn = b.theta * a.theta_of_chain - a.theta * b.theta_of_chain;
+            relaxation.by[direction] = (b.relaxation - a.relaxation) * turn / (theta * theta) / young;
+        }
         if let Some(direction) = self.seeds.direction(Parameter::Relaxation) {
-            relaxation.by[direction] = self.relaxation_slope(near, far);
+            relaxation.by[direction] = (a.theta * a.relaxes + b.theta * b.relaxes) / theta;
         }
         // δ₀ = (F₀/κ)^(2/3).
         let mut rest = Dual::constant(contact.static_overlap);
@@ -239,5 +270,62 @@ impl<const P: usize> DualChain<P> {
             *pull += cubic * cube;
         }
         pull
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Wall;
+
+    /// A chain with brass-like beads in it, a striker and a wall that have relaxation times of their own or
+    /// not.
+    fn unlike(own: Option<f64>) -> Scenario {
+        let mut scenario = Scenario::paper();
+        let mut section = Section::of([3, 4]);
+        (section.young, section.relaxation) = (Some(8e9), Some(1e-6));
+        scenario.sections = vec![section, Section::of([6])];
+        scenario.sections[1].relaxation = Some(9e-6);
+        scenario.striker.relaxation = own;
+        let mut wall = Wall::flat(Material::STEEL);
+        (wall.young, wall.relaxation) = (2e9, own);
+        scenario.wall = Some(wall);
+        scenario
+    }
+
+    #[test]
+    fn the_parts_of_contacts_are_differences_of_models() {
+        let parameters = [Parameter::Young, Parameter::Relaxation];
+        for scenario in [unlike(None), unlike(Some(2e-6))] {
+            let chain = DualChain::<2>::new(&scenario, &parameters).unwrap();
+            for (direction, parameter) in parameters.into_iter().enumerate() {
+                let moved = |factor: f64| {
+                    let mut moved = scenario.clone();
+                    match parameter {
+                        Parameter::Young => moved.chain.young *= factor,
+                        _ => moved.chain.relaxation *= factor,
+                    }
+                    Model::of(&moved).unwrap()
+                };
+                let [less, more] = [1.0 - 1e-4, 1.0 + 1e-4].map(moved);
+                let value = match parameter {
+                    Parameter::Young => scenario.chain.young,
+                    _ => scenario.chain.relaxation,
+                };
+                for (contact, j) in chain.contacts.iter().zip(1..) {
+                    let [low, high] = [&less, &more].map(|model| model.contact(j));
+                    for (dual, difference) in [
+                        (contact.relaxation, high.relaxation - low.relaxation),
+                        (contact.stiffness, high.stiffness - low.stiffness),
+                    ] {
+                        let off = dual.by[direction] * value - difference / 2e-4;
+                        assert!(
+                            off.abs() < 1e-7 * dual.value,
+                            "{parameter:?}, contact {j}: {off:e}"
+                        );
+                    }
+                }
+            }
+        }
     }
 }

@@ -170,8 +170,8 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
         "E ~ V²: energy absorbed, greatest over least, less 1":
             per_speed(|run| run.summary.energy.dissipated_intruders, 2.0) => at_most(1e-11);
     ];
-    let panel = Panel::new("F / V^(6/5) (N (s/m)^(6/5))", series);
-    let axis = Axis::new("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0);
+    let panel = Panel::new("F (V₀/V)^(6/5) (N)", series);
+    let axis = Axis::new("t (V/V₀)^(1/5) (ms), V₀ = 1 m/s", 3.0..6.0);
     Ok(Figure::over(axis, vec![panel], checks))
 }
 

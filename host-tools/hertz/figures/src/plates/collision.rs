@@ -49,8 +49,9 @@ fn by_speed(met: &[Met], value: impl Fn(&Met) -> f64) -> Vec<(f64, f64)> {
     met.iter().map(|met| (met.collision.speed, value(met))).collect()
 }
 
+/// Wider than the speeds, so that the first and the last mark are whole.
 fn speed_axis() -> Axis {
-    Axis::log("speed (m/s)", 0.05..5.0)
+    Axis::log("speed (m/s)", 0.04..6.0)
 }
 
 fn farthest(met: &[Met], ratio: impl Fn(&Met) -> f64) -> f64 {

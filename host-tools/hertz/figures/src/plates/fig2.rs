@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, last, peak};
 use crate::plan::{Figure, plans};
-use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+use crate::setting::{AS_PRINTED, DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 use hertz_charts::{Axis, Chart, Panel};
 
 const HOST: usize = 8;
@@ -58,14 +58,13 @@ fn decrease(plain: &FigureRun, run: &FigureRun, contacts: std::ops::RangeInclusi
             .map(|contact| (contact as f64, peak(run, contact)))
             .collect()
     };
-    let ends = (*contacts.start() as f64 - 0.3, *contacts.end() as f64 + 0.3);
     let curves = [
         dotted("without intruder", 0, of(plain)),
         dotted("with intruder", 1, of(run)),
     ];
     Panel::new("highest force (N)", curves.concat())
         .height(170)
-        .over(Axis::new("contact", ends.0..ends.1))
+        .over(Axis::count("contact", contacts))
 }
 
 fn forces_without(lab: &Lab) -> Result<Figure, Error> {
@@ -161,7 +160,7 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
     ];
     let intruder = vec![line("", 3, micro(&run, |e| e.intruders))];
     let panels = vec![
-        Panel::new("energy of the chain (µJ)", chain),
+        Panel::new("energy of the chain (µJ)", chain).note(AS_PRINTED),
         Panel::new("intruder (µJ)", intruder),
     ];
     Ok(Figure::over(time_axis(0.5e-3..DURATION), panels, checks))

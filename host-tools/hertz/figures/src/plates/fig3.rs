@@ -6,16 +6,18 @@ use std::sync::Arc;
 use hertz_chain::{Energies, Snapshot};
 
 use crate::check::checks;
-use crate::curve::{guide, line, over_time, time_axis, told_apart};
+use crate::curve::{dashed, guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
 use crate::observe::{greatest, half_power, magnitudes, spectrum};
 use crate::plan::{Figure, plans};
-use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
-use hertz_charts::{Axis, Mark, Panel, Series};
+use crate::setting::{AS_PRINTED, DAMPING, ELASTIC, MASS, intruder, strike, with};
+use hertz_charts::{Axis, Panel};
 
 const HOST: usize = 8;
 const DURATION: f64 = 0.006;
+/// The darkest colour of a family of curves: the paper's black.
+const BLACK: usize = 6;
 const STIFFNESSES: [f64; 3] = [1e3, 1e5, 1e7];
 
 const SETTING: &str = "38 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 8";
@@ -25,7 +27,8 @@ plans! {
     "3b": "motion of host and intruder, k = 10⁵ N/m"; SETTING => |lab| motion(lab, 1),
     "3c": "motion of host and intruder, k = 10⁷ N/m"; SETTING => |lab| motion(lab, 2),
     "3d": "energy of the chain for three stiffnesses, and what of the striker's energy enters it";
-        "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8" => energy,
+        "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8; E_T as printed, with M for the host"
+        => energy,
     "3e": "spectrum of the incident pulse over the intruder's responses";
         "38 beads, τ = 0, force at contact 8 without intruder; responses by eq. A1" => responses,
 }
@@ -80,7 +83,8 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
             ]
         }
     };
-    let curves = vec![line("host", 0, of(false)), line("intruder", 1, of(true))];
+    // On the stiff spring both move as one: dashes let the host be seen under its intruder.
+    let curves = vec![line("host", 0, of(false)), dashed("intruder", 1, of(true))];
     let panel = Panel::new("displacement (µm)", curves);
     Ok(Figure::over(time_axis(span.clone()), vec![panel], checks))
 }
@@ -115,8 +119,9 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
         "absorbed for good at k = 10³, of that at 10⁵": losses[0] / losses[1] => at_most(0.6);
         "of the striker's energy into the chain", "%": injected => close(21.2, 1e-3);
     ];
-    let chain = Panel::new("energy of the chain (µJ)", curves).over(time_axis(span.clone()));
-    let injection = Panel::new("of the striker's (%)", shares).height(180);
+    let chain = Panel::new("energy of the chain (µJ)", curves).note(AS_PRINTED);
+    let chain = chain.over(time_axis(span.clone()));
+    let injection = Panel::new("share of the energy (%)", shares).height(180);
     let panels = vec![chain, injection.over(time_axis(0.0..0.4e-3))];
     Ok(Figure::over(time_axis(span.clone()), panels, checks))
 }
@@ -127,11 +132,7 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
     let half = half_power(&pulse);
     let impulse = pulse.values()[0].norm();
     let frequencies: Vec<f64> = (0..=300).map(|n| f64::from(n) * 10.0).collect();
-    let pulse_curve = Series {
-        mark: Mark::Broad,
-        ..guide("pulse", magnitudes(&pulse, 3000.0, 1.0 / impulse))
-    };
-    let mut curves = vec![pulse_curve];
+    let mut curves = vec![line("pulse", BLACK, magnitudes(&pulse, 3000.0, 1.0 / impulse))];
     for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
         let points = frequencies.iter().map(|frequency| {
             let omega = TAU * frequency;

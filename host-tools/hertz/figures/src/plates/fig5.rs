@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::lab::Lab;
 use crate::observe::{extremes, last, least_growth};
 use crate::plan::{Figure, plans};
-use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
+use crate::setting::{AS_PRINTED, DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 use hertz_charts::{Axis, Panel};
 
 /// The caption counts the striker as sphere 1: seven spheres without intruders are six beads.
@@ -24,7 +24,8 @@ const SPEEDS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
 plans! {
     "5a": "energy of the chain over time for 0 to 20 intruders";
-        "60 beads, τ = 0, intruders m 3.7 g, k 10⁵ N/m, c 12 N·s/m in beads 7 on" => over_the_run,
+        "60 beads, τ = 0, intruders m 3.7 g, k 10⁵ N/m, c 12 N·s/m in beads 7 on; E_T as printed, with M for the hosts"
+        => over_the_run,
     "5b": "energy left against the number of intruders, five masses";
         "as 5a, m = 2.7, 4.7, 7.7, 12, 20 g; energy 11 ms after the strike" => by_mass,
     "5c": "energy left against the number of intruders, striker at 0.1 to 10 m/s";
@@ -81,7 +82,8 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
     ];
     let named = curves.into_iter().zip(counts).enumerate();
     let series = named.map(|(place, (points, n))| line(format!("n = {n}"), place, points));
-    let panel = Panel::new("energy of the chain (µJ)", series.collect()).named_at_end();
+    let panel = Panel::new("energy of the chain (µJ)", series.collect()).note(AS_PRINTED);
+    let panel = panel.named_at_end();
     Ok(Figure::over(time_axis(1e-3..DURATION), vec![panel], checks))
 }
 

@@ -22,6 +22,8 @@ const CONTACTS: std::ops::RangeInclusive<usize> = 10..=30;
 /// Newton from one curve to the next.
 const STEP: f64 = 4.0;
 const MASSES: [f64; 3] = [0.5e-3, 12e-3, 25e-3];
+/// The frame of the animation that stands for it in print: 6 g, with two waves behind the hosts.
+const STILL: usize = 11;
 
 const SETTING: &str = "46 beads, τ = 0, intruders k 10⁵ N/m, c 12 N·s/m in beads 15 to 23";
 
@@ -105,10 +107,13 @@ fn animation(lab: &Lab) -> Result<Figure, Error> {
         "absorbed, least growth from mass to mass up to 5 g":
             least_growth(&ordinates(&absorbed[..10])) => at_least(1.0);
     ];
-    let panel = Panel::new("absorbed (% of injected)", vec![line("", 0, absorbed)]);
+    let mut still = frames[STILL].0.clone();
+    still.panels[0].x = Some(still.x.clone());
     let axis = Axis::new("intruder's mass m (g)", 0.0..25.0);
+    let panel = Panel::new("absorbed (% of injected)", vec![line("", 0, absorbed)]);
+    still.panels.push(panel.height(170).over(axis));
     Ok(Figure {
         frames: frames.iter().map(|frame| frame.0.clone()).collect(),
-        ..Figure::over(axis, vec![panel], checks)
+        ..Figure::new(still, checks)
     })
 }

@@ -1,5 +1,6 @@
 //! The paper's plates, and figures beyond it: one file a plate.
 
+pub(crate) mod bands;
 pub(crate) mod beyond;
 pub(crate) mod collision;
 pub(crate) mod fig2;
@@ -11,4 +12,5 @@ pub(crate) mod fig7;
 pub(crate) mod fig_a2_a3;
 pub(crate) mod fig_a4;
 pub(crate) mod fig_a5_a6;
+pub(crate) mod meeting;
 pub(crate) mod shaken;

@@ -1,0 +1,117 @@
+//! Charts side by side on one sheet, with the letters of a paper's figure.
+
+use super::canvas::{Anchor, Canvas, escape};
+use super::chart::Chart;
+use super::error::Error;
+use super::ink::{Ink, drawing_style};
+
+/// Size of the letters, pixels.
+const LETTERS: f64 = 16.0;
+/// Height of the strip above a chart that holds its letter, pixels.
+const STRIP: f64 = 20.0;
+/// Between charts, pixels.
+const APART: f64 = 16.0;
+
+/// Charts in rows of equal length, each with a letter above its upper left corner.
+#[derive(Debug, Clone)]
+pub struct Plate {
+    /// The content in words, for readers that cannot see it.
+    pub description: String,
+    /// The letter of each chart, such as `a`, and the chart: row by row.
+    pub charts: Vec<(String, Chart)>,
+    /// Charts in a row, at least 1.
+    pub columns: usize,
+}
+
+impl Plate {
+    /// The plate as a file of its own, with its style sheet.
+    ///
+    /// # Errors
+    /// A chart cannot be drawn ([`Chart::inline_svg`]), or there is none.
+    pub fn standalone_svg(&self) -> Result<String, Error> {
+        self.svg(&format!("<style>{}</style>\n", drawing_style()))
+    }
+
+    /// The plate in its light colours, for programs without style sheets.
+    ///
+    /// # Errors
+    /// As [`Plate::standalone_svg`].
+    pub fn plain_svg(&self) -> Result<String, Error> {
+        self.svg("")
+    }
+
+    fn svg(&self, head: &str) -> Result<String, Error> {
+        if self.charts.is_empty() || self.columns == 0 {
+            return Err(Error::new(&self.description, "", "a plate has no chart"));
+        }
+        let mut drawings = String::new();
+        let (mut width, mut top) = (0.0_f64, 0.0);
+        for row in self.charts.chunks(self.columns) {
+            let (mut left, mut tallest) = (0.0, 0.0_f64);
+            for (letter, chart) in row {
+                let (wide, high) = chart.size();
+                let mut lettered = Canvas::default();
+                let place = (left + 0.5 * LETTERS, top + 0.5 * STRIP);
+                lettered.text(&format!("({letter})"), place, LETTERS, Ink::Text, Anchor::Start);
+                drawings += &format!(
+                    "{}<g transform=\"translate({left} {})\">\n{}</g>\n",
+                    lettered.into_svg(),
+                    top + STRIP,
+                    chart.draw()?,
+                );
+                left += wide + APART;
+                tallest = tallest.max(STRIP + high);
+            }
+            width = width.max(left - APART);
+            top += tallest + APART;
+        }
+        let height = top - APART;
+        let mut sheet = Canvas::default();
+        sheet.fill((width, height), Ink::Paper);
+        Ok(format!(
+            "<svg width=\"{width}\" height=\"{height}\" class=\"chart\" role=\"img\" aria-label=\"{}\" \
+             viewBox=\"0 0 {width} {height}\" xmlns=\"http://www.w3.org/2000/svg\">\n{head}{}{drawings}</svg>\n",
+            escape(&self.description),
+            sheet.into_svg()
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Axis, Mark, Panel, Series};
+
+    fn chart(height: u32) -> Chart {
+        let series = Series {
+            name: String::new(),
+            ink: Ink::Curve(0),
+            mark: Mark::Line,
+            points: vec![(0.0, 0.0), (1.0, 1.0)],
+        };
+        let panel = Panel::new("y", vec![series]).height(height);
+        Chart::new(Axis::new("x", 0.0..1.0), vec![panel])
+    }
+
+    #[test]
+    fn charts_stand_in_rows_below_the_tallest_of_the_row_before() {
+        let [low, tall] = [100, 200].map(chart);
+        let (wide, high) = tall.size();
+        let charts = [("a", low.clone()), ("b", tall), ("c", low)];
+        let mut plate = Plate {
+            description: "three".to_owned(),
+            charts: charts.map(|(letter, chart)| (letter.to_owned(), chart)).into(),
+            columns: 2,
+        };
+        let svg = plate.plain_svg().unwrap();
+        let places = [(0.0, 0.0), (wide + APART, 0.0), (0.0, STRIP + high + APART)];
+        for ((left, top), letter) in places.into_iter().zip(["(a)", "(b)", "(c)"]) {
+            let (_, after) = svg.split_once(letter).unwrap();
+            let chart = format!("</text>\n<g transform=\"translate({left} {})\">", top + STRIP);
+            assert!(after.starts_with(&chart), "{letter}: {chart}");
+        }
+        assert!(svg.starts_with(&format!("<svg width=\"{}\"", 2.0 * wide + APART)));
+        plate.charts.clear();
+        assert!(plate.standalone_svg().is_err());
+    }
+}

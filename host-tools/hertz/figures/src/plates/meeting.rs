@@ -1,0 +1,62 @@
+//! Two equal solitary waves that meet: each leaves a small wave behind it, far smaller if they meet in a
+//! sphere than if they meet at a contact (arXiv:1102.3364, which finds both to grow with friction).
+
+use hertz_chain::{PulseSearch, Scenario, Start};
+use hertz_charts::Panel;
+
+use crate::check::checks;
+use crate::curve::{force_over_time, line, time_axis, told_apart};
+use crate::error::Error;
+use crate::lab::{FigureRun, Lab};
+use crate::plan::{Figure, plans};
+use crate::setting::{ELASTIC, strike};
+
+plans! {
+    "meeting": "force at contact 10 as two solitary waves meet in the middle of 42 and of 41 spheres";
+        "42 and 41 equal spheres R 19 mm, τ = 0: the first and the last come in at 0.45 m/s from both ends" => meeting,
+}
+
+const CONTACT: usize = 10;
+const SPAN: std::ops::Range<f64> = 1e-3..8e-3;
+
+/// A row of spheres of which the first and the last fly towards each other.
+fn scenario(spheres: usize) -> Scenario {
+    let last = spheres - 1;
+    let mut scenario = strike(last, ELASTIC, 0.01);
+    let chain = &scenario.chain;
+    (scenario.striker.radius, scenario.striker.density) = (chain.radius, chain.density);
+    (scenario.striker.young, scenario.striker.poisson) = (chain.young, chain.poisson);
+    scenario.starts = vec![Start::moving([last], -scenario.striker.velocity)];
+    scenario
+}
+
+/// Force of the wave that follows the other one, over that of the first to pass, %.
+fn secondary(run: &FigureRun) -> Result<f64, Error> {
+    let pulses = run.solution.pulses(CONTACT, &PulseSearch::default());
+    match pulses[..] {
+        [first, _, third, ..] => Ok(100.0 * third.force / first.force),
+        _ => Err(Error::Missing(format!("no third wave passes contact {CONTACT}"))),
+    }
+}
+
+fn meeting(lab: &Lab) -> Result<Figure, Error> {
+    let [even, odd] = [lab.run(&scenario(42))?, lab.run(&scenario(41))?];
+    let checks = checks![
+        "secondary wave, 42 spheres: the waves meet at a contact", "%": secondary(&even)? => near(2.62, 0.005);
+        "secondary wave, 41 spheres: the waves meet in a sphere", "%": secondary(&odd)? => near(0.55, 0.005);
+    ];
+    let force = |run: &FigureRun| force_over_time(&run.solution, &SPAN, CONTACT);
+    let curves = |named: bool| {
+        let name = |name: &str| if named { name.to_owned() } else { String::new() };
+        vec![
+            line(name("42 spheres"), 0, force(&even)),
+            told_apart(name("41 spheres"), 1, force(&odd)),
+        ]
+    };
+    let magnified = Panel::new("force at 10 (N)", curves(false)).range(0.0, 3.5);
+    let panels = vec![
+        Panel::new("force at 10 (N)", curves(true)).height(150),
+        magnified.height(150).note("the same, magnified"),
+    ];
+    Ok(Figure::over(time_axis(SPAN), panels, checks))
+}
