@@ -1,8 +1,8 @@
 //! Execution of instructions, one after the other.
 
-use super::Registers;
 use super::alu::{add, shift};
 use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place, is_wide, narrow, wide};
+use super::registers::Registers;
 use super::turns::Turns;
 
 /// A word that was read.

@@ -6,7 +6,7 @@
 //! after 1, 2, 4, ... branches). If they are equal, if no store between the two has changed memory, and if
 //! what was read keeps its value, then the same turn follows again and again.
 
-use super::Registers;
+use super::registers::Registers;
 
 #[derive(Debug, Default)]
 pub(super) struct Turns {
