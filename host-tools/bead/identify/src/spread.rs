@@ -80,8 +80,8 @@ fn by_held(normal: &Normal, free: &[Quantity], covariance: &DMatrix<f64>, held: 
 }
 
 /// Covariance of the logarithms of all quantities, by the scatter (`unscaled` is that by the noise, and
-/// `scale` the factor in standard errors), by relative standard uncertainties of the held ones, and by that of
-/// the bead's clock. A held quantity without one counts as exact.
+/// `scale` the factor in standard errors), by relative standard uncertainties of the held ones, and by that
+/// of the bead's clock. A held quantity without one counts as exact.
 pub fn combined(
     normal: &Normal,
     free: &[Quantity],
