@@ -3,7 +3,8 @@
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -322,6 +323,42 @@ fn a_line_is_shown_while_the_image_runs() {
     assert_eq!(first, "INFO  clock source 1\n");
     host.kill().unwrap();
     host.wait().unwrap();
+}
+
+#[test]
+fn a_program_talks_to_a_uart_by_tcp_and_its_text_ends_the_run() {
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    host.args([
+        "--uart",
+        "USART3=tcp:127.0.0.1:0",
+        "--uart",
+        "USART3=stdout",
+        "--until",
+        "^echo$",
+    ]);
+    host.args(["--for", "1000s", "--timeout", "1000s"])
+        .arg(image("ports"));
+    let mut host = host
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = String::new();
+    let mut errors = BufReader::new(host.stderr.take().unwrap());
+    errors.read_line(&mut said).unwrap();
+    let (_, address) = said.trim_end().rsplit_once(' ').unwrap();
+    let mut line = TcpStream::connect(address).unwrap();
+    line.write_all(b"echo").unwrap();
+    let mut echo = [0; 4];
+    line.read_exact(&mut echo).unwrap();
+    assert_eq!(&echo, b"echo");
+    let ended = host.wait_with_output().unwrap();
+    let shown = String::from_utf8(ended.stdout).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{shown}");
+    assert!(
+        shown.contains("USART3: echo\n") && shown.contains("4 bytes from USART3\n"),
+        "{shown}"
+    );
 }
 
 #[test]

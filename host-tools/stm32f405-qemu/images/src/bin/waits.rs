@@ -77,6 +77,7 @@ fn prepare(way: u32) {
 }
 
 #[inline(never)]
+#[expect(clippy::empty_loop, reason = "many programs end in one")]
 fn wait(way: u32) {
     match way {
         0 => until_passed(TIM2 + 0x24),
