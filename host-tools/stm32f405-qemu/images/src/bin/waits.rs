@@ -108,7 +108,6 @@ fn wait(way: u32) {
             let sum = all_kinds();
             defmt::info!("sum {:#x}", sum);
         }
-        #[allow(clippy::empty_loop, reason = "an image that hangs does so")]
         _ => loop {},
     }
 }
