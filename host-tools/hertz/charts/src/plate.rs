@@ -12,14 +12,14 @@ const STRIP: f64 = 20.0;
 /// Between charts, pixels.
 const APART: f64 = 16.0;
 
-/// Charts in rows of equal length, each with a letter above its upper left corner.
+/// Charts in columns, each with a letter above its upper left corner.
 #[derive(Debug, Clone)]
 pub struct Plate {
     /// The content in words, for readers that cannot see it.
     pub description: String,
-    /// The letter of each chart, such as `a`, and the chart: row by row.
+    /// The letter of each chart, such as `a`, and the chart. Each comes below the column that is shortest so far.
     pub charts: Vec<(String, Chart)>,
-    /// Charts in a row, at least 1.
+    /// Number of columns, at least 1.
     pub columns: usize,
 }
 
@@ -45,27 +45,28 @@ impl Plate {
             return Err(Error::new(&self.description, "", "a plate has no chart"));
         }
         let mut drawings = String::new();
-        let (mut width, mut top) = (0.0_f64, 0.0);
-        for row in self.charts.chunks(self.columns) {
-            let (mut left, mut tallest) = (0.0, 0.0_f64);
-            for (letter, chart) in row {
-                let (wide, high) = chart.size();
-                let mut lettered = Canvas::default();
-                let place = (left + 0.5 * LETTERS, top + 0.5 * STRIP);
-                lettered.text(&format!("({letter})"), place, LETTERS, Ink::Text, Anchor::Start);
-                drawings += &format!(
-                    "{}<g transform=\"translate({left} {})\">\n{}</g>\n",
-                    lettered.into_svg(),
-                    top + STRIP,
-                    chart.draw()?,
-                );
-                left += wide + APART;
-                tallest = tallest.max(STRIP + high);
-            }
-            width = width.max(left - APART);
-            top += tallest + APART;
+        let sizes = self.charts.iter().map(|(_, chart)| chart.size());
+        let across = APART + sizes.map(|(wide, _)| wide).fold(0.0, f64::max);
+        let mut columns: Vec<(f64, f64)> = (0..self.columns.min(self.charts.len()))
+            .map(|column| (column as f64 * across, 0.0))
+            .collect();
+        for (letter, chart) in &self.charts {
+            // The first of equal ones, so that charts of one height stand in rows.
+            let shortest = columns.iter_mut().min_by(|one, other| one.1.total_cmp(&other.1));
+            let Some((left, top)) = shortest else { continue };
+            let mut lettered = Canvas::default();
+            let place = (*left + 0.5 * LETTERS, *top + 0.5 * STRIP);
+            lettered.text(&format!("({letter})"), place, LETTERS, Ink::Text, Anchor::Start);
+            drawings += &format!(
+                "{}<g transform=\"translate({left} {})\">\n{}</g>\n",
+                lettered.into_svg(),
+                *top + STRIP,
+                chart.draw()?,
+            );
+            *top += STRIP + chart.size().1 + APART;
         }
-        let height = top - APART;
+        let width = columns.len() as f64 * across - APART;
+        let height = columns.iter().map(|(_, below)| *below).fold(0.0, f64::max) - APART;
         let mut sheet = Canvas::default();
         sheet.fill((width, height), Ink::Paper);
         Ok(format!(
@@ -94,9 +95,9 @@ mod tests {
     }
 
     #[test]
-    fn charts_stand_in_rows_below_the_tallest_of_the_row_before() {
+    fn a_chart_comes_below_the_shortest_column() {
         let [low, tall] = [100, 200].map(chart);
-        let (wide, high) = tall.size();
+        let (wide, high) = low.size();
         let charts = [("a", low.clone()), ("b", tall), ("c", low)];
         let mut plate = Plate {
             description: "three".to_owned(),
