@@ -17,7 +17,8 @@ const APART: f64 = 16.0;
 pub struct Plate {
     /// The content in words, for readers that cannot see it.
     pub description: String,
-    /// The letter of each chart, such as `a`, and the chart. Each comes below the column that is shortest so far.
+    /// The letter of each chart, such as `a`, and the chart. Each comes below the column that is shortest so
+    /// far.
     pub charts: Vec<(String, Chart)>,
     /// Number of columns, at least 1.
     pub columns: usize,
