@@ -180,7 +180,7 @@ impl Machine {
         }
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
         self.polls.accessed(word);
-        // What has happened may have changed memory.
+        // An event may have changed memory.
         let holds_until = if happened {
             now
         } else {

@@ -190,7 +190,7 @@ impl Run {
         }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
-            // What the image writes to its standard output comes there by another way, and in order.
+            // Standard output of the image comes there by another way, and in order.
             let output = format!("file,id=semihosting,path={},append=on", said.display());
             arguments.extend(["-chardev".into(), output.into(), "-semihosting-config".into()]);
             let words = self.semihosting_arguments.iter();

@@ -5,7 +5,7 @@ use super::table::{PeripheralRow, TABLE, offset_in, row_at};
 /// A read that has no effect but its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SteadyRead {
-    /// What is read.
+    /// The value that is read.
     pub value: u32,
     /// Time up to which another read gives the same, ns. Not later than this read if something has happened
     /// before it.

@@ -94,7 +94,7 @@ impl Watch {
     }
 }
 
-/// What surrounds the processor while the interpreter takes its place.
+/// Memory, registers and limits around the processor while the interpreter takes its place.
 pub(super) struct Surroundings<'a, 'b> {
     pub(super) machine: &'a mut Machine,
     pub(super) outside: &'a mut Outside<'b>,
@@ -149,7 +149,7 @@ impl Bus for Surroundings<'_, '_> {
 /// First address of the processor's own peripherals.
 const PPB: u32 = 0xe000_0000;
 
-/// What the interpreter has executed.
+/// Instructions that the interpreter has executed, and the state after them.
 pub(super) struct Executed {
     pub(super) registers: Registers,
     pub(super) now: u64,

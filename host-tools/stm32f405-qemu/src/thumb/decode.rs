@@ -2,7 +2,7 @@
 
 use super::alu::{self, Shift};
 
-/// What is done to two operands.
+/// An operation on two operands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Operation {
     And,

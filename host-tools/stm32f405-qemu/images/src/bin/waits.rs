@@ -58,7 +58,7 @@ fn main() -> ! {
     done()
 }
 
-/// What a way needs beside the clocks.
+/// Sets up what a way needs beside the clocks.
 fn prepare(way: u32) {
     match way {
         5 => {

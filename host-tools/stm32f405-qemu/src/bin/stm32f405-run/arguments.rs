@@ -100,7 +100,7 @@ impl Arguments {
         }
     }
 
-    /// The same, with another time of the image.
+    /// These arguments with another time of the image.
     pub(crate) fn with_time(&self, time: Duration) -> Self {
         Self { time, ..self.clone() }
     }
@@ -120,7 +120,7 @@ impl Arguments {
         run.semihosting_arguments.clone_from(&self.words);
         run.record_pins = self.vcd.is_some();
         run.gdb = self.gdb;
-        // What comes in by a UART may end a loop.
+        // A byte that comes in by a UART may end a loop.
         run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);
         run
     }

@@ -133,7 +133,7 @@ fn run_one(
     let mut run = arguments.run();
     run.semihosting = true;
     run.semihosting_arguments = vec!["run_addr".into(), case.address.to_string()];
-    let mut lines = Lines::new(arguments);
+    let mut lines = Lines::new(&arguments.uart, arguments.until.as_ref());
     lines.kept = (!show).then(Vec::new);
     let limit_s = case.timeout_s.unwrap_or(LIMIT_S);
     let arguments = arguments.with_time(Duration::from_secs(limit_s.into()));

@@ -34,7 +34,8 @@ fn run(arguments: &Arguments) -> Result<Verdict, RunError> {
         Some(all) => cases::run(arguments, &all),
         None => {
             arguments.check_words()?;
-            let session = session::run(arguments.run(), arguments, &mut uart::Lines::new(arguments))?;
+            let mut lines = uart::Lines::new(&arguments.uart, arguments.until.as_ref());
+            let session = session::run(arguments.run(), arguments, &mut lines)?;
             let verdict = report::verdict(&session, arguments.strict);
             report::summary(&session);
             report::write(arguments, &session, &verdict)?;

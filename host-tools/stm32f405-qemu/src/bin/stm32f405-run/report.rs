@@ -1,4 +1,4 @@
-//! What came of a run: for a reader, and for other programs.
+//! The result of a run, for a reader and for other programs.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -157,7 +157,7 @@ fn tell(outcome: &Outcome, session: &Session, to: &mut impl Write) -> io::Result
     Ok(())
 }
 
-/// What came of a run, in JSON.
+/// The result of a run, in JSON.
 #[derive(Serialize)]
 struct Json<'a> {
     status: u8,

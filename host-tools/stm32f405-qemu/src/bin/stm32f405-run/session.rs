@@ -10,7 +10,7 @@ use super::uart::{Lines, SEMIHOSTING, Ways};
 /// Virtual time from look to look, ns.
 const STEP_NS: u64 = 10_000_000;
 
-/// What came of a run.
+/// The result of a run.
 pub(crate) struct Session {
     pub(crate) result: Result<Outcome, RunError>,
     /// `--until` was given, and whether its pattern was found.
@@ -70,7 +70,7 @@ fn through(
         if now >= ends_at {
             break;
         }
-        // What is there from the beginning waits until the image may have set up its ports.
+        // Input that is there from the beginning waits until the image may have set up its ports.
         let uart = if now < STEP_NS {
             Vec::new()
         } else {

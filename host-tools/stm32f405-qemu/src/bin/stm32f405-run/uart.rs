@@ -11,8 +11,6 @@ use regex::Regex;
 use serialport::{SerialPort, TTYPort};
 use stm32f405_qemu::{RunError, Uart, UartInput};
 
-use super::arguments::Arguments;
-
 const PORTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6"];
 
 /// A UART and where it leads.
@@ -95,7 +93,7 @@ impl Ways {
         }
     }
 
-    /// What has come in, for the receivers at this time.
+    /// The bytes that have come in, for the receivers at this time.
     pub(crate) fn received(&mut self, at_ns: u64) -> Vec<UartInput> {
         let mut all = Vec::new();
         for way in &mut self.0 {
@@ -204,14 +202,12 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    pub(crate) fn new(arguments: &Arguments) -> Self {
-        let to_output = arguments
-            .uart
-            .iter()
-            .filter(|way| matches!(way.to, Where::Stdout));
+    /// Lines of the UARTs whose way is standard output, and a search for `until` in them.
+    pub(crate) fn new(ways: &[Way], until: Option<&Regex>) -> Self {
+        let to_output = ways.iter().filter(|way| matches!(way.to, Where::Stdout));
         Self {
             shown: to_output.map(|way| way.port.clone()).collect(),
-            until: arguments.until.clone(),
+            until: until.cloned(),
             found: false,
             begun: BTreeMap::new(),
             kept: None,
