@@ -73,7 +73,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// So many seconds of an image in one of this computer, from now on.
+    /// A pace from now on: seconds of an image in one second of this computer.
     pub fn new(factor: f64) -> Self {
         let started = Arc::new(Mutex::new(Instant::now()));
         Self { started, factor }
