@@ -100,6 +100,20 @@ impl Arguments {
         }
     }
 
+    /// Refuses an output that is the image, which would be emptied.
+    pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
+        let named = self.uart.iter().filter_map(super::uart::Way::file);
+        let mut outputs = named.chain(&self.vcd).chain(&self.json).chain(&self.junit);
+        let image = self.elf.canonicalize().ok();
+        match outputs.find(|out| image.is_some() && out.canonicalize().ok() == image) {
+            Some(out) => Err(RunError::Input(format!(
+                "{} is the image itself; give the output another name",
+                out.display()
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// These arguments with another time of the image.
     pub(crate) fn with_time(&self, time: Duration) -> Self {
         Self { time, ..self.clone() }

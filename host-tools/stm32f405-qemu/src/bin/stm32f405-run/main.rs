@@ -30,6 +30,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<Verdict, RunError> {
+    arguments.check_outputs()?;
     match test_cases(&arguments.elf)? {
         Some(all) => cases::run(arguments, &all),
         None => {

@@ -33,6 +33,14 @@ impl Way {
     pub(crate) fn has_input(&self) -> bool {
         matches!(self.to, Where::Pty | Where::Tcp(_))
     }
+
+    /// The file that it leads to.
+    pub(crate) fn file(&self) -> Option<&PathBuf> {
+        match &self.to {
+            Where::File(path) => Some(path),
+            _ => None,
+        }
+    }
 }
 
 /// Reads `USART2=stdout` and the like.
