@@ -308,6 +308,23 @@ fn the_program_ends_at_a_pattern_and_stops_when_nobody_reads() {
 }
 
 #[test]
+fn an_output_that_is_the_image_is_refused_before_it_is_emptied() {
+    let copy = tempfile::NamedTempFile::new().unwrap();
+    let bytes = std::fs::copy(image("logs"), copy.path()).unwrap();
+    let path = copy.path().display().to_string();
+    for output in [
+        ["--uart".to_owned(), format!("USART2=file:{path}")],
+        ["--json".to_owned(), path.clone()],
+    ] {
+        let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+        let ran = host.args(output).arg(copy.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+        assert!(said.contains("is the image itself"), "{said}");
+        assert_eq!(copy.path().metadata().unwrap().len(), bytes);
+    }
+}
+
+#[test]
 fn a_line_is_shown_while_the_image_runs() {
     let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
     let limits = ["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"];
