@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use hertz_chain::{Aim, OptimiseError, Search, SearchProgress, optimise as search_for};
+use hertz_chain::{Aim, Objective, OptimiseError, Search, SearchProgress, optimise as search_for};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 
@@ -14,7 +14,7 @@ use crate::scenario::Scenario;
 /// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
 /// returns False.
 #[pyfunction]
-#[pyo3(signature = (scenario, hosts, total_mass, speeds, worst, alike, evaluations, callback))]
+#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, speeds, worst, alike, evaluations, callback))]
 #[expect(
     clippy::too_many_arguments,
     reason = "the Python function in front of it names them"
@@ -24,6 +24,8 @@ pub(crate) fn optimise(
     scenario: &Scenario,
     hosts: Vec<usize>,
     total_mass: f64,
+    objective: &str,
+    loss_factor: Option<f64>,
     speeds: Vec<f64>,
     worst: bool,
     alike: bool,
@@ -32,6 +34,8 @@ pub(crate) fn optimise(
 ) -> PyResult<(String, Scenario)> {
     let refused = |error: OptimiseError| ScenarioError::new_err(error.to_string());
     let mut search = Search::new(&scenario.0, hosts, total_mass).map_err(refused)?;
+    search.objective = objective.parse::<Objective>().map_err(ScenarioError::new_err)?;
+    search.loss_factor = loss_factor;
     search.speeds = speeds;
     search.alike = alike;
     if worst {

@@ -45,7 +45,8 @@ pub use flow::{Flow, Transfer};
 pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use optimise::{
-    Aim, OptimiseError, Optimum, Remaining, Search, SearchObserver, SearchProgress, optimise, remaining,
+    Aim, Objective, OptimiseError, Optimum, Remaining, Search, SearchObserver, SearchProgress, optimise,
+    remaining,
 };
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};

@@ -559,11 +559,17 @@ impl Model {
 
     /// Σ M V over the bodies, with intruders at their own velocity, kg·m/s.
     pub(crate) fn momentum(&self, y: &[f64]) -> f64 {
+        self.momentum_from(y, 0)
+    }
+
+    /// Momentum of the bodies from this one to the last, with their intruders, kg·m/s.
+    pub(crate) fn momentum_from(&self, y: &[f64], first: usize) -> f64 {
         let layout = self.layout();
         let body = |n: usize| self.masses[n] * y[layout.velocity(n)];
         let intruder = |i: usize| self.intruders[i].oscillator.mass * y[layout.relative_velocity(i)];
-        let bodies: f64 = (0..layout.bodies).map(body).sum();
-        let intruders: f64 = (0..layout.intruders).map(intruder).sum();
+        let bodies: f64 = (first..layout.bodies).map(body).sum();
+        let hosted = (0..layout.intruders).filter(|&i| self.intruders[i].bead >= first);
+        let intruders: f64 = hosted.map(intruder).sum();
         bodies + intruders
     }
 

@@ -206,6 +206,14 @@ impl<'a> Snapshot<'a> {
         index.map_or(0.0, |index| self.state[index])
     }
 
+    /// Impulse of a contact beyond that of its static load since t = 0, ∫ (F - F₀) dt, N·s: the momentum that
+    /// the bodies behind it and the wall have gained.
+    pub fn impulse(&self, contact: usize) -> f64 {
+        let starts = self.model.starts.iter().enumerate().skip(contact);
+        let before: f64 = starts.map(|(body, start)| self.model.mass(body) * start.1).sum();
+        self.model.momentum_from(&self.state, contact) + self.wall_impulse() - before
+    }
+
     fn body(&self, body: usize) {
         assert!(body < self.model.bodies(), "body {body} is not of this chain");
     }

@@ -1,6 +1,6 @@
 //! Why a figure is not drawn.
 
-use hertz_chain::{FitError, SimulateError};
+use hertz_chain::{FitError, OptimiseError, SimulateError};
 
 /// Why a figure is not drawn.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,9 @@ pub enum Error {
     /// A fit to a simulation found nothing.
     #[error(transparent)]
     Fit(#[from] FitError),
+    /// A search for intruders did not begin or ended early.
+    #[error(transparent)]
+    Search(#[from] OptimiseError),
     /// A simulation lacks what the figure shows.
     #[error("{0}")]
     Missing(String),

@@ -57,6 +57,8 @@ def optimise(
     scenario: Scenario,
     hosts: list[int],
     total_mass: float,
+    objective: str,
+    loss_factor: float | None,
     speeds: list[float],
     worst: bool,
     alike: bool,

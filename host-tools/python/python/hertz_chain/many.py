@@ -134,7 +134,8 @@ class Optimum:
 
     #: The scenario with them.
     scenario: Scenario
-    #: Share of the injected energy that they leave in the chain.
+    #: The objective with them, as a part of that without intruders: of `remaining`, the share of the injected energy
+    #: that they leave in the chain.
     share: float
     #: The whole result, as `bead optimise --format json` prints it.
     report: dict[str, Any]
@@ -145,20 +146,26 @@ def optimise(
     hosts: Sequence[int],
     total_mass: float,
     *,
+    objective: str = "remaining",
+    loss_factor: float | None = None,
     speeds: Sequence[float] = (),
     worst: bool = False,
     alike: bool = False,
     evaluations: int | None = None,
     callback: Callable[[int, float | None, int], object] | None = None,
 ) -> Optimum:
-    """Find the intruders that leave the least energy in the chain.
+    """Find the intruders that leave the least energy in the chain, or the least of another objective.
 
     Args:
         scenario: the chain and its strike. Its own intruders are left out.
         hosts: the beads that may hold an intruder each.
         total_mass: greatest sum of their masses, kg.
+        objective: what is made small: `remaining` (the share of the injected energy that the intruders have not
+            dissipated), `force:13` (greatest force of contact 13), `energy-behind:13` (energy of the beads behind
+            bead 13 at the end), `impulse:13` (impulse of contact 13).
+        loss_factor: c / √(k m) of all intruders, in place of a free damping.
         speeds: speeds of the striker, m/s; the scenario's own by default.
-        worst: of several speeds the greatest share counts, and not the mean.
+        worst: of several speeds the greatest value counts, and not the mean.
         alike: all intruders are alike.
         evaluations: most designs to try.
         callback: is called often with the designs tried, the least share so far and the descents begun. If it returns
@@ -169,7 +176,16 @@ def optimise(
         KeyboardInterrupt: Ctrl-C.
     """
     report, native = _hertz_chain.optimise(
-        scenario._native, list(hosts), total_mass, list(speeds), worst, alike, evaluations, callback
+        scenario._native,
+        list(hosts),
+        total_mass,
+        objective,
+        loss_factor,
+        list(speeds),
+        worst,
+        alike,
+        evaluations,
+        callback,
     )
     found: dict[str, Any] = json.loads(report)
     return Optimum(scenario=Scenario._of(native), share=found["share"], report=found)

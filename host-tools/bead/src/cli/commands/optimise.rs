@@ -1,10 +1,10 @@
-//! `bead optimise`: the intruders that leave least energy in the chain.
+//! `bead optimise`: the intruders that leave least energy in the chain, or least force at a contact.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use hertz_chain::{
-    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Search,
+    Accuracy, Aim, InputError, Intruder, Objective, OptimiseError, Optimum, Oscillator, Remaining, Search,
     SearchProgress, SimulateError, optimise, remaining,
 };
 
@@ -15,8 +15,15 @@ const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
 run: what they still hold, what was reflected and transmitted, and what the contacts lost. The scenario's \
 duration is that of a strike at the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, \
-in which its wave comes as far if the chain is not under a load. The duration must let the whole wave pass the hosts, and the chain must be \
-so long that nothing comes back: the result tells both.
+in which its wave comes as far if the chain is not under a load. The duration must let the whole wave pass \
+the hosts, and the chain must be so long that nothing comes back: the result tells both.
+
+Intruders that leave the least energy are not those that protect best. --objective chooses what is made small:
+  remaining         the share of the injected energy that the intruders have not dissipated
+  force:13          the greatest force of contact 13, N
+  energy-behind:13  the energy of the beads behind bead 13 at the end of the run, J
+  impulse:13        the impulse that contact 13 passes on, N·s
+Of several strikes, the mean (or the worst) of each value over that without intruders counts.
 
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
@@ -25,6 +32,8 @@ Examples:
       --total-mass 0.03 --mass 0.001:0.02 --out best.toml
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
       --total-mass 0.12 --velocity 0.1,1,10 --worst
+  bead optimise docs/scenarios/paper-strike.toml --bead 5,7,8 \\
+      --total-mass 0.03 --objective force:13 --loss-factor 0.2
   bead simulate best.toml";
 
 #[derive(Debug, Args)]
@@ -47,6 +56,12 @@ pub(crate) struct Arguments {
     /// Least and greatest damping, N·s/m [default: three decades about the damping that fits the strike].
     #[arg(long, value_name = "LOW:HIGH", value_parser = bounds)]
     damping: Option<Limits>,
+    /// Loss factor c/√(k m) of all intruders, in place of a free damping: one material for all springs.
+    #[arg(long, value_name = "ETA", conflicts_with = "damping")]
+    loss_factor: Option<f64>,
+    /// What is made small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
+    #[arg(long, value_name = "WHAT", default_value = "remaining")]
+    objective: Objective,
     /// Velocities of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
     velocity: Vec<f64>,
@@ -94,6 +109,8 @@ pub(crate) struct SearchReport {
     mass_kg: Limits,
     stiffness_n_per_m: Limits,
     damping_n_s_per_m: Limits,
+    /// Of all intruders, where it ties the damping to mass and stiffness.
+    loss_factor: Option<f64>,
     aim: Aim,
     optimum: Optimum,
     compared: Vec<OtherIntruders>,
@@ -106,6 +123,8 @@ struct OtherIntruders {
     /// Together.
     mass_kg: f64,
     share: f64,
+    /// Of the objective at each strike, in its own unit.
+    values: Vec<f64>,
     strikes: Vec<Remaining>,
 }
 
@@ -119,11 +138,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let compared = compare(&scenario, &search)?;
     let bar = output::progress(search.evaluations as u64);
     let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());
+    let remains = match search.objective {
+        Objective::Remaining => "remains",
+        _ => "of that without intruders",
+    };
     let watch = |sofar: SearchProgress| {
         bar.set_position(sofar.evaluations as u64);
         if let Some(best) = sofar.best {
             let (best, descents) = (100.0 * best, sofar.descents);
-            bar.set_message(format!("designs; {best:.4} % remains, descent {descents}"));
+            bar.set_message(format!("designs; {best:.4} % {remains}, descent {descents}"));
         }
         if stop.load(Ordering::Relaxed) {
             return ControlFlow::Break(());
@@ -145,6 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         mass_kg: search.mass,
         stiffness_n_per_m: search.stiffness,
         damping_n_s_per_m: search.damping,
+        loss_factor: search.loss_factor,
         aim: search.aim,
         optimum,
         compared,
@@ -158,6 +182,8 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
     search.mass = arguments.mass.unwrap_or(search.mass);
     search.stiffness = arguments.stiffness.unwrap_or(search.stiffness);
     search.damping = arguments.damping.unwrap_or(search.damping);
+    search.loss_factor = arguments.loss_factor;
+    search.objective = arguments.objective;
     search.hosts.sort_unstable();
     search.speeds.clone_from(&arguments.velocity);
     search.aim = if arguments.worst { Aim::Worst } else { Aim::Mean };
@@ -179,7 +205,29 @@ fn found(aim: Aim, optimum: &Optimum) -> String {
         (_, Aim::Mean) => "on the average ",
     };
     let (share, speeds) = (percent(optimum.share), speeds.join(", "));
-    format!("{of}{share} % of the injected energy remains at {speeds} m/s")
+    let left = match optimum.objective {
+        Objective::Remaining => "the injected energy remains".to_owned(),
+        objective => format!("the {} without intruders is left", name(objective)),
+    };
+    format!("{of}{share} % of {left} at {speeds} m/s")
+}
+
+fn name(objective: Objective) -> String {
+    match objective {
+        Objective::Force(contact) => format!("force of contact {contact}"),
+        Objective::EnergyBehind(bead) => format!("energy behind bead {bead}"),
+        Objective::Impulse(contact) => format!("impulse of contact {contact}"),
+        _ => "energy that remains".to_owned(),
+    }
+}
+
+/// The unit in which values of an objective are shown, and its size.
+fn unit(objective: Objective) -> (&'static str, f64) {
+    match objective {
+        Objective::EnergyBehind(_) => ("µJ", 1e-6),
+        Objective::Impulse(_) => ("mN·s", 1e-3),
+        _ => (objective.unit(), 1.0),
+    }
 }
 
 /// Names the option in place of the search's field.
@@ -206,11 +254,23 @@ fn compare(scenario: &Scenario, search: &Search) -> Result<Vec<OtherIntruders>, 
             .iter()
             .map(|&speed| remaining(other, speed, Accuracy::REFERENCE));
         let strikes = strikes.collect::<Result<Vec<_>, _>>()?;
-        let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
+        let mut bare = other.clone();
+        bare.intruders.clear();
+        let (mut values, mut shares) = (Vec::new(), Vec::new());
+        for (&speed, strike) in speeds.iter().zip(&strikes) {
+            let of = |scenario| search.objective.at(scenario, speed, Accuracy::REFERENCE);
+            let (value, without) = match search.objective {
+                Objective::Remaining => (strike.share, 1.0),
+                _ => (of(other)?, of(&bare)?),
+            };
+            values.push(value);
+            shares.push(value / without);
+        }
         Ok(OtherIntruders {
             name,
             mass_kg: total_mass(&other.intruders),
             share: search.aim.of(&shares),
+            values,
             strikes,
         })
     };
@@ -243,13 +303,16 @@ fn percent(share: f64) -> String {
 impl SearchReport {
     fn table(&self, title: &str) -> String {
         let range = |[low, high]: Limits, unit: f64| format!("{:.3} to {:.3}", low / unit, high / unit);
+        let damping = match self.loss_factor {
+            Some(factor) => format!("c/√(k m) {factor}"),
+            None => format!("c {} N·s/m", range(self.damping_n_s_per_m, 1.0)),
+        };
         let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
         parts.push(format!(
-            "Searched: m {} g, {} g together; k {} kN/m; c {} N·s/m. * is at such a bound.",
+            "Searched: m {} g, {} g together; k {} kN/m; {damping}. * is at such a bound.",
             range(self.mass_kg, 1e-3),
             self.total_mass_kg * 1e3,
             range(self.stiffness_n_per_m, 1e3),
-            range(self.damping_n_s_per_m, 1.0),
         ));
         parts.push(self.intruders());
         let optimum = &self.optimum;
@@ -269,10 +332,18 @@ impl SearchReport {
             "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
         parts.push(output::table(header, strikes));
 
-        let remains = match (self.aim, optimum.strikes.len()) {
-            (_, 1) => "remains (%)",
-            (Aim::Worst, _) => "remains, worst (%)",
-            _ => "remains, mean (%)",
+        let objective = optimum.objective;
+        if objective != Objective::Remaining {
+            parts.push(self.objective());
+        }
+        let of = match (self.aim, optimum.strikes.len()) {
+            (_, 1) => "",
+            (Aim::Worst, _) => ", worst",
+            _ => ", mean",
+        };
+        let remains = match objective {
+            Objective::Remaining => format!("remains{of} (%)"),
+            _ => format!("{}{of} (% of that without intruders)", name(objective)),
         };
         let grams = |mass: f64| format!("{:.3}", mass * 1e3);
         let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
@@ -292,10 +363,36 @@ impl SearchReport {
         parts.join("\n\n")
     }
 
+    /// The objective at each strike.
+    fn objective(&self) -> String {
+        let optimum = &self.optimum;
+        let (unit, size) = unit(optimum.objective);
+        let values = optimum.values.iter().zip(&optimum.without);
+        let rows = optimum
+            .strikes
+            .iter()
+            .zip(values)
+            .map(|(strike, (value, without))| {
+                [
+                    strike.speed.to_string(),
+                    format!("{:.4}", value / size),
+                    format!("{:.4}", without / size),
+                    percent(value / without),
+                ]
+            });
+        let name = name(optimum.objective);
+        let header = format!("strike (m/s) | {name} ({unit}) | without intruders ({unit}) | part (%)");
+        output::table(&header, rows)
+    }
+
     fn intruders(&self) -> String {
         let figure = |value: f64, unit: f64, [low, high]: Limits| {
             let bound = value < low * 1.001 || value > high * 0.999;
             format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
+        };
+        let dampings = match self.loss_factor {
+            Some(_) => [0.0, f64::INFINITY],
+            None => self.damping_n_s_per_m,
         };
         let strikes = &self.optimum.strikes;
         let rows = self
@@ -310,7 +407,7 @@ impl SearchReport {
                     self.beads[index].to_string(),
                     figure(mass, 1e-3, self.mass_kg),
                     figure(stiffness, 1e3, self.stiffness_n_per_m),
-                    figure(damping, 1.0, self.damping_n_s_per_m),
+                    figure(damping, 1.0, dampings),
                     format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
                     format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
                     percent(of_injected.sum::<f64>() / strikes.len() as f64),
@@ -350,12 +447,13 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
             "The far end has a part in this. If that is not meant, give the chain more beads, or the run less time.".to_owned(),
         );
     }
-    if optimum.strikes.iter().any(|strike| strike.contacts > 0.01) {
+    let energy = optimum.objective == Objective::Remaining;
+    if energy && optimum.strikes.iter().any(|strike| strike.contacts > 0.01) {
         remarks.push(
             "Losses in contacts count as remaining, though they reach no bead behind the hosts.".to_owned(),
         );
     }
-    if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
+    if energy && optimum.strikes.iter().any(|strike| strike.within > 0.01) {
         remarks.push("Energy is still between the hosts: in a longer run more of it is absorbed.".to_owned());
     }
     remarks

@@ -126,13 +126,13 @@ pub(crate) fn ensemble_on(
         tell(group.len());
         let indices = group.iter().map(|(_, member)| member.index);
         indices.zip(outcomes).map(|(index, outcome)| {
-            let alone = || single(&scenarios[index], options.peaks);
+            let alone = || single(&scenarios[index], options.peaks, ALONE);
             (index, outcome.map_or_else(alone, Ok))
         })
     });
     let mut found: Vec<(usize, Result<EnsembleOutcome, SimulateError>)> = of_groups.collect();
     let one_by_one = alone.into_par_iter().map(|index| {
-        let outcome = single(&scenarios[index], options.peaks);
+        let outcome = single(&scenarios[index], options.peaks, ALONE);
         tell(1);
         (index, outcome)
     });
@@ -144,9 +144,15 @@ pub(crate) fn ensemble_on(
     found.into_iter().map(|(_, outcome)| outcome).collect()
 }
 
+/// Accuracy of chains that run one by one.
+const ALONE: Accuracy = Accuracy::new(1e-9, 0.5);
+
 /// Runs a chain by itself, without keeping its motion.
-fn single(scenario: &Scenario, peaks: &[usize]) -> Result<EnsembleOutcome, SimulateError> {
-    let accuracy = Accuracy::new(1e-9, 0.5);
+pub(crate) fn single(
+    scenario: &Scenario,
+    peaks: &[usize],
+    accuracy: Accuracy,
+) -> Result<EnsembleOutcome, SimulateError> {
     let mut run = Run::new(scenario, accuracy)?;
     run.check(scenario.duration, accuracy.longest_step)?;
     let mut found = Vec::new();

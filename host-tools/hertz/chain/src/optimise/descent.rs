@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
+use super::objective::Objective;
 use super::problem::{Problem, Properties, TriedDesign};
 use super::search::{Aim, Search};
 use crate::simulate::SimulateError;
@@ -45,9 +46,15 @@ impl Problem<'_> {
         let mut bounds = variables.bounds.clone();
         let bounded = self.search.aim == Aim::Worst && self.speeds.len() > 1;
         if bounded {
-            // A fresh start has not been tried, and no share is above 1.
+            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what it
+            // is to make small is no start.
             first.push(start.value.min(1.0));
-            bounds.push((0.0, 1.0));
+            let most = if self.search.objective == Objective::Remaining {
+                1.0
+            } else {
+                2.0
+            };
+            bounds.push((0.0, most));
         }
         let descent = RefCell::new(Descent {
             problem: self,
@@ -93,7 +100,7 @@ impl Problem<'_> {
                 gradient.fill(0.0);
             }
             let free = variables.bounds.len();
-            overweight(&x[..free], gradient.map(|gradient| &mut gradient[..free]))
+            variables.overweight(&x[..free], gradient.map(|gradient| &mut gradient[..free]))
         };
         let mut constraints = vec![&too_heavy as &dyn slsqp::Func<()>];
         if bounded {
@@ -124,37 +131,62 @@ impl Problem<'_> {
     }
 }
 
-/// Variables of a descent, three for each entry of a design, all of order one: the mass as a part of the
-/// total mass for one host, and the logarithms of stiffness and damping.
-struct Variables {
+/// Variables of a descent, all of order one, for each entry of a design: the mass as a part of the total mass
+/// for one host, and the logarithms of stiffness and, if it is free, damping.
+struct Variables<'a> {
+    search: &'a Search,
     /// The total mass divided by the number of hosts, kg.
     each: f64,
     bounds: Vec<(f64, f64)>,
 }
 
-impl Variables {
-    fn new(search: &Search, entries: usize) -> Self {
+impl<'a> Variables<'a> {
+    fn new(search: &'a Search, entries: usize) -> Self {
         let each = search.total_mass / search.hosts.len() as f64;
         let [stiffness, damping] = [search.stiffness, search.damping].map(|pair| pair.map(f64::ln));
         let bounds = [search.mass.map(|mass| mass / each), stiffness, damping];
-        Self {
-            each,
-            bounds: bounds.map(|[low, high]| (low, high)).repeat(entries),
-        }
+        let bounds = bounds.map(|[low, high]| (low, high));
+        let bounds = bounds[..Self::each_has(search)].repeat(entries);
+        Self { search, each, bounds }
+    }
+
+    /// Number of variables of each entry.
+    fn each_has(search: &Search) -> usize {
+        if search.loss_factor.is_some() { 2 } else { 3 }
     }
 
     /// Returns the variables of a design, clamped to the bounds.
     fn of(&self, design: &[Properties]) -> Vec<f64> {
-        let of = |[mass, stiffness, damping]: &Properties| [mass / self.each, stiffness.ln(), damping.ln()];
+        let count = Self::each_has(self.search);
+        let of = |[mass, stiffness, damping]: &Properties| {
+            let all = [mass / self.each, stiffness.ln(), damping.ln()];
+            all.into_iter().take(count)
+        };
         let free = design.iter().flat_map(of).zip(&self.bounds);
         free.map(|(value, (low, high))| value.clamp(*low, *high))
             .collect()
     }
 
     fn design(&self, x: &[f64]) -> Vec<Properties> {
-        x.chunks_exact(3)
-            .map(|x| [x[0] * self.each, x[1].exp(), x[2].exp()])
-            .collect()
+        let entry = |x: &[f64]| {
+            let (mass, stiffness) = (x[0] * self.each, x[1].exp());
+            let free = x.get(2).map_or(0.0, |damping| damping.exp());
+            [mass, stiffness, self.search.damping_of([mass, stiffness, free])]
+        };
+        x.chunks_exact(Self::each_has(self.search)).map(entry).collect()
+    }
+
+    /// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
+    fn overweight(&self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
+        let count = Self::each_has(self.search);
+        let part = 1.0 / (x.len() / count) as f64;
+        if let Some(gradient) = gradient {
+            gradient.fill(0.0);
+            gradient.iter_mut().step_by(count).for_each(|entry| *entry = part);
+        }
+        let excess = x.iter().step_by(count).sum::<f64>() * part - 1.0;
+        // Rounding must not count, or the descent would not end.
+        if excess.abs() < 1e-12 { 0.0 } else { excess }
     }
 
     /// Returns a pair of designs beside `x` for each variable, within the bounds, and their distance in it.
@@ -184,7 +216,7 @@ struct KnownShares {
 /// State of a descent, which the objective function cannot return.
 struct Descent<'a> {
     problem: &'a Problem<'a>,
-    variables: &'a Variables,
+    variables: &'a Variables<'a>,
     /// Most evaluations of the whole search.
     most: usize,
     best: TriedDesign,
@@ -233,7 +265,7 @@ impl Descent<'_> {
         let problem = self.problem;
         let value = problem.search.aim.of(&here);
         // A fresh start may be slightly too heavy, where its masses were raised to the least.
-        if value < self.best.value && overweight(x, None) <= 1e-9 {
+        if value < self.best.value && self.variables.overweight(x, None) <= 1e-9 {
             self.best.value = value;
             self.best.design = self.variables.design(x);
             problem.note(value);
@@ -269,16 +301,4 @@ impl Descent<'_> {
             }
         }
     }
-}
-
-/// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
-fn overweight(x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-    let part = 1.0 / (x.len() / 3) as f64;
-    if let Some(gradient) = gradient {
-        gradient.fill(0.0);
-        gradient.iter_mut().step_by(3).for_each(|entry| *entry = part);
-    }
-    let excess = x.iter().step_by(3).sum::<f64>() * part - 1.0;
-    // Rounding must not count, or the descent would not end.
-    if excess.abs() < 1e-12 { 0.0 } else { excess }
 }

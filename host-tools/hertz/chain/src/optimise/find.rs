@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use serde::Serialize;
 
+use super::objective::Objective;
 use super::problem::{Problem, SearchObserver, TriedDesign};
 use super::remaining::Remaining;
 use super::search::{OptimiseError, Search};
@@ -17,9 +18,15 @@ use crate::simulate::Accuracy;
 pub struct Optimum {
     /// One intruder a host, in the order of the beads.
     pub intruders: Vec<Intruder>,
+    /// The quantity that was made small.
+    pub objective: Objective,
+    /// Its value at each speed, at [`Accuracy::REFERENCE`], in its own unit ([`Objective::unit`]).
+    pub values: Vec<f64>,
+    /// Its value at each speed without intruders, of which shares are parts; 1 for [`Objective::Remaining`].
+    pub without: Vec<f64>,
     /// Remaining energy at each speed, at [`Accuracy::REFERENCE`].
     pub strikes: Vec<Remaining>,
-    /// The aim over these strikes.
+    /// The aim over the values, each as a part of that without intruders.
     pub share: f64,
     /// Share as the search found it, at its own accuracy.
     pub share_searched: f64,
@@ -57,7 +64,7 @@ const IN_VAIN: usize = 3;
 /// Least gain of a useful descent, in the share.
 const GAINED: f64 = 1e-6;
 
-/// Finds the intruders that leave the least energy. The scenario's own are left out. `watch` hears how far
+/// Finds the intruders with the least value of the search's objective. The scenario's own are left out. `watch` hears how far
 /// the search has come and may stop it. The same input gives the same result, on any number of processors.
 ///
 /// The result is a local optimum, the best of several descents. Nothing proves that there is no better one.
@@ -77,11 +84,14 @@ pub fn optimise(
     let mut bare = scenario.clone();
     bare.intruders.clear();
     let speeds = search.strikes(scenario);
+    let scales = speeds.iter().map(|&speed| search.objective.scale(&bare, speed));
+    let scales = scales.collect::<Result<Vec<_>, _>>()?;
     let problem = Problem {
         bare,
         hosts,
         search,
         speeds,
+        scales,
         watch,
         prefixes: Prefixes::default(),
         sofar: Cell::default(),
@@ -130,15 +140,24 @@ pub fn optimise(
     let mut scenario = problem.bare.clone();
     scenario.intruders.clone_from(&intruders);
     let strikes = problem.strikes(&scenario, Accuracy::REFERENCE)?;
-    let mut longer = scenario;
+    let mut longer = scenario.clone();
     longer.chain.beads = (2 * longer.chain.beads).min(MOST_BEADS);
-    let longer = problem.strikes(&longer, Accuracy::REFERENCE)?;
-    let shares: Vec<f64> = strikes.iter().map(|strike| strike.share).collect();
-    let pairs = shares.iter().zip(&longer);
-    let changes = pairs.map(|(share, longer)| (share - longer.share).abs());
-    let far_end = changes.fold(0.0, f64::max);
+    let values = problem.values(&scenario)?;
+    let longer = problem.values(&longer)?;
+    let parts = |values: &[f64]| -> Vec<f64> {
+        let parts = values.iter().zip(&problem.scales);
+        parts.map(|(value, scale)| value / scale).collect()
+    };
+    let shares = parts(&values);
+    let changes = shares.iter().zip(parts(&longer));
+    let far_end = changes
+        .map(|(share, longer)| (share - longer).abs())
+        .fold(0.0, f64::max);
     Ok(Optimum {
         intruders,
+        objective: search.objective,
+        values,
+        without: problem.scales.clone(),
         share: search.aim.of(&shares),
         strikes,
         share_searched: best.value,

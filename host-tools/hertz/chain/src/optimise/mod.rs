@@ -18,11 +18,13 @@
 
 mod descent;
 mod find;
+mod objective;
 mod problem;
 mod remaining;
 mod search;
 
 pub use find::{Optimum, optimise};
+pub use objective::Objective;
 pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
 pub use search::{Aim, OptimiseError, Search};

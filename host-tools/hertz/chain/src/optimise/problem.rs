@@ -1,11 +1,11 @@
-//! Designs and the energy that they leave.
+//! Designs and the objective's value of each.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::remaining::{Remaining, given, remaining, struck_at};
+use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
@@ -17,7 +17,7 @@ use crate::simulate::{Accuracy, SimulateError};
 pub struct SearchProgress {
     /// Designs tried.
     pub evaluations: usize,
-    /// Share that the best of them leaves.
+    /// The least value of the objective among them, as a part of that without intruders.
     pub best: Option<f64>,
     /// Descents begun.
     pub descents: usize,
@@ -30,7 +30,7 @@ pub type SearchObserver<'a> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync +
 /// Mass, kg, stiffness, N/m, and damping, N·s/m.
 pub(super) type Properties = [f64; 3];
 
-/// A design and the share that it leaves.
+/// A design and its value of the objective.
 #[derive(Debug, Clone)]
 pub(super) struct TriedDesign {
     /// One entry for each host, or one for all.
@@ -53,6 +53,8 @@ pub(super) struct Problem<'a> {
     pub(super) hosts: Vec<usize>,
     pub(super) search: &'a Search,
     pub(super) speeds: Vec<f64>,
+    /// The objective's value at each speed without intruders.
+    pub(super) scales: Vec<f64>,
     pub(super) watch: Option<&'a SearchObserver<'a>>,
     /// Motion that designs have in common.
     pub(super) prefixes: Prefixes,
@@ -69,7 +71,7 @@ impl Problem<'_> {
             beads: vec![bead],
             mass,
             stiffness,
-            damping,
+            damping: self.search.damping_of([mass, stiffness, damping]),
         };
         let hosts = self.hosts.iter().zip(design.iter().cycle());
         hosts.map(intruder).collect()
@@ -86,9 +88,21 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Returns the share at each speed for each design, or for those tried before the search was asked to
-    /// stop.
+    /// Returns the objective's value for a scenario at each speed, at the reference accuracy, in its own unit.
+    pub(super) fn values(&self, scenario: &Scenario) -> Result<Vec<f64>, SimulateError> {
+        let objective = self.search.objective;
+        let strikes = self.speeds.par_iter();
+        strikes
+            .map(|&speed| objective.at(scenario, speed, Accuracy::REFERENCE))
+            .collect()
+    }
+
+    /// Returns the objective's value at each speed for each design, as a part of that without intruders; of
+    /// the designs tried before the search was asked to stop.
     pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
+        let objective = self.search.objective;
+        let peaks = objective.peaks();
+        let options = EnsembleOptions::default().with_peaks(&peaks);
         let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
         let mut found = Vec::with_capacity(designs.len());
         for designs in designs.chunks((TOGETHER / bodies).max(LEAST_TOGETHER)) {
@@ -103,11 +117,15 @@ impl Problem<'_> {
                     scenarios.push(scenario);
                 }
             }
-            let outcomes = ensemble_on(&scenarios, &EnsembleOptions::default(), &self.prefixes);
-            let shares = outcomes.into_iter().zip(&scenarios).map(|(outcome, struck)| {
-                let outcome = outcome?;
-                Ok(1.0 - outcome.absorbed() / given(struck, outcome.injected())?)
-            });
+            let outcomes = ensemble_on(&scenarios, &options, &self.prefixes);
+            let strikes = scenarios.iter().zip(self.scales.iter().cycle());
+            let shares = outcomes
+                .into_iter()
+                .zip(strikes)
+                .map(|(outcome, (struck, scale))| {
+                    let value = objective.of(struck, &outcome?)?;
+                    Ok(value / scale)
+                });
             let shares = shares.collect::<Result<Vec<f64>, SimulateError>>()?;
             found.extend(shares.chunks(self.speeds.len()).map(<[f64]>::to_vec));
             let mut sofar = self.sofar.get();
@@ -144,8 +162,9 @@ impl Problem<'_> {
 
     /// Returns the best of a grid of designs with alike intruders, or of the part tried before a stop.
     pub(super) fn coarse(&self) -> Result<TriedDesign, SimulateError> {
-        let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
+        let [masses, stiffnesses, dampings] = COARSE;
+        let dampings = if search.loss_factor.is_some() { 1 } else { dampings };
         let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
         // Points between the bounds, without the ends.
         let inside = |[low, high]: [f64; 2], index: usize, count: usize| {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::objective::Objective;
 use super::remaining::struck_at;
 use crate::model::Model;
 use crate::run::Run;
@@ -22,9 +23,14 @@ pub struct Search {
     pub stiffness: [f64; 2],
     /// Least and greatest damping, N·s/m.
     pub damping: [f64; 2],
+    /// Loss factor η = c / √(k m) of all intruders: it ties the damping to mass and stiffness, as one material
+    /// for all springs does. [`Search::damping`] counts for nothing then.
+    pub loss_factor: Option<f64>,
+    /// The quantity of each strike to be made small.
+    pub objective: Objective,
     /// Speeds of the striker, m/s; without any, the scenario's own.
     pub speeds: Vec<f64>,
-    /// Combination of the shares of several speeds.
+    /// Combination of the values of several speeds.
     pub aim: Aim,
     /// True if all intruders are to be alike.
     pub alike: bool,
@@ -32,7 +38,7 @@ pub struct Search {
     pub evaluations: usize,
 }
 
-/// Combination of the shares that remain of several strikes.
+/// Combination of an objective's values for several strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Aim {
@@ -44,11 +50,11 @@ pub enum Aim {
 }
 
 impl Aim {
-    /// The number for these shares; not a number without any.
-    pub fn of(self, shares: &[f64]) -> f64 {
+    /// The number for these values; not a number without any.
+    pub fn of(self, values: &[f64]) -> f64 {
         match self {
-            Self::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
-            Self::Worst => shares.iter().copied().fold(f64::NAN, f64::max),
+            Self::Mean => values.iter().sum::<f64>() / values.len() as f64,
+            Self::Worst => values.iter().copied().fold(f64::NAN, f64::max),
         }
     }
 }
@@ -75,6 +81,8 @@ impl Search {
             damping: [1e-4 * host * rate, 0.2 * host * rate],
             hosts,
             total_mass,
+            loss_factor: None,
+            objective: Objective::default(),
             speeds: Vec::new(),
             aim: Aim::default(),
             alike: false,
@@ -91,6 +99,12 @@ impl Search {
         }
     }
 
+    /// The damping, N·s/m, of an intruder that the search has given this mass, stiffness and damping.
+    pub(super) fn damping_of(&self, [mass, stiffness, damping]: [f64; 3]) -> f64 {
+        self.loss_factor
+            .map_or(damping, |factor| factor * (stiffness * mass).sqrt())
+    }
+
     /// Checks that a search can use these options, as [`optimise`](crate::optimise()) does first.
     ///
     /// # Errors
@@ -105,10 +119,15 @@ impl Search {
     /// Refuses bounds with intruders of which no run would end, since the run would blame such an intruder.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
+        let tied = |mass, stiffness| [mass, stiffness, self.damping_of([mass, stiffness, damping[1]])];
+        let strongest = match self.loss_factor {
+            Some(factor) => ("loss_factor", factor, tied(mass[1], stiffness[1])),
+            None => ("damping", damping[1], tied(mass[1], stiffness[0])),
+        };
         for (key, bound, [mass, stiffness, damping]) in [
             ("stiffness", stiffness[1], [mass[1], stiffness[1], damping[0]]),
-            ("damping", damping[1], [mass[1], stiffness[0], damping[1]]),
-            ("mass", mass[0], [mass[0], stiffness[1], damping[1]]),
+            strongest,
+            ("mass", mass[0], tied(mass[0], stiffness[1])),
         ] {
             for speed in self.strikes(scenario) {
                 let mut struck = struck_at(scenario, speed);
@@ -138,6 +157,14 @@ impl Search {
 
     fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
         check_hosts(scenario, &self.hosts, self.total_mass)?;
+        self.objective.check(scenario)?;
+        if let Some(factor) = self.loss_factor
+            && !(factor > 0.0 && factor <= LOSS_FACTOR_MOST)
+        {
+            let what = format!("{factor} is no loss factor c/√(k m)");
+            let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
+            return Err(InputError::at("loss_factor", what, advice));
+        }
         for (key, [low, high], unit) in [
             ("mass", self.mass, "kg, such as 0.0037"),
             ("stiffness", self.stiffness, "N/m, such as 3.95e5"),
@@ -195,6 +222,8 @@ impl From<InputError> for OptimiseError {
     }
 }
 
+/// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder fast.
+const LOSS_FACTOR_MOST: f64 = 1e3;
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 

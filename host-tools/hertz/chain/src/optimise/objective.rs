@@ -1,0 +1,145 @@
+//! Quantities of a strike that intruders are to make small.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::Serialize;
+
+use super::remaining::{given, struck_at};
+use super::search::OptimiseError;
+use crate::ensemble::{EnsembleOutcome, single};
+use crate::model::Model;
+use crate::options::{Accuracy, SimulateError};
+use crate::scenario::{InputError, Scenario};
+
+/// A quantity of a strike, of which [`optimise`](crate::optimise()) looks for the least.
+///
+/// As text it is `remaining`, `force:13`, `energy-behind:13` or `impulse:13`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Objective {
+    /// The share of the injected energy that the intruders have not dissipated by the end of the run
+    /// ([`Remaining::share`](crate::Remaining::share)).
+    #[default]
+    Remaining,
+    /// The greatest force of this contact during the run, N, with any static load.
+    Force(usize),
+    /// The mechanical energy of the beads behind this one, with their intruders, at the end of the run, J.
+    EnergyBehind(usize),
+    /// The impulse ∫ (F - F₀) dt of this contact over the run, N·s: the momentum of all behind it.
+    Impulse(usize),
+}
+
+impl Objective {
+    /// Its value for a strike at `speed`, m/s, on this scenario with its intruders. The run lasts as long as
+    /// that of [`remaining`](crate::remaining()).
+    ///
+    /// # Errors
+    /// As [`remaining`](crate::remaining()), and [`SimulateError::Input`] if the chain lacks the contact or
+    /// the beads.
+    pub fn at(self, scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<f64, SimulateError> {
+        self.check(scenario)?;
+        let struck = struck_at(scenario, speed);
+        let outcome = single(&struck, &self.peaks(), accuracy)?;
+        Ok(self.of(&struck, &outcome)?)
+    }
+
+    /// Its unit; empty for a share.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Remaining => "",
+            Self::Force(_) => "N",
+            Self::EnergyBehind(_) => "J",
+            Self::Impulse(_) => "N·s",
+        }
+    }
+
+    /// The contacts whose greatest force it needs.
+    pub(super) fn peaks(self) -> Vec<usize> {
+        match self {
+            Self::Force(contact) => vec![contact],
+            _ => Vec::new(),
+        }
+    }
+
+    /// Its value at the end of a run.
+    pub(super) fn of(self, struck: &Scenario, outcome: &EnsembleOutcome) -> Result<f64, InputError> {
+        Ok(match self {
+            Self::Remaining => 1.0 - outcome.absorbed() / given(struck, outcome.injected())?,
+            // A contact that never carried a force has no peak.
+            Self::Force(_) => outcome.peaks().first().map_or(0.0, |peak| peak.force),
+            Self::EnergyBehind(bead) => {
+                let last = outcome.model().bodies() - 1;
+                outcome.end().region(bead + 1..=last).mechanical()
+            }
+            Self::Impulse(contact) => outcome.end().impulse(contact),
+        })
+    }
+
+    /// Its value without intruders, by which a search divides, so that all objectives are parts of one.
+    pub(super) fn scale(self, bare: &Scenario, speed: f64) -> Result<f64, OptimiseError> {
+        if self == Self::Remaining {
+            return Ok(1.0);
+        }
+        let struck = struck_at(bare, speed);
+        let outcome = single(&struck, &self.peaks(), Accuracy::DRAFT)?;
+        let value = self.of(&struck, &outcome)?;
+        let rises = outcome.peaks().iter().any(|peak| peak.time >= outcome.time());
+        if value > 0.0 && !rises {
+            return Ok(value);
+        }
+        let what = if rises {
+            format!("{self} still rises at the end of a strike at {speed} m/s without intruders")
+        } else {
+            format!("{self} is {value} in a strike at {speed} m/s without intruders")
+        };
+        let advice = "let the run be longer, or choose a place that the wave passes";
+        Err(OptimiseError::Search(InputError::at("objective", what, advice)))
+    }
+
+    pub(super) fn check(self, scenario: &Scenario) -> Result<(), InputError> {
+        let contacts = Model::of(scenario)?.contacts();
+        let (number, most, kind) = match self {
+            Self::Remaining => return Ok(()),
+            Self::Force(contact) | Self::Impulse(contact) => (contact, contacts, "contact"),
+            Self::EnergyBehind(bead) => (bead, scenario.chain.beads - 1, "bead"),
+        };
+        if (1..=most).contains(&number) {
+            return Ok(());
+        }
+        let what = format!("{self}: {kind} {number} is not one of 1 to {most}");
+        Err(InputError::at("objective", what, "choose one of these"))
+    }
+}
+
+impl fmt::Display for Objective {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Remaining => f.write_str("remaining"),
+            Self::Force(contact) => write!(f, "force:{contact}"),
+            Self::EnergyBehind(bead) => write!(f, "energy-behind:{bead}"),
+            Self::Impulse(contact) => write!(f, "impulse:{contact}"),
+        }
+    }
+}
+
+impl FromStr for Objective {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const ADVICE: &str = "write remaining, force:13, energy-behind:13 or impulse:13, with the number of a \
+                              contact or bead";
+        if text == "remaining" {
+            return Ok(Self::Remaining);
+        }
+        let (kind, number) = text.split_once(':').ok_or(ADVICE)?;
+        let number = number.parse().map_err(|_| ADVICE)?;
+        match kind {
+            "force" => Ok(Self::Force(number)),
+            "energy-behind" => Ok(Self::EnergyBehind(number)),
+            "impulse" => Ok(Self::Impulse(number)),
+            _ => Err(ADVICE.to_owned()),
+        }
+    }
+}
