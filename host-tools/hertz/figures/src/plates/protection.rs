@@ -18,7 +18,7 @@ plans! {
 const CONTACT: usize = 13;
 const HOSTS: [usize; 3] = [5, 7, 8];
 const TOTAL_MASS: f64 = 0.03;
-const SPAN: std::ops::Range<f64> = 1e-3..4e-3;
+const SPAN: std::ops::Range<f64> = 2.5e-3..6e-3;
 
 /// The chain with the intruders that a search finds.
 fn designed(objective: Objective) -> Result<Scenario, Error> {
