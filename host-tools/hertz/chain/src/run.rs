@@ -274,6 +274,11 @@ impl StepView<'_> {
         self.model.contact(contact).static_overlap + self.change(contact).0
     }
 
+    /// Rate of the overlap of `contact`, m/s.
+    pub fn overlap_rate(&self, contact: usize) -> f64 {
+        self.change(contact).1
+    }
+
     /// Total force of `contact`, N, positive in compression.
     pub fn force(&self, contact: usize) -> f64 {
         let load = self.model.contact(contact).load;

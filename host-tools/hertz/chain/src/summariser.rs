@@ -354,6 +354,12 @@ impl Summariser {
         }
     }
 
+    /// The contacts whose greatest force came after `from`, s, with its time.
+    pub(crate) fn peaks_after(&self, from: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let times = self.forces.iter().map(|force| force.maximum.time);
+        (1..).zip(times).filter(move |(_, time)| *time > from)
+    }
+
     fn contact_peaks(&self, model: &Model) -> Vec<ContactPeak> {
         let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].maximum.value;
         let contacts = 1..=model.contacts();

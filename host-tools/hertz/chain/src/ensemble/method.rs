@@ -8,9 +8,9 @@
 use crate::tableau::{Square, nodes, spread, twice};
 
 /// Number of stages. The last is the end of the step.
-pub(super) const STAGES: usize = 9;
+pub(crate) const STAGES: usize = 9;
 /// The stage whose argument is the end of the step.
-pub(super) const END: usize = STAGES - 1;
+pub(crate) const END: usize = STAGES - 1;
 
 /// Row s: the weights `(stage, a)` that give the argument of stage s.
 const A: [&[(usize, f64)]; STAGES] = [
@@ -65,7 +65,7 @@ const EMBEDDED: [(usize, f64); 6] = [
 ];
 
 /// Weights of earlier accelerations in the velocity of each stage, over the length of the step.
-pub(super) const VELOCITY: Square<STAGES> = spread(&A);
+pub(crate) const VELOCITY: Square<STAGES> = spread(&A);
 
 /// Weights in the displacement of each stage, over the square of the length: the square of [`VELOCITY`].
 pub(super) const DISPLACEMENT: Square<STAGES> = {
@@ -79,7 +79,7 @@ pub(super) const DISPLACEMENT: Square<STAGES> = {
 };
 
 /// Time of each stage, as a part of the step.
-pub(super) const NODES: [f64; STAGES] = {
+pub(crate) const NODES: [f64; STAGES] = {
     let mut nodes = nodes(&VELOCITY);
     // Exact, so that a body without a force moves by its velocity times the step.
     nodes[END] = 1.0;
@@ -88,7 +88,7 @@ pub(super) const NODES: [f64; STAGES] = {
 };
 
 /// Weights of the estimated error of velocities: the difference of both results.
-pub(super) const ERROR: [f64; STAGES] = {
+pub(crate) const ERROR: [f64; STAGES] = {
     let mut error = VELOCITY[END];
     let mut at = 0;
     while at < EMBEDDED.len() {

@@ -13,7 +13,7 @@ mod chain;
 mod crossing;
 mod eight;
 mod group;
-mod method;
+pub(crate) mod method;
 mod outcome;
 mod peak;
 mod prefix;

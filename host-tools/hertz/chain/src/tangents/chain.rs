@@ -20,10 +20,10 @@ use crate::scenario::{ContactForce, InputError, Material, Scenario, Section, Sph
 /// Contact between two bodies, or the last one and the wall.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DualContact<const P: usize> {
-    stiffness: Dual<P>,
+    pub(super) stiffness: Dual<P>,
     pub(super) relaxation: Dual<P>,
-    rest: Dual<P>,
-    load: f64,
+    pub(super) rest: Dual<P>,
+    pub(super) load: f64,
 }
 
 impl<const P: usize> DualContact<P> {
@@ -45,8 +45,8 @@ impl<const P: usize> DualContact<P> {
 pub(super) struct DualIntruder<const P: usize> {
     pub(super) body: usize,
     pub(super) inverse_mass: Dual<P>,
-    stiffness: Dual<P>,
-    damping: Dual<P>,
+    pub(super) stiffness: Dual<P>,
+    pub(super) damping: Dual<P>,
     cubic: Dual<P>,
 }
 
@@ -245,6 +245,54 @@ impl<const P: usize> DualChain<P> {
         let near = places[j - 1];
         let change = if j < self.bodies() { near - places[j] } else { near };
         self.contacts[j - 1].elastic(change)
+    }
+
+    /// The value of [`DualChain::force`] alone.
+    #[inline(always)]
+    pub(super) fn force_value(&self, places: &[Dual<P>], j: usize) -> f64 {
+        let near = places[j - 1].value;
+        let change = if j < self.bodies() {
+            near - places[j].value
+        } else {
+            near
+        };
+        let contact = &self.contacts[j - 1];
+        let overlap = change + contact.rest.value;
+        if overlap <= 0.0 {
+            return -contact.load;
+        }
+        contact.stiffness.value * overlap * overlap.sqrt() - contact.load
+    }
+
+    /// Elastic energy of contact j (from 1), counted from rest, less the work of its load, J.
+    pub(super) fn elastic_energy(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
+        let near = places[j - 1];
+        let change = if j < self.bodies() { near - places[j] } else { near };
+        let contact = &self.contacts[j - 1];
+        let stored = |overlap: Dual<P>| {
+            if overlap.value <= 0.0 {
+                return Dual::default();
+            }
+            contact.stiffness * overlap * overlap * overlap.sqrt() * 0.4
+        };
+        stored(change + contact.rest) - stored(contact.rest) - change * contact.load
+    }
+
+    /// Energy of all bodies, contacts and intruders at t = 0, J.
+    pub(super) fn energy_at_start(&self) -> Dual<P> {
+        let places: Vec<_> = self.starts.iter().map(|start| Dual::constant(start.0)).collect();
+        let mut energy = Dual::default();
+        for (shell, (_, velocity)) in self.shells.iter().zip(&self.starts) {
+            energy += *shell * *velocity * *velocity * 0.5;
+        }
+        for intruder in &self.intruders {
+            let velocity = self.starts[intruder.body].1;
+            energy += intruder.inverse_mass.inverse() * velocity * velocity * 0.5;
+        }
+        for contact in 1..=self.contacts.len() {
+            energy += self.elastic_energy(&places, contact);
+        }
+        energy
     }
 
     /// Factor of the rate of a contact's overlap in its viscous force, N s/m.

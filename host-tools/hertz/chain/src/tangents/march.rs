@@ -15,22 +15,22 @@ use super::sensor::{Push, Sensor, SensorPlace};
 /// Places of the parts of a state: displacements and momenta of the bodies, displacements and velocities of
 /// the intruders, and two values of each sensor's low-pass.
 #[derive(Debug, Clone, Copy)]
-struct Layout {
+pub(super) struct Layout {
     bodies: usize,
     intruders: usize,
     sensors: usize,
 }
 
 impl Layout {
-    fn momentum(self, body: usize) -> usize {
+    pub(super) fn momentum(self, body: usize) -> usize {
         self.bodies + body
     }
 
-    fn place(self, intruder: usize) -> usize {
+    pub(super) fn place(self, intruder: usize) -> usize {
         2 * self.bodies + intruder
     }
 
-    fn velocity(self, intruder: usize) -> usize {
+    pub(super) fn velocity(self, intruder: usize) -> usize {
         2 * self.bodies + self.intruders + intruder
     }
 
@@ -43,29 +43,29 @@ impl Layout {
         self.filter(self.sensors) + sensor
     }
 
-    fn length(self) -> usize {
+    pub(super) fn length(self) -> usize {
         self.front(self.sensors)
     }
 }
 
 /// A run with what it needs in each step.
 pub(super) struct March<'a, const P: usize> {
-    chain: &'a DualChain<P>,
+    pub(super) chain: &'a DualChain<P>,
     sensors: &'a [Sensor],
     push: Option<&'a Push>,
     step: f64,
-    layout: Layout,
-    state: Vec<Dual<P>>,
+    pub(super) layout: Layout,
+    pub(super) state: Vec<Dual<P>>,
     /// Rates of the four stages' sum, of one stage, and the argument of a stage.
     sum: Vec<Dual<P>>,
-    rates: Vec<Dual<P>>,
-    argument: Vec<Dual<P>>,
+    pub(super) rates: Vec<Dual<P>>,
+    pub(super) argument: Vec<Dual<P>>,
     /// Hertz' force of each contact, at index j, and the velocity of each body, of the last evaluation.
     forces: Vec<Dual<P>>,
-    velocities: Vec<Dual<P>>,
+    pub(super) velocities: Vec<Dual<P>>,
     /// The first body that moves, and the last that a wave has reached.
     first: usize,
-    front: usize,
+    pub(super) front: usize,
 }
 
 impl<'a, const P: usize> March<'a, P> {
@@ -123,13 +123,13 @@ impl<'a, const P: usize> March<'a, P> {
 
     /// The last body that the next step may move.
     #[inline(always)]
-    fn last(&self) -> usize {
+    pub(super) fn last(&self) -> usize {
         (self.front + 1).min(self.layout.bodies - 1)
     }
 
     /// Computes forces, velocities and rates of the motion, at time `t` and the motion `argument`.
     #[inline(always)]
-    fn evaluate(&mut self, t: f64) {
+    pub(super) fn evaluate(&mut self, t: f64) {
         let (layout, last) = (self.layout, self.last());
         let Self {
             chain,
@@ -199,6 +199,37 @@ impl<'a, const P: usize> March<'a, P> {
         }
     }
 
+    /// Force of a contact beyond its static load, N, at the motion of the last evaluation.
+    #[inline(always)]
+    pub(super) fn force(&self, contact: usize) -> Dual<P> {
+        let bodies = self.layout.bodies;
+        let far = if contact < bodies {
+            self.velocities[contact]
+        } else {
+            Dual::default()
+        };
+        let rate = self.velocities[contact - 1] - far;
+        let places = &self.argument[..bodies];
+        self.forces[contact] + self.chain.viscosity(places, contact) * rate
+    }
+
+    /// The momentum w of a body with this velocity, kg·m/s, where `argument` has the displacements.
+    #[inline(always)]
+    pub(super) fn momentum(&self, body: usize, velocity: f64) -> f64 {
+        let chain = self.chain;
+        let viscous = |contact: usize| {
+            let contact_of = &chain.contacts[contact - 1];
+            contact_of.relaxation.value * chain.force_value(&self.argument, contact)
+        };
+        let before = if body > 0 { viscous(body) } else { 0.0 };
+        let after = if body < chain.contacts.len() {
+            viscous(body + 1)
+        } else {
+            0.0
+        };
+        chain.shells[body].value * velocity - before + after
+    }
+
     /// Appends the signal of each sensor at the motion of the last evaluation to its row.
     #[inline(always)]
     fn sense(&self, rows: &mut [Vec<Dual<P>>]) {
@@ -214,14 +245,7 @@ impl<'a, const P: usize> March<'a, P> {
                         let inertia = (self.velocities[host] - self.argument[layout.front(number)]) * pole;
                         filtered + jump - inertia * sensor.front_mass
                     } else {
-                        let places = &self.argument[..layout.bodies];
-                        let far = if contact < layout.bodies {
-                            self.velocities[contact]
-                        } else {
-                            Dual::default()
-                        };
-                        let rate = self.velocities[contact - 1] - far;
-                        self.forces[contact] + chain.viscosity(places, contact) * rate
+                        self.force(contact)
                     }
                 }
                 SensorPlace::Acceleration(_) if sensor.pole > 0.0 => filtered,

@@ -10,12 +10,15 @@ mod chain;
 mod dual;
 mod march;
 mod parameter;
+mod sensitivities;
 mod sensor;
 #[cfg(test)]
 mod tests;
+mod variation;
 
 pub use dual::Dual;
 pub use parameter::Parameter;
+pub use sensitivities::{Sensitivities, sensitivities};
 pub use sensor::{Push, Sensor, SensorPlace};
 
 use crate::scenario::{InputError, Scenario};

@@ -1,6 +1,7 @@
 //! Parameters of a strike that tangents are taken along.
 
 use super::dual::Dual;
+use crate::scenario::Scenario;
 
 /// A parameter of a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +26,24 @@ pub enum Parameter {
     CubicStiffness(usize),
     /// Factor of the force that pushes body 0.
     PushGain,
+}
+
+impl Parameter {
+    /// Its value in a scenario, in its own unit; `None` for one of a table that the scenario lacks.
+    pub fn value(self, scenario: &Scenario) -> Option<f64> {
+        let intruder = |table: usize| scenario.intruders.get(table);
+        Some(match self {
+            Self::Young => scenario.chain.young,
+            Self::Relaxation => scenario.chain.relaxation,
+            Self::Density => scenario.chain.density,
+            Self::StrikerVelocity => scenario.striker.velocity,
+            Self::Stiffness(table) => intruder(table)?.stiffness,
+            Self::Damping(table) => intruder(table)?.damping,
+            Self::IntruderMass(table) => intruder(table)?.mass,
+            Self::CubicStiffness(table) => intruder(table).map(|_| 0.0)?,
+            Self::PushGain => 1.0,
+        })
+    }
 }
 
 /// The direction of each parameter among P.

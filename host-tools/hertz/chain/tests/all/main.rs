@@ -12,6 +12,7 @@ mod oscillator;
 mod own_chain;
 mod reference;
 mod scenario;
+mod sensitivities;
 mod spectra;
 mod starts;
 mod streamed;
