@@ -247,8 +247,8 @@ impl<'a, const P: usize> Variation<'a, P> {
     /// too great.
     fn pass(&mut self, step: &mut RunStep<'_>, mut pieces: Vec<Piece>) {
         while let Some(piece) = pieces.pop() {
-            for stage in 0..STAGES {
-                let (time, pace) = piece.time(NODES[stage]);
+            for (stage, node) in NODES.into_iter().enumerate() {
+                let (time, pace) = piece.time(node);
                 match &self.now {
                     Some(now) if stage == 0 => self.rates[0].copy_from_slice(now),
                     _ => self.evaluate(stage, &step.at(time.clamp(step.from(), step.to()))),
