@@ -5,6 +5,7 @@ mod bisection;
 mod collision;
 mod curve;
 mod dispersion;
+mod drive;
 mod ensemble;
 mod fit;
 mod flow;
@@ -54,8 +55,8 @@ pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
 pub use run::{Run, RunStep, StepView};
 pub use scenario::{
-    Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
-    TomlFile, Wall, plain_words, read_table, read_text,
+    Chain, ContactForce, Drive, DriveQuantity, InputError, Intruder, MOST_BEADS, Material, Scenario, Section,
+    Start, Striker, TomlFile, Wall, plain_words, read_table, read_text,
 };
 pub use shaker::{FrequencySweep, ShakerResponse};
 pub use signal::Signal;

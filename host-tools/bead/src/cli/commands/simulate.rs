@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hertz_chain::{Bands, Dispersion, Options, Run, Summary, Validity, summarise};
+use hertz_chain::{Bands, Dispersion, EnergySummary, Options, Run, Summary, Validity, summarise};
 use indicatif::HumanDuration;
 
 use crate::cli::commands::prelude::*;
@@ -172,22 +172,7 @@ fn table(title: &str, report: &SimulateReport) -> String {
         parts.push(output::table(header, intruders));
     }
 
-    let energy = &summary.energy;
-    let energies = [
-        ("striker, initial", energy.striker_initial),
-        ("striker, final", energy.striker_final),
-        ("chain, final", energy.chain_final),
-        ("intruders, final", energy.intruders_final),
-        ("dissipated in contacts", energy.dissipated_contacts),
-        ("dissipated in intruders", energy.dissipated_intruders),
-        ("chain, highest", energy.chain_max),
-    ]
-    .map(|(name, joule)| {
-        let part = format!("{:.3} %", joule / energy.striker_initial * 100.0);
-        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
-    });
-    parts.push(output::table("energy | µJ | of the striker's", energies));
-
+    parts.push(energies(&summary.energy));
     parts.extend(report.bands.as_ref().map(pass_bands));
     let solver = &summary.solver;
     parts.push(format!(
@@ -196,9 +181,38 @@ fn table(title: &str, report: &SimulateReport) -> String {
         solver.seconds,
         solver.steps,
         solver.evaluations,
-        energy.balance_error,
+        summary.energy.balance_error,
     ));
     parts.join("\n\n")
+}
+
+/// The table of energies, each as a part of what the striker brought, or of the work of a drive too.
+fn energies(energy: &EnergySummary) -> String {
+    let given = energy.striker_initial + energy.drive_work.unwrap_or(0.0);
+    let mut rows = vec![("striker, initial", energy.striker_initial)];
+    rows.extend(energy.drive_work.map(|work| ("work of the drive", work)));
+    rows.extend([
+        ("striker, final", energy.striker_final),
+        ("chain, final", energy.chain_final),
+        ("intruders, final", energy.intruders_final),
+        ("dissipated in contacts", energy.dissipated_contacts),
+        ("dissipated in intruders", energy.dissipated_intruders),
+        ("chain, highest", energy.chain_max),
+    ]);
+    let rows = rows.into_iter().map(|(name, joule)| {
+        let part = if given > 0.0 {
+            format!("{:.3} %", joule / given * 100.0)
+        } else {
+            "-".to_owned()
+        };
+        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
+    });
+    let of = if energy.drive_work.is_some() {
+        "of what was given"
+    } else {
+        "of the striker's"
+    };
+    output::table(&format!("energy | µJ | {of}"), rows)
 }
 
 /// The bands in a line.

@@ -1,6 +1,7 @@
 //! Scenarios: their tables, the check of their values, and reading them from TOML.
 
 mod check;
+mod drive;
 mod paper;
 mod read;
 mod tables;
@@ -8,6 +9,7 @@ mod words;
 
 pub use check::MOST_BEADS;
 pub(crate) use check::{TableCheck, ValueRange};
+pub use drive::{Drive, DriveQuantity};
 pub use read::{InputError, TomlFile, read_table, read_text};
 pub(crate) use tables::Sphere;
 pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

@@ -46,7 +46,7 @@ struct KernelCall<'a, S, const KIND: u8> {
 
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
-    let general = lanes.loaded || lanes.clipped;
+    let general = lanes.loaded || lanes.clipped || lanes.drive.is_some();
     match task {
         Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
         Task::Step => of_kind::<STEP>(work, lanes, task, length),
@@ -64,7 +64,7 @@ const INNER: u8 = 1;
 const INTERPOLATE: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
-/// For chains with a static load or clipped forces too.
+/// For chains with a static load, clipped forces or a drive too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
@@ -263,6 +263,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let weight = if counts { length * quadrature(number) } else { 0.0 };
     let added = work.added.as_deref().filter(|_| !counts);
     let mut powers = work.powers.as_deref_mut();
+    let mut driven = if GENERAL { work.driven.as_deref_mut() } else { None };
     let keeps_powers = powers.is_some();
     let length_of = lanes.len() / BLOCK;
     let u_start = &blocks(&work.start.u)[..length_of];
@@ -331,6 +332,13 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                         power_sum = simd.add_f64s(power_sum, power);
                     }
                 }
+                if GENERAL
+                    && at == 1
+                    && let Some(driven) = &mut driven
+                {
+                    let (forces, speeds): (LaneBlock, LaneBlock) = (pulp::cast(force), pulp::cast(v));
+                    driven.take_power(number, weight, forces[1], speeds[0]);
+                }
                 (u_before, v_before) = (u, v);
                 if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
                     let forces: LaneBlock = pulp::cast(force);
@@ -347,6 +355,12 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                 }
                 let rate = simd.mul_f64s(total, pulp::cast(inverse[at - 1]));
                 rates[at - 1][number] = pulp::cast(rate);
+                if GENERAL
+                    && at == 2
+                    && let Some(driven) = &driven
+                {
+                    rates[1][number][0] += driven.accelerations[number];
+                }
             }
             force_before = force;
         }

@@ -8,10 +8,12 @@
 //! own.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use pulp::{Simd, f64x8};
 
 use super::aligned::CacheAligned;
+use crate::drive::EndDrive;
 use crate::model::Model;
 
 /// Lanes of a block, which are computed together.
@@ -79,6 +81,8 @@ pub(crate) struct Lanes {
     pub(super) viscous: bool,
     pub(super) clipped: bool,
     pub(super) loaded: bool,
+    /// Drive of the first body.
+    pub(super) drive: Option<Arc<EndDrive>>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,
     pub(super) depth: f64,
@@ -154,6 +158,7 @@ impl Lanes {
             viscous: false,
             clipped: model.clipped,
             loaded: false,
+            drive: model.drive.clone(),
             speed: model.speed_scale(),
             depth: model.displacement_scale(),
         };

@@ -4,6 +4,7 @@ mod accuracy;
 mod any_scenario;
 mod common;
 mod counts;
+mod driven;
 mod ensemble;
 mod graded;
 mod loaded;

@@ -53,12 +53,31 @@ fn it_has_every_key_and_the_page_explains_each() {
         }
         assert!(section.contains(&format!("`{table}`")), "the page lacks {table}");
     }
-    for name in known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}")) {
+    let others = known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}"));
+    for name in others.into_iter().filter(|name| name != "drive") {
         let forms = [
             format!("\n{name} = "),
             format!("\n[{name}]"),
             format!("\n[[{name}]]"),
         ];
         assert!(forms.iter().any(|form| TEXT.contains(form)), "{name} is missing");
+    }
+}
+
+#[test]
+fn the_driven_chain_shows_every_key_of_a_drive_and_the_page_explains_each() {
+    const DRIVEN: &str = include_str!("../../../../../docs/scenarios/driven-chain.toml");
+    let scenario = Scenario::from_toml(DRIVEN, "driven-chain.toml").expect("the scenario is sound");
+    let energy = simulate(&scenario).expect("it runs").summary().energy;
+    assert!(energy.drive_work.expect("it is driven") > 0.0);
+    assert!(energy.balance_error < 1e-10, "{:e}", energy.balance_error);
+    let section = &PAGE[PAGE.find("## Your own chain").expect("it is there")..];
+    for name in known(&DRIVEN.replacen("[drive]", "[drive]\nqqqqqqqqqqqqqqq = 1\n", 1)) {
+        let forms = [format!("\n{name} = "), format!("\n# {name} = ")];
+        assert!(
+            forms.iter().any(|form| DRIVEN.contains(form)),
+            "{name} is missing"
+        );
+        assert!(section.contains(&format!("`{name}`")), "the page lacks {name}");
     }
 }
