@@ -32,7 +32,10 @@ use std::sync::Arc;
 
 use crate::drive::EndDrive;
 use crate::oscillator::Oscillator;
-use crate::scenario::{ContactForce, DriveQuantity, InputError, Material, Scenario, Sphere};
+use crate::power_law::{ContactPowers, PowerLaw, power};
+use crate::scenario::{
+    ContactForce, ContactLaw, Damping, DriveQuantity, InputError, Material, Scenario, Sphere,
+};
 
 /// A contact, which joins bodies j - 1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +49,8 @@ pub struct Contact {
     pub load: f64,
     /// Overlap at rest, (F₀/κ)^(2/3), m.
     pub static_overlap: f64,
+    /// Other powers than Hertz' with a damping of the exponent 1/2; κ is then in N/mⁿ, and `relaxation` is 0.
+    pub(crate) powers: Option<ContactPowers>,
 }
 
 /// θ = 3 (1 - ν²) / (4 Y) of a body at a contact, 1/Pa.
@@ -74,11 +79,47 @@ impl Contact {
             relaxation,
             load,
             static_overlap: (load / stiffness).powf(2.0 / 3.0),
+            powers: None,
         }
+    }
+
+    /// Gives the contact of bodies with this curvature, 1/m, and reduced mass, kg, another law.
+    fn with_law(mut self, law: &ContactLaw, curvature: f64, reduced_mass: f64) -> Self {
+        let (n, p) = (law.exponent, law.damping_power());
+        self.stiffness = law.stiffness.unwrap_or(self.stiffness);
+        let coefficient = match law.damping {
+            Damping::Viscoelastic => n * self.relaxation * self.stiffness,
+            Damping::Linear | Damping::Power => law.coefficient,
+            Damping::LammpsMaterial => law.coefficient * reduced_mass / curvature.sqrt(),
+            Damping::LammpsTsuji => law.coefficient * (reduced_mass * self.stiffness).sqrt(),
+        };
+        if n == 1.5 && p == 0.5 {
+            self.static_overlap = (self.load / self.stiffness).powf(2.0 / 3.0);
+            if law.damping != Damping::Viscoelastic {
+                self.relaxation = coefficient / (1.5 * self.stiffness);
+            }
+            return self;
+        }
+        self.static_overlap = (self.load / self.stiffness).powf(1.0 / n);
+        self.relaxation = 0.0;
+        self.powers = Some(ContactPowers {
+            elastic: n,
+            damping: p,
+            coefficient,
+        });
+        self
+    }
+
+    /// The elastic law of the contact.
+    pub fn law(&self) -> PowerLaw {
+        PowerLaw::new(self.powers.map_or(1.5, |powers| powers.elastic), self.stiffness)
     }
 
     /// Hertz' part of the force, N, at an overlap in m.
     pub fn elastic_force(&self, overlap: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            return self.stiffness * power(overlap, powers.elastic);
+        }
         if overlap > 0.0 {
             self.stiffness * overlap * overlap.sqrt()
         } else {
@@ -88,6 +129,9 @@ impl Contact {
 
     /// The viscous part of the force, N, at an overlap in m that grows by `rate` in m/s.
     pub fn viscous_force(&self, overlap: f64, rate: f64) -> f64 {
+        if let Some(powers) = self.powers.as_ref().filter(|_| overlap > 0.0) {
+            return powers.damping_force(overlap, rate);
+        }
         if overlap > 0.0 {
             1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate
         } else {
@@ -104,6 +148,9 @@ impl Contact {
     /// [`Contact::energy`] as a function of the change of the overlap since rest, m. With r = √(δ/δ₀) it is
     /// (2/5) κ δ₀^(5/2) (r - 1)² (r³ + 2r² + 3r + 3/2).
     pub(crate) fn energy_beyond(&self, change: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            return powers.energy_beyond((self.load, self.static_overlap), self.stiffness, change);
+        }
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
             return 0.4 * overlap * self.elastic_force(overlap);
@@ -121,6 +168,12 @@ impl Contact {
     /// Hertz' part of the force less the static load, N, as a function of the change of the overlap since
     /// rest, m. With a² = δ and b² = δ₀ it is κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
     pub(crate) fn elastic_force_beyond(&self, change: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            if self.static_overlap + change <= 0.0 {
+                return -self.load;
+            }
+            return powers.force_beyond((self.load, self.static_overlap), self.stiffness, change);
+        }
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
             return self.elastic_force(overlap);
@@ -133,8 +186,11 @@ impl Contact {
     }
 
     /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m. Zero without
-    /// load.
+    /// load, unless the law is linear.
     pub fn linear_stiffness(&self) -> f64 {
+        if let Some(powers) = &self.powers {
+            return powers.elastic * self.stiffness * power(self.static_overlap, powers.elastic - 1.0);
+        }
         1.5 * self.stiffness * self.static_overlap.sqrt()
     }
 }
@@ -290,6 +346,20 @@ impl Model {
                 relaxation,
                 loads[bodies.len() - 1],
             ));
+        }
+
+        if let Some(law) = &scenario.contact {
+            let curvature = |body: usize| bodies.get(body).map(|body| 1.0 / body.radius);
+            let round_wall = scenario.wall.as_ref().and_then(|wall| wall.radius);
+            for (near, contact) in contacts.iter_mut().enumerate() {
+                let far = curvature(near + 1).or(round_wall.map(|radius| 1.0 / radius));
+                let curvature = 1.0 / bodies[near].radius + far.unwrap_or(0.0);
+                let other = masses.get(near + 1);
+                let reduced = other.map_or(masses[near], |other| {
+                    masses[near] * other / (masses[near] + other)
+                });
+                *contact = contact.with_law(law, curvature, reduced);
+            }
         }
 
         let mut intruders = Vec::new();
@@ -548,6 +618,10 @@ impl Model {
         if overlap <= 0.0 {
             return (-contact.load, 0.0);
         }
+        if let Some(powers) = &contact.powers {
+            let viscous = powers.damping_force(overlap, approach);
+            return (contact.elastic_force_beyond(change) + viscous, viscous);
+        }
         let stiffness = contact.stiffness * overlap.sqrt();
         let elastic = stiffness * overlap;
         let viscous = 1.5 * contact.relaxation * stiffness * approach;
@@ -567,6 +641,13 @@ impl Model {
         let speed = self.speed_scale();
         let contacts = self.contacts.iter().zip(self.reduced_masses());
         let time = |(contact, reduced): (&Contact, f64)| {
+            if contact.powers.is_some() {
+                return if speed > 0.0 {
+                    contact.law().contact_time(reduced, speed)
+                } else {
+                    f64::INFINITY
+                };
+            }
             2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * speed.powf(-0.2)
         };
         contacts.map(time).fold(f64::INFINITY, f64::min)
@@ -587,6 +668,10 @@ impl Model {
         let loaded = contacts.map(|(contact, reduced)| {
             // A bead has a contact on either side, so the stiffness is twice that of one.
             let rate = 2.0 * contact.linear_stiffness() / reduced;
+            if let Some(powers) = &contact.powers {
+                let damped = 2.0 * powers.damping_force(contact.static_overlap, 1.0) / reduced;
+                return rate.sqrt().max(damped);
+            }
             rate.sqrt().max(rate * contact.relaxation)
         });
         let intruders = self.intruders.iter().map(|intruder| self.rate_of(intruder));
@@ -626,6 +711,10 @@ impl Model {
         let energies = (0..self.bodies()).map(|body| self.kinetic(body));
         let given = 0.5 * self.masses[1] * self.given_speed * self.given_speed;
         let most = energies.fold(given, f64::max);
+        if self.contacts[0].powers.is_some() {
+            // The energy of a reduced mass of 2 kg at a speed of √E.
+            return self.contacts[0].law().greatest_overlap(2.0, most.sqrt());
+        }
         (2.5 * most / self.contacts[0].stiffness).powf(0.4)
     }
 
@@ -785,6 +874,11 @@ impl Model {
         let overlap = contact.static_overlap + change;
         if overlap <= 0.0 || self.limits(contact, overlap, approach) {
             return 0.0;
+        }
+        if let Some(powers) = &contact.powers {
+            let n = powers.elastic;
+            let elastic = n * contact.stiffness * power(overlap, n - 1.0) * approach;
+            return elastic + powers.damping_force_rate(overlap, approach, acceleration);
         }
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);

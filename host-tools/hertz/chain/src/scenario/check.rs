@@ -188,6 +188,7 @@ impl Scenario {
             section.check(&at)?;
         }
         self.check_intruders()?;
+        self.contact.as_ref().map_or(Ok(()), |law| law.check(self))?;
         self.check_starts()?;
         let drive = self.drive.as_ref();
         drive.map_or(Ok(()), |drive| self.check_drive(drive))?;

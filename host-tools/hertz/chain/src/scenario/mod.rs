@@ -1,6 +1,7 @@
 //! Scenarios: their tables, the check of their values, and reading them from TOML.
 
 mod check;
+mod contact;
 mod drive;
 mod paper;
 mod read;
@@ -9,6 +10,7 @@ mod words;
 
 pub use check::MOST_BEADS;
 pub(crate) use check::{TableCheck, ValueRange};
+pub use contact::{ContactLaw, Damping};
 pub use drive::{Drive, DriveQuantity};
 pub use read::{InputError, TomlFile, read_table, read_text};
 pub(crate) use tables::Sphere;

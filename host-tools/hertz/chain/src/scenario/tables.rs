@@ -5,6 +5,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::contact::ContactLaw;
 use super::drive::Drive;
 use crate::oscillator::Oscillator;
 
@@ -40,6 +41,9 @@ pub struct Scenario {
     /// A drive of the first end, in place of a strike.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive: Option<Drive>,
+    /// Law of the contacts; without it Hertz', with the damping of the materials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactLaw>,
 }
 
 /// The beads of the chain, alike but for what [`Section`]s say.
@@ -400,6 +404,7 @@ impl Scenario {
             sections: Vec::new(),
             starts: Vec::new(),
             drive: None,
+            contact: None,
         }
     }
 

@@ -12,7 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
 use super::lanes::{
-    BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, select,
+    BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, push_by_powers, select,
 };
 use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
@@ -48,6 +48,8 @@ struct KernelCall<'a, S, const KIND: u8> {
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     let general = lanes.loaded || lanes.clipped || lanes.drive.is_some();
     match task {
+        Task::Step if lanes.powers.is_some() => of_kind::<STEP_OF_POWERS>(work, lanes, task, length),
+        Task::Inner { .. } if lanes.powers.is_some() => of_kind::<INNER_OF_POWERS>(work, lanes, task, length),
         Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
         Task::Step => of_kind::<STEP>(work, lanes, task, length),
         Task::Cross { .. } => of_kind::<CROSS>(work, lanes, task, length),
@@ -68,6 +70,9 @@ const CROSS: u8 = 4;
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
+/// For contacts with other powers than Hertz'.
+const STEP_OF_POWERS: u8 = 8;
+const INNER_OF_POWERS: u8 = 9;
 
 fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     macro_rules! call {
@@ -103,14 +108,19 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, 
             length,
         } = self;
         match (KIND, task) {
-            (STEP_OF_ANY, _) => step::<S, true>(simd, work, lanes, length),
-            (STEP, _) => step::<S, false>(simd, work, lanes, length),
+            (STEP_OF_POWERS, _) => step::<S, true, true>(simd, work, lanes, length),
+            (STEP_OF_ANY, _) => step::<S, true, false>(simd, work, lanes, length),
+            (STEP, _) => step::<S, false, false>(simd, work, lanes, length),
+            (INNER_OF_POWERS, Task::Inner { stage: number }) => {
+                stage::<S, true, true>(simd, work, lanes, number, length);
+                0.0
+            }
             (INNER_OF_ANY, Task::Inner { stage: number }) => {
-                stage::<S, true>(simd, work, lanes, number, length);
+                stage::<S, true, false>(simd, work, lanes, number, length);
                 0.0
             }
             (INNER, Task::Inner { stage: number }) => {
-                stage::<S, false>(simd, work, lanes, number, length);
+                stage::<S, false, false>(simd, work, lanes, number, length);
                 0.0
             }
             (CROSS, Task::Cross { tolerance }) => {
@@ -141,7 +151,7 @@ fn all_rates(rates: &[f64]) -> &[Rates] {
 }
 
 #[inline(always)]
-fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+fn step<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     work: &mut Work,
     lanes: &Lanes,
@@ -154,7 +164,7 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         work.lost[at * BLOCK..(at + 1) * BLOCK].fill(0.0);
     }
     for number in 0..MAIN {
-        stage::<S, GENERAL>(simd, work, lanes, number, length);
+        stage::<S, GENERAL, POWERS_TOO>(simd, work, lanes, number, length);
     }
     finish(simd, work, lanes, length)
 }
@@ -250,7 +260,7 @@ fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut LaneBlock, factor: f64, pa
 }
 
 #[inline(always)]
-fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     work: &mut Work,
     lanes: &Lanes,
@@ -323,7 +333,15 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
-                (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
+                if let Some(powers) = &lanes.powers
+                    && POWERS_TOO
+                {
+                    let closed = &blocks(&work.closed)[at];
+                    let of = (contacts, powers);
+                    (force, power) = push_by_powers(simd, of, at, closed, near, (u, v));
+                } else {
+                    (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
+                }
                 if lanes.viscous {
                     if weight != 0.0 {
                         sum_into(simd, &mut lost[at], weight, power);

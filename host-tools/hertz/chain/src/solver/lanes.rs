@@ -15,6 +15,7 @@ use pulp::{Simd, f64x8};
 use super::aligned::CacheAligned;
 use crate::drive::EndDrive;
 use crate::model::Model;
+use crate::power_law::ContactPowers;
 
 /// Lanes of a block, which are computed together.
 pub(crate) const BLOCK: usize = 8;
@@ -83,6 +84,9 @@ pub(crate) struct Lanes {
     pub(super) loaded: bool,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
+    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then has
+    /// the coefficients η.
+    pub(super) powers: Option<ContactPowers>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,
     pub(super) depth: f64,
@@ -159,6 +163,7 @@ impl Lanes {
             clipped: model.clipped,
             loaded: false,
             drive: model.drive.clone(),
+            powers: model.contact(1).powers,
             speed: model.speed_scale(),
             depth: model.displacement_scale(),
         };
@@ -174,6 +179,10 @@ impl Lanes {
             lanes.load[at] = contact.load;
             lanes.viscous |= contact.relaxation > 0.0;
             lanes.loaded |= contact.load > 0.0;
+            if let Some(powers) = &contact.powers {
+                lanes.viscosity[at] = powers.coefficient;
+                lanes.viscous |= powers.coefficient > 0.0;
+            }
         }
         lanes
     }
@@ -286,6 +295,37 @@ pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let force = select(simd, closed, force, open_force);
     let power = select(simd, closed, simd.mul_f64s(lost, approach), zero);
     (force, power)
+}
+
+/// [`push`] of contacts with other powers, lane by lane. `closed` has 1 where the contact is closed for all of
+/// the step.
+#[inline(always)]
+pub(super) fn push_by_powers<S: Simd<f64s = f64x8>>(
+    simd: S,
+    (contacts, powers): (Contacts<'_>, &ContactPowers),
+    at: usize,
+    closed: &LaneBlock,
+    near: (f64x8, f64x8),
+    far: (f64x8, f64x8),
+) -> (f64x8, f64x8) {
+    let changes: LaneBlock = pulp::cast(simd.sub_f64s(near.0, far.0));
+    let rates: LaneBlock = pulp::cast(simd.sub_f64s(near.1, far.1));
+    let (mut forces, mut lost) = ([0.0; BLOCK], [0.0; BLOCK]);
+    for lane in 0..BLOCK {
+        let (load, rest) = (contacts.load[at][lane], contacts.rest[at][lane]);
+        if closed[lane] == 0.0 {
+            forces[lane] = -load;
+            continue;
+        }
+        let of_lane = ContactPowers {
+            coefficient: contacts.viscosity[at][lane],
+            ..*powers
+        };
+        let damping = of_lane.damping_force(rest + changes[lane], rates[lane]);
+        let elastic = of_lane.force_beyond((load, rest), contacts.stiffness[at][lane], changes[lane]);
+        (forces[lane], lost[lane]) = (elastic + damping, damping * rates[lane]);
+    }
+    (pulp::cast(forces), pulp::cast(lost))
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ impl Stepper {
         tolerance: f64,
         longest: f64,
     ) -> Self {
-        let mut work = Work::new(&lanes, lanes.clipped);
+        let mut work = Work::new(&lanes, lanes.clipped || lanes.powers.is_some());
         unpack(&lanes, layout, state, &mut work.start);
         let rest = RestingBlocks::new(&lanes, &mut work, time, tolerance);
         Self {
@@ -266,10 +266,14 @@ impl Stepper {
                     continue;
                 }
                 let kink = lanes.clipped.then(|| work.first_kink(lanes, h)).flatten();
-                let whole = kink.is_none();
+                let turn = lanes.powers.and_then(|_| work.first_turn(lanes, h));
+                let whole = kink.is_none() && turn.is_none();
                 if let Some(part) = kink {
                     h *= part;
                     self.attempt(h);
+                }
+                if let Some((lane, part)) = turn {
+                    h = self.end_at_turn(lane, h * part, h);
                 }
                 let growth = (SAFETY * shorten(error)).clamp(0.2, if rejected { 1.0 } else { 6.0 });
                 let next = if whole { h * growth } else { self.step };
@@ -286,6 +290,24 @@ impl Stepper {
             let shrink = SAFETY * shorten(error);
             self.step = h * if shrink > 0.2 { shrink } else { 0.2 };
         }
+    }
+
+    /// Makes the step again with a length near `h`, so that it ends where the contact at `lane` opens or closes.
+    /// Returns its length, which is below `most`.
+    fn end_at_turn(&mut self, lane: usize, mut h: f64, most: f64) -> f64 {
+        self.attempt(h);
+        for _ in 0..4 {
+            let Some(way) = self.work.way_to_turn(&self.lanes, lane) else {
+                break;
+            };
+            let next = h + way;
+            if !(next > 0.0 && next < most && self.time + next > self.time) {
+                break;
+            }
+            h = next;
+            self.attempt(h);
+        }
+        h
     }
 
     /// Gives blocks that hardly change one long step, if that pays.

@@ -79,6 +79,10 @@ pub(super) struct Work {
     pub(super) powers: Option<Box<StagePowers>>,
     /// Drive of body 0 in the step; none without a drive.
     pub(super) driven: Option<Box<DrivenStep>>,
+    /// 1 for contacts that are closed in the step, 0 for others, if they have other powers than Hertz'.
+    pub(super) closed: CacheAligned,
+    /// Lanes of contacts that only touch at the start of the step.
+    pub(super) touching: Vec<usize>,
 }
 
 /// Drive of body 0 at the stages of a step, and its work.
@@ -146,6 +150,7 @@ impl Work {
             rates: CacheAligned::zeros(lanes.len() * STAGES),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: CacheAligned::zeros(guests),
+            closed: CacheAligned::zeros(if lanes.powers.is_some() { lanes.len() } else { 0 }),
             lost: CacheAligned::zeros(lanes.len()),
             ..Self::default()
         }
