@@ -259,6 +259,9 @@ fn is_prescribed(scenario: &Scenario) -> bool {
 
 /// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host.
 fn intruder_starts(scenario: &Scenario, intruders: &[HostedIntruder]) -> Vec<(f64, f64)> {
+    if scenario.starts.is_empty() {
+        return vec![(0.0, 0.0); intruders.len()];
+    }
     let mut of_bead = vec![(0.0, 0.0); scenario.chain.beads + 1];
     for start in &scenario.starts {
         for &bead in &start.beads {
@@ -406,7 +409,6 @@ impl Model {
     /// the accuracy of a step is relative to.
     fn speed_of_what_is_given(&self, scenario: &Scenario) -> f64 {
         let contact = &self.contacts[0];
-        let lightest = self.masses.iter().copied().fold(f64::INFINITY, f64::min);
         let driven = self.drive.as_ref().map_or(0.0, |drive| {
             let greatest = drive.greatest();
             if drive.prescribed || greatest == 0.0 {
@@ -421,6 +423,7 @@ impl Model {
         let displaced = scenario.starts.iter().any(|start| start.displacement != 0.0);
         let stored = displaced || self.intruder_starts.iter().any(|start| *start != (0.0, 0.0));
         let released = if stored {
+            let lightest = self.masses.iter().copied().fold(f64::INFINITY, f64::min);
             let energies = self.energies(&self.initial());
             (2.0 * (energies.chain + energies.intruders) / lightest).sqrt()
         } else {
@@ -462,11 +465,17 @@ impl Model {
 
     /// Contact `contact`, which joins bodies `contact - 1` and `contact`, or the last bead and the wall.
     pub fn contact(&self, contact: usize) -> Contact {
+        *self.contact_at(contact)
+    }
+
+    /// [`Model::contact`] without a copy.
+    #[inline]
+    pub(crate) fn contact_at(&self, contact: usize) -> &Contact {
         assert!(
             (1..=self.contacts.len()).contains(&contact),
             "contact {contact} is not of this chain"
         );
-        self.contacts[contact - 1]
+        &self.contacts[contact - 1]
     }
 
     /// The intruders, in the order of their beads.

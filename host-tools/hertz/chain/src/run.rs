@@ -281,12 +281,12 @@ impl StepView<'_> {
 
     /// Overlap of `contact`, m; negative if it is open.
     pub fn overlap(&self, contact: usize) -> f64 {
-        self.model.contact(contact).static_overlap + self.change(contact).0
+        self.model.contact_at(contact).static_overlap + self.change(contact).0
     }
 
     /// Total force of `contact`, N, positive in compression.
     pub fn force(&self, contact: usize) -> f64 {
-        let load = self.model.contact(contact).load;
+        let load = self.model.contact_at(contact).load;
         let (change, rate) = self.change(contact);
         load + self.model.force_beyond_at(contact, change, rate)
     }

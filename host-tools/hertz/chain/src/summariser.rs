@@ -165,7 +165,7 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     let mut chain: f64 = beads.map(of_bead).sum();
     let elastic = |contact| {
         model
-            .contact(contact)
+            .contact_at(contact)
             .energy_beyond(motion.change(model, contact).0)
     };
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
@@ -191,7 +191,7 @@ fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) ->
     for bodies in moving {
         for contact in contacts(model, bodies) {
             let (change, rate) = motion.change(model, contact);
-            let elastic = model.contact(contact).elastic_force_beyond(change);
+            let elastic = model.contact_at(contact).elastic_force_beyond(change);
             sum -= (model.force_beyond_at(contact, change, rate) - elastic) * rate;
         }
         for guest in guests(model, bodies) {
@@ -211,7 +211,7 @@ impl Summariser {
         let (model, energies) = (snapshot.model().clone(), snapshot.energies());
         let maximum = |value: f64| Maximum { value, time };
         let forces = (1..=model.contacts()).map(|contact| ForceMaximum {
-            maximum: maximum(snapshot.force(contact) - model.contact(contact).load),
+            maximum: maximum(snapshot.force(contact) - model.contact_at(contact).load),
             width: None,
             falling: false,
             rising: VecDeque::new(),
@@ -372,7 +372,7 @@ impl Summariser {
     }
 
     fn contact_peaks(&self, model: &Model) -> Vec<ContactPeak> {
-        let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].maximum.value;
+        let force = |contact: usize| model.contact_at(contact).load + self.forces[contact - 1].maximum.value;
         let contacts = 1..=model.contacts();
         let least = NO_FORCE * contacts.clone().map(force).fold(0.0, f64::max);
         let peak = |contact: usize| {

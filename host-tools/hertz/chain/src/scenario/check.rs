@@ -196,6 +196,9 @@ impl Scenario {
     }
 
     fn check_starts(&self) -> Result<(), InputError> {
+        if self.starts.is_empty() {
+            return Ok(());
+        }
         let mut owners = vec![None; self.chain.beads];
         let hosts: HashSet<usize> = self
             .intruders

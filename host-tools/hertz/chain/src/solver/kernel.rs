@@ -12,7 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
 use super::lanes::{
-    BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, push_by_powers, select,
+    BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, select,
 };
 use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
@@ -112,11 +112,11 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, 
             (STEP_OF_ANY, _) => step::<S, true, false>(simd, work, lanes, length),
             (STEP, _) => step::<S, false, false>(simd, work, lanes, length),
             (INNER_OF_POWERS, Task::Inner { stage: number }) => {
-                stage::<S, true, true>(simd, work, lanes, number, length);
+                any_stage::<S, true>(simd, work, lanes, number, length);
                 0.0
             }
             (INNER_OF_ANY, Task::Inner { stage: number }) => {
-                stage::<S, true, false>(simd, work, lanes, number, length);
+                any_stage::<S, false>(simd, work, lanes, number, length);
                 0.0
             }
             (INNER, Task::Inner { stage: number }) => {
@@ -164,7 +164,11 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
         work.lost[at * BLOCK..(at + 1) * BLOCK].fill(0.0);
     }
     for number in 0..MAIN {
-        stage::<S, GENERAL, POWERS_TOO>(simd, work, lanes, number, length);
+        if GENERAL {
+            any_stage::<S, POWERS_TOO>(simd, work, lanes, number, length);
+        } else {
+            stage::<S, false, false>(simd, work, lanes, number, length);
+        }
     }
     finish(simd, work, lanes, length)
 }
@@ -273,7 +277,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     let weight = if counts { length * quadrature(number) } else { 0.0 };
     let added = work.added.as_deref().filter(|_| !counts);
     let mut powers = work.powers.as_deref_mut();
-    let mut driven = if GENERAL { work.driven.as_deref_mut() } else { None };
     let keeps_powers = powers.is_some();
     let length_of = lanes.len() / BLOCK;
     let u_start = &blocks(&work.start.u)[..length_of];
@@ -308,7 +311,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
         }
     }
 
-    let contacts = lanes.contacts(length_of);
+    let contacts = lanes.contacts(length_of, &work.closed);
     let inverse = &blocks(&lanes.inverse)[..length_of];
     let mut power_sum = zero;
     let mut wall_force = 0.0;
@@ -333,15 +336,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
-                if let Some(powers) = &lanes.powers
-                    && POWERS_TOO
-                {
-                    let closed = &blocks(&work.closed)[at];
-                    let of = (contacts, powers);
-                    (force, power) = push_by_powers(simd, of, at, closed, near, (u, v));
-                } else {
-                    (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
-                }
+                (force, power) = push::<S, GENERAL, POWERS_TOO>(simd, contacts, at, near, (u, v));
                 if lanes.viscous {
                     if weight != 0.0 {
                         sum_into(simd, &mut lost[at], weight, power);
@@ -349,13 +344,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
                     if keeps_powers && !work.shared.contains(&(at - 1)) {
                         power_sum = simd.add_f64s(power_sum, power);
                     }
-                }
-                if GENERAL
-                    && at == 1
-                    && let Some(driven) = &mut driven
-                {
-                    let (forces, speeds): (LaneBlock, LaneBlock) = (pulp::cast(force), pulp::cast(v));
-                    driven.take_power(number, weight, forces[1], speeds[0]);
                 }
                 (u_before, v_before) = (u, v);
                 if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
@@ -373,12 +361,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
                 }
                 let rate = simd.mul_f64s(total, pulp::cast(inverse[at - 1]));
                 rates[at - 1][number] = pulp::cast(rate);
-                if GENERAL
-                    && at == 2
-                    && let Some(driven) = &driven
-                {
-                    rates[1][number][0] += driven.accelerations[number];
-                }
             }
             force_before = force;
         }
@@ -392,6 +374,52 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     if let Some(powers) = powers {
         powers.contacts[number] = pulp::cast::<f64x8, LaneBlock>(power_sum).iter().sum();
         powers.wall[number] = wall_force;
+    }
+}
+
+/// A stage of a chain of any kind, with the drive of body 0.
+#[inline(always)]
+fn any_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    number: usize,
+    length: f64,
+) {
+    stage::<S, true, POWERS_TOO>(simd, work, lanes, number, length);
+    if work.driven.is_some() {
+        drive_stage::<S, POWERS_TOO>(simd, work, lanes, number, length);
+    }
+}
+
+/// Adds the drive to the acceleration of body 0 at a stage, and takes its power. The force of the first contact
+/// is computed once more for that. No other body has an acceleration that depends on it at this stage.
+#[inline(always)]
+fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    number: usize,
+    length: f64,
+) {
+    let counts = number < MAIN;
+    let weight = if counts { length * quadrature(number) } else { 0.0 };
+    let count = lanes.len() / BLOCK;
+    let start = (blocks(&work.start.u)[1], blocks(&work.start.v)[1]);
+    let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..count];
+    let (mut u, mut v) = moved(simd, start, &rates[1], number, length);
+    if let Some(added) = work.added.as_deref().filter(|_| !counts) {
+        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[1]));
+        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[1]));
+    }
+    let zero = simd.splat_f64s(0.0);
+    let contacts = lanes.contacts(count, &work.closed);
+    let near = (before(zero, u), before(zero, v));
+    let (force, _) = push::<S, true, POWERS_TOO>(simd, contacts, 1, near, (u, v));
+    let (forces, speeds): (LaneBlock, LaneBlock) = (pulp::cast(force), pulp::cast(v));
+    if let Some(driven) = &mut work.driven {
+        driven.take_power(number, weight, forces[1], speeds[0]);
+        rates[1][number][0] += driven.accelerations[number];
     }
 }
 

@@ -163,7 +163,7 @@ impl Lanes {
             clipped: model.clipped,
             loaded: false,
             drive: model.drive.clone(),
-            powers: model.contact(1).powers,
+            powers: model.contact_at(1).powers,
             speed: model.speed_scale(),
             depth: model.displacement_scale(),
         };
@@ -171,7 +171,7 @@ impl Lanes {
             lanes.inverse[BLOCK + body] = 1.0 / shell;
         }
         for number in 1..=model.contacts() {
-            let (contact, at) = (model.contact(number), BLOCK + number);
+            let (contact, at) = (model.contact_at(number), BLOCK + number);
             lanes.stiffness[at] = contact.stiffness;
             lanes.viscosity[at] = 1.5 * contact.relaxation;
             lanes.rest[at] = contact.static_overlap;
@@ -188,7 +188,7 @@ impl Lanes {
     }
 
     #[inline(always)]
-    pub(super) fn contacts(&self, length: usize) -> Contacts<'_> {
+    pub(super) fn contacts<'a>(&'a self, length: usize, closed: &'a [f64]) -> Contacts<'a> {
         Contacts {
             stiffness: &blocks(&self.stiffness)[..length],
             viscosity: &blocks(&self.viscosity)[..length],
@@ -196,6 +196,8 @@ impl Lanes {
             root: &blocks(&self.root)[..length],
             load: &blocks(&self.load)[..length],
             clipped: self.clipped,
+            powers: self.powers.as_ref(),
+            closed: blocks(closed),
         }
     }
 
@@ -249,18 +251,24 @@ pub(super) struct Contacts<'a> {
     root: &'a [LaneBlock],
     load: &'a [LaneBlock],
     clipped: bool,
+    powers: Option<&'a ContactPowers>,
+    /// 1 where a contact with other powers is closed for all of the step.
+    closed: &'a [LaneBlock],
 }
 
 /// Force of eight contacts beyond their static loads, and the power that they dissipate. `near` and `far` are
 /// displacements and velocities of the bodies before and behind.
 #[inline(always)]
-pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     contacts: Contacts<'_>,
     at: usize,
     near: (f64x8, f64x8),
     far: (f64x8, f64x8),
 ) -> (f64x8, f64x8) {
+    if POWERS_TOO && let Some(powers) = contacts.powers {
+        return push_by_powers(simd, (contacts, powers), at, near, far);
+    }
     let zero = simd.splat_f64s(0.0);
     let change = simd.sub_f64s(near.0, far.0);
     let approach = simd.sub_f64s(near.1, far.1);
@@ -297,14 +305,12 @@ pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     (force, power)
 }
 
-/// [`push`] of contacts with other powers, lane by lane. `closed` has 1 where the contact is closed for all of
-/// the step.
+/// [`push`] of contacts with other powers, lane by lane.
 #[inline(always)]
-pub(super) fn push_by_powers<S: Simd<f64s = f64x8>>(
+fn push_by_powers<S: Simd<f64s = f64x8>>(
     simd: S,
     (contacts, powers): (Contacts<'_>, &ContactPowers),
     at: usize,
-    closed: &LaneBlock,
     near: (f64x8, f64x8),
     far: (f64x8, f64x8),
 ) -> (f64x8, f64x8) {
@@ -313,7 +319,7 @@ pub(super) fn push_by_powers<S: Simd<f64s = f64x8>>(
     let (mut forces, mut lost) = ([0.0; BLOCK], [0.0; BLOCK]);
     for lane in 0..BLOCK {
         let (load, rest) = (contacts.load[at][lane], contacts.rest[at][lane]);
-        if closed[lane] == 0.0 {
+        if contacts.closed[at][lane] == 0.0 {
             forces[lane] = -load;
             continue;
         }

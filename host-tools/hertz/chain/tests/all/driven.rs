@@ -355,12 +355,15 @@ fn a_run_beyond_the_end_of_its_record_is_refused_or_stops_there() {
     ));
 }
 
+/// A change that makes a sound scenario wrong.
+type Change = fn(&mut Scenario);
+
 #[test]
 fn what_cannot_be_driven_is_refused_in_a_line() {
     let sine = || Drive::sine(DriveQuantity::Displacement, 1e-6, 1500.0);
     let good = driven(sine());
     good.check().expect("it is sound");
-    let cases: [(&str, fn(&mut Scenario)); 13] = [
+    let cases: [(&str, Change); 13] = [
         (
             "striker.velocity: a body that a drive moves cannot strike at 0.45 m/s; ",
             |s| s.striker.velocity = 0.45,

@@ -3,6 +3,7 @@
 mod accuracy;
 mod any_scenario;
 mod common;
+mod contacts;
 mod counts;
 mod driven;
 mod ensemble;

@@ -94,9 +94,9 @@ fn edges(transmission: &[(f64, f64)], gap: f64) -> [f64; 3] {
     };
     let or_none = |edge: Option<f64>| edge.unwrap_or(f64::NAN);
     [
-        or_none(passes().filter(|frequency| *frequency < gap).last()),
+        or_none(passes().filter(|frequency| *frequency < gap).next_back()),
         or_none(passes().find(|frequency| *frequency > gap)),
-        or_none(passes().last()),
+        or_none(passes().next_back()),
     ]
 }
 
