@@ -62,6 +62,7 @@ mod tests {
             beads: vec![1],
             velocity: 0.45,
             gap: 0.0,
+            ..Start::default()
         }];
         let solution = simulate(&scenario).unwrap();
         let model = solution.model();

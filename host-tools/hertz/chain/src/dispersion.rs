@@ -70,6 +70,10 @@ impl Dispersion {
                 "give it a static load in N",
             ));
         }
+        if scenario.chain.gravity != 0.0 {
+            let what = "a vertical chain has another load, and other bands, at each contact".to_owned();
+            return Err(InputError::at("chain.gravity", what, "leave it out"));
+        }
         let beads = scenario.chain.beads;
         let spheres = scenario.spheres();
         if spheres[1..].iter().any(|sphere| *sphere != spheres[0]) || beads < 2 {
@@ -189,11 +193,15 @@ mod tests {
         let mut mixed = loaded(1.0);
         mixed.sections = vec![Section::of([3])];
         mixed.sections[0].radius = Some(0.01);
+        let mut vertical = loaded(1.0);
+        vertical.chain.gravity = 9.81;
+        vertical.wall = Some(crate::scenario::Wall::flat(vertical.striker.material()));
         let mut one_host = loaded(1.0);
         one_host.intruders[0].beads.truncate(1);
         for (scenario, words) in [
             (loaded(0.0), "chain.precompression: a chain that just touches"),
             (mixed, "section: linear waves"),
+            (vertical, "chain.gravity: a vertical chain"),
             (one_host, "intruder: linear waves"),
         ] {
             let error = Dispersion::of(&scenario).unwrap_err().to_string();

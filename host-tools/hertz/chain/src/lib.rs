@@ -5,6 +5,7 @@ mod bisection;
 mod collision;
 mod curve;
 mod dispersion;
+mod drive;
 mod ensemble;
 mod fit;
 mod flow;
@@ -14,6 +15,7 @@ mod optimise;
 mod options;
 mod oscillator;
 mod oscillator_fit;
+mod power_law;
 mod pulse;
 mod quantity;
 mod region;
@@ -50,13 +52,14 @@ pub use optimise::{
 };
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
+pub use power_law::PowerLaw;
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
 pub use run::{Run, RunStep, StepView};
 pub use scenario::{
-    Chain, ContactForce, InputError, Intruder, MOST_BEADS, Material, Scenario, Section, Start, Striker,
-    TomlFile, Wall, plain_words, read_table, read_text,
+    Chain, ContactForce, ContactLaw, Damping, Drive, DriveQuantity, InputError, Intruder, MOST_BEADS,
+    Material, Scenario, Section, Start, Striker, TomlFile, Wall, plain_words, read_table, read_text,
 };
 pub use shaker::{FrequencySweep, ShakerResponse};
 pub use signal::Signal;

@@ -17,14 +17,25 @@
 //! and beads are accelerated by the part of the contact forces *beyond* F₀. That part is computed without
 //! subtracting two large numbers, so a weak wave on a strongly loaded chain is as exact as any.
 //!
+//! On a vertical chain each contact has a load of its own: F₀ and the weight of all bodies above. The weights
+//! are thereby left out as F₀ is. Only a striker that no contact carries yet falls by its weight.
+//!
+//! A drive acts on body 0: as a force beside its contact's, or as its motion, which no force then changes.
+//!
 //! The energies dissipated by the contacts' viscous parts and by the intruders' dampers are components of the
 //! state. They are integrated with the motion and are as exact.
 
 #[cfg(test)]
 mod symmetry;
 
+use std::sync::Arc;
+
+use crate::drive::EndDrive;
 use crate::oscillator::Oscillator;
-use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
+use crate::power_law::{ContactPowers, PowerLaw, power};
+use crate::scenario::{
+    ContactForce, ContactLaw, Damping, DriveQuantity, InputError, Material, Scenario, Sphere,
+};
 
 /// A contact, which joins bodies j - 1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +49,8 @@ pub struct Contact {
     pub load: f64,
     /// Overlap at rest, (F₀/κ)^(2/3), m.
     pub static_overlap: f64,
+    /// Other powers than Hertz' with a damping of the exponent 1/2; κ is then in N/mⁿ, and `relaxation` is 0.
+    pub(crate) powers: Option<ContactPowers>,
 }
 
 /// θ = 3 (1 - ν²) / (4 Y) of a body at a contact, 1/Pa.
@@ -66,11 +79,47 @@ impl Contact {
             relaxation,
             load,
             static_overlap: (load / stiffness).powf(2.0 / 3.0),
+            powers: None,
         }
+    }
+
+    /// Gives the contact of bodies with this curvature, 1/m, and reduced mass, kg, another law.
+    fn with_law(mut self, law: &ContactLaw, curvature: f64, reduced_mass: f64) -> Self {
+        let (n, p) = (law.exponent, law.damping_power());
+        self.stiffness = law.stiffness.unwrap_or(self.stiffness);
+        let coefficient = match law.damping {
+            Damping::Viscoelastic => n * self.relaxation * self.stiffness,
+            Damping::Linear | Damping::Power => law.coefficient,
+            Damping::LammpsMaterial => law.coefficient * reduced_mass / curvature.sqrt(),
+            Damping::LammpsTsuji => law.coefficient * (reduced_mass * self.stiffness).sqrt(),
+        };
+        if n == 1.5 && p == 0.5 {
+            self.static_overlap = (self.load / self.stiffness).powf(2.0 / 3.0);
+            if law.damping != Damping::Viscoelastic {
+                self.relaxation = coefficient / (1.5 * self.stiffness);
+            }
+            return self;
+        }
+        self.static_overlap = (self.load / self.stiffness).powf(1.0 / n);
+        self.relaxation = 0.0;
+        self.powers = Some(ContactPowers {
+            elastic: n,
+            damping: p,
+            coefficient,
+        });
+        self
+    }
+
+    /// The elastic law of the contact.
+    pub fn law(&self) -> PowerLaw {
+        PowerLaw::new(self.powers.map_or(1.5, |powers| powers.elastic), self.stiffness)
     }
 
     /// Hertz' part of the force, N, at an overlap in m.
     pub fn elastic_force(&self, overlap: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            return self.stiffness * power(overlap, powers.elastic);
+        }
         if overlap > 0.0 {
             self.stiffness * overlap * overlap.sqrt()
         } else {
@@ -80,6 +129,9 @@ impl Contact {
 
     /// The viscous part of the force, N, at an overlap in m that grows by `rate` in m/s.
     pub fn viscous_force(&self, overlap: f64, rate: f64) -> f64 {
+        if let Some(powers) = self.powers.as_ref().filter(|_| overlap > 0.0) {
+            return powers.damping_force(overlap, rate);
+        }
         if overlap > 0.0 {
             1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate
         } else {
@@ -96,6 +148,9 @@ impl Contact {
     /// [`Contact::energy`] as a function of the change of the overlap since rest, m. With r = √(δ/δ₀) it is
     /// (2/5) κ δ₀^(5/2) (r - 1)² (r³ + 2r² + 3r + 3/2).
     pub(crate) fn energy_beyond(&self, change: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            return powers.energy_beyond((self.load, self.static_overlap), self.stiffness, change);
+        }
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
             return 0.4 * overlap * self.elastic_force(overlap);
@@ -113,6 +168,12 @@ impl Contact {
     /// Hertz' part of the force less the static load, N, as a function of the change of the overlap since
     /// rest, m. With a² = δ and b² = δ₀ it is κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
     pub(crate) fn elastic_force_beyond(&self, change: f64) -> f64 {
+        if let Some(powers) = &self.powers {
+            if self.static_overlap + change <= 0.0 {
+                return -self.load;
+            }
+            return powers.force_beyond((self.load, self.static_overlap), self.stiffness, change);
+        }
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
             return self.elastic_force(overlap);
@@ -125,8 +186,11 @@ impl Contact {
     }
 
     /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m. Zero without
-    /// load.
+    /// load, unless the law is linear.
     pub fn linear_stiffness(&self) -> f64 {
+        if let Some(powers) = &self.powers {
+            return powers.elastic * self.stiffness * power(self.static_overlap, powers.elastic - 1.0);
+        }
         1.5 * self.stiffness * self.static_overlap.sqrt()
     }
 }
@@ -137,12 +201,14 @@ fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
     let beads = scenario.chain.beads;
     let mut gaps = vec![0.0; beads + 2];
     let mut velocities = vec![0.0; beads + 1];
+    let mut displacements = vec![0.0; beads + 1];
     velocities[0] = scenario.striker.velocity;
     gaps[beads + 1] = scenario.wall.as_ref().map_or(0.0, |wall| wall.gap);
     for start in &scenario.starts {
         for &bead in &start.beads {
             gaps[bead] = start.gap;
             velocities[bead] = start.velocity;
+            displacements[bead] = start.displacement;
         }
     }
     let mut displacement = 0.0;
@@ -150,11 +216,59 @@ fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
         .rev()
         .map(|body| {
             displacement -= gaps[body + 1];
-            (displacement, velocities[body])
+            let own = displacements[body];
+            (
+                if own == 0.0 {
+                    displacement
+                } else {
+                    displacement + own
+                },
+                velocities[body],
+            )
         })
         .collect();
     starts.reverse();
     starts
+}
+
+/// Static loads of contacts 1 to N + 1, N. Below a striker that moves freely, contact 1 has none.
+fn loads(scenario: &Scenario, masses: &[f64]) -> Vec<f64> {
+    let chain = &scenario.chain;
+    let mut loads = vec![chain.precompression; masses.len()];
+    if scenario.drive.is_none() {
+        loads[0] = 0.0;
+    }
+    if chain.gravity > 0.0 {
+        // A driven displacement carries its body.
+        let carried = scenario.loads_striker() && !is_prescribed(scenario);
+        let mut weight = if carried { masses[0] * chain.gravity } else { 0.0 };
+        for (load, mass) in loads.iter_mut().zip(masses.iter().skip(1)) {
+            *load += weight;
+            weight += mass * chain.gravity;
+        }
+        loads[masses.len() - 1] += weight;
+    }
+    loads
+}
+
+/// True if body 0 follows a displacement.
+fn is_prescribed(scenario: &Scenario) -> bool {
+    let quantity = scenario.drive.as_ref().map(|drive| drive.quantity);
+    quantity == Some(DriveQuantity::Displacement)
+}
+
+/// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host.
+fn intruder_starts(scenario: &Scenario, intruders: &[HostedIntruder]) -> Vec<(f64, f64)> {
+    if scenario.starts.is_empty() {
+        return vec![(0.0, 0.0); intruders.len()];
+    }
+    let mut of_bead = vec![(0.0, 0.0); scenario.chain.beads + 1];
+    for start in &scenario.starts {
+        for &bead in &start.beads {
+            of_bead[bead] = (start.intruder_displacement, start.intruder_velocity);
+        }
+    }
+    intruders.iter().map(|intruder| of_bead[intruder.bead]).collect()
 }
 
 /// An intruder in its host.
@@ -185,6 +299,12 @@ pub struct Model {
     /// Displacement, m, and velocity, m/s, of each body at t = 0. Displacements would be zero if all bodies
     /// stood in contact, the last bead at the wall.
     pub(crate) starts: Vec<(f64, f64)>,
+    /// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host.
+    intruder_starts: Vec<(f64, f64)>,
+    /// Forces on body 0 beside its contact's, or its motion.
+    pub(crate) drive: Option<Arc<EndDrive>>,
+    /// Speed that a drive, gravity or displaced bodies give, m/s; zero for a strike.
+    given_speed: f64,
 }
 
 impl Model {
@@ -205,16 +325,16 @@ impl Model {
             let Material { young, poisson, .. } = body.material;
             (compliance(young, poisson), 1.0 / body.radius)
         };
-        let load = scenario.chain.precompression;
+        let loads = loads(scenario, &masses);
         let mut contacts: Vec<Contact> = bodies
             .windows(2)
-            .map(|pair| {
+            .zip(&loads)
+            .map(|(pair, &load)| {
                 let ((near, near_curvature), (far, far_curvature)) = (side(&pair[0]), side(&pair[1]));
                 let relaxation = series_relaxation((near, pair[0].relaxation), (far, pair[1].relaxation));
                 Contact::new(near + far, near_curvature + far_curvature, relaxation, load)
             })
             .collect();
-        (contacts[0].load, contacts[0].static_overlap) = (0.0, 0.0);
         if let Some(wall) = &scenario.wall {
             let last = &bodies[bodies.len() - 1];
             let (near, curvature) = side(last);
@@ -223,7 +343,26 @@ impl Model {
             let relaxation = series_relaxation((near, last.relaxation), (far, own));
             let theta = near + far;
             let curvature = curvature + wall.radius.map_or(0.0, |radius| 1.0 / radius);
-            contacts.push(Contact::new(theta, curvature, relaxation, load));
+            contacts.push(Contact::new(
+                theta,
+                curvature,
+                relaxation,
+                loads[bodies.len() - 1],
+            ));
+        }
+
+        if let Some(law) = &scenario.contact {
+            let curvature = |body: usize| bodies.get(body).map(|body| 1.0 / body.radius);
+            let round_wall = scenario.wall.as_ref().and_then(|wall| wall.radius);
+            for (near, contact) in contacts.iter_mut().enumerate() {
+                let far = curvature(near + 1).or(round_wall.map(|radius| 1.0 / radius));
+                let curvature = 1.0 / bodies[near].radius + far.unwrap_or(0.0);
+                let other = masses.get(near + 1);
+                let reduced = other.map_or(masses[near], |other| {
+                    masses[near] * other / (masses[near] + other)
+                });
+                *contact = contact.with_law(law, curvature, reduced);
+            }
         }
 
         let mut intruders = Vec::new();
@@ -237,15 +376,62 @@ impl Model {
         }
         intruders.sort_by_key(|intruder| intruder.bead);
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
-        Self {
+        let falls = scenario.chain.gravity > 0.0 && !scenario.loads_striker();
+        let weight = if falls {
+            masses[0] * scenario.chain.gravity
+        } else {
+            0.0
+        };
+        let drive = EndDrive::new(scenario.drive.as_ref(), weight, masses[0]);
+        let mut starts = starts(scenario);
+        if let Some(start) = drive.as_ref().and_then(|drive| drive.motion(0.0)) {
+            starts[0] = start;
+            shells[0] = f64::INFINITY;
+        }
+        let intruder_starts = intruder_starts(scenario, &intruders);
+        let mut model = Self {
             radii: bodies.iter().map(|body| body.radius).collect(),
             masses,
             shells,
             contacts,
             intruders,
             clipped,
-            starts: starts(scenario),
-        }
+            starts,
+            intruder_starts,
+            drive: drive.map(Arc::new),
+            given_speed: 0.0,
+        };
+        model.given_speed = model.speed_of_what_is_given(scenario);
+        model
+    }
+
+    /// The greatest speed, m/s, that a drive, gravity and displaced bodies may give a body: an estimate, which
+    /// the accuracy of a step is relative to.
+    fn speed_of_what_is_given(&self, scenario: &Scenario) -> f64 {
+        let contact = &self.contacts[0];
+        let driven = self.drive.as_ref().map_or(0.0, |drive| {
+            let greatest = drive.greatest();
+            if drive.prescribed || greatest == 0.0 {
+                return greatest;
+            }
+            // A force F that changes slowly moves a lattice at F / √(K M).
+            let hertz = 1.5 * contact.stiffness.powf(2.0 / 3.0) * greatest.cbrt();
+            greatest / (hertz.max(contact.linear_stiffness()) * self.masses[1]).sqrt()
+        });
+        let gap = (self.starts[1].0 - self.starts[0].0).max(0.0);
+        let fallen = (2.0 * scenario.chain.gravity * gap).sqrt();
+        let displaced = scenario.starts.iter().any(|start| start.displacement != 0.0);
+        let stored = displaced || self.intruder_starts.iter().any(|start| *start != (0.0, 0.0));
+        let released = if stored {
+            let lightest = self.masses.iter().copied().fold(f64::INFINITY, f64::min);
+            let energies = self.energies(&self.initial());
+            (2.0 * (energies.chain + energies.intruders) / lightest).sqrt()
+        } else {
+            0.0
+        };
+        driven
+            .max(if self.drive.is_some() { fallen } else { 0.0 })
+            .max(released)
     }
 
     /// Checks a scenario and builds its model. Nothing is integrated.
@@ -279,11 +465,17 @@ impl Model {
 
     /// Contact `contact`, which joins bodies `contact - 1` and `contact`, or the last bead and the wall.
     pub fn contact(&self, contact: usize) -> Contact {
+        *self.contact_at(contact)
+    }
+
+    /// [`Model::contact`] without a copy.
+    #[inline]
+    pub(crate) fn contact_at(&self, contact: usize) -> &Contact {
         assert!(
             (1..=self.contacts.len()).contains(&contact),
             "contact {contact} is not of this chain"
         );
-        self.contacts[contact - 1]
+        &self.contacts[contact - 1]
     }
 
     /// The intruders, in the order of their beads.
@@ -296,15 +488,46 @@ impl Model {
         self.kinetic(0)
     }
 
-    /// Kinetic energy of a body at t = 0, J.
+    /// Kinetic energy of a body at t = 0, J. One that follows a displacement has none of its own.
     fn kinetic(&self, body: usize) -> f64 {
-        let velocity = self.starts[body].1;
+        let velocity = if body == 0 && self.is_prescribed() {
+            0.0
+        } else {
+            self.starts[body].1
+        };
         0.5 * self.masses[body] * velocity * velocity
     }
 
-    /// Energy of all bodies at t = 0, J: that of the striker and of beads that move then.
+    /// True if a drive acts on body 0, or the weight of a striker that falls.
+    pub fn is_driven(&self) -> bool {
+        self.drive.is_some()
+    }
+
+    /// True if body 0 follows a displacement.
+    fn is_prescribed(&self) -> bool {
+        self.shells[0] == f64::INFINITY
+    }
+
+    /// Kinetic energy of body 0 at a velocity in m/s, J.
+    pub(crate) fn striker_energy_at(&self, velocity: f64) -> f64 {
+        if self.is_prescribed() {
+            return 0.0;
+        }
+        0.5 * self.masses[0] * velocity * velocity
+    }
+
+    /// Energy of all bodies at t = 0, J: that of the striker, and of beads and intruders that move or are
+    /// displaced then.
     pub fn initial_energy(&self) -> f64 {
+        if self.given_speed > 0.0 {
+            return self.energies(&self.initial()).total();
+        }
         (0..self.bodies()).map(|body| self.kinetic(body)).sum()
+    }
+
+    /// True if beads or intruders are displaced at t = 0, or intruders move in their hosts.
+    pub(crate) fn starts_displaced(&self) -> bool {
+        self.given_speed > 0.0
     }
 
     /// Speed of the striker at t = 0, m/s.
@@ -316,7 +539,8 @@ impl Model {
     pub(crate) fn speed_scale(&self) -> f64 {
         // A free end or a wall is at rest.
         let velocities = || self.starts.iter().map(|start| start.1);
-        velocities().fold(0.0, f64::max) - velocities().fold(0.0, f64::min)
+        let apart = velocities().fold(0.0, f64::max) - velocities().fold(0.0, f64::min);
+        apart.max(self.given_speed)
     }
 
     pub(crate) fn layout(&self) -> StateLayout {
@@ -324,6 +548,7 @@ impl Model {
             bodies: self.masses.len(),
             intruders: self.intruders.len(),
             walled: self.contacts.len() == self.masses.len(),
+            driven: self.drive.is_some(),
         }
     }
 
@@ -334,6 +559,10 @@ impl Model {
         for (body, (displacement, velocity)) in self.starts.iter().enumerate() {
             state[body] = *displacement;
             state[layout.velocity(body)] = *velocity;
+        }
+        for (intruder, (displacement, velocity)) in self.intruder_starts.iter().enumerate() {
+            state[layout.relative(intruder)] = *displacement;
+            state[layout.relative_velocity(intruder)] = *velocity;
         }
         state
     }
@@ -398,6 +627,10 @@ impl Model {
         if overlap <= 0.0 {
             return (-contact.load, 0.0);
         }
+        if let Some(powers) = &contact.powers {
+            let viscous = powers.damping_force(overlap, approach);
+            return (contact.elastic_force_beyond(change) + viscous, viscous);
+        }
         let stiffness = contact.stiffness * overlap.sqrt();
         let elastic = stiffness * overlap;
         let viscous = 1.5 * contact.relaxation * stiffness * approach;
@@ -417,6 +650,13 @@ impl Model {
         let speed = self.speed_scale();
         let contacts = self.contacts.iter().zip(self.reduced_masses());
         let time = |(contact, reduced): (&Contact, f64)| {
+            if contact.powers.is_some() {
+                return if speed > 0.0 {
+                    contact.law().contact_time(reduced, speed)
+                } else {
+                    f64::INFINITY
+                };
+            }
             2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * speed.powf(-0.2)
         };
         contacts.map(time).fold(f64::INFINITY, f64::min)
@@ -437,6 +677,10 @@ impl Model {
         let loaded = contacts.map(|(contact, reduced)| {
             // A bead has a contact on either side, so the stiffness is twice that of one.
             let rate = 2.0 * contact.linear_stiffness() / reduced;
+            if let Some(powers) = &contact.powers {
+                let damped = 2.0 * powers.damping_force(contact.static_overlap, 1.0) / reduced;
+                return rate.sqrt().max(damped);
+            }
             rate.sqrt().max(rate * contact.relaxation)
         });
         let intruders = self.intruders.iter().map(|intruder| self.rate_of(intruder));
@@ -461,19 +705,30 @@ impl Model {
     /// The longest step, s, of a run whose accuracy has this [`longest_step`](crate::Accuracy::longest_step).
     /// The method is stable for steps of up to about 6 of the shortest time constants.
     pub(crate) fn longest_step(&self, longest_step: f64) -> f64 {
-        (longest_step * self.shortest_contact()).min(6.0 / self.fastest_rate())
+        (longest_step * self.shortest_time()).min(6.0 / self.fastest_rate())
+    }
+
+    /// The shortest contact time, or the shortest period of a drive if that is less, s.
+    pub(crate) fn shortest_time(&self) -> f64 {
+        let period = self.drive.as_ref().map_or(f64::INFINITY, |drive| drive.period());
+        self.shortest_contact().min(period)
     }
 
     /// The scale of displacements, m: the depth to which the body of greatest energy presses into a bead at
     /// rest.
     pub(crate) fn displacement_scale(&self) -> f64 {
         let energies = (0..self.bodies()).map(|body| self.kinetic(body));
-        let most = energies.fold(0.0, f64::max);
+        let given = 0.5 * self.masses[1] * self.given_speed * self.given_speed;
+        let most = energies.fold(given, f64::max);
+        if self.contacts[0].powers.is_some() {
+            // The energy of a reduced mass of 2 kg at a speed of √E.
+            return self.contacts[0].law().greatest_overlap(2.0, most.sqrt());
+        }
         (2.5 * most / self.contacts[0].stiffness).powf(0.4)
     }
 
-    /// Writes the rate of change of the state `y` to `rate`, which has the same length.
-    pub(crate) fn rate(&self, y: &[f64], rate: &mut [f64]) {
+    /// Writes the rate of change of the state `y` at time `t`, s, to `rate`, which has the same length.
+    pub(crate) fn rate(&self, t: f64, y: &[f64], rate: &mut [f64]) {
         let layout = self.layout();
         let (displacement, rest) = y.split_at(layout.bodies);
         let velocity = &rest[..layout.bodies];
@@ -515,8 +770,19 @@ impl Model {
             rest[layout.intruder_loss(i) - base] = oscillator.damping * x_rate * x_rate;
         }
         rest[layout.contact_loss() - base] = loss;
+        if let (Some(drive), Some(index)) = (&self.drive, layout.drive_work()) {
+            let push = if drive.prescribed {
+                -acceleration[0]
+            } else {
+                drive.force(t)
+            };
+            rest[index - base] = push * velocity[0];
+        }
         for (acceleration, shell) in acceleration.iter_mut().zip(&self.shells) {
             *acceleration /= shell;
+        }
+        if let Some(drive) = &self.drive {
+            acceleration[0] += drive.acceleration(t);
         }
         for (i, intruder) in self.intruders.iter().enumerate() {
             rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
@@ -532,7 +798,8 @@ impl Model {
         let layout = self.layout();
         let kinetic = |mass: f64, velocity: f64| 0.5 * mass * velocity * velocity;
         let mut energies = Energies {
-            striker: kinetic(self.masses[0], y[layout.velocity(0)]),
+            striker: self.striker_energy_at(y[layout.velocity(0)]),
+            supplied: layout.drive_work().map_or(0.0, |index| y[index]),
             ..Energies::default()
         };
         for j in 1..layout.bodies {
@@ -598,6 +865,13 @@ impl Model {
         if let Some(index) = layout.wall_impulse() {
             scales[index] = self.masses[0] * self.speed_scale();
         }
+        if self.given_speed > 0.0 {
+            let energy = 0.5 * self.masses[1] * self.speed_scale().powi(2);
+            scales[layout.contact_loss()..].fill(energy);
+            if let Some(index) = layout.wall_impulse() {
+                scales[index] = self.masses[1] * self.speed_scale();
+            }
+        }
         scales
     }
 
@@ -616,6 +890,11 @@ impl Model {
         if overlap <= 0.0 || self.limits(contact, overlap, approach) {
             return 0.0;
         }
+        if let Some(powers) = &contact.powers {
+            let n = powers.elastic;
+            let elastic = n * contact.stiffness * power(overlap, n - 1.0) * approach;
+            return elastic + powers.damping_force_rate(overlap, approach, acceleration);
+        }
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
         1.5 * contact.stiffness * (root * approach + viscous)
@@ -624,12 +903,13 @@ impl Model {
 
 /// Indices of the state vector. It holds displacements and velocities of the bodies, relative displacements
 /// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
-/// intruder, and the momentum given to the wall if there is one.
+/// intruder, the momentum given to the wall if there is one, and the work of a drive if there is one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StateLayout {
     bodies: usize,
     intruders: usize,
     walled: bool,
+    driven: bool,
 }
 
 impl StateLayout {
@@ -657,8 +937,13 @@ impl StateLayout {
         self.walled.then_some(self.contact_loss() + 1 + self.intruders)
     }
 
+    pub(crate) fn drive_work(&self) -> Option<usize> {
+        self.driven
+            .then_some(self.contact_loss() + 1 + self.intruders + usize::from(self.walled))
+    }
+
     pub(crate) fn dimension(&self) -> usize {
-        self.contact_loss() + 1 + self.intruders + usize::from(self.walled)
+        self.contact_loss() + 1 + self.intruders + usize::from(self.walled) + usize::from(self.driven)
     }
 }
 
@@ -670,7 +955,7 @@ impl StateLayout {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Energies {
-    /// Kinetic energy of the striker.
+    /// Kinetic energy of the striker; zero if it follows a displacement.
     pub striker: f64,
     /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
     /// static load, contacts count from rest, less the work of that load ([`Contact::energy`]).
@@ -683,11 +968,15 @@ pub struct Energies {
     pub dissipated_contacts: f64,
     /// Dissipated in all intruders so far: Σ ∫ c x'² dt.
     pub dissipated_intruders: f64,
+    /// Work of the drive so far, beyond that of static loads; of the weight too if a striker falls. Zero
+    /// without a drive.
+    pub supplied: f64,
 }
 
 impl Energies {
-    /// The sum, which is constant over a run except for the error of the integration.
+    /// The sum less what was supplied, which is constant over a run except for the error of the integration.
     pub fn total(&self) -> f64 {
         self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
+            - self.supplied
     }
 }

@@ -155,6 +155,14 @@ pub enum SimulateError {
         /// Wall-clock time of these steps on a fast computer, s.
         seconds: f64,
     },
+    /// The record of a drive ends before the run does.
+    #[error("drive: the record ends at {last} s, the run at {end} s; simulate less time, or record longer")]
+    DriveEnds {
+        /// End of the record, s.
+        last: f64,
+        /// End of the run, s.
+        end: f64,
+    },
     /// The steps became too short to advance the clock: values lie too many powers of ten apart.
     #[error(
         "the integration is stuck at {time:?} s: values lie too many powers of ten apart; check masses, stiffnesses and units"

@@ -159,7 +159,7 @@ impl<'a> ForceTrace<'a> {
         for (knot, &time) in solution.times.iter().enumerate() {
             if from < time && time < to {
                 let state = solution.state(knot);
-                model.rate(state, &mut rate);
+                model.rate(time, state, &mut rate);
                 points.push(TracePoint {
                     time,
                     value: quantity.value(model, state),

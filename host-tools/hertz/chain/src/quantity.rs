@@ -61,7 +61,7 @@ impl<'a> StepSampler<'a> {
 
     pub(crate) fn rate(&mut self, quantity: PeakQuantity, t: f64) -> f64 {
         self.dense.at(t, &mut self.y);
-        self.model.rate(&self.y, &mut self.dy);
+        self.model.rate(t, &self.y, &mut self.dy);
         quantity.rate(self.model, &self.y, &self.dy)
     }
 }

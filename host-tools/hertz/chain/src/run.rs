@@ -58,8 +58,13 @@ impl Run {
     /// Refuses a run to `end`, s, that would take absurdly long. `longest_step` is that of the accuracy.
     ///
     /// # Errors
-    /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`].
+    /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`], and [`SimulateError::DriveEnds`] if a
+    /// recorded drive ends before.
     pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
+        let drive = self.model.drive.as_ref().and_then(|drive| drive.end());
+        if let Some(last) = drive.filter(|last| end > last * (1.0 + 1e-12)) {
+            return Err(SimulateError::DriveEnds { last, end });
+        }
         let step = self.model.longest_step(longest_step);
         let steps = self.fewest_steps(end, longest_step);
         // In a very slow strike, any resonator is comparatively fast.
@@ -93,7 +98,7 @@ impl Run {
         accuracy: Accuracy,
     ) -> Result<Self, SimulateError> {
         accuracy.check()?;
-        let longest = accuracy.longest_step * model.shortest_contact();
+        let longest = accuracy.longest_step * model.shortest_time();
         let (lanes, layout) = (Arc::new(Lanes::new(&model)), model.layout());
         let stepper = Stepper::new(lanes, layout, (time, state), accuracy.tolerance, longest);
         Ok(Self { model, stepper })
@@ -128,6 +133,11 @@ impl Run {
 
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), SimulateError> {
         let time = self.time();
+        if let Some(drive) = &self.model.drive
+            && let Some(last) = drive.end().filter(|last| time >= *last)
+        {
+            return Err(SimulateError::DriveEnds { last, end: stop });
+        }
         self.stepper
             .advance(stop)
             .map_err(|_| SimulateError::Stuck { time })
@@ -271,7 +281,7 @@ impl StepView<'_> {
 
     /// Overlap of `contact`, m; negative if it is open.
     pub fn overlap(&self, contact: usize) -> f64 {
-        self.model.contact(contact).static_overlap + self.change(contact).0
+        self.model.contact_at(contact).static_overlap + self.change(contact).0
     }
 
     /// Rate of the overlap of `contact`, m/s.
@@ -281,7 +291,7 @@ impl StepView<'_> {
 
     /// Total force of `contact`, N, positive in compression.
     pub fn force(&self, contact: usize) -> f64 {
-        let load = self.model.contact(contact).load;
+        let load = self.model.contact_at(contact).load;
         let (change, rate) = self.change(contact);
         load + self.model.force_beyond_at(contact, change, rate)
     }

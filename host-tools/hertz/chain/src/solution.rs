@@ -148,13 +148,13 @@ impl<'a> Snapshot<'a> {
 
     /// Overlap of `contact`, m; negative if it is open.
     pub fn overlap(&self, contact: usize) -> f64 {
-        self.model.contact(contact);
+        self.model.contact_at(contact);
         self.model.overlap(&self.state, contact).0
     }
 
     /// Total force of `contact`, N, positive in compression.
     pub fn force(&self, contact: usize) -> f64 {
-        self.model.contact(contact);
+        self.model.contact_at(contact);
         self.model.force(&self.state, contact)
     }
 

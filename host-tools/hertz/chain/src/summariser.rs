@@ -124,7 +124,10 @@ struct IntruderMaxima {
 pub struct Summariser {
     /// Energy of all bodies at the start, J.
     initial: f64,
-    balance_error: f64,
+    /// The greatest energy of striker, chain and intruders at any time, J.
+    greatest: f64,
+    /// Greatest error of the energy balance, J.
+    imbalance: f64,
     /// Energy of the chain: its maximum, and its value and rate at the end of the last step.
     chain: Maximum,
     chain_now: f64,
@@ -162,7 +165,7 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     let mut chain: f64 = beads.map(of_bead).sum();
     let elastic = |contact| {
         model
-            .contact(contact)
+            .contact_at(contact)
             .energy_beyond(motion.change(model, contact).0)
     };
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
@@ -188,7 +191,7 @@ fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) ->
     for bodies in moving {
         for contact in contacts(model, bodies) {
             let (change, rate) = motion.change(model, contact);
-            let elastic = model.contact(contact).elastic_force_beyond(change);
+            let elastic = model.contact_at(contact).elastic_force_beyond(change);
             sum -= (model.force_beyond_at(contact, change, rate) - elastic) * rate;
         }
         for guest in guests(model, bodies) {
@@ -208,7 +211,7 @@ impl Summariser {
         let (model, energies) = (snapshot.model().clone(), snapshot.energies());
         let maximum = |value: f64| Maximum { value, time };
         let forces = (1..=model.contacts()).map(|contact| ForceMaximum {
-            maximum: maximum(snapshot.force(contact) - model.contact(contact).load),
+            maximum: maximum(snapshot.force(contact) - model.contact_at(contact).load),
             width: None,
             falling: false,
             rising: VecDeque::new(),
@@ -237,7 +240,8 @@ impl Summariser {
         ledger.settle(&[]);
         Self {
             initial: energies.total(),
-            balance_error: 0.0,
+            greatest: energies.total() + energies.supplied,
+            imbalance: 0.0,
             chain: maximum(energies.chain),
             chain_now: energies.chain,
             chain_rate: f64::INFINITY,
@@ -286,11 +290,12 @@ impl Summariser {
         let [chain, intruders] = self.ledger.enter(model, end, moving);
         let rate = chain_rate(model, end, moving);
         let speed = end.body(0).1;
-        let striker = 0.5 * model.mass(0) * speed * speed;
+        let striker = model.striker_energy_at(speed);
         let (contacts, of_guests) = stepper.lost();
-        let total = striker + chain + intruders + contacts + of_guests.sum::<f64>();
-        let error = (total - self.initial).abs() / self.initial;
-        self.balance_error = self.balance_error.max(error);
+        let all = striker + chain + intruders;
+        let total = all + contacts + of_guests.sum::<f64>() - stepper.supplied();
+        self.greatest = self.greatest.max(all);
+        self.imbalance = self.imbalance.max((total - self.initial).abs());
         // An upper bound of the energy between the ends of the step.
         let before = self.chain_rate.abs();
         let most = self.chain_now.max(chain) + (before + rate.abs()) * (to - from);
@@ -343,7 +348,8 @@ impl Summariser {
                 chain_max: self.chain.value,
                 dissipated_contacts: energies.dissipated_contacts,
                 dissipated_intruders: energies.dissipated_intruders,
-                balance_error: self.balance_error,
+                drive_work: model.drive.is_some().then_some(energies.supplied),
+                balance_error: self.balance_error(model),
             },
             intruders: intruders.map(of_intruder).collect(),
             solver: SolverSummary {
@@ -360,8 +366,19 @@ impl Summariser {
         (1..).zip(times).filter(move |(_, time)| *time > from)
     }
 
+    /// Greatest error of the energy balance as a part of the energy at t = 0, or of the greatest energy that a
+    /// drive has brought in.
+    fn balance_error(&self, model: &Model) -> f64 {
+        let whole = if model.drive.is_some() {
+            self.greatest
+        } else {
+            self.initial
+        };
+        if whole > 0.0 { self.imbalance / whole } else { 0.0 }
+    }
+
     fn contact_peaks(&self, model: &Model) -> Vec<ContactPeak> {
-        let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].maximum.value;
+        let force = |contact: usize| model.contact_at(contact).load + self.forces[contact - 1].maximum.value;
         let contacts = 1..=model.contacts();
         let least = NO_FORCE * contacts.clone().map(force).fold(0.0, f64::max);
         let peak = |contact: usize| {

@@ -65,8 +65,12 @@ pub struct EnergySummary {
     pub dissipated_contacts: f64,
     /// Dissipated in intruders.
     pub dissipated_intruders: f64,
-    /// Greatest distance of the sum from what it was at t = 0, which is `striker_initial` unless other beads
-    /// moved then, at the end of any step, as a part of it.
+    /// Work of a drive, and of the weight of a striker that falls; none without them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drive_work: Option<f64>,
+    /// Greatest distance of the sum, less the work of a drive, from what it was at t = 0, which is
+    /// `striker_initial` unless other beads moved then, at the end of any step. It is a part of that sum, or
+    /// under a drive of the greatest energy of the bodies at any time.
     pub balance_error: f64,
 }
 

@@ -80,7 +80,12 @@ impl Validity {
         bodies.push(wall);
         let of = |peak: &ContactPeak| {
             let (near, far) = (bodies[peak.contact - 1]?, bodies[peak.contact]?);
-            let overlap = (peak.force / model.contact(peak.contact).stiffness).powf(2.0 / 3.0);
+            let contact = model.contact(peak.contact);
+            let overlap = if contact.powers.is_some() {
+                (peak.force / contact.stiffness).powf(1.0 / contact.law().exponent)
+            } else {
+                (peak.force / contact.stiffness).powf(2.0 / 3.0)
+            };
             let area = PI * overlap / (1.0 / near.0 + 1.0 / far.0);
             let slowest = period(near).max(period(far));
             Some(Self {

@@ -64,6 +64,9 @@ fn all_series(model: &Model) -> Vec<SeriesColumn> {
         add("acceleration_mps2", |s, bead| s.intruder_acceleration(bead));
         add("dissipated_j", |s, bead| s.intruder_dissipated(bead));
     }
+    if model.is_driven() {
+        all.push(series("drive_work_j", |s| s.energies().supplied));
+    }
     all.extend([
         series("striker_energy_j", |s| s.energies().striker),
         series("chain_energy_j", |s| s.energies().chain),
@@ -98,7 +101,7 @@ fn table<'a>(
 /// are held in memory, so the chain may have any length.
 ///
 /// # Errors
-/// The rate is no positive number or gives no second row, the scenario cannot be run, or the file cannot be
+/// The rate is no positive number, gives no second row or cannot show the scenario's drive, the scenario cannot be run, or the file cannot be
 /// written.
 pub fn write(
     scenario: &Scenario,
@@ -111,6 +114,9 @@ pub fn write(
     let rows = end * rate_hz;
     if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
         anyhow::bail!("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6");
+    }
+    if let Some(drive) = &scenario.drive {
+        drive.check_rate(rate_hz)?;
     }
     let mut run = Run::new(scenario, options.accuracy)?;
     run.check(end, options.accuracy.longest_step)?;

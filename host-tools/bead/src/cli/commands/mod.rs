@@ -30,6 +30,7 @@ pub(crate) mod proof;
 pub(crate) mod record;
 pub(crate) mod recover;
 pub(crate) mod replay;
+pub(crate) mod sensitivities;
 pub(crate) mod settings;
 mod settings_file;
 pub(crate) mod simulate;

@@ -3,16 +3,18 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hertz_chain::{Bands, Dispersion, Options, Run, Summary, Validity, summarise};
+use hertz_chain::{Bands, Dispersion, EnergySummary, Options, Run, Summary, Validity, summarise};
 use indicatif::HumanDuration;
 
 use crate::cli::commands::prelude::*;
+use crate::cli::commands::sensitivities::{self, ParameterSensitivities};
 use hertz_sweep::time_series::{self, TimeSeriesForm};
 
 const AFTER_HELP: &str = "\
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
   bead simulate docs/scenarios/paper-strike.toml --format json | jq .energy
+  bead simulate docs/scenarios/paper-strike.toml --sensitivities
   bead simulate docs/scenarios/paper-strike.toml --out strike.parquet \\
       --rate 1e6";
 
@@ -29,6 +31,10 @@ pub(crate) struct Arguments {
     /// Rows a second in that file, Hz.
     #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
     rate: f64,
+    /// Print by how much each force and energy changes with every parameter: its derivatives, exact through
+    /// contacts that open and close. It takes three times as long.
+    #[arg(long, conflicts_with = "out")]
+    sensitivities: bool,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Format of the summary.
@@ -55,8 +61,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     };
     let options = Options::default().with_progress(&show);
+    let mut derivatives = None;
     let summary = match &out {
         // Nothing is kept in memory: a chain may have any length.
+        None if arguments.sensitivities => {
+            let (summary, rows) = sensitivities::of_all(&scenario, &options)?;
+            derivatives = Some(rows);
+            summary
+        }
         None => summarise(&scenario, &options)?,
         Some((form, out)) => time_series::write(&scenario, &options, arguments.rate, *form, out)?,
     };
@@ -70,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         summary,
         validity,
         bands,
+        sensitivities: derivatives,
     };
     output::print(arguments.format, &report, || table(&scenario.title, &report))
 }
@@ -121,6 +134,9 @@ pub(crate) struct SimulateReport {
     /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike.
     #[serde(skip_serializing_if = "Option::is_none")]
     bands: Option<Bands>,
+    /// Derivatives of the results by each parameter of the scenario, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sensitivities: Option<Vec<ParameterSensitivities>>,
 }
 
 fn table(title: &str, report: &SimulateReport) -> String {
@@ -172,23 +188,10 @@ fn table(title: &str, report: &SimulateReport) -> String {
         parts.push(output::table(header, intruders));
     }
 
-    let energy = &summary.energy;
-    let energies = [
-        ("striker, initial", energy.striker_initial),
-        ("striker, final", energy.striker_final),
-        ("chain, final", energy.chain_final),
-        ("intruders, final", energy.intruders_final),
-        ("dissipated in contacts", energy.dissipated_contacts),
-        ("dissipated in intruders", energy.dissipated_intruders),
-        ("chain, highest", energy.chain_max),
-    ]
-    .map(|(name, joule)| {
-        let part = format!("{:.3} %", joule / energy.striker_initial * 100.0);
-        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
-    });
-    parts.push(output::table("energy | µJ | of the striker's", energies));
-
+    parts.push(energies(&summary.energy));
     parts.extend(report.bands.as_ref().map(pass_bands));
+    let sensitivities = report.sensitivities.iter();
+    parts.extend(sensitivities.map(|rows| sensitivities::table(summary, rows)));
     let solver = &summary.solver;
     parts.push(format!(
         "{:.3} ms simulated in {:.2} s: {} steps, {} evaluations, energy balance closes to {:.1e}",
@@ -196,9 +199,38 @@ fn table(title: &str, report: &SimulateReport) -> String {
         solver.seconds,
         solver.steps,
         solver.evaluations,
-        energy.balance_error,
+        summary.energy.balance_error,
     ));
     parts.join("\n\n")
+}
+
+/// The table of energies, each as a part of what the striker brought, or of the work of a drive too.
+fn energies(energy: &EnergySummary) -> String {
+    let given = energy.striker_initial + energy.drive_work.unwrap_or(0.0);
+    let mut rows = vec![("striker, initial", energy.striker_initial)];
+    rows.extend(energy.drive_work.map(|work| ("work of the drive", work)));
+    rows.extend([
+        ("striker, final", energy.striker_final),
+        ("chain, final", energy.chain_final),
+        ("intruders, final", energy.intruders_final),
+        ("dissipated in contacts", energy.dissipated_contacts),
+        ("dissipated in intruders", energy.dissipated_intruders),
+        ("chain, highest", energy.chain_max),
+    ]);
+    let rows = rows.into_iter().map(|(name, joule)| {
+        let part = if given > 0.0 {
+            format!("{:.3} %", joule / given * 100.0)
+        } else {
+            "-".to_owned()
+        };
+        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
+    });
+    let of = if energy.drive_work.is_some() {
+        "of what was given"
+    } else {
+        "of the striker's"
+    };
+    output::table(&format!("energy | µJ | {of}"), rows)
 }
 
 /// The bands in a line.

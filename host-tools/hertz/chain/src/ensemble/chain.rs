@@ -92,8 +92,8 @@ impl Constants {
         // Errors of the same energy weigh the same.
         let weight = |model: &Model, body| (model.mass(body) / model.mass(1)).sqrt();
         Self {
-            stiffness: of_contacts(&|model, contact| model.contact(contact).stiffness),
-            viscosity: of_contacts(&|model, contact| 1.5 * model.contact(contact).relaxation),
+            stiffness: of_contacts(&|model, contact| model.contact_at(contact).stiffness),
+            viscosity: of_contacts(&|model, contact| 1.5 * model.contact_at(contact).relaxation),
             inverse: of_bodies(&|model, body| 1.0 / model.shells[body]),
             guest_stiffness: of_guests(&|oscillator| oscillator.stiffness),
             guest_damping: of_guests(&|oscillator| oscillator.damping),

@@ -37,7 +37,7 @@ fn key(shape: &ChainShape, member: &GroupMember<'_>, peaks: &[usize]) -> Option<
         key.extend([model.mass(body), place, speed].map(f64::to_bits));
     }
     for contact in 1..=model.contacts() {
-        let contact = model.contact(contact);
+        let contact = model.contact_at(contact);
         key.extend([contact.stiffness, contact.relaxation].map(f64::to_bits));
     }
     Some(key)

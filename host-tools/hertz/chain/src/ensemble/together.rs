@@ -13,8 +13,9 @@ const MOST_STEPS: f64 = 1e6;
 
 /// Returns true if a chain can run in a group.
 pub(super) fn suits(model: &Model, duration: f64) -> bool {
-    let loaded = (1..=model.contacts()).any(|contact| model.contact(contact).load > 0.0);
-    !loaded && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
+    let loaded = (1..=model.contacts()).any(|contact| model.contact_at(contact).load > 0.0);
+    let given = model.drive.is_some() || model.starts_displaced() || model.contact_at(1).powers.is_some();
+    !loaded && !given && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }
 
 /// Allowed error of each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains

@@ -234,7 +234,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             state[layout.velocity(body)] = 0.2 * (1.9 * body as f64).cos();
         }
         let mut rate = vec![0.0; layout.dimension()];
-        model.rate(&state, &mut rate);
+        model.rate(0.0, &state, &mut rate);
         let is_open = |j: &usize| model.overlap(&state, *j).0 <= 0.0;
         let open = (2..=model.contacts()).filter(is_open).count();
         assert!(open > 0 && open < 4, "{open}");

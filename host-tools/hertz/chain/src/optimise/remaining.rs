@@ -46,6 +46,7 @@ pub struct Remaining {
 /// As [`summarise`](crate::summarise()), and [`SimulateError::Input`] if the striker has given no energy by
 /// the end.
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
+    needs_strike(scenario)?;
     let struck = struck_at(scenario, speed);
     let mut run = Run::new(&struck, accuracy)?;
     run.check(struck.duration, accuracy.longest_step)?;
@@ -76,6 +77,19 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
         contacts: energies.dissipated_contacts / injected,
         intruders: Absorption::all(&end),
     })
+}
+
+/// Refuses a scenario without a strike, of whose energy shares are parts.
+pub(super) fn needs_strike(scenario: &Scenario) -> Result<(), InputError> {
+    if scenario.drive.is_none() {
+        return Ok(());
+    }
+    let advice = "leave the drive out and give the striker a velocity";
+    Err(InputError::at(
+        "drive",
+        "a driven chain has no strike whose energy remains",
+        advice,
+    ))
 }
 
 /// The energy that a strike has injected by its end, J, if there is any: shares are parts of it.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::objective::Objective;
-use super::remaining::struck_at;
+use super::remaining::{needs_strike, struck_at};
 use crate::model::Model;
 use crate::run::Run;
 use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
@@ -111,6 +111,7 @@ impl Search {
     /// [`OptimiseError`]: what it cannot use.
     pub fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
         scenario.check()?;
+        needs_strike(scenario)?;
         self.check_values(scenario)
             .and_then(|()| self.check_rates(scenario))
             .map_err(OptimiseError::Search)

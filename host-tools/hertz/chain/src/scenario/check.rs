@@ -1,10 +1,13 @@
 //! Ranges of a scenario's values, and their check, which reports the first wrong value with advice.
 
+use std::collections::HashSet;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use super::drive::Drive;
 use super::read::{InputError, TomlFile, read_text};
 use super::tables::{Chain, Intruder, Scenario, Section, Striker, Wall};
+use crate::model::Model;
 
 /// Most beads of a chain. A longer one would take memory and time that nobody intended.
 pub const MOST_BEADS: usize = 100_000;
@@ -22,6 +25,8 @@ pub(crate) enum ValueRange {
     NotNegative(&'static str),
     /// A velocity of either sign.
     Velocity,
+    /// A length of either sign.
+    Displacement,
     Poisson,
 }
 
@@ -44,6 +49,11 @@ impl ValueRange {
                 "no velocity",
                 "give a number in m/s, below zero for a bead that flies towards the striker".to_owned(),
             ),
+            Self::Displacement => (
+                value.is_finite(),
+                "no displacement",
+                "give a number in m, below zero towards the striker".to_owned(),
+            ),
             Self::Poisson => (
                 value > -1.0 && value <= 0.5,
                 "no Poisson's ratio",
@@ -53,9 +63,11 @@ impl ValueRange {
     }
 }
 
-use ValueRange::{NotNegative, Poisson, Positive, Velocity};
+use ValueRange::{Displacement, NotNegative, Poisson, Positive, Velocity};
 
 const RELAXATION: ValueRange = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
+const GRAVITY: ValueRange =
+    NotNegative("an acceleration in m/s², such as 9.81, or leave it out for a horizontal chain");
 const GAP: ValueRange = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
 const DAMPING: ValueRange = NotNegative("zero or more in N·s/m, such as 12.0");
 const LOAD: ValueRange =
@@ -68,17 +80,21 @@ impl Chain {
         at.check("young", self.young, Positive("Pa, such as 4.5e9"))?;
         at.check("poisson", self.poisson, Poisson)?;
         at.check("relaxation", self.relaxation, RELAXATION)?;
-        at.check("precompression", self.precompression, LOAD)
+        at.check("precompression", self.precompression, LOAD)?;
+        at.check("gravity", self.gravity, GRAVITY)
     }
 }
 
 impl Striker {
-    fn check(&self, at: &TableCheck) -> Result<(), InputError> {
+    /// `rests` is true for a striker that need not move.
+    fn check(&self, at: &TableCheck, rests: bool) -> Result<(), InputError> {
         at.check("radius", self.radius, Positive("m, such as 0.0045"))?;
         at.check("density", self.density, Positive("kg/m³, such as 7980.0"))?;
         at.check("young", self.young, Positive("Pa, such as 203e9"))?;
         at.check("poisson", self.poisson, Poisson)?;
-        at.check("velocity", self.velocity, Positive("m/s, such as 0.45"))?;
+        if !rests || self.velocity != 0.0 {
+            at.check("velocity", self.velocity, Positive("m/s, such as 0.45"))?;
+        }
         at.check("mass", self.mass, Positive("kg, such as 3.0e-3"))?;
         at.check("relaxation", self.relaxation, RELAXATION)
     }
@@ -126,7 +142,10 @@ impl Scenario {
     pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
         let (text, _) = TomlFile::parse(text, file)?.split(&Self::OTHER_TABLES);
         let file = TomlFile::parse(&text, file)?;
-        let scenario: Self = file.read()?;
+        let mut scenario: Self = file.read()?;
+        if let Some(drive) = &mut scenario.drive {
+            drive.read_file(file.name()).map_err(|error| file.locate(error))?;
+        }
         scenario.check().map_err(|error| file.locate(error))?;
         Ok(scenario)
     }
@@ -154,7 +173,8 @@ impl Scenario {
             return Err(at.error("beads", what, format!("give a number from 1 to {MOST_BEADS}")));
         }
         self.chain.check(&at)?;
-        self.striker.check(&TableCheck::of("striker."))?;
+        let rests = self.drive.is_some() || self.chain.gravity > 0.0 || !self.starts.is_empty();
+        self.striker.check(&TableCheck::of("striker."), rests)?;
         if let Some(wall) = &self.wall {
             let at = TableCheck::of("wall.");
             wall.check(&at)?;
@@ -168,14 +188,110 @@ impl Scenario {
             section.check(&at)?;
         }
         self.check_intruders()?;
-        owners.fill(None);
+        self.contact.as_ref().map_or(Ok(()), |law| law.check(self))?;
+        self.check_starts()?;
+        let drive = self.drive.as_ref();
+        drive.map_or(Ok(()), |drive| self.check_drive(drive))?;
+        self.check_loads(&at)
+    }
+
+    fn check_starts(&self) -> Result<(), InputError> {
+        if self.starts.is_empty() {
+            return Ok(());
+        }
+        let mut owners = vec![None; self.chain.beads];
+        let hosts: HashSet<usize> = self
+            .intruders
+            .iter()
+            .flat_map(|one| one.beads.iter().copied())
+            .collect();
         for (index, start) in self.starts.iter().enumerate() {
             let at = TableCheck::of(format!("start[{}].", index + 1));
             let other = ("is already in start", "put each bead in one start only");
             at.check_beads(&start.beads, (index, &mut owners), other)?;
             at.check("velocity", start.velocity, Velocity)?;
             at.check("gap", start.gap, GAP)?;
-            self.check_gap(&at, start.gap)?;
+            at.check("displacement", start.displacement, Displacement)?;
+            at.check("intruder_displacement", start.intruder_displacement, Displacement)?;
+            at.check("intruder_velocity", start.intruder_velocity, Velocity)?;
+            // The contact of a striker carries no load.
+            let is_loaded = start.beads.iter().any(|&bead| bead > 1 || self.loads_striker());
+            if is_loaded {
+                self.check_gap(&at, start.gap)?;
+            }
+            let moves_intruder = start.intruder_displacement != 0.0 || start.intruder_velocity != 0.0;
+            if let Some(bead) = start
+                .beads
+                .iter()
+                .find(|bead| moves_intruder && !hosts.contains(bead))
+            {
+                let what = format!("bead {bead} has no intruder that could begin so");
+                return Err(at.error("beads", what, "name hosts only, or add the intruder"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_drive(&self, drive: &Drive) -> Result<(), InputError> {
+        if self.striker.velocity != 0.0 {
+            let what = format!(
+                "a body that a drive moves cannot strike at {} m/s",
+                self.striker.velocity
+            );
+            return Err(InputError::at(
+                "striker.velocity",
+                what,
+                "give 0.0, or leave out the drive",
+            ));
+        }
+        drive.check(self)
+    }
+
+    /// True if the contact of body 0 with bead 1 carries a static load: below a driven body, or below a
+    /// striker that rests on a vertical chain.
+    pub(crate) fn loads_striker(&self) -> bool {
+        let apart = self
+            .starts
+            .iter()
+            .any(|start| start.gap > 0.0 && start.beads.contains(&1));
+        let lies = self.chain.gravity > 0.0 && self.striker.velocity == 0.0 && !apart;
+        let driven = self.drive.is_some() && (self.chain.precompression > 0.0 || self.chain.gravity > 0.0);
+        lies || driven
+    }
+
+    /// Refuses a vertical chain that nothing carries, and a load that presses a bead flat.
+    fn check_loads(&self, at: &TableCheck) -> Result<(), InputError> {
+        let Chain {
+            gravity,
+            precompression,
+            ..
+        } = self.chain;
+        if gravity > 0.0 && self.wall.is_none() {
+            let what = "a vertical chain without a wall below falls".to_owned();
+            return Err(at.error("gravity", what, "add [wall], or leave gravity out"));
+        }
+        if gravity == 0.0 && precompression == 0.0 {
+            return Ok(());
+        }
+        let model = Model::new(self);
+        for number in 1..=model.contacts() {
+            let contact = model.contact(number);
+            let smaller = model
+                .radius(number - 1)
+                .min(model.radius(number.min(self.chain.beads)));
+            if contact.static_overlap >= smaller {
+                let (load, overlap) = (contact.load, contact.static_overlap);
+                let what = format!(
+                    "a load of {load:.3e} N overlaps the bodies of contact {number} by {overlap:.3e} m, more than \
+                     the radius of {smaller} m"
+                );
+                let key = if precompression > 0.0 {
+                    "precompression"
+                } else {
+                    "gravity"
+                };
+                return Err(at.error(key, what, "give less, or check young"));
+            }
         }
         Ok(())
     }
@@ -202,9 +318,17 @@ impl Scenario {
 
     /// Refuses a gap in a chain under a load, which would close it.
     fn check_gap(&self, at: &TableCheck, gap: f64) -> Result<(), InputError> {
-        let load = self.chain.precompression;
-        if gap == 0.0 || load == 0.0 {
+        let Chain {
+            gravity,
+            precompression: load,
+            ..
+        } = self.chain;
+        if gap == 0.0 || (load == 0.0 && gravity == 0.0) {
             return Ok(());
+        }
+        if load == 0.0 {
+            let what = format!("a gap of {gap} m cannot be in a vertical chain at rest");
+            return Err(at.error("gap", what, "leave out the gap or chain.gravity"));
         }
         let what = format!("a gap of {gap} m cannot be in a chain under a load of {load} N");
         Err(at.error("gap", what, "leave out the gap or chain.precompression"))
@@ -220,7 +344,7 @@ impl TableCheck {
         Self(prefix.into())
     }
 
-    fn error(&self, key: &str, what: String, advice: impl Into<String>) -> InputError {
+    pub(super) fn error(&self, key: &str, what: String, advice: impl Into<String>) -> InputError {
         InputError::at(format!("{}{key}", self.0), what, advice)
     }
 

@@ -201,6 +201,11 @@ impl<'a> TomlFile<'a> {
         parsed.map(|_| file)
     }
 
+    /// Name of the file in messages.
+    pub(crate) fn name(&self) -> &'a str {
+        self.name
+    }
+
     fn each_key(&self, mut see: impl FnMut(&[KeyPart<'_>], KeySpans)) {
         // A text that is not TOML was refused before, and has no keys.
         if let Ok(table) = DeTable::parse(self.text) {

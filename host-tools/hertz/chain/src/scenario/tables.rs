@@ -5,6 +5,8 @@ use std::fmt;
 use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::contact::ContactLaw;
+use super::drive::Drive;
 use crate::oscillator::Oscillator;
 
 /// One strike on one chain, in SI units. Beads are counted from 1; the striker is body 0.
@@ -36,6 +38,12 @@ pub struct Scenario {
     /// Beads that move, or stand apart, when the run begins.
     #[serde(default, rename = "start", skip_serializing_if = "Vec::is_empty")]
     pub starts: Vec<Start>,
+    /// A drive of the first end, in place of a strike.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drive: Option<Drive>,
+    /// Law of the contacts; without it Hertz', with the damping of the materials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactLaw>,
 }
 
 /// The beads of the chain, alike but for what [`Section`]s say.
@@ -62,9 +70,13 @@ pub struct Chain {
     /// all times, and the last bead back unless a wall does so. The striker touches bead 1 without force.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub precompression: f64,
+    /// Gravity along a vertical chain, from the striker down to the wall, m/s². Each contact then carries the
+    /// weight of all beads above it, and the run begins from that state at rest.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub gravity: f64,
 }
 
-fn is_zero(value: &f64) -> bool {
+pub(super) fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
@@ -92,7 +104,8 @@ pub struct Striker {
     pub young: f64,
     /// Poisson's ratio.
     pub poisson: f64,
-    /// Speed at t = 0, m/s.
+    /// Speed at t = 0, m/s. It is zero for a striker that rests on a vertical chain, or whose place a drive
+    /// moves.
     pub velocity: f64,
     /// Mass, kg; without it, that of a full sphere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -168,7 +181,7 @@ pub struct Section {
 ///
 /// It makes strikers of beads: the first beads with a velocity like the striker's are struck by nobody and
 /// hit the rest together with it, and a last bead with a velocity below zero hits the chain from behind. An
-/// intruder begins with the velocity of its host.
+/// intruder begins at rest in its host and moves with it, unless this table tells otherwise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -182,6 +195,16 @@ pub struct Start {
     /// Free space at t = 0 between each of these beads and the body before it, m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gap: f64,
+    /// Displacement of each at t = 0 from where it rests or touches, m; positive away from the striker. It
+    /// presses the bead into one neighbour and takes it from the other.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub displacement: f64,
+    /// Displacement of the intruder in each at t = 0 relative to its host, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub intruder_displacement: f64,
+    /// Velocity of the intruder in each at t = 0 relative to its host, m/s.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub intruder_velocity: f64,
 }
 
 /// Reads the number of a bead, or a list of such numbers.
@@ -223,6 +246,15 @@ impl Start {
         Self {
             beads: beads.into_iter().collect(),
             velocity,
+            ..Self::default()
+        }
+    }
+
+    /// Beads that stand still at a `displacement`, m, from where they rest or touch.
+    pub fn displaced(beads: impl IntoIterator<Item = usize>, displacement: f64) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            displacement,
             ..Self::default()
         }
     }
@@ -271,6 +303,7 @@ impl Chain {
             relaxation: 0.0,
             contact_force: ContactForce::Printed,
             precompression: 0.0,
+            gravity: 0.0,
         }
     }
 
@@ -370,6 +403,8 @@ impl Scenario {
             intruders: Vec::new(),
             sections: Vec::new(),
             starts: Vec::new(),
+            drive: None,
+            contact: None,
         }
     }
 

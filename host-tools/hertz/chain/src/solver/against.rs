@@ -5,7 +5,10 @@ use std::ops::Range;
 use super::testing::{distance, hosting, plain, referee, start};
 use crate::model::Model;
 use crate::oscillator::Oscillator;
-use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
+use crate::scenario::{
+    ContactForce, ContactLaw, Damping, Drive, DriveQuantity, Intruder, Material, Scenario, Section, Start,
+    Striker, Wall,
+};
 
 /// Random numbers from 0 to 1, equal in every run (Marsaglia's xorshift).
 struct ScenarioDraw(u64);
@@ -122,4 +125,97 @@ fn a_dozen_random_scenarios_move_as_another_method_says() {
 #[test]
 fn two_hundred_random_scenarios_move_as_another_method_says() {
     compare_all(12..200);
+}
+
+/// A chain with a drive, gravity or displaced beads.
+fn driven(draw: &mut ScenarioDraw) -> Scenario {
+    let beads = 1 + (draw.next() * 18.0) as usize;
+    let mut scenario = plain(beads, 0.0, 0.003);
+    if draw.next() > 0.4 {
+        scenario.chain.relaxation = 1e-5 * draw.next();
+    }
+    scenario.wall = (draw.next() < 0.5).then(|| Wall::flat(Material::STEEL));
+    if draw.next() < 0.4 {
+        scenario.chain.precompression = draw.decades(1e-2, 1e2);
+    }
+    if scenario.wall.is_some() && draw.next() < 0.4 {
+        scenario.chain.gravity = draw.decades(1.0, 30.0);
+    }
+    for bead in 1..=beads {
+        if draw.next() < 0.2 {
+            scenario.intruders.push(Intruder::new([bead], Oscillator::PAPER));
+            let mut start = Start::moving([bead], 0.2 * (draw.next() - 0.5));
+            start.displacement = 1e-6 * (draw.next() - 0.5);
+            start.intruder_displacement = 1e-6 * (draw.next() - 0.5);
+            start.intruder_velocity = 0.1 * (draw.next() - 0.5);
+            scenario.starts.push(start);
+        }
+    }
+    if draw.next() < 0.2 {
+        return scenario;
+    }
+    let (quantity, amplitude) = if draw.next() < 0.5 {
+        (DriveQuantity::Displacement, draw.decades(1e-7, 2e-5))
+    } else {
+        (DriveQuantity::Force, draw.decades(0.1, 20.0))
+    };
+    scenario.striker.velocity = 0.0;
+    let mut drive = Drive::sine(quantity, amplitude, draw.decades(300.0, 5000.0));
+    if draw.next() < 0.5 {
+        drive.ramp = 2e-3 * draw.next();
+    }
+    if draw.next() < 0.5 {
+        drive.frequency_end = Some(draw.decades(300.0, 5000.0));
+        drive.sweep = Some(0.004 * draw.next());
+    }
+    if draw.next() < 0.3 {
+        let samples = (0..=40).map(|n| [1e-4 * f64::from(n), draw.next() - 0.5]);
+        drive = Drive::record(quantity, samples.collect());
+        drive.amplitude = amplitude;
+    }
+    scenario.drive = Some(drive);
+    scenario
+}
+
+#[test]
+fn sixty_driven_chains_move_as_another_method_says() {
+    let mut draw = ScenarioDraw(0x1405_7b7e_f767_814f);
+    for number in 0..60 {
+        let scenario = driven(&mut draw);
+        scenario.check().expect("it can be simulated");
+        compare(number, &scenario, 1e-14);
+    }
+}
+
+/// A law of contacts with other powers. A dashpot's force jumps, which the referee cannot follow.
+fn law(draw: &mut ScenarioDraw) -> ContactLaw {
+    let exponents = [1.0, 1.25, 2.0, 2.7, 3.0];
+    let exponent = exponents[(draw.next() * 5.0) as usize];
+    // As stiff as the paper's contacts at their depth of 2 µm.
+    let depth = 2e-6_f64;
+    let stiffness = draw.decades(0.2, 2.0) * 3.6e8 * depth.powf(1.5 - exponent);
+    let law = ContactLaw::power(exponent, stiffness);
+    let choice = draw.next();
+    if choice < 0.4 && exponent > 1.0 {
+        return law;
+    }
+    if choice < 0.7 && exponent > 1.0 {
+        return law.damped(Damping::LammpsTsuji, 0.5 * draw.next());
+    }
+    let power = 0.5 + draw.next();
+    let mut law = law.damped(Damping::Power, 20.0 * draw.next() * depth.powf(-power));
+    law.damping_exponent = Some(power);
+    law
+}
+
+#[test]
+fn forty_chains_of_other_contacts_move_as_another_method_says() {
+    let mut draw = ScenarioDraw(0x9216_d5d9_8979_fb1b);
+    for number in 0..40 {
+        let mut scenario = driven(&mut draw);
+        scenario.contact = Some(law(&mut draw));
+        scenario.chain.precompression = scenario.chain.precompression.min(5.0);
+        scenario.check().expect("it can be simulated");
+        compare(number, &scenario, 1e-13);
+    }
 }

@@ -9,6 +9,9 @@ use super::work::{Motion, Work, clear, give};
 impl Work {
     /// Makes a step of `length` from the start, and stores its end. Returns its error; 1 is allowed.
     pub(super) fn attempt(&mut self, lanes: &Lanes, length: f64, tolerance: f64) -> f64 {
+        if lanes.powers.is_some() {
+            return self.attempt_by_powers(lanes, length, tolerance);
+        }
         self.wall_impulse = 0.0;
         let crossed = dispatch(self, lanes, Task::Step, length);
         self.crossings.clear();

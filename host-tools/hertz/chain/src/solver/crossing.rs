@@ -158,6 +158,26 @@ impl Crossing {
         (way * force, way * moment, way * power)
     }
 
+    /// ∫ F `speed` from the start of the step to its part `x`: the work of the force on a body of this speed at
+    /// each part, over the length of the step.
+    pub(super) fn work(&self, x: f64, speed: impl Fn(f64) -> f64) -> f64 {
+        let since_root = |end: f64| {
+            let way = end - self.root;
+            let parts = PLACES.iter().zip(WEIGHTS).map(|(place, weight)| {
+                let place = self.root + way * place;
+                weight * self.force(place).0 * speed(place)
+            });
+            way * parts.sum::<f64>()
+        };
+        if self.cut || (self.closes && x <= self.root) {
+            return 0.0;
+        }
+        if self.closes {
+            return since_root(x);
+        }
+        (if x < self.root { since_root(x) } else { 0.0 }) - since_root(0.0)
+    }
+
     /// Integrals of force and power from the start of the step to its part `x`.
     #[inline(always)]
     pub(super) fn integrals(&self, x: f64) -> Integrals {

@@ -50,6 +50,7 @@ impl<'a> Dense<'a> {
         work.activate_all(lanes);
         unpack(lanes, layout, state, &mut work.start);
         let length = end - start;
+        work.drive(lanes, start, length);
         work.attempt(lanes, length, tolerance);
         work.prepare(lanes, length);
         Self {
@@ -77,6 +78,9 @@ impl<'a> Dense<'a> {
         }
         if let Some(at) = layout.wall_impulse() {
             out[at] = self.state[at] + inside.wall;
+        }
+        if let Some(at) = layout.drive_work() {
+            out[at] = self.state[at] + inside.drive;
         }
     }
 

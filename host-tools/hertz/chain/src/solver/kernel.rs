@@ -46,8 +46,10 @@ struct KernelCall<'a, S, const KIND: u8> {
 
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
-    let general = lanes.loaded || lanes.clipped;
+    let general = lanes.loaded || lanes.clipped || lanes.drive.is_some();
     match task {
+        Task::Step if lanes.powers.is_some() => of_kind::<STEP_OF_POWERS>(work, lanes, task, length),
+        Task::Inner { .. } if lanes.powers.is_some() => of_kind::<INNER_OF_POWERS>(work, lanes, task, length),
         Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
         Task::Step => of_kind::<STEP>(work, lanes, task, length),
         Task::Cross { .. } => of_kind::<CROSS>(work, lanes, task, length),
@@ -64,10 +66,13 @@ const INNER: u8 = 1;
 const INTERPOLATE: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
-/// For chains with a static load or clipped forces too.
+/// For chains with a static load, clipped forces or a drive too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
+/// For contacts with other powers than Hertz'.
+const STEP_OF_POWERS: u8 = 8;
+const INNER_OF_POWERS: u8 = 9;
 
 fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     macro_rules! call {
@@ -103,14 +108,19 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for KernelCall<'_, S, 
             length,
         } = self;
         match (KIND, task) {
-            (STEP_OF_ANY, _) => step::<S, true>(simd, work, lanes, length),
-            (STEP, _) => step::<S, false>(simd, work, lanes, length),
+            (STEP_OF_POWERS, _) => step::<S, true, true>(simd, work, lanes, length),
+            (STEP_OF_ANY, _) => step::<S, true, false>(simd, work, lanes, length),
+            (STEP, _) => step::<S, false, false>(simd, work, lanes, length),
+            (INNER_OF_POWERS, Task::Inner { stage: number }) => {
+                any_stage::<S, true>(simd, work, lanes, number, length);
+                0.0
+            }
             (INNER_OF_ANY, Task::Inner { stage: number }) => {
-                stage::<S, true>(simd, work, lanes, number, length);
+                any_stage::<S, false>(simd, work, lanes, number, length);
                 0.0
             }
             (INNER, Task::Inner { stage: number }) => {
-                stage::<S, false>(simd, work, lanes, number, length);
+                stage::<S, false, false>(simd, work, lanes, number, length);
                 0.0
             }
             (CROSS, Task::Cross { tolerance }) => {
@@ -141,7 +151,7 @@ fn all_rates(rates: &[f64]) -> &[Rates] {
 }
 
 #[inline(always)]
-fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+fn step<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     work: &mut Work,
     lanes: &Lanes,
@@ -154,7 +164,11 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         work.lost[at * BLOCK..(at + 1) * BLOCK].fill(0.0);
     }
     for number in 0..MAIN {
-        stage::<S, GENERAL>(simd, work, lanes, number, length);
+        if GENERAL {
+            any_stage::<S, POWERS_TOO>(simd, work, lanes, number, length);
+        } else {
+            stage::<S, false, false>(simd, work, lanes, number, length);
+        }
     }
     finish(simd, work, lanes, length)
 }
@@ -250,7 +264,7 @@ fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut LaneBlock, factor: f64, pa
 }
 
 #[inline(always)]
-fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     work: &mut Work,
     lanes: &Lanes,
@@ -297,7 +311,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         }
     }
 
-    let contacts = lanes.contacts(length_of);
+    let contacts = lanes.contacts(length_of, &work.closed);
     let inverse = &blocks(&lanes.inverse)[..length_of];
     let mut power_sum = zero;
     let mut wall_force = 0.0;
@@ -322,7 +336,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
-                (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
+                (force, power) = push::<S, GENERAL, POWERS_TOO>(simd, contacts, at, near, (u, v));
                 if lanes.viscous {
                     if weight != 0.0 {
                         sum_into(simd, &mut lost[at], weight, power);
@@ -360,6 +374,52 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     if let Some(powers) = powers {
         powers.contacts[number] = pulp::cast::<f64x8, LaneBlock>(power_sum).iter().sum();
         powers.wall[number] = wall_force;
+    }
+}
+
+/// A stage of a chain of any kind, with the drive of body 0.
+#[inline(always)]
+fn any_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    number: usize,
+    length: f64,
+) {
+    stage::<S, true, POWERS_TOO>(simd, work, lanes, number, length);
+    if work.driven.is_some() {
+        drive_stage::<S, POWERS_TOO>(simd, work, lanes, number, length);
+    }
+}
+
+/// Adds the drive to the acceleration of body 0 at a stage, and takes its power. The force of the first contact
+/// is computed once more for that. No other body has an acceleration that depends on it at this stage.
+#[inline(always)]
+fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    number: usize,
+    length: f64,
+) {
+    let counts = number < MAIN;
+    let weight = if counts { length * quadrature(number) } else { 0.0 };
+    let count = lanes.len() / BLOCK;
+    let start = (blocks(&work.start.u)[1], blocks(&work.start.v)[1]);
+    let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..count];
+    let (mut u, mut v) = moved(simd, start, &rates[1], number, length);
+    if let Some(added) = work.added.as_deref().filter(|_| !counts) {
+        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[1]));
+        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[1]));
+    }
+    let zero = simd.splat_f64s(0.0);
+    let contacts = lanes.contacts(count, &work.closed);
+    let near = (before(zero, u), before(zero, v));
+    let (force, _) = push::<S, true, POWERS_TOO>(simd, contacts, 1, near, (u, v));
+    let (forces, speeds): (LaneBlock, LaneBlock) = (pulp::cast(force), pulp::cast(v));
+    if let Some(driven) = &mut work.driven {
+        driven.take_power(number, weight, forces[1], speeds[0]);
+        rates[1][number][0] += driven.accelerations[number];
     }
 }
 

@@ -8,11 +8,14 @@
 //! own.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use pulp::{Simd, f64x8};
 
 use super::aligned::CacheAligned;
+use crate::drive::EndDrive;
 use crate::model::Model;
+use crate::power_law::ContactPowers;
 
 /// Lanes of a block, which are computed together.
 pub(crate) const BLOCK: usize = 8;
@@ -79,6 +82,11 @@ pub(crate) struct Lanes {
     pub(super) viscous: bool,
     pub(super) clipped: bool,
     pub(super) loaded: bool,
+    /// Drive of the first body.
+    pub(super) drive: Option<Arc<EndDrive>>,
+    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then has
+    /// the coefficients η.
+    pub(super) powers: Option<ContactPowers>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,
     pub(super) depth: f64,
@@ -154,6 +162,8 @@ impl Lanes {
             viscous: false,
             clipped: model.clipped,
             loaded: false,
+            drive: model.drive.clone(),
+            powers: model.contact_at(1).powers,
             speed: model.speed_scale(),
             depth: model.displacement_scale(),
         };
@@ -161,7 +171,7 @@ impl Lanes {
             lanes.inverse[BLOCK + body] = 1.0 / shell;
         }
         for number in 1..=model.contacts() {
-            let (contact, at) = (model.contact(number), BLOCK + number);
+            let (contact, at) = (model.contact_at(number), BLOCK + number);
             lanes.stiffness[at] = contact.stiffness;
             lanes.viscosity[at] = 1.5 * contact.relaxation;
             lanes.rest[at] = contact.static_overlap;
@@ -169,12 +179,16 @@ impl Lanes {
             lanes.load[at] = contact.load;
             lanes.viscous |= contact.relaxation > 0.0;
             lanes.loaded |= contact.load > 0.0;
+            if let Some(powers) = &contact.powers {
+                lanes.viscosity[at] = powers.coefficient;
+                lanes.viscous |= powers.coefficient > 0.0;
+            }
         }
         lanes
     }
 
     #[inline(always)]
-    pub(super) fn contacts(&self, length: usize) -> Contacts<'_> {
+    pub(super) fn contacts<'a>(&'a self, length: usize, closed: &'a [f64]) -> Contacts<'a> {
         Contacts {
             stiffness: &blocks(&self.stiffness)[..length],
             viscosity: &blocks(&self.viscosity)[..length],
@@ -182,6 +196,8 @@ impl Lanes {
             root: &blocks(&self.root)[..length],
             load: &blocks(&self.load)[..length],
             clipped: self.clipped,
+            powers: self.powers.as_ref(),
+            closed: blocks(closed),
         }
     }
 
@@ -235,18 +251,24 @@ pub(super) struct Contacts<'a> {
     root: &'a [LaneBlock],
     load: &'a [LaneBlock],
     clipped: bool,
+    powers: Option<&'a ContactPowers>,
+    /// 1 where a contact with other powers is closed for all of the step.
+    closed: &'a [LaneBlock],
 }
 
 /// Force of eight contacts beyond their static loads, and the power that they dissipate. `near` and `far` are
 /// displacements and velocities of the bodies before and behind.
 #[inline(always)]
-pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
     contacts: Contacts<'_>,
     at: usize,
     near: (f64x8, f64x8),
     far: (f64x8, f64x8),
 ) -> (f64x8, f64x8) {
+    if POWERS_TOO && let Some(powers) = contacts.powers {
+        return push_by_powers(simd, (contacts, powers), at, near, far);
+    }
     let zero = simd.splat_f64s(0.0);
     let change = simd.sub_f64s(near.0, far.0);
     let approach = simd.sub_f64s(near.1, far.1);
@@ -281,6 +303,35 @@ pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let force = select(simd, closed, force, open_force);
     let power = select(simd, closed, simd.mul_f64s(lost, approach), zero);
     (force, power)
+}
+
+/// [`push`] of contacts with other powers, lane by lane.
+#[inline(always)]
+fn push_by_powers<S: Simd<f64s = f64x8>>(
+    simd: S,
+    (contacts, powers): (Contacts<'_>, &ContactPowers),
+    at: usize,
+    near: (f64x8, f64x8),
+    far: (f64x8, f64x8),
+) -> (f64x8, f64x8) {
+    let changes: LaneBlock = pulp::cast(simd.sub_f64s(near.0, far.0));
+    let rates: LaneBlock = pulp::cast(simd.sub_f64s(near.1, far.1));
+    let (mut forces, mut lost) = ([0.0; BLOCK], [0.0; BLOCK]);
+    for lane in 0..BLOCK {
+        let (load, rest) = (contacts.load[at][lane], contacts.rest[at][lane]);
+        if contacts.closed[at][lane] == 0.0 {
+            forces[lane] = -load;
+            continue;
+        }
+        let of_lane = ContactPowers {
+            coefficient: contacts.viscosity[at][lane],
+            ..*powers
+        };
+        let damping = of_lane.damping_force(rest + changes[lane], rates[lane]);
+        let elastic = of_lane.force_beyond((load, rest), contacts.stiffness[at][lane], changes[lane]);
+        (forces[lane], lost[lane]) = (elastic + damping, damping * rates[lane]);
+    }
+    (pulp::cast(forces), pulp::cast(lost))
 }
 
 #[cfg(test)]

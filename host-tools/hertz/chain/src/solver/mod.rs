@@ -16,6 +16,7 @@ mod aligned;
 mod attempt;
 mod crossing;
 mod dense;
+mod events;
 mod glimpse;
 mod kernel;
 mod lanes;

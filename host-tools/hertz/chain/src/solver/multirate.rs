@@ -76,8 +76,8 @@ fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
 
 impl Multirate {
     pub(super) fn new(lanes: &Lanes, tolerance: f64) -> Self {
-        // A loaded chain is as stiff elsewhere as at the wave.
-        let never = lanes.loaded || lanes.blocks < FEWEST;
+        // A loaded chain is as stiff elsewhere as at the wave, and a driven one is not left behind.
+        let never = lanes.loaded || lanes.drive.is_some() || lanes.powers.is_some() || lanes.blocks < FEWEST;
         Self {
             slow: None,
             parted: false,

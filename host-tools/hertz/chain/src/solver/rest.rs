@@ -80,6 +80,10 @@ impl RestingBlocks {
             motion.any(|value| *value != 0.0)
         };
         let mut moves: Vec<bool> = (0..lanes.blocks).map(moves).collect();
+        moves[0] |= lanes.drive.is_some();
+        if lanes.powers.is_some() {
+            moves.fill(true);
+        }
         for (guest, host) in lanes.guests.hosts.iter().enumerate() {
             let lane = lanes.guests.lane(guest);
             moves[host / BLOCK - 1] |= work.start.u[lane] != 0.0 || work.start.v[lane] != 0.0;
@@ -297,7 +301,11 @@ impl RestingBlocks {
     /// Puts blocks to sleep that fly freely or hardly move.
     pub(super) fn after_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
         self.steps += 1;
-        if lanes.loaded || !self.steps.is_multiple_of(self.patience) {
+        if lanes.loaded
+            || lanes.drive.is_some()
+            || lanes.powers.is_some()
+            || !self.steps.is_multiple_of(self.patience)
+        {
             return;
         }
         let before = self.awake.len();

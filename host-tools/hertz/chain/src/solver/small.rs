@@ -225,7 +225,7 @@ fn inside_of_step(
     exact.leave_nothing_out();
     exact.run_to(t);
     let (there, mut rate) = (exact.present(model), model.initial());
-    model.rate(&there, &mut rate);
+    model.rate(t, &there, &mut rate);
     let same = |what: &str, index: usize, (one, other): (f64, f64), most: f64| {
         let error = (one - other).abs();
         assert!(

@@ -26,6 +26,7 @@ pub(crate) struct Stepper {
     contacts_lost: f64,
     guests_lost: Vec<f64>,
     wall_impulse: f64,
+    drive_work: f64,
     /// Allowed error of each step.
     pub(crate) tolerance: f64,
     step: f64,
@@ -54,7 +55,7 @@ impl Stepper {
         tolerance: f64,
         longest: f64,
     ) -> Self {
-        let mut work = Work::new(&lanes, lanes.clipped);
+        let mut work = Work::new(&lanes, lanes.clipped || lanes.powers.is_some());
         unpack(&lanes, layout, state, &mut work.start);
         let rest = RestingBlocks::new(&lanes, &mut work, time, tolerance);
         Self {
@@ -68,6 +69,7 @@ impl Stepper {
             contacts_lost: state[layout.contact_loss()],
             guests_lost: state[layout.intruder_loss(0)..][..lanes.guests.count].to_vec(),
             wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
+            drive_work: layout.drive_work().map_or(0.0, |index| state[index]),
             lanes,
             tolerance,
             // Short, because bodies that touch may push at the first moment.
@@ -162,6 +164,11 @@ impl Stepper {
         (self.contacts_lost + contacts + self.multirate.lost(), guests)
     }
 
+    /// Work of the drive by the end of the last step, J.
+    pub(crate) fn supplied(&self) -> f64 {
+        self.drive_work + self.made.map_or(0.0, |_| self.work.drive_work())
+    }
+
     /// Bodies whose motion the last step has computed. All others fly freely.
     pub(crate) fn moving(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let awake = self.made.map_or(&[][..], |_| &self.rest.awake);
@@ -226,6 +233,8 @@ impl Stepper {
             self.part(stop);
         }
         let stop = self.multirate.end().map_or(stop, |end| end.min(stop));
+        let knot = self.lanes.drive.as_ref().map(|drive| drive.next_knot(self.time));
+        let stop = knot.map_or(stop, |knot| knot.min(stop));
         let mut rejected = false;
         loop {
             let left = stop - self.time;
@@ -257,10 +266,14 @@ impl Stepper {
                     continue;
                 }
                 let kink = lanes.clipped.then(|| work.first_kink(lanes, h)).flatten();
-                let whole = kink.is_none();
+                let turn = lanes.powers.and_then(|_| work.first_turn(lanes, h));
+                let whole = kink.is_none() && turn.is_none();
                 if let Some(part) = kink {
                     h *= part;
                     self.attempt(h);
+                }
+                if let Some((lane, part)) = turn {
+                    h = self.end_at_turn(lane, h * part, h);
                 }
                 let growth = (SAFETY * shorten(error)).clamp(0.2, if rejected { 1.0 } else { 6.0 });
                 let next = if whole { h * growth } else { self.step };
@@ -279,6 +292,24 @@ impl Stepper {
         }
     }
 
+    /// Makes the step again with a length near `h`, so that it ends where the contact at `lane` opens or closes.
+    /// Returns its length, which is below `most`.
+    fn end_at_turn(&mut self, lane: usize, mut h: f64, most: f64) -> f64 {
+        self.attempt(h);
+        for _ in 0..4 {
+            let Some(way) = self.work.way_to_turn(&self.lanes, lane) else {
+                break;
+            };
+            let next = h + way;
+            if !(next > 0.0 && next < most && self.time + next > self.time) {
+                break;
+            }
+            h = next;
+            self.attempt(h);
+        }
+        h
+    }
+
     /// Gives blocks that hardly change one long step, if that pays.
     fn part(&mut self, stop: f64) {
         let (lanes, step) = (&self.lanes, self.step.min(stop - self.time));
@@ -289,6 +320,7 @@ impl Stepper {
 
     fn attempt(&mut self, h: f64) -> f64 {
         self.evaluations += 16;
+        self.work.drive(&self.lanes, self.time, h);
         self.work.attempt(&self.lanes, h, self.tolerance)
     }
 
@@ -300,7 +332,9 @@ impl Stepper {
             *lost += self.work.lost_in_guest(&self.lanes, guest);
         }
         self.wall_impulse += self.work.wall_impulse;
+        self.drive_work += self.work.drive_work();
         self.work.accept(&self.lanes);
+        self.work.lead(&self.lanes, self.time);
         let parts = (&mut self.rest, &mut self.work);
         self.contacts_lost += self.multirate.follow(&self.lanes, parts, (self.time, length));
         if self.multirate.end().is_none() {
@@ -327,6 +361,9 @@ impl Stepper {
         out[layout.intruder_loss(0)..][..self.guests_lost.len()].copy_from_slice(&self.guests_lost);
         if let Some(index) = layout.wall_impulse() {
             out[index] = self.wall_impulse;
+        }
+        if let Some(index) = layout.drive_work() {
+            out[index] = self.drive_work;
         }
     }
 }

@@ -32,7 +32,7 @@ pub(crate) fn hosting(mut scenario: Scenario, beads: impl IntoIterator<Item = us
 
 /// A run from a time and a state, in steps of up to a part `longest` of the shortest contact.
 pub(crate) fn start(model: &Model, from: (f64, &[f64]), tolerance: f64, longest: f64) -> Stepper {
-    let longest = longest * model.shortest_contact();
+    let longest = longest * model.shortest_time();
     let (lanes, layout) = (Arc::new(Lanes::new(model)), model.layout());
     Stepper::new(lanes, layout, from, tolerance, longest)
 }
@@ -69,10 +69,15 @@ pub(crate) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// The state after a step of `h` from `start`, and the factor for the next step; `None` without convergence.
-fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<(Vec<f64>, f64)> {
+/// The state after a step of `h` from `start` at `time`, and the factor for the next step; `None` without convergence.
+fn extrapolated(
+    model: &Model,
+    (time, start): (f64, &[f64]),
+    h: f64,
+    scales: &[f64],
+) -> Option<(Vec<f64>, f64)> {
     let (mut first, mut rate) = (start.to_vec(), start.to_vec());
-    model.rate(start, &mut first);
+    model.rate(time, start, &mut first);
     let plus = |from: &[f64], h: f64, rate: &[f64]| -> Vec<f64> {
         let pairs = from.iter().zip(rate);
         pairs.map(|(from, rate)| from + h * rate).collect()
@@ -82,13 +87,13 @@ fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<
     for column in 1..10_u32 {
         let short = h / f64::from(2 * column);
         let (mut last, mut state) = (start.to_vec(), plus(start, short, &first));
-        for _ in 1..2 * column {
-            model.rate(&state, &mut rate);
+        for part in 1..2 * column {
+            model.rate(time + f64::from(part) * short, &state, &mut rate);
             let next = plus(&last, 2.0 * short, &rate);
             last = std::mem::replace(&mut state, next);
         }
         // Gragg's last step, which also sees the force at the end.
-        model.rate(&state, &mut rate);
+        model.rate(time + h, &state, &mut rate);
         let next = plus(&last, short, &rate);
         state = plus(&state, 1.0, &next).iter().map(|sum| 0.5 * sum).collect();
         let mut error = f64::INFINITY;
@@ -119,13 +124,18 @@ fn extrapolated(model: &Model, start: &[f64], h: f64, scales: &[f64]) -> Option<
 
 /// The state at the end of a run as the referee finds it.
 pub(crate) fn referee(model: &Model, end: f64) -> Vec<f64> {
-    let (scales, longest) = (model.scales(), 0.08 * model.shortest_contact());
+    let (scales, longest) = (model.scales(), 0.08 * model.shortest_time());
     let (mut time, mut state, mut step) = (0.0, model.initial(), 1e-4 * longest);
     while time < end {
-        let last = step > (1.0 - 1e-9) * (end - time);
-        let mut h = if last { end - time } else { step };
+        let knot = model
+            .drive
+            .as_ref()
+            .map_or(f64::INFINITY, |drive| drive.next_knot(time));
+        let stop = end.min(knot);
+        let last = step > (1.0 - 1e-9) * (stop - time);
+        let mut h = if last { stop - time } else { step };
         assert!(time + h > time, "the steps became too short");
-        let Some((mut next, growth)) = extrapolated(model, &state, h, &scales) else {
+        let Some((mut next, growth)) = extrapolated(model, (time, &state), h, &scales) else {
             step = 0.35 * h;
             continue;
         };
@@ -138,19 +148,19 @@ pub(crate) fn referee(model: &Model, end: f64) -> Vec<f64> {
             let (mut low, mut high) = (0.0, h);
             while high - low > 1e-9 * whole {
                 let middle = 0.5 * (low + high);
-                match extrapolated(model, &state, middle, &scales) {
+                match extrapolated(model, (time, &state), middle, &scales) {
                     Some((inside, _)) if !turned(&inside) => (low, next) = (middle, inside),
                     _ => high = middle,
                 }
             }
             if low > 1e-6 * whole && low < (1.0 - 1e-6) * whole {
                 h = low;
-            } else if let Some((all, _)) = extrapolated(model, &state, h, &scales) {
+            } else if let Some((all, _)) = extrapolated(model, (time, &state), h, &scales) {
                 next = all;
             }
         }
         state = next;
-        time = if last && h == whole { end } else { time + h };
+        time = if last && h == whole { stop } else { time + h };
         step = (whole * growth).min(longest);
     }
     state

@@ -8,6 +8,7 @@ use super::lanes::{BLOCK, Lanes, first};
 use super::method::{self, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
+use crate::drive::EndDrive;
 
 /// Times of the stages, as parts of the step.
 const MAIN_NODES: [f64; MAIN] = *NODES.first_chunk().expect("the stages of a step come first");
@@ -76,7 +77,54 @@ pub(super) struct Work {
     pub(super) sooner: Option<f64>,
     /// Powers at the stages, if the losses inside a step are wanted.
     pub(super) powers: Option<Box<StagePowers>>,
+    /// Drive of body 0 in the step; none without a drive.
+    pub(super) driven: Option<Box<DrivenStep>>,
+    /// 1 for contacts that are closed in the step, 0 for others, if they have other powers than Hertz'.
+    pub(super) closed: CacheAligned,
+    /// Lanes of contacts that only touch at the start of the step.
+    pub(super) touching: Vec<usize>,
 }
+
+/// Drive of body 0 at the stages of a step, and its work.
+#[derive(Debug, Clone)]
+pub(super) struct DrivenStep {
+    /// Start and length of the step, s.
+    start: f64,
+    length: f64,
+    /// True if the body follows the drive.
+    pub(super) prescribed: bool,
+    /// Accelerations, m/s², and forces, N, beside those of the contact.
+    pub(super) accelerations: [f64; STAGES],
+    pub(super) forces: [f64; STAGES],
+    /// Power at the stages, W, and work in the step, J.
+    pub(super) powers: [f64; STAGES],
+    pub(super) work: f64,
+}
+
+impl DrivenStep {
+    /// Speed of a body that follows the drive, at the part `x` of the step, m/s.
+    fn speed(&self, drive: &EndDrive, x: f64) -> f64 {
+        drive
+            .motion(self.start + x * self.length)
+            .map_or(0.0, |motion| motion.1)
+    }
+
+    /// Takes the power at a stage with this weight in the work: body 0 has this speed, m/s, and its contact
+    /// this force beyond the static load, N.
+    #[inline(always)]
+    pub(super) fn take_power(&mut self, stage: usize, weight: f64, contact: f64, speed: f64) {
+        let push = if self.prescribed {
+            contact
+        } else {
+            self.forces[stage]
+        };
+        self.powers[stage] = push * speed;
+        self.work += weight * push * speed;
+    }
+}
+
+/// Lane of the contact of body 0.
+const FIRST_CONTACT: usize = BLOCK + 1;
 
 /// Power dissipated in all contacts, force on the wall, and power dissipated in each intruder, at each stage.
 #[derive(Debug, Clone)]
@@ -102,6 +150,7 @@ impl Work {
             rates: CacheAligned::zeros(lanes.len() * STAGES),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: CacheAligned::zeros(guests),
+            closed: CacheAligned::zeros(if lanes.powers.is_some() { lanes.len() } else { 0 }),
             lost: CacheAligned::zeros(lanes.len()),
             ..Self::default()
         }
@@ -121,6 +170,34 @@ impl Work {
             wall: [0.0; STAGES],
             guests: CacheAligned::zeros(lanes.guests.blocks.len() * BLOCK * STAGES),
         }));
+    }
+
+    /// Computes the drive at the stages of a step that begins at `start`, s.
+    pub(super) fn drive(&mut self, lanes: &Lanes, start: f64, length: f64) {
+        let Some(drive) = &lanes.drive else { return };
+        let times = NODES.map(|node| start + node * length);
+        self.driven = Some(Box::new(DrivenStep {
+            start,
+            length,
+            prescribed: drive.prescribed,
+            accelerations: times.map(|t| drive.acceleration(t)),
+            forces: times.map(|t| drive.force(t)),
+            powers: [0.0; STAGES],
+            work: 0.0,
+        }));
+    }
+
+    /// Sets the start of the next step at `time`, s, to the exact motion of a body that follows a drive.
+    pub(super) fn lead(&mut self, lanes: &Lanes, time: f64) {
+        let motion = lanes.drive.as_ref().and_then(|drive| drive.motion(time));
+        if let Some((place, velocity)) = motion {
+            (self.start.u[BLOCK], self.start.v[BLOCK]) = (place, velocity);
+        }
+    }
+
+    /// Work of the drive in the step, J.
+    pub(super) fn drive_work(&self) -> f64 {
+        self.driven.as_ref().map_or(0.0, |driven| driven.work)
     }
 
     pub(super) fn activate_all(&mut self, lanes: &Lanes) {
@@ -210,7 +287,11 @@ impl Work {
     fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, tolerance: f64, cut: bool) {
         // A force that causes a smaller acceleration cannot harm a velocity.
         let least = 1e-4 * tolerance * lanes.speed / length;
-        let (start, end) = (bend(lanes, lane, &self.start), bend(lanes, lane, &self.end));
+        let pushes = self.driven.as_ref().map_or([0.0; 2], |driven| {
+            [driven.accelerations[0], driven.accelerations[MAIN]]
+        });
+        let start = bend(lanes, lane, &self.start, pushes[0]);
+        let end = bend(lanes, lane, &self.end, pushes[1]);
         let (stiffness, viscosity) = (lanes.stiffness[lane], lanes.viscosity[lane]);
         let (deepest, fastest) = (start[0].max(end[0]), start[1].abs().max(end[1].abs()));
         let force = stiffness * deepest.sqrt() * (deepest + viscosity * fastest);
@@ -240,6 +321,9 @@ impl Work {
         if Some(lane) == lanes.wall {
             self.wall_impulse += length * once;
         }
+        if lane == FIRST_CONTACT && lanes.drive.is_some() {
+            self.add_crossing_work(lanes, &crossing, &forces);
+        }
         let change = (length * length * twice, length * once);
         give(lanes, &mut self.end, lane, change);
         self.crossings.push(crossing);
@@ -261,12 +345,55 @@ impl Work {
                 }
             }
         }
+        if lane == FIRST_CONTACT && lanes.drive.is_some() {
+            self.take_drive_powers(lanes, from, forces);
+        }
         if let Some(kept) = &mut self.powers {
             for ((stage, force), power) in (from..).zip(forces).zip(powers) {
                 kept.contacts[stage] -= power;
                 if Some(lane) == lanes.wall {
                     kept.wall[stage] -= force;
                 }
+            }
+        }
+    }
+
+    /// Work of a drive that body 0 follows against the exactly integrated part of its contact's force, up to
+    /// the part `x` of the step and over the step's length.
+    fn crossing_work(&self, lanes: &Lanes, crossing: &Crossing, x: f64) -> f64 {
+        let (Some(drive), Some(driven)) = (&lanes.drive, &self.driven) else {
+            return 0.0;
+        };
+        if !driven.prescribed {
+            return 0.0;
+        }
+        crossing.work(x, |x| driven.speed(drive, x))
+    }
+
+    /// Adds [`Work::crossing_work`] of the whole step, less what the stages have of it already.
+    #[cold]
+    fn add_crossing_work(&mut self, lanes: &Lanes, crossing: &Crossing, forces: &[f64; MAIN]) {
+        let mut work = self.crossing_work(lanes, crossing, 1.0);
+        let (Some(drive), Some(driven)) = (&lanes.drive, &mut self.driven) else {
+            return;
+        };
+        if driven.prescribed {
+            for (weight, (force, node)) in ROWS[MAIN].iter().zip(forces.iter().zip(MAIN_NODES)) {
+                work -= weight.velocity * force * driven.speed(drive, node);
+            }
+            driven.work += driven.length * work;
+        }
+    }
+
+    /// Subtracts the powers of these forces of the first contact from the stages that begin with `from`.
+    #[cold]
+    fn take_drive_powers(&mut self, lanes: &Lanes, from: usize, forces: &[f64]) {
+        let (Some(drive), Some(driven)) = (&lanes.drive, &mut self.driven) else {
+            return;
+        };
+        if driven.prescribed {
+            for (stage, force) in (from..).zip(forces) {
+                driven.powers[stage] -= force * driven.speed(drive, NODES[stage]);
             }
         }
     }
@@ -286,6 +413,10 @@ impl Work {
         let mut inside = PartLosses {
             contacts: sum(&|stage| powers.contacts[stage]),
             wall: sum(&|stage| powers.wall[stage]),
+            drive: self
+                .driven
+                .as_ref()
+                .map_or(0.0, |driven| sum(&|stage| driven.powers[stage])),
             guests: (0..lanes.guests.count).map(of_guest).collect(),
         };
         for crossing in &self.crossings {
@@ -294,15 +425,20 @@ impl Work {
             if Some(crossing.lane) == lanes.wall {
                 inside.wall += length * integrals.once;
             }
+            if crossing.lane == FIRST_CONTACT {
+                inside.drive += length * self.crossing_work(lanes, crossing, x);
+            }
         }
         inside
     }
 }
 
-/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s.
+/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s; and the work
+/// of the drive, J.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
+    pub(super) drive: f64,
     pub(super) guests: Vec<f64>,
 }
 
@@ -345,9 +481,10 @@ pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
     (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
 }
 
-/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
+/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s². The drive adds `driven`, m/s², to that
+/// of body 0.
 #[inline(always)]
-fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
+fn bend(lanes: &Lanes, lane: usize, motion: &Motion, driven: f64) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);
     let force = |lane: usize| force(lanes, lane, motion);
     let rate = |body: usize| {
@@ -357,10 +494,14 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
         });
         (force(body) - force(body + 1) + pull) * lanes.inverse[body]
     };
+    let mut acceleration = rate(lane - 1) - rate(lane);
+    if lane == FIRST_CONTACT && lanes.drive.is_some() {
+        acceleration += driven;
+    }
     [
         u[lane - 1] - u[lane] + lanes.rest[lane],
         v[lane - 1] - v[lane],
-        rate(lane - 1) - rate(lane),
+        acceleration,
     ]
 }
 

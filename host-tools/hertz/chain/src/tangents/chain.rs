@@ -184,6 +184,19 @@ impl<const P: usize> DualChain<P> {
                 "leave it out: contacts may then pull a little while they open",
             ));
         }
+        let law = "leave them out: tangents are those of a strike on Hertz' contacts";
+        let other = [
+            (model.drive.is_some(), "chain", "a drive or gravity"),
+            (model.starts_displaced(), "start", "bodies displaced at t = 0"),
+            (
+                model.contact_at(1).powers.is_some(),
+                "contact",
+                "contacts of another law than Hertz'",
+            ),
+        ];
+        if let Some((_, key, what)) = other.into_iter().find(|(is_there, ..)| *is_there) {
+            return Err(InputError::at(key, format!("{what} have no tangents"), law));
+        }
         let seeds = Seeds::<P>::new(parameters);
         let materials = Materials {
             scenario,

@@ -3,7 +3,9 @@
 mod accuracy;
 mod any_scenario;
 mod common;
+mod contacts;
 mod counts;
+mod driven;
 mod ensemble;
 mod graded;
 mod loaded;

@@ -5,8 +5,8 @@ use std::sync::Mutex;
 
 use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Objective, OptimiseError, Optimum, Scenario, Search, SearchProgress, Start, optimise,
-    remaining,
+    Accuracy, Aim, Drive, DriveQuantity, Objective, OptimiseError, Optimum, Scenario, Search, SearchProgress,
+    Start, optimise, remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -391,6 +391,21 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         assert_eq!(text.lines().count(), 1);
         assert!(matches!(error, OptimiseError::Search { .. }));
     }
+    let mut driven = strike();
+    driven.drive = Some(Drive::sine(DriveQuantity::Displacement, 1e-7, 1000.0));
+    let error = remaining(&driven, 0.45, Accuracy::DRAFT).expect_err("it has no strike");
+    assert!(
+        error
+            .to_string()
+            .starts_with("drive: a driven chain has no strike"),
+        "{error}"
+    );
+    let error = Search::new(&driven, vec![7], 0.01).and_then(|search| search.check(&driven));
+    let error = error.expect_err("it has no strike").to_string();
+    assert!(
+        error.starts_with("drive: a driven chain has no strike"),
+        "{error}"
+    );
     let mut scenario = strike();
     scenario.striker.velocity = 0.0;
     let error = Search::new(&scenario, vec![7], 0.01).expect_err("it cannot be run");

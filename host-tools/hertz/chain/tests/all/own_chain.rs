@@ -53,7 +53,11 @@ fn it_has_every_key_and_the_page_explains_each() {
         }
         assert!(section.contains(&format!("`{table}`")), "the page lacks {table}");
     }
-    for name in known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}")) {
+    let others = known(&format!("qqqqqqqqqqqqqqq = 1\n{TEXT}"));
+    for name in others
+        .into_iter()
+        .filter(|name| name != "drive" && name != "contact")
+    {
         let forms = [
             format!("\n{name} = "),
             format!("\n[{name}]"),
@@ -61,4 +65,35 @@ fn it_has_every_key_and_the_page_explains_each() {
         ];
         assert!(forms.iter().any(|form| TEXT.contains(form)), "{name} is missing");
     }
+}
+
+/// Checks that a scenario shows every key of a table, and that the page explains each.
+fn shows(text: &str, table: &str) {
+    let section = &PAGE[PAGE.find("## Your own chain").expect("it is there")..];
+    assert!(section.contains(&format!("`{table}`")), "the page lacks {table}");
+    for name in known(&text.replacen(table, &format!("{table}\nqqqqqqqqqqqqqqq = 1\n"), 1)) {
+        let forms = [format!("\n{name} = "), format!("\n# {name} = ")];
+        assert!(forms.iter().any(|form| text.contains(form)), "{name} is missing");
+        assert!(section.contains(&format!("`{name}`")), "the page lacks {name}");
+    }
+}
+
+#[test]
+fn the_driven_chain_shows_every_key_of_a_drive() {
+    const DRIVEN: &str = include_str!("../../../../../docs/scenarios/driven-chain.toml");
+    let scenario = Scenario::from_toml(DRIVEN, "driven-chain.toml").expect("the scenario is sound");
+    let energy = simulate(&scenario).expect("it runs").summary().energy;
+    assert!(energy.drive_work.expect("it is driven") > 0.0);
+    assert!(energy.balance_error < 1e-10, "{:e}", energy.balance_error);
+    shows(DRIVEN, "[drive]");
+}
+
+#[test]
+fn the_chain_of_a_power_law_shows_every_key_of_a_contact() {
+    const CUBIC: &str = include_str!("../../../../../docs/scenarios/power-law.toml");
+    let scenario = Scenario::from_toml(CUBIC, "power-law.toml").expect("the scenario is sound");
+    let energy = simulate(&scenario).expect("it runs").summary().energy;
+    assert!(energy.dissipated_contacts > 0.1 * energy.striker_initial);
+    assert!(energy.balance_error < 1e-11, "{:e}", energy.balance_error);
+    shows(CUBIC, "[contact]");
 }

@@ -161,7 +161,8 @@ fn a_sound_scenario_is_read_and_written_back_the_same() {
 #[test]
 fn long_names_and_values_are_shown_by_their_beginning() {
     let (name, long) = ("n".repeat(60), "n".repeat(100_000));
-    let known = "known here are title, duration, chain, striker, wall, intruder, section, start";
+    let known =
+        "known here are title, duration, chain, striker, wall, intruder, section, start, drive, contact";
     let error = refusal(&SOUND.replacen("title", &long, 1));
     assert_eq!(error, format!("s.toml:1: {name}…: unknown key; {known}"));
     let error = refusal(&SOUND.replacen("\"printed\"", &format!("{long:?}"), 1));

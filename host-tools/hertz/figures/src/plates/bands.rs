@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use hertz_chain::{Accuracy, Bands, Dispersion, Run, Scenario, Signal, Spectrum, Start};
+use hertz_chain::{Accuracy, Bands, Dispersion, Intruder, Run, Scenario, Signal, Spectrum, Start};
 use rayon::prelude::*;
 
 use crate::check::{FigureCheck, checks};
@@ -23,7 +23,7 @@ plans! {
 const BEADS: usize = 200;
 /// Static loads, N, and for each the edges: acoustic top, end of the gap, optical top, Hz. Roots of the
 /// quartic by a program with 50 digits.
-const LOADS: [(f64, [f64; 3]); 3] = [
+pub(super) const LOADS: [(f64, [f64; 3]); 3] = [
     (1.0, [1185.387193, 1707.549143, 1773.287007]),
     (10.0, [1517.772748, 1707.549143, 2032.821189]),
     (100.0, [1610.652857, 1707.549143, 2811.710799]),
@@ -40,13 +40,18 @@ const INTERVAL: f64 = 1.5e-4;
 /// Below this frequency, Hz, a mode has too few periods in the run.
 const SLOW: f64 = 100.0;
 
+/// The paper's intruder without its damper in each bead.
+pub(super) fn intruders_in_all() -> Vec<Intruder> {
+    vec![intruder(1..=BEADS, MASS, STIFFNESS, 0.0)]
+}
+
 fn scenario(load: f64) -> Scenario {
     let mut scenario = strike(BEADS, ELASTIC, DURATION);
     scenario.chain.precompression = load;
     // The striker only stands in front of the chain.
     scenario.striker.velocity = 1e-3 * KICK;
     scenario.starts = vec![Start::moving([KICKED], KICK)];
-    scenario.intruders = vec![intruder(1..=BEADS, MASS, STIFFNESS, 0.0)];
+    scenario.intruders = intruders_in_all();
     scenario
 }
 

@@ -43,11 +43,11 @@ fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
             (motion.u[lane], motion.v[lane]) = (x, w);
         }
         let mut rate = model.initial();
-        model.rate(&state, &mut rate);
+        model.rate(0.0, &state, &mut rate);
         let mut open = 0;
         for contact in 1..=model.contacts() {
             let lane = BLOCK + contact;
-            let [overlap, approach, acceleration] = bend(&lanes, lane, &motion);
+            let [overlap, approach, acceleration] = bend(&lanes, lane, &motion, 0.0);
             let of = |values: &[f64], from: usize| across(&values[from..][..model.bodies()], contact);
             let near = |one: f64, other: f64, scale: f64| {
                 let error = (one - other).abs() / scale;

@@ -1,0 +1,140 @@
+//! The law of the contacts: its table and the check of its values.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{TableCheck, ValueRange};
+use super::read::InputError;
+use super::tables::{ContactForce, Scenario, is_zero};
+
+/// Law of all contacts of a chain, F = κ δⁿ + η δᵖ δ'. Without it, κ is Hertz' of the materials, n is 3/2, and
+/// the damping is that of their relaxation times.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct ContactLaw {
+    /// Exponent n of the overlap, from 1 to 8.
+    #[serde(default = "hertz", skip_serializing_if = "is_hertz")]
+    pub exponent: f64,
+    /// Stiffness κ of every contact, N/mⁿ; without it Hertz' of the materials, for n = 3/2 only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Style of the damping.
+    #[serde(default)]
+    pub damping: Damping,
+    /// Coefficient of the damping, with a unit that depends on its style.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub coefficient: f64,
+    /// Exponent p of [`Damping::Power`], from 0 to 8.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damping_exponent: Option<f64>,
+}
+
+/// Damping of a contact: coefficient η and exponent p of its force η δᵖ δ'.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Damping {
+    /// The rate of the elastic force times τ of the materials, η = n τ κ and p = n - 1 (Kuwabara and Kono).
+    #[default]
+    Viscoelastic,
+    /// A dashpot, p = 0; η in N·s/m. Its force begins at once when bodies meet.
+    Linear,
+    /// η in N·s/m^(p+1) and p as given.
+    Power,
+    /// LAMMPS' `hertz/material` with damping `viscoelastic`: η = coefficient · μ √R, p = 1/2, with the
+    /// coefficient in 1/(s·m), the reduced mass μ and 1/R = 1/Ra + 1/Rb.
+    LammpsMaterial,
+    /// LAMMPS' `tsuji`: η = coefficient · √(μ κ), p = (n - 1)/2, the coefficient a number. It restores the
+    /// same part of the speed at any speed.
+    LammpsTsuji,
+}
+
+fn hertz() -> f64 {
+    1.5
+}
+
+fn is_hertz(value: &f64) -> bool {
+    *value == 1.5
+}
+
+impl Default for ContactLaw {
+    fn default() -> Self {
+        Self {
+            exponent: 1.5,
+            stiffness: None,
+            damping: Damping::Viscoelastic,
+            coefficient: 0.0,
+            damping_exponent: None,
+        }
+    }
+}
+
+impl ContactLaw {
+    /// The law κ δⁿ with an exponent and a stiffness in N/mⁿ, and with the damping of the materials.
+    pub fn power(exponent: f64, stiffness: f64) -> Self {
+        Self {
+            exponent,
+            stiffness: Some(stiffness),
+            ..Self::default()
+        }
+    }
+
+    /// This law with a damping of a style and a coefficient.
+    #[must_use]
+    pub fn damped(self, damping: Damping, coefficient: f64) -> Self {
+        Self {
+            damping,
+            coefficient,
+            ..self
+        }
+    }
+
+    /// Exponent p of the damping.
+    pub(crate) fn damping_power(&self) -> f64 {
+        match self.damping {
+            Damping::Viscoelastic => self.exponent - 1.0,
+            Damping::Linear => 0.0,
+            Damping::Power => self.damping_exponent.unwrap_or(0.0),
+            Damping::LammpsMaterial => 0.5,
+            Damping::LammpsTsuji => 0.5 * (self.exponent - 1.0),
+        }
+    }
+
+    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), InputError> {
+        let at = TableCheck::of("contact.");
+        if !(1.0..=8.0).contains(&self.exponent) {
+            let what = format!("{} is no exponent of a contact", self.exponent);
+            return Err(at.error("exponent", what, "give a number from 1 to 8, such as 1.5"));
+        }
+        at.check("stiffness", self.stiffness, ValueRange::Positive("N/m^exponent"))?;
+        if self.stiffness.is_none() && self.exponent != 1.5 {
+            let what = "materials give a stiffness for the exponent 1.5 only".to_owned();
+            return Err(at.error(
+                "stiffness",
+                what,
+                "give the stiffness of a contact in N/m^exponent",
+            ));
+        }
+        at.check(
+            "coefficient",
+            self.coefficient,
+            ValueRange::NotNegative("zero or more"),
+        )?;
+        let power = self.damping == Damping::Power;
+        let in_range = self.damping_exponent.is_none_or(|p| (0.0..=8.0).contains(&p));
+        if power != self.damping_exponent.is_some() || !in_range {
+            let what = "it belongs to damping = \"power\", and is a number from 0 to 8".to_owned();
+            return Err(at.error("damping_exponent", what, "give both, or neither"));
+        }
+        if self.damping == Damping::Viscoelastic && self.coefficient != 0.0 {
+            let what = "viscoelastic damping has the relaxation times of the materials".to_owned();
+            return Err(at.error("coefficient", what, "leave it out, or give another damping"));
+        }
+        let is_usual = self.exponent == 1.5 && self.damping_power() == 0.5;
+        if !is_usual && scenario.chain.contact_force == ContactForce::Clipped {
+            let what = "only Hertz' contacts with a damping of the exponent 1/2 can be clipped".to_owned();
+            return Err(InputError::at("chain.contact_force", what, "leave it out"));
+        }
+        Ok(())
+    }
+}
