@@ -50,7 +50,8 @@ impl Sine {
         [swept + (t - inside) * frequency, frequency, rate].map(|value| TAU * value)
     }
 
-    /// Part of the amplitude: a polynomial of degree 9 that leaves 0 and reaches 1 with four derivatives zero.
+    /// Part of the amplitude: a polynomial of degree 9 that leaves 0 and reaches 1 with four derivatives
+    /// zero.
     fn ramp(&self, t: f64) -> Jet {
         if t >= self.ramp {
             return [1.0, 0.0, 0.0];

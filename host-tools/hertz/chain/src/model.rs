@@ -405,8 +405,8 @@ impl Model {
         model
     }
 
-    /// The greatest speed, m/s, that a drive, gravity and displaced bodies may give a body: an estimate, which
-    /// the accuracy of a step is relative to.
+    /// The greatest speed, m/s, that a drive, gravity and displaced bodies may give a body: an estimate,
+    /// which the accuracy of a step is relative to.
     fn speed_of_what_is_given(&self, scenario: &Scenario) -> f64 {
         let contact = &self.contacts[0];
         let driven = self.drive.as_ref().map_or(0.0, |drive| {
@@ -440,7 +440,35 @@ impl Model {
     /// [`InputError`]: a value of the scenario is out of range.
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
         scenario.check()?;
-        Ok(Self::new(scenario))
+        let model = Self::new(scenario);
+        model.check_loads(scenario)?;
+        Ok(model)
+    }
+
+    /// Refuses a load that presses a body flat.
+    fn check_loads(&self, scenario: &Scenario) -> Result<(), InputError> {
+        for (number, contact) in (1..)
+            .zip(&self.contacts)
+            .filter(|(_, contact)| contact.load > 0.0)
+        {
+            let far = self.radii.get(number).copied().unwrap_or(f64::INFINITY);
+            let (radius, overlap) = (self.radii[number - 1].min(far), contact.static_overlap);
+            if overlap >= radius {
+                let what = format!(
+                    "a load of {:.3e} N overlaps the bodies of contact {number} by {overlap:.3e} m, more than the \
+                     radius of {radius} m",
+                    contact.load
+                );
+                let is_pressed = scenario.chain.precompression > 0.0;
+                let key = if is_pressed {
+                    "chain.precompression"
+                } else {
+                    "chain.gravity"
+                };
+                return Err(InputError::at(key, what, "give less, or check young"));
+            }
+        }
+        Ok(())
     }
 
     /// Number of bodies: the striker and the beads.

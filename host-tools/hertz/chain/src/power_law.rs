@@ -4,8 +4,8 @@
 //! F = κ δⁿ + η δᵖ δ'        δ > 0
 //! ```
 //!
-//! Hertz' law with a damping of p = 1/2 is the rule ([`Contact`](crate::Contact)), and has a solver of its own
-//! for contacts that open and close. With other powers a step ends where a contact opens or closes.
+//! Hertz' law with a damping of p = 1/2 is the rule ([`Contact`](crate::Contact)), and has a solver of its
+//! own for contacts that open and close. With other powers a step ends where a contact opens or closes.
 
 use std::f64::consts::PI;
 
@@ -72,8 +72,8 @@ pub(crate) fn power(x: f64, exponent: f64) -> f64 {
     product
 }
 
-/// Powers and damping of a contact that is not Hertz' with p = 1/2. Its functions are kept out of the code for
-/// Hertz' contacts, which they would slow down.
+/// Powers and damping of a contact that is not Hertz' with p = 1/2. Its functions are kept out of the code
+/// for Hertz' contacts, which they would slow down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactPowers {
     /// Exponent n of the elastic force.

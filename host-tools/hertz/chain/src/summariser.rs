@@ -366,8 +366,8 @@ impl Summariser {
         (1..).zip(times).filter(move |(_, time)| *time > from)
     }
 
-    /// Greatest error of the energy balance as a part of the energy at t = 0, or of the greatest energy that a
-    /// drive has brought in.
+    /// Greatest error of the energy balance as a part of the energy at t = 0, or of the greatest energy that
+    /// a drive has brought in.
     fn balance_error(&self, model: &Model) -> f64 {
         let whole = if model.drive.is_some() {
             self.greatest

@@ -1,13 +1,11 @@
-//! The law of the contacts: its table and the check of its values.
+//! The law of the contacts.
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{TableCheck, ValueRange};
-use super::read::InputError;
-use super::tables::{ContactForce, Scenario, is_zero};
+use super::drive::is_zero;
 
-/// Law of all contacts of a chain, F = κ δⁿ + η δᵖ δ'. Without it, κ is Hertz' of the materials, n is 3/2, and
-/// the damping is that of their relaxation times.
+/// Law of all contacts of a chain, F = κ δⁿ + η δᵖ δ'. Without it, κ is Hertz' of the materials, n is 3/2,
+/// and the damping is that of their relaxation times.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -98,43 +96,5 @@ impl ContactLaw {
             Damping::LammpsMaterial => 0.5,
             Damping::LammpsTsuji => 0.5 * (self.exponent - 1.0),
         }
-    }
-
-    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), InputError> {
-        let at = TableCheck::of("contact.");
-        if !(1.0..=8.0).contains(&self.exponent) {
-            let what = format!("{} is no exponent of a contact", self.exponent);
-            return Err(at.error("exponent", what, "give a number from 1 to 8, such as 1.5"));
-        }
-        at.check("stiffness", self.stiffness, ValueRange::Positive("N/m^exponent"))?;
-        if self.stiffness.is_none() && self.exponent != 1.5 {
-            let what = "materials give a stiffness for the exponent 1.5 only".to_owned();
-            return Err(at.error(
-                "stiffness",
-                what,
-                "give the stiffness of a contact in N/m^exponent",
-            ));
-        }
-        at.check(
-            "coefficient",
-            self.coefficient,
-            ValueRange::NotNegative("zero or more"),
-        )?;
-        let power = self.damping == Damping::Power;
-        let in_range = self.damping_exponent.is_none_or(|p| (0.0..=8.0).contains(&p));
-        if power != self.damping_exponent.is_some() || !in_range {
-            let what = "it belongs to damping = \"power\", and is a number from 0 to 8".to_owned();
-            return Err(at.error("damping_exponent", what, "give both, or neither"));
-        }
-        if self.damping == Damping::Viscoelastic && self.coefficient != 0.0 {
-            let what = "viscoelastic damping has the relaxation times of the materials".to_owned();
-            return Err(at.error("coefficient", what, "leave it out, or give another damping"));
-        }
-        let is_usual = self.exponent == 1.5 && self.damping_power() == 0.5;
-        if !is_usual && scenario.chain.contact_force == ContactForce::Clipped {
-            let what = "only Hertz' contacts with a damping of the exponent 1/2 can be clipped".to_owned();
-            return Err(InputError::at("chain.contact_force", what, "leave it out"));
-        }
-        Ok(())
     }
 }

@@ -1,12 +1,10 @@
-//! The drive of a chain's first end: its table, the check of its values, and reading a record from a file.
+//! The drive of a chain's first end: its table, and reading a record from a file.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{TableCheck, ValueRange};
 use super::read::{InputError, read_text};
-use super::tables::{Scenario, is_zero};
 
 /// Quantity that a [`Drive`] gives body 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,6 +48,10 @@ pub struct Drive {
     /// line of names. A relative name counts from the folder of the scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
+}
+
+pub(super) fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 fn one() -> f64 {
@@ -108,103 +110,8 @@ impl Drive {
         Err(InputError::at("drive.frequency", what, advice))
     }
 
-    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), InputError> {
-        let at = TableCheck::of("drive.");
-        let (unit, value) = match self.quantity {
-            DriveQuantity::Displacement => ("a number in m, such as 1e-7", "m"),
-            DriveQuantity::Force => ("a number in N, such as 0.1", "N"),
-        };
-        if !self.amplitude.is_finite() {
-            return Err(at.error(
-                "amplitude",
-                format!("{} is no amplitude", self.amplitude),
-                format!("give {unit}"),
-            ));
-        }
-        if let Some(file) = &self.file {
-            let what = format!("{file} has not been read");
-            let advice = "read the scenario with its file's name, or give the record as drive.samples";
-            return Err(at.error("file", what, advice));
-        }
-        at.check(
-            "frequency",
-            self.frequency,
-            ValueRange::Positive("Hz, such as 1500.0"),
-        )?;
-        at.check(
-            "frequency_end",
-            self.frequency_end,
-            ValueRange::Positive("Hz, such as 3000.0"),
-        )?;
-        at.check("sweep", self.sweep, ValueRange::Positive("s, such as 0.1"))?;
-        at.check(
-            "ramp",
-            self.ramp,
-            ValueRange::NotNegative("a time in s, such as 2e-3, or leave it out"),
-        )?;
-        if self.frequency_end.is_some() != self.sweep.is_some() {
-            let advice = "give both for a chirp, none for a sine";
-            return Err(at.error(
-                "sweep",
-                "frequency_end and sweep belong together".to_owned(),
-                advice,
-            ));
-        }
-        match (self.frequency.is_some(), self.samples.is_empty()) {
-            (true, true) => {}
-            (false, false) => self.check_samples(&at, scenario.duration, value)?,
-            (true, false) => {
-                let what = "a drive is a sine or a record".to_owned();
-                return Err(at.error("frequency", what, "leave out the frequency or the record"));
-            }
-            (false, true) => {
-                let what = "the drive has no signal".to_owned();
-                return Err(at.error(
-                    "frequency",
-                    what,
-                    "give drive.frequency, drive.file or drive.samples",
-                ));
-            }
-        }
-        if self.frequency.is_none() && (self.frequency_end.is_some() || self.ramp != 0.0) {
-            let what = "a record has neither sweep nor ramp".to_owned();
-            return Err(at.error("ramp", what, "leave out frequency_end, sweep and ramp"));
-        }
-        Ok(())
-    }
-
-    fn check_samples(&self, at: &TableCheck, duration: f64, unit: &str) -> Result<(), InputError> {
-        let count = self.samples.len();
-        let error = |what: String, advice: &str| Err(at.error("samples", what, advice));
-        if count < 3 {
-            return error(format!("{count} samples are no record"), "give three or more");
-        }
-        if let Some(wrong) = self
-            .samples
-            .iter()
-            .position(|sample| !sample.iter().all(|x| x.is_finite()))
-        {
-            let what = format!("sample {} is no number", wrong + 1);
-            return error(what, &format!("give times in s and values in {unit}"));
-        }
-        if self.samples[0][0] != 0.0 {
-            let what = format!("the record begins at {} s", self.samples[0][0]);
-            return error(what, "begin at 0 s, as the run does");
-        }
-        if let Some(wrong) = self.samples.windows(2).position(|pair| pair[0][0] >= pair[1][0]) {
-            let what = format!("the time of sample {} is not after that before it", wrong + 2);
-            return error(what, "sort the samples, and give each time once");
-        }
-        let end = self.samples[count - 1][0];
-        if end < duration * (1.0 - 1e-12) {
-            let what = format!("the record ends at {end} s, the run at {duration} s");
-            return error(what, "shorten the duration, or record longer");
-        }
-        Ok(())
-    }
-
-    /// Reads the file of the record, if there is one, into `samples`. `scenario` is the name of the scenario's
-    /// file.
+    /// Reads the file of the record, if there is one, into `samples`. `scenario` is the name of the
+    /// scenario's file.
     pub(super) fn read_file(&mut self, scenario: &str) -> Result<(), InputError> {
         let Some(file) = &self.file else { return Ok(()) };
         if !self.samples.is_empty() {

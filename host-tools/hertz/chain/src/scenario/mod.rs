@@ -1,6 +1,7 @@
 //! Scenarios: their tables, the check of their values, and reading them from TOML.
 
 mod check;
+mod check_laws;
 mod contact;
 mod drive;
 mod paper;

@@ -6,7 +6,7 @@ use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::contact::ContactLaw;
-use super::drive::Drive;
+use super::drive::{Drive, is_zero};
 use crate::oscillator::Oscillator;
 
 /// One strike on one chain, in SI units. Beads are counted from 1; the striker is body 0.
@@ -74,10 +74,6 @@ pub struct Chain {
     /// weight of all beads above it, and the run begins from that state at rest.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gravity: f64,
-}
-
-pub(super) fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 /// Treatment of a total contact force below zero. The viscous term can make one while beads part.

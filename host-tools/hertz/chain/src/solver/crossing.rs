@@ -158,8 +158,8 @@ impl Crossing {
         (way * force, way * moment, way * power)
     }
 
-    /// ∫ F `speed` from the start of the step to its part `x`: the work of the force on a body of this speed at
-    /// each part, over the length of the step.
+    /// ∫ F `speed` from the start of the step to its part `x`: the work of the force on a body of this speed
+    /// at each part, over the length of the step.
     pub(super) fn work(&self, x: f64, speed: impl Fn(f64) -> f64) -> f64 {
         let since_root = |end: f64| {
             let way = end - self.root;

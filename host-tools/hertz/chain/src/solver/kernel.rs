@@ -392,8 +392,9 @@ fn any_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     }
 }
 
-/// Adds the drive to the acceleration of body 0 at a stage, and takes its power. The force of the first contact
-/// is computed once more for that. No other body has an acceleration that depends on it at this stage.
+/// Adds the drive to the acceleration of body 0 at a stage, and takes its power. The force of the first
+/// contact is computed once more for that. No other body has an acceleration that depends on it at this
+/// stage.
 #[inline(always)]
 fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     simd: S,

@@ -84,8 +84,8 @@ pub(crate) struct Lanes {
     pub(super) loaded: bool,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
-    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then has
-    /// the coefficients η.
+    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then
+    /// has the coefficients η.
     pub(super) powers: Option<ContactPowers>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,

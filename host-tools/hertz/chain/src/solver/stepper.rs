@@ -292,8 +292,8 @@ impl Stepper {
         }
     }
 
-    /// Makes the step again with a length near `h`, so that it ends where the contact at `lane` opens or closes.
-    /// Returns its length, which is below `most`.
+    /// Makes the step again with a length near `h`, so that it ends where the contact at `lane` opens or
+    /// closes. Returns its length, which is below `most`.
     fn end_at_turn(&mut self, lane: usize, mut h: f64, most: f64) -> f64 {
         self.attempt(h);
         for _ in 0..4 {

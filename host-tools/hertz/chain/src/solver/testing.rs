@@ -69,7 +69,8 @@ pub(crate) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// The state after a step of `h` from `start` at `time`, and the factor for the next step; `None` without convergence.
+/// The state after a step of `h` from `start` at `time`, and the factor for the next step; `None` without
+/// convergence.
 fn extrapolated(
     model: &Model,
     (time, start): (f64, &[f64]),

@@ -433,8 +433,8 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s; and the work
-/// of the drive, J.
+/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s; and the
+/// work of the drive, J.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,

@@ -94,8 +94,8 @@ fn tsuji_restores_the_same_part_of_every_speed() {
     }
 }
 
-/// Velocities of seven beads, the first at 0.45 m/s, after 1.5 ms, by LAMMPS (22 July 2025, pair style granular)
-/// in steps of 1 ns. Four times as long steps change them by up to 8.2e-7 of 0.45 m/s. `tsuji` was
+/// Velocities of seven beads, the first at 0.45 m/s, after 1.5 ms, by LAMMPS (22 July 2025, pair style
+/// granular) in steps of 1 ns. Four times as long steps change them by up to 8.2e-7 of 0.45 m/s. `tsuji` was
 /// given a restitution of 0.8, from which LAMMPS makes its coefficient.
 #[test]
 fn dampings_are_those_of_lammps() {

@@ -421,8 +421,7 @@ fn what_cannot_be_driven_is_refused_in_a_line() {
         ),
     ];
     for (words, change) in cases {
-        let line = changed(good.clone(), change)
-            .check()
+        let line = Model::of(&changed(good.clone(), change))
             .expect_err(words)
             .to_string();
         assert!(line.starts_with(words), "{line}");

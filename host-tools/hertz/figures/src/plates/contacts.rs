@@ -75,8 +75,8 @@ fn meet(exponent: f64, speed: f64) -> Result<Meeting, Error> {
 /// Part of the peak at which the wave's width is taken.
 const HEIGHT: f64 = 0.1;
 
-/// Overlap of a long wave over its peak, by the distance in beads: a cosine to the power 2/(n-1), with its zeros
-/// at the wave's width.
+/// Overlap of a long wave over its peak, by the distance in beads: a cosine to the power 2/(n-1), with its
+/// zeros at the wave's width.
 fn long_wave(exponent: f64, distance: f64) -> f64 {
     let phase = PI * distance / law(exponent).wave_width();
     if phase.abs() >= FRAC_PI_2 {
@@ -138,7 +138,7 @@ fn contacts(lab: &Lab) -> Result<Figure, Error> {
             .fold(0.0, f64::max);
         checks.extend(checks![
             "time of contact of two bodies from the closed form, n = {exponent}": time => at_most(1e-10);
-            "force of two bodies from V^(2n/(n+1)), n = {exponent}": force => at_most(1e-11);
+            "force of two bodies from the power of their speed, n = {exponent}": force => at_most(1e-11);
         ]);
     }
     let mut curves = Vec::new();

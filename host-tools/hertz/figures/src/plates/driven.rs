@@ -51,7 +51,8 @@ fn scenario(load: f64) -> Scenario {
     scenario
 }
 
-/// Transmission at each frequency (Hz), and the greatest error of the energy balance over the greatest energy.
+/// Transmission at each frequency (Hz), and the greatest error of the energy balance over the greatest
+/// energy.
 fn shake(scenario: &Scenario) -> Result<(Vec<(f64, f64)>, f64), Error> {
     let mut run = Run::new(scenario, Accuracy::new(1e-11, 0.5))?;
     let start = run.snapshot().energies().total();
@@ -94,7 +95,7 @@ fn edges(transmission: &[(f64, f64)], gap: f64) -> [f64; 3] {
     };
     let or_none = |edge: Option<f64>| edge.unwrap_or(f64::NAN);
     [
-        or_none(passes().filter(|frequency| *frequency < gap).next_back()),
+        or_none(passes().rfind(|frequency| *frequency < gap)),
         or_none(passes().find(|frequency| *frequency > gap)),
         or_none(passes().next_back()),
     ]
