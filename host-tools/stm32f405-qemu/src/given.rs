@@ -116,7 +116,9 @@ pub struct Run {
     pub analog_wires: Vec<AnalogWire>,
     /// Triggers that the DAC misses, by their number since its channel was enabled: the first is 0.
     pub dac_misses: Vec<u64>,
-    /// Frequency of the oscillator behind the watchdog, Hz. `None` for 32 kHz; silicon has 17 to 47.
+    /// Seed of the random number generator's words.
+    pub random_seed: u64,
+    /// Frequency of the oscillator behind the watchdog and the RTC's LSI, Hz. `None` for 32 kHz; silicon has 17 to 47.
     pub lsi_hz: Option<u32>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
@@ -167,6 +169,7 @@ impl Run {
             wires: Vec::new(),
             analog_wires: Vec::new(),
             dac_misses: Vec::new(),
+            random_seed: 0,
             lsi_hz: None,
             pokes: Vec::new(),
             faults: Vec::new(),

@@ -87,7 +87,7 @@ impl Machine {
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
         let stimulus = StimulusPlayer::new(&run, hse_hz);
-        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, stimulus);
+        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, run.random_seed, stimulus);
         for converter in &mut chip.units.adc.converters {
             converter.software_scan_under_trigger = run.software_scan_under_trigger;
         }
@@ -106,7 +106,7 @@ impl Machine {
         chip.analog_wires = run.analog_wires.iter().map(AnalogLoop::new).collect();
         chip.units.dac.misses = run.dac_misses;
         if let Some(hz) = run.lsi_hz {
-            chip.units.iwdg.lsi_hz = hz;
+            (chip.units.iwdg.lsi_hz, chip.units.rcc.lsi_hz) = (hz, hz);
         }
         Self {
             levels: Levels::new(&run.pin_inputs, &mut chip),
@@ -339,9 +339,10 @@ impl Machine {
         self.stuck.map(registers::name)
     }
 
-    /// Returns `true` if the watchdog runs. It resets an image that does nothing more.
+    /// Returns `true` if a watchdog runs. It resets an image that does nothing more.
     pub fn watchdog_runs(&self) -> bool {
-        self.chip.units.iwdg.next_interrupt().is_some()
+        let units = &self.chip.units;
+        units.iwdg.next_interrupt().is_some() || units.wwdg.runs_out().is_some()
     }
 
     /// Contents of [`WRITABLE`].
@@ -418,7 +419,10 @@ impl Machine {
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
         }
-        self.chip.units.systick.advance(now);
+        let units = &mut self.chip.units;
+        units.systick.advance(now);
+        units.wwdg.advance(now);
+        units.rng.advance(now);
     }
 
     /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`]
@@ -474,6 +478,12 @@ impl Machine {
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
                 board.reset_wanted();
             }
+            MachineEvent::WindowWatchdogOut => {
+                units.wwdg.reset(at);
+                self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
+                board.reset_wanted();
+            }
+            MachineEvent::ClockFlag => self.chip.clock_flag(at),
             MachineEvent::Flash(FlashEvent::Finished) => {
                 let changed = units.flash.finish();
                 let offset = (changed.start - WRITABLE.start) as usize;
@@ -500,6 +510,10 @@ impl Machine {
         }
         if self.chip.woken_from_standby() {
             self.reset_wanted.get_or_insert(ResetCause::Standby);
+            board.reset_wanted();
+        }
+        if std::mem::take(&mut self.chip.units.wwdg.bites) {
+            self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
             board.reset_wanted();
         }
         // The next instruction is in flash. So is the one after an interrupt that wakes the processor in

@@ -58,10 +58,11 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up, with a crystal of `hse_hz`, its DEV_ID and its factory identifier.
-    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], stimulus: StimulusPlayer) -> Self {
+    /// After power-up, with a crystal of `hse_hz`, its DEV_ID, its factory identifier, and the seed of its random
+    /// numbers.
+    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
         Self {
-            units: Units::new(hse_hz, dev_id, uid),
+            units: Units::new(hse_hz, dev_id, uid, seed),
             stimulus,
             sampler: None,
             scans: 0,
@@ -85,6 +86,7 @@ impl Chip {
         if cause == ResetCause::PowerCut {
             self.units.debug.demcr = 0;
             self.units.pwr.flags = 0;
+            self.units.rtc.reset_backup_domain(now);
         }
         self.pass_on(now);
     }
@@ -159,7 +161,14 @@ impl Chip {
             }
         }
         self.units.dwt.enable(self.units.debug.traces(), now);
-        self.units.rcc.backup_domain_open = self.units.pwr.backup_domain_open();
+        let open = self.units.pwr.backup_domain_open();
+        (
+            self.units.rcc.backup_domain_open,
+            self.units.rtc.backup_domain_open,
+        ) = (open, open);
+        if take(&mut self.units.rcc.backup_domain_reset) {
+            self.units.rtc.reset_backup_domain(now);
+        }
         for master in 0..self.units.tim.len() {
             if take(&mut self.units.tim[master].trigger_now) {
                 self.start_slaves(master, now);

@@ -24,6 +24,9 @@ pub(super) enum MachineEvent {
     /// The DMA is about to fetch a byte that was received.
     DmaFetches(usize),
     WatchdogOut,
+    WindowWatchdogOut,
+    /// A flag of the RTC is set.
+    ClockFlag,
     Flash(FlashEvent),
 }
 
@@ -78,6 +81,8 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
         offer(usart.next_fetch(), MachineEvent::DmaFetches(n));
     }
     offer(units.iwdg.next_interrupt(), MachineEvent::WatchdogOut);
+    offer(units.wwdg.runs_out(), MachineEvent::WindowWatchdogOut);
+    offer(units.rtc.next_flag(), MachineEvent::ClockFlag);
     if let Some((at, event)) = units.flash.next_event() {
         offer(Some(at), MachineEvent::Flash(event));
     }

@@ -19,6 +19,8 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         return flash
             .into_iter()
             .chain(units.iwdg.next_interrupt())
+            .chain(units.wwdg.runs_out())
+            .chain(units.rtc.next_flag().filter(|_| chip.sleeps()))
             .chain(wake_up)
             .min();
     }

@@ -49,10 +49,13 @@ impl Chip {
         self.sense_wake_up_pin(pin, high);
     }
 
-    /// Passes the levels on pins, and the voltage detector's, on to EXTI.
+    /// Passes the levels on pins, the voltage detector's and the RTC's, on to EXTI.
     pub(super) fn sense_lines(&mut self, now: u64) {
         /// The line of the voltage detector.
         const DETECTOR: usize = 16;
+        /// Lines of the RTC.
+        const ALARM: usize = 17;
+        const WAKE_UP: usize = 22;
         let units = &mut self.units;
         let watched = units.exti.watched();
         let level = |line: usize| match line {
@@ -60,10 +63,13 @@ impl Chip {
                 .gpio
                 .get(units.syscfg.port(line))
                 .map_or(0, |port| port.input() >> line & 1),
-            _ => u32::from(units.pwr.below),
+            DETECTOR => u32::from(units.pwr.below),
+            ALARM => u32::from(units.rtc.alarm_line()),
+            WAKE_UP => u32::from(units.rtc.wake_up_line()),
+            _ => 0,
         };
         let levels = (watched != 0).then(|| {
-            let lines = (0..=DETECTOR).filter(|line| watched >> line & 1 == 1);
+            let lines = (0..=WAKE_UP).filter(|line| watched >> line & 1 == 1);
             lines.fold(0, |levels, line| levels | level(line) << line)
         });
         units.exti.input(levels);

@@ -23,7 +23,7 @@ fn image(name: &str) -> PathBuf {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let target = "thumbv7em-none-eabihf";
         // The others would miss the vectors that embassy's device brings.
-        let embassy = ["default-time-driver", "ports", "converters"].map(|name| ["--bin", name]);
+        let embassy = ["default-time-driver", "ports", "converters", "clocks"].map(|name| ["--bin", name]);
         let embassy = [&["--features", "embassy"], embassy.as_flattened()].concat();
         for what in [&["--bins"][..], &embassy] {
             let mut cargo = Command::new(env!("CARGO"));
@@ -232,11 +232,32 @@ fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
     let error = result(&run_of("polls")).unwrap_err();
     let said = error.to_string();
     assert!(matches!(error, RunError::Stuck(_)), "{said}");
-    assert!(said.contains("wait_for_number"), "{said}");
-    assert!(said.contains("busy with RNG_SR"), "{said}");
+    assert!(said.contains("wait_for_controller"), "{said}");
+    assert!(said.contains("busy with CAN1_MSR"), "{said}");
     let outcome = error.outcome().unwrap();
-    assert_eq!(lines(outcome), ["waiting for a random number"]);
-    assert_eq!(outcome.end, RunEnd::Stuck("RNG_SR".into()));
+    assert_eq!(lines(outcome), ["waiting for the controller"]);
+    assert_eq!(outcome.end, RunEnd::Stuck("CAN1_MSR".into()));
+}
+
+#[test]
+fn random_numbers_a_checksum_the_calendar_and_the_window_watchdog_work_by_embassys_drivers() {
+    let mut run = run_of("clocks");
+    run.sampling_deadline_ns = 10_000_000_000;
+    let [outcome, again] = [(); 2].map(|()| passed(&run));
+    let said = lines(&outcome);
+    assert_eq!(said[0], "random: different true");
+    // CRC-32/MPEG-2 of "12345678", by another program.
+    assert_eq!(said[2], "checksum 0x49e3c2fb");
+    assert_eq!(said[3..5], ["3-1 0:0:0", "fed"]);
+    // 127 ms after the feeds began. Seconds go on over the reset.
+    assert_eq!(said[5..], ["again at 2026-3-1 0:0:0, window watchdog 1"]);
+    // The last feed is the twentieth, 6 ms after the one before, and it lasts 10 ms: 103 counts of 97.5 us.
+    let causes: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(causes, [ResetCause::WindowWatchdog]);
+    assert_eq!((&outcome.rtt, &outcome.resets), (&again.rtt, &again.resets));
+    let mut other = run;
+    other.random_seed = 1;
+    assert_ne!(lines(&passed(&other))[1], said[1], "another seed");
 }
 
 /// The program, run on an image: its exit status and what it said.
@@ -279,12 +300,12 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
             "polls",
             &["--strict", "--until", "waiting"],
             6,
-            "the image accessed RNG_CR and 1 more",
+            "the image accessed CAN1_MCR and 1 more",
         ),
         ("panics", &[], 1, "the answer is 42"),
         ("faults", &[], 4, faulted),
         ("locks-up", &[], 4, "the processor locked up at"),
-        ("polls", &[], 5, "busy with RNG_SR"),
+        ("polls", &[], 5, "busy with CAN1_MSR"),
         ("semihosts", &["--semihosting"], 1, "hello, host"),
         ("polls", &["--nonsense"], 2, "Usage"),
         ("no-such-image", &[], 3, "cannot read the firmware image"),

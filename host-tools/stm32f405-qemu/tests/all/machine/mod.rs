@@ -1,6 +1,7 @@
 //! The peripherals together, driven by register writes as firmware would, without QEMU.
 
 pub(crate) mod bench;
+mod clocks;
 mod instances;
 mod outputs;
 
