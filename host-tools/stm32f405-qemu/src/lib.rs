@@ -1,8 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+mod device;
 mod ending;
 mod exchange;
 mod given;
+mod level;
 pub mod machine;
 mod memory;
 mod outcome;
@@ -12,10 +14,10 @@ mod run;
 mod thumb;
 mod vcd;
 
+pub use device::{BusAnswer, BusCall, BusEvent, Device, Devices, SpiFrame};
 pub use ending::{CodeAddress, Exception, RunEnd};
-pub use given::{
-    AnalogInput, AnalogWire, Fault, FaultKind, Inputs, Level, PinInput, Poke, Run, Since, UartInput,
-};
+pub use given::{AnalogInput, AnalogWire, Fault, FaultKind, Inputs, PinInput, Poke, Run, Since, UartInput};
+pub use level::Level;
 pub use outcome::{
     BlockCost, Cycles, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin,
     Reset, ResetCause, Sampling, StretchWork, Uart, UnknownRegister,

@@ -15,10 +15,12 @@
 //! connected. `events` says what happens next, and `forecast` says when the processor will be interrupted.
 
 mod board;
+mod buses;
 mod chip;
 mod crash;
 mod events;
 mod forecast;
+mod frames;
 mod levels;
 mod lines;
 mod pins;
@@ -38,13 +40,15 @@ mod wiring;
 pub use board::{Exterior, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::StimulusPlayer;
-pub(crate) use wiring::{USARTS, analog_pin, interrupt_name, pin};
+pub(crate) use wiring::{I2CS, SPIS, USARTS, analog_pin, interrupt_name, pin};
 
 use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
+use crate::peripherals::i2c::I2c;
+use buses::Buses;
 use chip::Chip;
 use crash::crash;
 use events::MachineEvent;
@@ -104,6 +108,7 @@ impl Machine {
             .map(|wire| [known_pin(&wire.0), known_pin(&wire.1)]);
         chip.wires = Wires::new(wires.collect());
         chip.analog_wires = run.analog_wires.iter().map(AnalogLoop::new).collect();
+        chip.buses = Buses::new(&run.devices);
         chip.units.dac.misses = run.dac_misses;
         if let Some(hz) = run.lsi_hz {
             (chip.units.iwdg.lsi_hz, chip.units.rcc.lsi_hz) = (hz, hz);
@@ -148,6 +153,11 @@ impl Machine {
             self.stuck = self.stuck.or(polled.filter(|polled| *polled == word));
             0
         });
+        // The bytes of an I2C transfer begin with a read of SR2.
+        if self.chip.units.i2c.iter().any(I2c::dma_transmit_request) {
+            self.transfers
+                .serve(&mut Context::new(&mut self.chip, now, board));
+        }
         self.settle(board);
         part(value, address, bytes)
     }
@@ -478,6 +488,8 @@ impl Machine {
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
                 board.reset_wanted();
             }
+            MachineEvent::I2cSteps(n) => self.chip.step_i2c(n, at, &mut self.levels, board),
+            MachineEvent::SpiExchanges(n) => self.chip.exchange_spi(n, at, &mut self.levels, board),
             MachineEvent::WindowWatchdogOut => {
                 units.wwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
@@ -526,6 +538,7 @@ impl Machine {
 
     /// Brings memory and the interrupt lines up to the state of the models.
     fn deliver(&mut self, board: &mut impl Exterior) {
+        self.chip.tell_selections(&mut self.levels, board);
         self.transfers.flush(board);
         self.lines.settle(&mut self.chip, board);
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::mem::take;
 
+use super::buses::Buses;
 use super::stimulus::StimulusPlayer;
 use super::table::{Gate, PeripheralRow, TABLE, Units, locate};
 use super::wires::{AnalogLoop, Wires};
@@ -34,6 +35,7 @@ pub(super) struct Chip {
     pub(super) scans: u64,
     pub(super) wires: Wires,
     pub(super) analog_wires: Vec<AnalogLoop>,
+    pub(super) buses: Buses,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
     pub(super) clocks: ClockTree,
@@ -58,8 +60,8 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up, with a crystal of `hse_hz`, its DEV_ID, its factory identifier, and the seed of its random
-    /// numbers.
+    /// After power-up, with a crystal of `hse_hz`, its DEV_ID, its factory identifier, and the seed of its
+    /// random numbers.
     pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
         Self {
             units: Units::new(hse_hz, dev_id, uid, seed),
@@ -68,6 +70,7 @@ impl Chip {
             scans: 0,
             wires: Wires::default(),
             analog_wires: Vec::new(),
+            buses: Buses::default(),
             driving: 0,
             clocks: ClockTree::HSI,
             hclk_ns: BTreeMap::new(),
@@ -103,6 +106,7 @@ impl Chip {
         self.pass_on(now);
         if row.name.starts_with("TIM") || row.name.starts_with("GPIO") {
             self.update_outputs(now);
+            self.select_devices(now);
         }
         Ok(())
     }

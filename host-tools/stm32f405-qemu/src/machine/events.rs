@@ -23,6 +23,10 @@ pub(super) enum MachineEvent {
     FrameReceived(usize),
     /// The DMA is about to fetch a byte that was received.
     DmaFetches(usize),
+    /// A phase of an I2C bus ends.
+    I2cSteps(usize),
+    /// A frame of an SPI bus ends.
+    SpiExchanges(usize),
     WatchdogOut,
     WindowWatchdogOut,
     /// A flag of the RTC is set.
@@ -79,6 +83,12 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     for (n, usart) in units.usart.iter().enumerate() {
         offer(usart.next_received(), MachineEvent::FrameReceived(n));
         offer(usart.next_fetch(), MachineEvent::DmaFetches(n));
+    }
+    for (n, i2c) in units.i2c.iter().enumerate() {
+        offer(i2c.next_step(), MachineEvent::I2cSteps(n));
+    }
+    for (n, spi) in units.spi.iter().enumerate() {
+        offer(spi.next_frame(), MachineEvent::SpiExchanges(n));
     }
     offer(units.iwdg.next_interrupt(), MachineEvent::WatchdogOut);
     offer(units.wwdg.runs_out(), MachineEvent::WindowWatchdogOut);

@@ -17,7 +17,7 @@ use crate::peripherals::rcc::Bus::{self, Ahb1, Ahb2, Apb1, Apb2};
 use crate::peripherals::{
     Notes, Peripheral,
     adc_common::Adcs,
-    clock::HSI_HZ,
+    clock::{Apb, HSI_HZ},
     core,
     crc::Crc,
     dac::Dac,
@@ -27,12 +27,14 @@ use crate::peripherals::{
     exti::Exti,
     flash::FlashController,
     gpio::Gpio,
+    i2c::I2c,
     iwdg::Iwdg,
     pwr::Pwr,
     rcc::Rcc,
     rng::Rng,
     rtc::Rtc,
     signature::Signature,
+    spi::Spi,
     syscfg::Syscfg,
     systick::SysTick,
     tim::{Tim, TimerKind},
@@ -201,6 +203,16 @@ peripherals! {
     exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, ALWAYS, &Exti::INTERRUPTS; }
     syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
     iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, ALWAYS, &[]; }
+    i2c: [I2c; 3] = std::array::from_fn(|_| I2c::new(HSI_HZ)) => {
+        [0] "I2C1", 0x4000_5400..0x4000_5800, gate(Apb1, 21), &[31, 32];
+        [1] "I2C2", 0x4000_5800..0x4000_5c00, gate(Apb1, 22), &[33, 34];
+        [2] "I2C3", 0x4000_5c00..0x4000_6000, gate(Apb1, 23), &[72, 73];
+    }
+    spi: [Spi; 3] = [Apb::Two, Apb::One, Apb::One].map(|apb| Spi::new(apb, HSI_HZ)) => {
+        [0] "SPI1", 0x4001_3000..0x4001_3400, gate(Apb2, 12), &[35];
+        [1] "SPI2", 0x4000_3800..0x4000_3c00, gate(Apb1, 14), &[36];
+        [2] "SPI3", 0x4000_3c00..0x4000_4000, gate(Apb1, 15), &[51];
+    }
     wwdg: Wwdg = Wwdg::new(HSI_HZ) => { "WWDG", 0x4000_2c00..0x4000_3000, gate(Apb1, 11), &[0]; }
     rtc: Rtc = Rtc::default() => { "RTC", 0x4000_2800..0x4000_2c00, ALWAYS, &[]; }
     crc: Crc = Crc::default() => { "CRC", 0x4002_3000..0x4002_3400, gate(Ahb1, 12), &[]; }
@@ -243,7 +255,7 @@ mod tests {
             assert!(name(start).starts_with(row.name), "{}", name(start));
             assert_eq!(row.gate.enables != 0, row.gate.reset != 0, "{}", row.name);
         }
-        assert!(locate(0x4001_3000).is_none(), "SPI1");
+        assert!(locate(0x4000_6400).is_none(), "CAN1");
     }
     /// Rows against what ST's database has of clock gates and interrupts.
     #[test]
@@ -271,7 +283,8 @@ mod tests {
             }
         }
         let names = TABLE.iter().map(|row| row.name);
-        for row in names.filter(|name| name.contains("TIM") || name.contains("ART")) {
+        let kinds = ["TIM", "ART", "I2C", "SPI", "RNG", "WWDG"];
+        for row in names.filter(|name| kinds.iter().any(|kind| name.contains(kind))) {
             let lines = held.iter().filter(|name| **name == row).count();
             assert!(lines >= 3, "{row}: a gate, a reset and an interrupt");
         }

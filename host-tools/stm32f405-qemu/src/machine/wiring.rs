@@ -17,6 +17,9 @@ pub(super) type TimNumber = usize;
 
 /// The USARTs in the order of their models.
 pub(crate) const USARTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6"];
+/// The I2C and SPI controllers in the order of their models.
+pub(crate) const I2CS: [&str; 3] = ["I2C1", "I2C2", "I2C3"];
+pub(crate) const SPIS: [&str; 3] = ["SPI1", "SPI2", "SPI3"];
 /// The converters in the order of their models.
 pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
 
@@ -75,8 +78,8 @@ pub(super) struct Connections {
     pub(super) timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
     /// Pins of a timer, each with its alternate function and its channel.
     pub(super) timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
-    /// Pins of a USART's transmitter or receiver, each with its alternate function.
-    lines: BTreeMap<(usize, &'static str), Vec<(PinIndex, u32)>>,
+    /// Pins of a peripheral's signal, each with its alternate function.
+    pins: BTreeMap<(&'static str, &'static str), Vec<(PinIndex, u32)>>,
     /// The pin of a converter's channel.
     analog: BTreeMap<(usize, u32), PinIndex>,
     /// Name of the request by controller, stream and channel.
@@ -96,12 +99,20 @@ pub(super) struct Server {
     pub(super) streams: Vec<(usize, u32)>,
 }
 
+/// Servers of a controller that sends and receives.
+pub(super) struct BusServers {
+    pub(super) transmitter: Server,
+    pub(super) receiver: Server,
+}
+
 /// Servers of the models' requests, in the models' order.
 pub(super) struct Servers {
     pub(super) adc: [Server; 3],
     pub(super) dac: [Server; 2],
     pub(super) transmitters: [Server; 6],
     pub(super) receivers: [Server; 6],
+    pub(super) i2c: [BusServers; 3],
+    pub(super) spi: [BusServers; 3],
 }
 
 pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
@@ -110,11 +121,17 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
         |usart| of(&format!("{usart}_TX")),
         |usart| of(&format!("{usart}_RX")),
     );
+    let both = |bus: &str| BusServers {
+        transmitter: of(&format!("{bus}_TX")),
+        receiver: of(&format!("{bus}_RX")),
+    };
     Servers {
         adc: ADCS.map(of),
         dac: DAC_REQUESTS.map(of),
         transmitters: USARTS.map(transmitter),
         receivers: USARTS.map(receiver),
+        i2c: I2CS.map(both),
+        spi: SPIS.map(both),
     }
 });
 
@@ -153,10 +170,8 @@ impl Connections {
             self.analog.insert((adc, channel), pin);
         }
         let Ok(function) = function.parse() else { return };
-        if let Some(usart) = position(&USARTS) {
-            let pins = self.lines.entry((usart, signal)).or_default();
-            pins.push((pin, function));
-        }
+        let pins = self.pins.entry((peripheral, signal)).or_default();
+        pins.push((pin, function));
         if let (Some(Ok(number)), Some(Ok(channel))) = (
             peripheral.strip_prefix("TIM").map(str::parse),
             signal.strip_prefix("CH").map(str::parse::<usize>),
@@ -169,14 +184,20 @@ impl Connections {
     }
 }
 
+/// The pins that can be a peripheral's signal, each with its alternate function.
+pub(super) fn pins(peripheral: &'static str, signal: &'static str) -> &'static [(PinIndex, u32)] {
+    let found = CONNECTIONS.pins.get(&(peripheral, signal));
+    found.map_or(&[], Vec::as_slice)
+}
+
 /// The pins that can be the transmitter of a USART, each with its alternate function.
 pub(super) fn transmitters(usart: usize) -> &'static [(PinIndex, u32)] {
-    CONNECTIONS.lines.get(&(usart, "TX")).map_or(&[], Vec::as_slice)
+    pins(USARTS[usart], "TX")
 }
 
 /// The pins that can be the receiver of a USART, each with its alternate function.
 pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
-    CONNECTIONS.lines.get(&(usart, "RX")).map_or(&[], Vec::as_slice)
+    pins(USARTS[usart], "RX")
 }
 
 /// The pin of a converter's channel.
@@ -191,10 +212,10 @@ pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
 
 /// Returns `true` if a model makes this request.
 pub(super) fn is_modelled(request: &str) -> bool {
-    let of_usart = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
+    let of_port = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
     ADCS.contains(&request)
         || DAC_REQUESTS.contains(&request)
-        || of_usart.is_some_and(|usart| USARTS.contains(&usart))
+        || of_port.is_some_and(|port| USARTS.contains(&port) || I2CS.contains(&port) || SPIS.contains(&port))
 }
 
 /// `PA15`: port and number.

@@ -1,6 +1,6 @@
 //! The CRC calculation unit (RM0090 section 4): CRC-32 with Ethernet's polynomial, over words, most
-//! significant bit first. A word takes no time here; on silicon it takes four clocks of AHB, for which the bus
-//! waits.
+//! significant bit first. A word takes no time here; on silicon it takes four clocks of AHB, for which the
+//! bus waits.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 
@@ -72,8 +72,8 @@ mod tests {
     const IDR: u32 = 0x04;
     const CR: u32 = 0x08;
 
-    /// CRC-32/MPEG-2 has the same polynomial, order and start; 0xdf8a8a2b is its value of 12345678, and that of a
-    /// message with its own value behind it is 0.
+    /// CRC-32/MPEG-2 has the same polynomial, order and start; 0xdf8a8a2b is its value of 12345678, and that
+    /// of a message with its own value behind it is 0.
     #[test]
     fn words_give_the_values_of_crc_32_mpeg_2() {
         let mut crc = Crc::default();

@@ -225,8 +225,8 @@ impl Rcc {
         if runs { (self.hse_hz, divider) } else { (0, 0) }
     }
 
-    /// RTCCLK (sections 7.2.8, 7.3.20): its frequency, and by what it is divided. LSE and LSI run in deep sleep
-    /// too.
+    /// RTCCLK (sections 7.2.8, 7.3.20): its frequency, and by what it is divided. LSE and LSI run in deep
+    /// sleep too.
     fn rtc_clock(&self) -> (u32, u32) {
         let source = match field(self.bdcr, 8, 2) {
             0b01 if self.bdcr & 1 != 0 => (LSE_HZ, 1),

@@ -2,13 +2,13 @@
 //!
 //! # Design
 //!
-//! The calendar is a function of time, as a timer's counter is: a moment, and the edges of the RTC's clock since
-//! then. It lives in the backup domain: it goes on in STOP, in STANDBY and over resets, and ends with a power
-//! cut or BDCR.BDRST. It is loaded when initialisation mode ends; silicon takes four clocks more.
+//! The calendar is a function of time, as a timer's counter is: a moment, and the edges of the RTC's clock
+//! since then. It lives in the backup domain: it goes on in STOP, in STANDBY and over resets, and ends with a
+//! power cut or BDCR.BDRST. It is loaded when initialisation mode ends; silicon takes four clocks more.
 //!
-//! The flags that firmware waits for (INITF, RSF, WUTWF, ALRAWF, ALRBWF) come two clocks of the RTC after what
-//! they answer, so firmware that does not wait writes in vain here too. Time stamps, tamper detection, the
-//! reference clock, calibration, shifts and the output are left out and noted.
+//! The flags that firmware waits for (INITF, RSF, WUTWF, ALRAWF, ALRBWF) come two clocks of the RTC after
+//! what they answer, so firmware that does not wait writes in vain here too. Time stamps, tamper detection,
+//! the reference clock, calibration, shifts and the output are left out and noted.
 
 mod calendar;
 
@@ -410,8 +410,8 @@ impl Rtc {
         Ok(())
     }
 
-    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR holds what stands
-    /// above it until DR is read.
+    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR holds what
+    /// stands above it until DR is read.
     fn read_calendar(&mut self, offset: u32, now: u64) -> u32 {
         let counted = self.synchronous() - 1 - self.reading(now).ticks;
         let (tr, dr) = if self.cr & BYPSHAD == 0 {

@@ -1,5 +1,5 @@
-//! The window watchdog (RM0090 section 22): a counter of seven bits that resets the machine when it falls below
-//! 0x40, or when it is loaded while it is above the window.
+//! The window watchdog (RM0090 section 22): a counter of seven bits that resets the machine when it falls
+//! below 0x40, or when it is loaded while it is above the window.
 
 use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};

@@ -11,8 +11,8 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, Poke, ResetCause, Run, RunEnd, RunError,
-    Since, UartInput,
+    AnalogInput, AnalogWire, Device, Fault, FaultKind, Inputs, Outcome, PinInput, Poke, ResetCause, Run,
+    RunEnd, RunError, Since, SpiFrame, UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -23,7 +23,8 @@ fn image(name: &str) -> PathBuf {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let target = "thumbv7em-none-eabihf";
         // The others would miss the vectors that embassy's device brings.
-        let embassy = ["default-time-driver", "ports", "converters", "clocks"].map(|name| ["--bin", name]);
+        let embassy =
+            ["default-time-driver", "ports", "converters", "clocks", "buses"].map(|name| ["--bin", name]);
         let embassy = [&["--features", "embassy"], embassy.as_flattened()].concat();
         for what in [&["--bins"][..], &embassy] {
             let mut cargo = Command::new(env!("CARGO"));
@@ -258,6 +259,162 @@ fn random_numbers_a_checksum_the_calendar_and_the_window_watchdog_work_by_embass
     let mut other = run;
     other.random_seed = 1;
     assert_ne!(lines(&passed(&other))[1], said[1], "another seed");
+}
+
+/// Eight registers behind a pointer.
+struct Sensor {
+    registers: [u8; 8],
+    pointer: Option<u8>,
+}
+
+impl Device for Sensor {
+    fn start(&mut self, read: bool, _at_ns: u64) -> bool {
+        self.pointer = self.pointer.filter(|_| read);
+        true
+    }
+
+    fn write(&mut self, byte: u8, _at_ns: u64) -> bool {
+        match self.pointer {
+            None => self.pointer = Some(byte),
+            Some(at) => {
+                self.registers[usize::from(at) % 8] = byte;
+                self.pointer = Some(at + 1);
+            }
+        }
+        true
+    }
+
+    fn read(&mut self, _at_ns: u64) -> u8 {
+        let at = self.pointer.unwrap_or(0);
+        self.pointer = Some(at + 1);
+        self.registers[usize::from(at) % 8]
+    }
+}
+
+/// A flash memory: its identity, and at each address its number.
+#[derive(Default)]
+struct Memory {
+    command: Vec<u16>,
+    commands: Vec<Vec<u16>>,
+    last: Option<SpiFrame>,
+}
+
+impl Device for Memory {
+    fn select(&mut self, selected: bool, _at_ns: u64) {
+        if !selected {
+            self.commands.push(std::mem::take(&mut self.command));
+        }
+    }
+
+    fn exchange(&mut self, frame: SpiFrame, _at_ns: u64) -> u16 {
+        self.last = Some(frame);
+        self.command.push(frame.word);
+        let n = self.command.len();
+        match self.command[..] {
+            [0x9f, ..] => [0xff, 0xef, 0x40, 0x18][(n - 1).min(3)],
+            [0x03, _, _, low, ..] if n > 4 => low + n as u16 - 5,
+            _ => 0xff,
+        }
+    }
+}
+
+#[test]
+fn a_sensor_and_a_memory_of_the_test_answer_embassys_drivers() {
+    let outcomes = [(); 2].map(|()| {
+        let mut run = run_of("buses");
+        let sensor = Sensor {
+            registers: [10, 11, 12, 13, 14, 15, 16, 17],
+            pointer: None,
+        };
+        let sensor = run.devices.on_i2c("I2C1", 0x48, sensor);
+        let memory = run.devices.on_spi("SPI1", "PA4", Memory::default());
+        let outcome = passed(&run);
+        assert_eq!(sensor.lock().unwrap().registers[6..], [60, 61]);
+        let memory = memory.lock().unwrap();
+        assert_eq!(memory.commands[1].len(), 36);
+        let last = memory.last.unwrap();
+        assert_eq!(
+            (last.word, last.bits, last.mode, last.hz),
+            (0x1234, 16, 0, 1_000_000)
+        );
+        outcome
+    });
+    let said = lines(&outcomes[0]);
+    assert_eq!(
+        said,
+        [
+            "blocking [10, 11, 12, 13]",
+            "by DMA [14, 15, 60, 61]",
+            "one byte [61]",
+            "nobody there: true true",
+            "identity [0xef, 0x40, 0x18]",
+            "page [16, 17, 18, 19]",
+        ]
+    );
+    let mut live = run_of("buses");
+    let thermometer = live.devices.on_i2c("I2C1", 0x48, Memory::default());
+    let mut live = live.start().unwrap();
+    let passed = live.advance(5_000_000, Inputs::default()).unwrap();
+    assert_eq!(passed.log[0].text, "blocking [255, 255, 255, 255]");
+    live.finish().unwrap();
+    assert_eq!(thermometer.lock().unwrap().commands.len(), 0);
+
+    assert_eq!(outcomes[0].rtt, outcomes[1].rtt);
+    assert_eq!(outcomes[0].virtual_ns, outcomes[1].virtual_ns);
+    assert_eq!(outcomes[0].unknown_registers, []);
+    let unmodelled: Vec<_> = outcomes[0]
+        .unmodelled
+        .iter()
+        .filter(|what| what.contains("C1"))
+        .collect();
+    assert_eq!(unmodelled, [""; 0]);
+}
+
+#[test]
+fn a_device_at_a_place_that_the_part_lacks_is_refused_and_one_that_panics_fails_its_test() {
+    type Place = fn(&mut Run);
+    let places: [(Place, &str); 5] = [
+        (
+            |run| drop(run.devices.on_i2c("I2C4", 0x48, Memory::default())),
+            "give one of I2C1, I2C2, I2C3",
+        ),
+        (
+            |run| drop(run.devices.on_spi("I2C1", "PA4", Memory::default())),
+            "give one of SPI1",
+        ),
+        (
+            |run| drop(run.devices.on_i2c("I2C1", 0x90, Memory::default())),
+            "0x08 to 0x77",
+        ),
+        (
+            |run| drop(run.devices.on_spi("SPI1", "PX4", Memory::default())),
+            "no pin",
+        ),
+        (
+            |run| {
+                run.devices.on_i2c("I2C1", 0x48, Memory::default());
+                run.devices.on_i2c("I2C1", 0x48, Memory::default());
+            },
+            "two devices",
+        ),
+    ];
+    for (place, why) in places {
+        let mut run = run_of("buses");
+        place(&mut run);
+        let refused = run.execute().unwrap_err().to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
+
+    struct Broken;
+    impl Device for Broken {
+        fn start(&mut self, _read: bool, _at_ns: u64) -> bool {
+            panic!("the sensor is broken")
+        }
+    }
+    let mut run = run_of("buses");
+    run.devices.on_i2c("I2C1", 0x48, Broken);
+    let panic = std::panic::catch_unwind(|| run.execute()).unwrap_err();
+    assert_eq!(panic.downcast_ref(), Some(&"the sensor is broken"));
 }
 
 /// The program, run on an image: its exit status and what it said.

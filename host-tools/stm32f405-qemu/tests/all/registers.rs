@@ -124,6 +124,16 @@ const BITS: &[Deviation] = &[
     ("CRC_DR", u32::MAX),
     // Locked until PWR_CR.DBP is set and the keys are in WPR (section 26.3.3).
     ("RTC_*", u32::MAX),
+    // START, STOP: hardware clears them, at once with PE clear (section 27.6.1).
+    ("I2C*_CR1", 0x300),
+    // Flags: hardware sets them, a 0 clears (section 27.6.6).
+    ("I2C*_SR1", 0xdf00),
+    // Two registers at one address (section 27.6.5).
+    ("I2C*_DR", 0xff),
+    // Two registers at one address (section 28.5.4).
+    ("SPI*_DR", 0xffff),
+    // Hardware sets it, a 0 clears (section 28.5.3).
+    ("SPI*_SR", 1 << 4),
     // DBG_RTC_STOP is missing in the description (section 38.16.4).
     ("DBGMCU_APB1_FZ", 1 << 10),
 ];

@@ -7,8 +7,8 @@ pub(super) const DAY: u64 = 86_400;
 const DAYS: u64 = 100 * 365 + 25;
 const PM: u32 = 1 << 22;
 
-/// A date and time of day, in seconds since 2000-01-01 00:00:00, and the day of the week, 1 to 7: firmware sets
-/// it apart from the date.
+/// A date and time of day, in seconds since 2000-01-01 00:00:00, and the day of the week, 1 to 7: firmware
+/// sets it apart from the date.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Moment {
     pub(super) seconds: u64,
