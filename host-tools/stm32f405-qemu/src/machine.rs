@@ -471,6 +471,7 @@ impl Machine {
                 units.tim[tim].advance(at);
                 self.chip.move_outputs(tim, at);
             }
+            MachineEvent::TimerRequests(tim) => units.tim[tim].advance(at),
             MachineEvent::ConvertersTriggered(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.trigger_converters(tim, at);

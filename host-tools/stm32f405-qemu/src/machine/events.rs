@@ -18,6 +18,8 @@ pub(super) enum MachineEvent {
     /// A compare output of a timer moves.
     OutputMoves(usize),
     ConvertersTriggered(usize),
+    /// A timer asks the DMA.
+    TimerRequests(usize),
     FrameSent(usize),
     /// A byte has come from outside, or the line is idle.
     FrameReceived(usize),
@@ -61,6 +63,12 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     offer(levels.next(chip), MachineEvent::LevelChanges);
     for (n, timer) in tim.iter().enumerate() {
         offer(timer.next_output(), MachineEvent::OutputMoves(n));
+    }
+    for (n, timer) in tim.iter().enumerate() {
+        offer(timer.next_request(), MachineEvent::TimerRequests(n));
+        if let Some(master) = timer.restarted_by().and_then(|itr| wiring::master(n, itr)) {
+            offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
+        }
     }
     let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
     for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {

@@ -29,10 +29,16 @@ impl Chip {
 
     /// Gives the pins of a timer's compare outputs the levels that they have now.
     pub(super) fn move_outputs(&mut self, tim: usize, now: u64) {
-        for &(pin, function, channel) in CONNECTIONS.timer_pins.get(&tim).into_iter().flatten() {
+        for output in CONNECTIONS.timer_pins.get(&tim).into_iter().flatten() {
+            let (pin, timer) = (output.pin, &self.units.tim[tim]);
             let port = &mut self.units.gpio[pin.0];
-            if port.alternate(pin.1) == Some(function) {
-                port.move_by_timer(pin.1, self.units.tim[tim].output(channel), now);
+            if port.alternate(pin.1) == Some(output.function) {
+                let level = if output.complementary {
+                    timer.complement(output.channel)
+                } else {
+                    timer.output(output.channel)
+                };
+                port.move_by_timer(pin.1, level, now);
             }
         }
         if !self.wires.is_empty() {

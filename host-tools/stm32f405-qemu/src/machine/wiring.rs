@@ -27,6 +27,9 @@ pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
 const DAC_REQUESTS: [&str; 2] = ["DAC1_CH1", "DAC1_CH2"];
 pub(super) const OUTPUTS: [PinIndex; 2] = [(0, 4), (0, 5)];
 
+/// Requests of a timer by the number of their flags in SR.
+pub(super) const TIMER_REQUESTS: [&str; 7] = ["UP", "CH1", "CH2", "CH3", "CH4", "-", "TRIG"];
+
 /// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery
 /// voltage (sections 13.10, 13.11).
 pub(super) const TEMPERATURE: u32 = 16;
@@ -76,8 +79,8 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 pub(super) struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
     pub(super) timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
-    /// Pins of a timer, each with its alternate function and its channel.
-    pub(super) timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
+    /// The pins of a timer's outputs.
+    pub(super) timer_pins: BTreeMap<TimNumber, Vec<TimerPin>>,
     /// Pins of a peripheral's signal, each with its alternate function.
     pins: BTreeMap<(&'static str, &'static str), Vec<(PinIndex, u32)>>,
     /// The pin of a converter's channel.
@@ -88,6 +91,17 @@ pub(super) struct Connections {
     lines_by_number: BTreeMap<usize, &'static str>,
     /// Server of a request, by the request's name.
     servers: BTreeMap<&'static str, Server>,
+}
+
+/// A pin that can be an output of a timer.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TimerPin {
+    pub(super) pin: PinIndex,
+    pub(super) function: u32,
+    /// 0 is the first.
+    pub(super) channel: usize,
+    /// It is the complementary output (CHxN).
+    pub(super) complementary: bool,
 }
 
 /// A DMA stream and channel that can serve a request.
@@ -112,6 +126,8 @@ pub(super) struct Servers {
     pub(super) transmitters: [Server; 6],
     pub(super) receivers: [Server; 6],
     pub(super) i2c: [BusServers; 3],
+    /// Of each timer, by the number of the flag in SR: update, channels 1 to 4, none, trigger.
+    pub(super) timers: [[Server; TIMER_REQUESTS.len()]; 14],
     pub(super) spi: [BusServers; 3],
 }
 
@@ -131,6 +147,7 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
         transmitters: USARTS.map(transmitter),
         receivers: USARTS.map(receiver),
         i2c: I2CS.map(both),
+        timers: std::array::from_fn(|n| TIMER_REQUESTS.map(|request| of(&format!("TIM{}_{request}", n + 1)))),
         spi: SPIS.map(both),
     }
 });
@@ -172,14 +189,24 @@ impl Connections {
         let Ok(function) = function.parse() else { return };
         let pins = self.pins.entry((peripheral, signal)).or_default();
         pins.push((pin, function));
+        let complementary = signal.ends_with('N');
         if let (Some(Ok(number)), Some(Ok(channel))) = (
             peripheral.strip_prefix("TIM").map(str::parse),
-            signal.strip_prefix("CH").map(str::parse::<usize>),
+            signal
+                .strip_prefix("CH")
+                .map(|channel| channel.trim_end_matches('N').parse::<usize>()),
         ) {
             let (number, channel) = (tim(number), channel - 1);
-            self.timer_inputs.insert((pin, function), (number, channel));
+            if !complementary {
+                self.timer_inputs.insert((pin, function), (number, channel));
+            }
             let pins = self.timer_pins.entry(number).or_default();
-            pins.push((pin, function, channel));
+            pins.push(TimerPin {
+                pin,
+                function,
+                channel,
+                complementary,
+            });
         }
     }
 }
@@ -213,7 +240,11 @@ pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
 /// Returns `true` if a model makes this request.
 pub(super) fn is_modelled(request: &str) -> bool {
     let of_port = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
-    ADCS.contains(&request)
+    let of_timer = request
+        .split_once('_')
+        .filter(|(timer, _)| timer.starts_with("TIM"));
+    of_timer.is_some_and(|(_, request)| TIMER_REQUESTS.contains(&request))
+        || ADCS.contains(&request)
         || DAC_REQUESTS.contains(&request)
         || of_port.is_some_and(|port| USARTS.contains(&port) || I2CS.contains(&port) || SPIS.contains(&port))
 }

@@ -54,8 +54,6 @@ const STOPPED: &str =
     "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI";
 const PLL_RANGE: &str = "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz";
 
-const SOURCE_CHOSEN: &str = "BDCR.RTCSEL can be changed only after BDRST: it stays";
-
 /// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to
 /// part.
 const HSICAL: u32 = 0x77 << 8;
@@ -377,10 +375,8 @@ impl Peripheral for Rcc {
             0x70 => {
                 // RTCSEL can be chosen once (section 7.3.20).
                 let chosen = self.bdcr & 0x300;
-                let others = value & if chosen == 0 { 0x8305 } else { 0x8005 };
-                self.notes
-                    .note_if(chosen != 0 && value & 0x300 != chosen, SOURCE_CHOSEN);
-                self.bdcr = chosen | others;
+                let others = if chosen == 0 { 0x8305 } else { 0x8005 };
+                self.bdcr = chosen | (value & others);
             }
             0x74 => {
                 let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };

@@ -176,8 +176,22 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
     assert_eq!(lines[2], "ADC2 reads 444 at PC4");
     assert_eq!(lines[3..], ["ADC3 reads [111, 222, 111, 222]"]);
     assert_eq!(outcome.unknown_registers, []);
-    let outputs = "TIM1 CCER: complementary outputs move no pin".to_owned();
-    assert!(outcome.unmodelled.contains(&outputs), "{:?}", outcome.unmodelled);
+    let dead_time = "TIM1 BDTR.DTG: dead time is not modelled: both outputs move at once".to_owned();
+    assert!(
+        outcome.unmodelled.contains(&dead_time),
+        "{:?}",
+        outcome.unmodelled
+    );
+    // 10 kHz, nearly from the beginning on: both pins move twice in a period of 100 us.
+    let periods = outcome.virtual_ns / 100_000;
+    for name in ["PA7", "PA8"] {
+        let pin = outcome.pins.iter().find(|pin| pin.name == name).unwrap();
+        assert!(
+            pin.edges.abs_diff(2 * periods) < 8,
+            "{name}: {} in {periods} periods",
+            pin.edges
+        );
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod buses;
 mod clocks;
 mod instances;
 mod outputs;
+mod waves;
 
 use stm32f405_qemu::machine::WRITABLE;
 use stm32f405_qemu::{Fault, FaultKind, PinInput, ResetCause, Since, UartInput};
