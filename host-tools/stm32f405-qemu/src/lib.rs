@@ -11,6 +11,8 @@ mod outcome;
 mod peripherals;
 mod plugin;
 mod run;
+#[cfg(feature = "scenario")]
+mod scenario;
 mod thumb;
 mod vcd;
 
@@ -27,3 +29,5 @@ pub use run::carry;
 pub use run::{
     Function, Live, Passed, RunError, TestCase, functions, qemu_version, remove_temporary_files, test_cases,
 };
+#[cfg(feature = "scenario")]
+pub use scenario::{Scenario, ScenarioError};

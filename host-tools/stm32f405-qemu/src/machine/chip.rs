@@ -13,6 +13,7 @@ use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
 use crate::peripherals::clock::ClockTree;
 use crate::peripherals::dma::STREAMS;
+use crate::peripherals::tim::Tim;
 
 /// Deep sleep mode of the part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +37,8 @@ pub(super) struct Chip {
     pub(super) wires: Wires,
     pub(super) analog_wires: Vec<AnalogLoop>,
     pub(super) buses: Buses,
+    /// A timer has requested DMA or may be restarted by another: most images have none.
+    pub(super) linked_timers: bool,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
     pub(super) clocks: ClockTree,
@@ -71,6 +74,7 @@ impl Chip {
             wires: Wires::default(),
             analog_wires: Vec::new(),
             buses: Buses::default(),
+            linked_timers: false,
             driving: 0,
             clocks: ClockTree::HSI,
             hclk_ns: BTreeMap::new(),
@@ -104,6 +108,9 @@ impl Chip {
         let (row, offset) = self.clocked(address)?;
         (row.model_mut)(&mut self.units).write(offset, value, now)?;
         self.pass_on(now);
+        if row.name.starts_with("TIM") {
+            self.linked_timers |= self.units.tim.iter().any(Tim::is_linked);
+        }
         if row.name.starts_with("TIM") || row.name.starts_with("GPIO") {
             self.update_outputs(now);
             self.select_devices(now);

@@ -35,7 +35,8 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
             .iter()
             .any(|server| serving(chip, server).is_some())
     };
-    let requests = (0..units.tim.len()).filter_map(|tim| {
+    let linked = if chip.linked_timers { units.tim.len() } else { 0 };
+    let requests = (0..linked).filter_map(|tim| {
         let at = units.tim[tim].next_request()?;
         served(&tim).then_some(at)
     });

@@ -44,6 +44,10 @@ impl Chip {
 
     /// Tells devices that they were selected or let go.
     pub(super) fn tell_selections(&mut self, levels: &mut Levels, board: &mut impl Exterior) {
+        // After every access.
+        if self.buses.selections.is_empty() {
+            return;
+        }
         for call in take(&mut self.buses.selections) {
             ask(call, levels, board);
         }

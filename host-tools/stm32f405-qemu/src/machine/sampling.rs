@@ -21,7 +21,8 @@ impl Chip {
         let tim = self.converter_trigger(adc)?;
         let triggered = (0..ADCS.len()).filter(|adc| self.converter_trigger(*adc) == Some(tim));
         let outputs = (0..CHANNELS).any(|channel| self.output_trigger(channel) == Some(tim));
-        let slaves = (0..self.units.tim.len()).any(|slave| self.is_restarted(slave, tim));
+        let slaves =
+            self.linked_timers && (0..self.units.tim.len()).any(|slave| self.is_restarted(slave, tim));
         (triggered.count() == 1 && !outputs && !slaves).then_some(Scans { adc, tim })
     }
 
@@ -49,7 +50,12 @@ impl Chip {
                 self.units.dac.trigger(channel, at);
             }
         }
-        for slave in 0..self.units.tim.len() {
+        let slaves = if self.linked_timers {
+            self.units.tim.len()
+        } else {
+            0
+        };
+        for slave in 0..slaves {
             if self.is_restarted(slave, tim) {
                 self.units.tim[slave].restart(at);
             }

@@ -92,12 +92,17 @@ impl Transfers {
             }
         }
         self.serve_buses(at);
-        self.serve_timers(at);
+        if at.chip.linked_timers {
+            self.serve_timers(at);
+        }
     }
 
     fn serve_timers(&mut self, at: &mut Context<'_, impl Exterior>) {
         for n in 0..at.chip.units.tim.len() {
             let requests = at.chip.units.tim[n].requests();
+            if requests == 0 {
+                continue;
+            }
             for (flag, server) in SERVERS.timers[n].iter().enumerate() {
                 if requests >> flag & 1 == 1
                     && let Some(stream) = serving(at.chip, server)

@@ -12,6 +12,9 @@ const TABLE: &str = include_str!("connections.txt");
 /// A pin: port (A is 0) and number.
 pub(crate) type PinIndex = (usize, usize);
 
+/// Pins of a signal, each with its alternate function.
+type SignalPins = &'static [(PinIndex, u32)];
+
 /// Number of a timer's model: TIM1 is 0.
 pub(super) type TimNumber = usize;
 
@@ -217,14 +220,18 @@ pub(super) fn pins(peripheral: &'static str, signal: &'static str) -> &'static [
     found.map_or(&[], Vec::as_slice)
 }
 
+/// The pins of each USART's transmitter and receiver, which are looked up for every frame.
+static USART_PINS: LazyLock<[[SignalPins; 2]; 6]> =
+    LazyLock::new(|| USARTS.map(|usart| ["TX", "RX"].map(|signal| pins(usart, signal))));
+
 /// The pins that can be the transmitter of a USART, each with its alternate function.
 pub(super) fn transmitters(usart: usize) -> &'static [(PinIndex, u32)] {
-    pins(USARTS[usart], "TX")
+    USART_PINS[usart][0]
 }
 
 /// The pins that can be the receiver of a USART, each with its alternate function.
 pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
-    pins(USARTS[usart], "RX")
+    USART_PINS[usart][1]
 }
 
 /// The pin of a converter's channel.

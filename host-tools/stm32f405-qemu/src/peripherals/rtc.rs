@@ -273,8 +273,8 @@ impl Rtc {
 
     /// When the next flag is set, if one of the interrupts is on.
     pub(crate) fn next_flag(&self) -> Option<u64> {
-        let asks = self.cr & (ALRAIE | ALRAIE << 1 | WUTIE) != 0;
-        self.soonest().filter(|_| asks).map(|(at, _)| at)
+        let asks = self.cr & (ALRAIE | (ALRAIE << 1) | WUTIE) != 0;
+        asks.then(|| self.soonest()).flatten().map(|(at, _)| at)
     }
 
     /// The level on EXTI line 17: an alarm, with its interrupt on.

@@ -89,6 +89,8 @@ pub(crate) struct Tim {
     crystal_seen: u64,
     ccr: [BufferedRegister; CHANNELS],
     references: [bool; CHANNELS],
+    /// A channel is in a PWM mode.
+    modulates: bool,
     /// DMA requests that nobody has served, by their enable bits in DIER.
     requests: u32,
     counter: Counter,
@@ -211,15 +213,20 @@ impl Tim {
         self.requests &= !(flag << 8);
     }
 
+    /// Returns `true` if it requests DMA, or another timer may restart it.
+    pub(crate) fn is_linked(&self) -> bool {
+        self.dier & REQUESTS != 0 || self.restarted_by().is_some()
+    }
+
     /// When the counter will next make a DMA request.
     pub(crate) fn next_request(&self) -> Option<u64> {
         if self.dier & REQUESTS == 0 || !self.counter.counts() {
             return None;
         }
         let update = self.counter.update_after(self.seen);
-        let updates = (self.dier >> 8 & UPDATE != 0 && self.cr1 & UDIS == 0).then_some(update);
+        let updates = ((self.dier >> 8) & UPDATE != 0 && self.cr1 & UDIS == 0).then_some(update);
         let compares = (0..self.kind.channels)
-            .filter(|channel| self.dier >> 8 & 2 << channel != 0 && !self.is_input(*channel))
+            .filter(|channel| (self.dier >> 8) & (2 << channel) != 0 && !self.is_input(*channel))
             .map(|channel| self.next_match(channel));
         let soonest = updates.into_iter().chain(compares).min()?;
         Some(self.time_of_event(soonest))
@@ -387,6 +394,10 @@ impl Tim {
 
     /// Gives the outputs in a PWM mode their levels at a tick from the counter's origin.
     fn modulate(&mut self, tick: u64) {
+        // Most timers have none.
+        if !self.modulates {
+            return;
+        }
         for channel in 0..self.kind.channels {
             if self.is_modulated(channel) {
                 self.references[channel] = self.modulated(channel, tick);
@@ -692,8 +703,11 @@ impl Peripheral for Tim {
             0x50 => self.or = value & self.kind.or,
             _ => return Err(NoRegister),
         }
-        let tick = self.counter.ticks(now);
-        self.modulate(tick);
+        self.modulates = (0..self.kind.channels).any(|channel| self.is_modulated(channel));
+        if self.modulates {
+            let tick = self.counter.ticks(now);
+            self.modulate(tick);
+        }
         self.notes.note_bits(&UNMODELLED, offset, value);
         let interrupts = self.or == BY_CRYSTAL && self.dier & 2 != 0;
         self.notes.note_if(interrupts, CRYSTAL_INTERRUPT);

@@ -72,8 +72,14 @@ impl Wwdg {
         }
     }
 
-    /// Fills in what has happened up to `now`.
+    /// Fills in what has happened up to `now`, if the processor may be interrupted by it.
     pub(crate) fn advance(&mut self, now: u64) {
+        if self.cfr & EWI != 0 {
+            self.fill_in(now);
+        }
+    }
+
+    fn fill_in(&mut self, now: u64) {
         let counts = self.counts(now);
         self.ewif |= self.next_early() <= counts;
         self.seen = counts;
@@ -93,7 +99,7 @@ impl Wwdg {
 
 impl Peripheral for Wwdg {
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
-        self.advance(now);
+        self.fill_in(now);
         Ok(match offset {
             0x00 => self.count(now) | if self.enabled { WDGA } else { 0 },
             0x04 => self.cfr,
@@ -103,7 +109,7 @@ impl Peripheral for Wwdg {
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
-        self.advance(now);
+        self.fill_in(now);
         match offset {
             0x00 => {
                 let early = self.count(now) > field(self.cfr, 0, 7);
@@ -135,7 +141,7 @@ impl Peripheral for Wwdg {
 
     fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {
         if clocks.pclk1 != self.pclk {
-            self.advance(now);
+            self.fill_in(now);
             let count = self.count(now);
             self.pclk = clocks.pclk1;
             self.load(count, now);

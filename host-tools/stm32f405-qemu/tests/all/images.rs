@@ -431,6 +431,45 @@ fn a_device_at_a_place_that_the_part_lacks_is_refused_and_one_that_panics_fails_
     assert_eq!(panic.downcast_ref(), Some(&"the sensor is broken"));
 }
 
+/// The example of the README, for three images: each takes what is for it.
+#[test]
+fn the_scenario_of_the_readme_reaches_images_and_what_never_came_is_said() {
+    let readme = include_str!("../../README.md");
+    let (_, example) = readme.split_once("```toml\n").unwrap();
+    let (example, _) = example.split_once("```").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("example.toml");
+    std::fs::write(&path, example).unwrap();
+    std::fs::write(folder.path().join("level.csv"), "t,x\n0,1\n0.010,4.44\n").unwrap();
+    let option = ["--scenario", path.to_str().unwrap()];
+    let run = |image: &str| {
+        let (status, said) = program(image, &option);
+        assert_eq!(status, Some(0), "{image}: {said}");
+        said
+    };
+    let said = run("ports");
+    assert!(
+        said.contains("4 bytes from USART3") && said.contains("over a wire"),
+        "{said}"
+    );
+    assert!(
+        said.contains("fault PowerCut at 1.500000 s"),
+        "what never came: {said}"
+    );
+    let said = run("converters");
+    assert!(said.contains("ADC2 reads 444 at PC4"), "{said}");
+    assert!(said.contains("the waveform at PC4 ended at 0.020000 s"), "{said}");
+    let said = run("buttons");
+    let presses = said.matches("pressed true").count() + said.matches("pressed false").count();
+    assert_eq!(presses, 4, "{said}");
+
+    std::fs::write(&path, example.replace("PC13", "PX13")).unwrap();
+    let (status, said) = program("buttons", &option);
+    assert_eq!(status, Some(2), "{said}");
+    let place = format!("{}:18:7: there is no pin \"PX13\"", path.display());
+    assert!(said.contains(&place), "{said}");
+}
+
 /// The program, run on an image: its exit status and what it said.
 fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
     let image = image(image_name);
