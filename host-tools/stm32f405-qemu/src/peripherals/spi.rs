@@ -159,7 +159,7 @@ impl Spi {
     pub(crate) fn took(&mut self, word: u16, now: u64) {
         if !self.only_sends() {
             if self.sr & RXNE != 0 {
-                // What is in the data register stays, and the new one is lost (section 28.3.10).
+                // The data register keeps its frame, and the new one is lost (section 28.3.10).
                 self.sr |= OVR;
             } else {
                 self.received = self.in_order(word);

@@ -52,7 +52,7 @@ fn number(bcd: u32) -> u32 {
 }
 
 impl Moment {
-    /// What TR and DR have after a reset: Monday, 1 January 2000, 00:00:00.
+    /// Contents of TR and DR after a reset: Monday, 1 January 2000, 00:00:00.
     pub(super) const RESET: Self = Self {
         seconds: 0,
         weekday: 1,
