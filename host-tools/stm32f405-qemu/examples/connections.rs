@@ -51,7 +51,7 @@ fn table(metapac: &Path, stm32f4: &Path) -> Result<String, String> {
     for peripheral in shared.split("\n    Peripheral {\n").skip(1) {
         let name = between(peripheral, "name: \"", "\"")?;
         // Of pins and interrupts only what a model could have.
-        let wanted = ["TIM", "USART", "UART", "ADC"]
+        let wanted = ["TIM", "USART", "UART", "ADC", "I2C", "SPI", "RNG", "WWDG"]
             .iter()
             .any(|kind| name.starts_with(kind));
         for pin in peripheral.split("PeripheralPin {").skip(1).filter(|_| wanted) {

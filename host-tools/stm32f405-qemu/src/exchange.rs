@@ -27,7 +27,7 @@ use crate::given::{Inputs, Run};
 use crate::outcome::{Sampling, StretchWork};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 16;
+pub(crate) const FORMAT: u32 = 18;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -43,6 +43,9 @@ pub(crate) const RTT: &str = "rtt.bin";
 pub(crate) const OUTCOME: &str = "outcome.json";
 /// Text that the image wrote by semihosting.
 pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
+/// The socket at which the host answers for devices: a [`BusCall`](crate::BusCall) and a
+/// [`BusAnswer`](crate::BusAnswer), each as a message.
+pub(crate) const DEVICES: &str = "devices";
 /// Contents of the flash that can be written at the end of the run.
 pub(crate) const FLASH: &str = "flash.bin";
 

@@ -5,6 +5,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::device::Devices;
+use crate::level::Level;
+
 /// One run of an image: what it is given, and when it ends. Its serialised form is what QEMU's side needs of
 /// it, without the image, the stimulus, the blocks in flash and the programs.
 ///
@@ -111,12 +114,17 @@ pub struct Run {
     /// Wires from pin to pin, for example `("PA9".into(), "PA10".into())`. A wire carries the level of an
     /// output, and the frames of a USART to the receiver of a USART.
     pub wires: Vec<(String, String)>,
+    /// Devices at the I2C and SPI buses.
+    pub devices: Devices,
     /// Wires from the outputs of the DAC to analog inputs. An input whose output is off has what it has
     /// without the wire.
     pub analog_wires: Vec<AnalogWire>,
     /// Triggers that the DAC misses, by their number since its channel was enabled: the first is 0.
     pub dac_misses: Vec<u64>,
-    /// Frequency of the oscillator behind the watchdog, Hz. `None` for 32 kHz; silicon has 17 to 47.
+    /// Seed of the random number generator's words.
+    pub random_seed: u64,
+    /// Frequency of the oscillator behind the watchdog and the RTC's LSI, Hz. `None` for 32 kHz; silicon has
+    /// 17 to 47.
     pub lsi_hz: Option<u32>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
@@ -165,8 +173,10 @@ impl Run {
             record_pins: false,
             analog_inputs: Vec::new(),
             wires: Vec::new(),
+            devices: Devices::default(),
             analog_wires: Vec::new(),
             dac_misses: Vec::new(),
+            random_seed: 0,
             lsi_hz: None,
             pokes: Vec::new(),
             faults: Vec::new(),
@@ -223,17 +233,6 @@ impl UartInput {
             bytes: bytes.into(),
         }
     }
-}
-
-/// A new level on a pin from outside.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Level {
-    /// For example `PA15`.
-    pub pin: String,
-    /// Virtual time of the edge, in ns since power-up.
-    pub at_ns: u64,
-    /// True if the level is high from then on.
-    pub high: bool,
 }
 
 /// Inputs to the image of a [`Live`](crate::Live) run while it runs.

@@ -15,10 +15,12 @@
 //! connected. `events` says what happens next, and `forecast` says when the processor will be interrupted.
 
 mod board;
+mod buses;
 mod chip;
 mod crash;
 mod events;
 mod forecast;
+mod frames;
 mod levels;
 mod lines;
 mod pins;
@@ -38,13 +40,15 @@ mod wiring;
 pub use board::{Exterior, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::StimulusPlayer;
-pub(crate) use wiring::{USARTS, analog_pin, interrupt_name, pin};
+pub(crate) use wiring::{I2CS, SPIS, USARTS, analog_pin, interrupt_name, pin};
 
 use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
+use crate::peripherals::i2c::I2c;
+use buses::Buses;
 use chip::Chip;
 use crash::crash;
 use events::MachineEvent;
@@ -87,7 +91,7 @@ impl Machine {
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
         let stimulus = StimulusPlayer::new(&run, hse_hz);
-        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, stimulus);
+        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, run.random_seed, stimulus);
         for converter in &mut chip.units.adc.converters {
             converter.software_scan_under_trigger = run.software_scan_under_trigger;
         }
@@ -104,9 +108,10 @@ impl Machine {
             .map(|wire| [known_pin(&wire.0), known_pin(&wire.1)]);
         chip.wires = Wires::new(wires.collect());
         chip.analog_wires = run.analog_wires.iter().map(AnalogLoop::new).collect();
+        chip.buses = Buses::new(&run.devices);
         chip.units.dac.misses = run.dac_misses;
         if let Some(hz) = run.lsi_hz {
-            chip.units.iwdg.lsi_hz = hz;
+            (chip.units.iwdg.lsi_hz, chip.units.rcc.lsi_hz) = (hz, hz);
         }
         Self {
             levels: Levels::new(&run.pin_inputs, &mut chip),
@@ -148,6 +153,11 @@ impl Machine {
             self.stuck = self.stuck.or(polled.filter(|polled| *polled == word));
             0
         });
+        // The bytes of an I2C transfer begin with a read of SR2.
+        if self.chip.units.i2c.iter().any(I2c::dma_transmit_request) {
+            self.transfers
+                .serve(&mut Context::new(&mut self.chip, now, board));
+        }
         self.settle(board);
         part(value, address, bytes)
     }
@@ -339,9 +349,10 @@ impl Machine {
         self.stuck.map(registers::name)
     }
 
-    /// Returns `true` if the watchdog runs. It resets an image that does nothing more.
+    /// Returns `true` if a watchdog runs. It resets an image that does nothing more.
     pub fn watchdog_runs(&self) -> bool {
-        self.chip.units.iwdg.next_interrupt().is_some()
+        let units = &self.chip.units;
+        units.iwdg.next_interrupt().is_some() || units.wwdg.runs_out().is_some()
     }
 
     /// Contents of [`WRITABLE`].
@@ -418,7 +429,10 @@ impl Machine {
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
         }
-        self.chip.units.systick.advance(now);
+        let units = &mut self.chip.units;
+        units.systick.advance(now);
+        units.wwdg.advance(now);
+        units.rng.advance(now);
     }
 
     /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`]
@@ -457,6 +471,7 @@ impl Machine {
                 units.tim[tim].advance(at);
                 self.chip.move_outputs(tim, at);
             }
+            MachineEvent::TimerRequests(tim) => units.tim[tim].advance(at),
             MachineEvent::ConvertersTriggered(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.trigger_converters(tim, at);
@@ -474,6 +489,14 @@ impl Machine {
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
                 board.reset_wanted();
             }
+            MachineEvent::I2cSteps(n) => self.chip.step_i2c(n, at, &mut self.levels, board),
+            MachineEvent::SpiExchanges(n) => self.chip.exchange_spi(n, at, &mut self.levels, board),
+            MachineEvent::WindowWatchdogOut => {
+                units.wwdg.reset(at);
+                self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
+                board.reset_wanted();
+            }
+            MachineEvent::ClockFlag => self.chip.clock_flag(at),
             MachineEvent::Flash(FlashEvent::Finished) => {
                 let changed = units.flash.finish();
                 let offset = (changed.start - WRITABLE.start) as usize;
@@ -502,6 +525,10 @@ impl Machine {
             self.reset_wanted.get_or_insert(ResetCause::Standby);
             board.reset_wanted();
         }
+        if std::mem::take(&mut self.chip.units.wwdg.bites) {
+            self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
+            board.reset_wanted();
+        }
         // The next instruction is in flash. So is the one after an interrupt that wakes the processor in
         // spite of the stall.
         if self.chip.stands_still() {
@@ -512,6 +539,7 @@ impl Machine {
 
     /// Brings memory and the interrupt lines up to the state of the models.
     fn deliver(&mut self, board: &mut impl Exterior) {
+        self.chip.tell_selections(&mut self.levels, board);
         self.transfers.flush(board);
         self.lines.settle(&mut self.chip, board);
     }

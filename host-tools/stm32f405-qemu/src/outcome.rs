@@ -309,7 +309,9 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog ran out.
     Watchdog,
-    /// STANDBY has ended, by a rising edge on WKUP (PA0).
+    /// The window watchdog ran out, or was fed outside of its window.
+    WindowWatchdog,
+    /// STANDBY has ended, by a rising edge on WKUP (PA0) or by the RTC.
     Standby,
     /// [`FaultKind::PowerCut`](crate::FaultKind::PowerCut) or
     /// [`FaultKind::PowerCutInFlash`](crate::FaultKind::PowerCutInFlash).

@@ -9,6 +9,7 @@
 mod cases;
 mod checks;
 mod coverage;
+mod devices;
 mod error;
 mod folder;
 mod image;
@@ -38,7 +39,7 @@ use crate::given::{AnalogInput, Run};
 use crate::machine::{USARTS, analog_pin, pin};
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
-use checks::{TWELVE_BITS, check_pin, check_usart};
+use checks::{TWELVE_BITS, check_devices, check_pin, check_usart};
 use folder::RunFolder;
 use image::Image;
 use process::QemuJob;
@@ -92,6 +93,7 @@ impl Run {
             folder,
             arguments,
             shift,
+            devices: self.devices.clone(),
         };
         Ok((image, job))
     }
@@ -270,6 +272,7 @@ impl Run {
                 return refused(format!("a code at {pin} is {code}; {TWELVE_BITS}"));
             }
         }
+        check_devices(&self.devices)?;
         self.uart_input
             .iter()
             .try_for_each(|input| check_usart(&input.port))?;

@@ -1,5 +1,7 @@
 //! Services that a machine needs from outside.
 
+use crate::device::{BusAnswer, BusCall};
+
 /// Interrupt lines of the STM32F405 (RM0090 table 61).
 pub const INTERRUPTS: usize = 82;
 
@@ -28,6 +30,8 @@ pub trait Exterior {
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A frame of 7 to 9 data bits left a transmitter at this time: USART1 is 0, USART6 is 5.
     fn sent(&mut self, usart: usize, data: u16, at: u64);
+    /// Asks a device at a bus. Virtual time stands still until it answers.
+    fn ask(&mut self, call: BusCall) -> BusAnswer;
     /// The DMA stream of the converter that samples filled a part of its buffer that it interrupts for.
     /// `scans` were started since the last part; it is 0 if the interrupt of the last part was not served
     /// yet.

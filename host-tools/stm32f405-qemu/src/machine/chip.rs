@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::mem::take;
 
+use super::buses::Buses;
 use super::stimulus::StimulusPlayer;
 use super::table::{Gate, PeripheralRow, TABLE, Units, locate};
 use super::wires::{AnalogLoop, Wires};
@@ -12,6 +13,7 @@ use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
 use crate::peripherals::clock::ClockTree;
 use crate::peripherals::dma::STREAMS;
+use crate::peripherals::tim::Tim;
 
 /// Deep sleep mode of the part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +36,9 @@ pub(super) struct Chip {
     pub(super) scans: u64,
     pub(super) wires: Wires,
     pub(super) analog_wires: Vec<AnalogLoop>,
+    pub(super) buses: Buses,
+    /// A timer has requested DMA or may be restarted by another: most images have none.
+    pub(super) linked_timers: bool,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
     pub(super) clocks: ClockTree,
@@ -58,15 +63,18 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up, with a crystal of `hse_hz`, its DEV_ID and its factory identifier.
-    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], stimulus: StimulusPlayer) -> Self {
+    /// After power-up, with a crystal of `hse_hz`, its DEV_ID, its factory identifier, and the seed of its
+    /// random numbers.
+    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
         Self {
-            units: Units::new(hse_hz, dev_id, uid),
+            units: Units::new(hse_hz, dev_id, uid, seed),
             stimulus,
             sampler: None,
             scans: 0,
             wires: Wires::default(),
             analog_wires: Vec::new(),
+            buses: Buses::default(),
+            linked_timers: false,
             driving: 0,
             clocks: ClockTree::HSI,
             hclk_ns: BTreeMap::new(),
@@ -85,6 +93,7 @@ impl Chip {
         if cause == ResetCause::PowerCut {
             self.units.debug.demcr = 0;
             self.units.pwr.flags = 0;
+            self.units.rtc.reset_backup_domain(now);
         }
         self.pass_on(now);
     }
@@ -99,8 +108,12 @@ impl Chip {
         let (row, offset) = self.clocked(address)?;
         (row.model_mut)(&mut self.units).write(offset, value, now)?;
         self.pass_on(now);
+        if row.name.starts_with("TIM") {
+            self.linked_timers |= self.units.tim.iter().any(Tim::is_linked);
+        }
         if row.name.starts_with("TIM") || row.name.starts_with("GPIO") {
             self.update_outputs(now);
+            self.select_devices(now);
         }
         Ok(())
     }
@@ -159,7 +172,14 @@ impl Chip {
             }
         }
         self.units.dwt.enable(self.units.debug.traces(), now);
-        self.units.rcc.backup_domain_open = self.units.pwr.backup_domain_open();
+        let open = self.units.pwr.backup_domain_open();
+        (
+            self.units.rcc.backup_domain_open,
+            self.units.rtc.backup_domain_open,
+        ) = (open, open);
+        if take(&mut self.units.rcc.backup_domain_reset) {
+            self.units.rtc.reset_backup_domain(now);
+        }
         for master in 0..self.units.tim.len() {
             if take(&mut self.units.tim[master].trigger_now) {
                 self.start_slaves(master, now);

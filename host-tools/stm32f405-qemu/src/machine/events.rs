@@ -18,12 +18,21 @@ pub(super) enum MachineEvent {
     /// A compare output of a timer moves.
     OutputMoves(usize),
     ConvertersTriggered(usize),
+    /// A timer asks the DMA.
+    TimerRequests(usize),
     FrameSent(usize),
     /// A byte has come from outside, or the line is idle.
     FrameReceived(usize),
     /// The DMA is about to fetch a byte that was received.
     DmaFetches(usize),
+    /// A phase of an I2C bus ends.
+    I2cSteps(usize),
+    /// A frame of an SPI bus ends.
+    SpiExchanges(usize),
     WatchdogOut,
+    WindowWatchdogOut,
+    /// A flag of the RTC is set.
+    ClockFlag,
     Flash(FlashEvent),
 }
 
@@ -55,6 +64,12 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     for (n, timer) in tim.iter().enumerate() {
         offer(timer.next_output(), MachineEvent::OutputMoves(n));
     }
+    for (n, timer) in tim.iter().enumerate().filter(|_| chip.linked_timers) {
+        offer(timer.next_request(), MachineEvent::TimerRequests(n));
+        if let Some(master) = timer.restarted_by().and_then(|itr| wiring::master(n, itr)) {
+            offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
+        }
+    }
     let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
     for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {
         offer(converter.next_conversion(), MachineEvent::ConversionEnds(n));
@@ -77,7 +92,15 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
         offer(usart.next_received(), MachineEvent::FrameReceived(n));
         offer(usart.next_fetch(), MachineEvent::DmaFetches(n));
     }
+    for (n, i2c) in units.i2c.iter().enumerate() {
+        offer(i2c.next_step(), MachineEvent::I2cSteps(n));
+    }
+    for (n, spi) in units.spi.iter().enumerate() {
+        offer(spi.next_frame(), MachineEvent::SpiExchanges(n));
+    }
     offer(units.iwdg.next_interrupt(), MachineEvent::WatchdogOut);
+    offer(units.wwdg.runs_out(), MachineEvent::WindowWatchdogOut);
+    offer(units.rtc.next_flag(), MachineEvent::ClockFlag);
     if let Some((at, event)) = units.flash.next_event() {
         offer(Some(at), MachineEvent::Flash(event));
     }

@@ -3,6 +3,7 @@
 use super::chip::Chip;
 use super::levels::Levels;
 use super::table::TABLE;
+use super::transfers::serving;
 use super::wiring::{ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
@@ -19,6 +20,8 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         return flash
             .into_iter()
             .chain(units.iwdg.next_interrupt())
+            .chain(units.wwdg.runs_out())
+            .chain(units.rtc.next_flag().filter(|_| chip.sleeps()))
             .chain(wake_up)
             .min();
     }
@@ -26,6 +29,17 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));
     let transmitters = (0..USARTS.len()).filter_map(|usart| transmission(chip, usart));
     let players = (0..CHANNELS).filter_map(|channel| playing(chip, channel));
+    // A stream may interrupt at a timer's request.
+    let served = |tim: &usize| {
+        SERVERS.timers[*tim]
+            .iter()
+            .any(|server| serving(chip, server).is_some())
+    };
+    let linked = if chip.linked_timers { units.tim.len() } else { 0 };
+    let requests = (0..linked).filter_map(|tim| {
+        let at = units.tim[tim].next_request()?;
+        served(&tim).then_some(at)
+    });
     let captures = levels.next_capture(chip);
     // Over a wire, an output may come to an input that interrupts.
     let outputs = units.tim.iter().filter(|_| !chip.wires.is_empty());
@@ -37,6 +51,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         .chain(first_scan(chip))
         .chain(captures)
         .chain(outputs)
+        .chain(requests)
         .min()
 }
 

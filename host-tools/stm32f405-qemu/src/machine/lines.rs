@@ -1,8 +1,14 @@
 //! The interrupt lines of the peripherals.
 
+use std::sync::LazyLock;
+
 use super::board::{Exterior, NMI, SYSTICK};
 use super::chip::Chip;
-use super::table::TABLE;
+use super::table::{PeripheralRow, TABLE};
+
+/// The peripherals that have lines: they are asked after every access.
+static INTERRUPTING: LazyLock<Vec<&PeripheralRow>> =
+    LazyLock::new(|| TABLE.iter().filter(|row| !row.lines.is_empty()).collect());
 
 /// The lines that the board knows to be up, a bit for each.
 #[derive(Debug, Clone, Default)]
@@ -20,7 +26,7 @@ impl InterruptLines {
         }
         // Some peripherals share a line.
         let mut levels = 0;
-        for row in TABLE {
+        for row in INTERRUPTING.iter() {
             let model = (row.model)(&chip.units);
             for (output, line) in row.lines.iter().enumerate() {
                 levels |= u128::from(model.interrupt(output)) << line;

@@ -29,10 +29,16 @@ impl Chip {
 
     /// Gives the pins of a timer's compare outputs the levels that they have now.
     pub(super) fn move_outputs(&mut self, tim: usize, now: u64) {
-        for &(pin, function, channel) in CONNECTIONS.timer_pins.get(&tim).into_iter().flatten() {
+        for output in CONNECTIONS.timer_pins.get(&tim).into_iter().flatten() {
+            let (pin, timer) = (output.pin, &self.units.tim[tim]);
             let port = &mut self.units.gpio[pin.0];
-            if port.alternate(pin.1) == Some(function) {
-                port.move_by_timer(pin.1, self.units.tim[tim].output(channel), now);
+            if port.alternate(pin.1) == Some(output.function) {
+                let level = if output.complementary {
+                    timer.complement(output.channel)
+                } else {
+                    timer.output(output.channel)
+                };
+                port.move_by_timer(pin.1, level, now);
             }
         }
         if !self.wires.is_empty() {
@@ -49,10 +55,13 @@ impl Chip {
         self.sense_wake_up_pin(pin, high);
     }
 
-    /// Passes the levels on pins, and the voltage detector's, on to EXTI.
+    /// Passes the levels on pins, the voltage detector's and the RTC's, on to EXTI.
     pub(super) fn sense_lines(&mut self, now: u64) {
         /// The line of the voltage detector.
         const DETECTOR: usize = 16;
+        /// Lines of the RTC.
+        const ALARM: usize = 17;
+        const WAKE_UP: usize = 22;
         let units = &mut self.units;
         let watched = units.exti.watched();
         let level = |line: usize| match line {
@@ -60,10 +69,13 @@ impl Chip {
                 .gpio
                 .get(units.syscfg.port(line))
                 .map_or(0, |port| port.input() >> line & 1),
-            _ => u32::from(units.pwr.below),
+            DETECTOR => u32::from(units.pwr.below),
+            ALARM => u32::from(units.rtc.alarm_line()),
+            WAKE_UP => u32::from(units.rtc.wake_up_line()),
+            _ => 0,
         };
         let levels = (watched != 0).then(|| {
-            let lines = (0..=DETECTOR).filter(|line| watched >> line & 1 == 1);
+            let lines = (0..=WAKE_UP).filter(|line| watched >> line & 1 == 1);
             lines.fold(0, |levels, line| levels | level(line) << line)
         });
         units.exti.input(levels);

@@ -21,7 +21,15 @@ impl Chip {
         let tim = self.converter_trigger(adc)?;
         let triggered = (0..ADCS.len()).filter(|adc| self.converter_trigger(*adc) == Some(tim));
         let outputs = (0..CHANNELS).any(|channel| self.output_trigger(channel) == Some(tim));
-        (triggered.count() == 1 && !outputs).then_some(Scans { adc, tim })
+        let slaves =
+            self.linked_timers && (0..self.units.tim.len()).any(|slave| self.is_restarted(slave, tim));
+        (triggered.count() == 1 && !outputs && !slaves).then_some(Scans { adc, tim })
+    }
+
+    /// Returns `true` if the trigger output of a timer restarts another.
+    fn is_restarted(&self, slave: usize, master: usize) -> bool {
+        let trigger = self.units.tim[slave].restarted_by();
+        trigger.and_then(|itr| wiring::master(slave, itr)) == Some(master)
     }
 
     /// The timer whose TRGO starts the scans of a converter.
@@ -34,11 +42,22 @@ impl Chip {
         wiring::output_trigger(self.units.dac.external_trigger(channel)?)
     }
 
-    /// The trigger output of a timer pulses: converters that listen to it start, and outputs change.
+    /// The trigger output of a timer pulses: converters that listen to it start, outputs change, and timers
+    /// start again.
     pub(super) fn trigger_converters(&mut self, tim: usize, at: u64) {
         for channel in 0..CHANNELS {
             if self.output_trigger(channel) == Some(tim) {
                 self.units.dac.trigger(channel, at);
+            }
+        }
+        let slaves = if self.linked_timers {
+            self.units.tim.len()
+        } else {
+            0
+        };
+        for slave in 0..slaves {
+            if self.is_restarted(slave, tim) {
+                self.units.tim[slave].restart(at);
             }
         }
         for adc in 0..ADCS.len() {

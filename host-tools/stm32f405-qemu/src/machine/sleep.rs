@@ -2,10 +2,10 @@
 //!
 //! # Design
 //!
-//! In both every oscillator stops but the watchdog's. The clock tree says so by frequencies of 0, so nothing
-//! else needs to know. STOP ends with an edge on an EXTI line whose interrupt or event is on: the processor
-//! goes on, on the internal oscillator. STANDBY ends with a reset: by the pin WKUP, or by the watchdog. How
-//! long silicon takes to wake is left out.
+//! In both every oscillator stops but those of the watchdog and the RTC. The clock tree says so by
+//! frequencies of 0, so nothing else needs to know. STOP ends with an edge on an EXTI line whose interrupt or
+//! event is on: the processor goes on, on the internal oscillator. STANDBY ends with a reset: by the pin
+//! WKUP, the RTC or the watchdog. How long silicon takes to wake is left out.
 
 use super::chip::{Chip, DeepSleep};
 use super::wiring::PinIndex;
@@ -61,6 +61,23 @@ impl Chip {
             self.units.pwr.woken();
             self.deep_sleep = Some(DeepSleep::StandbyEnds);
         }
+    }
+
+    /// A flag of the RTC is set: it may go through EXTI, and an interrupt that is on ends STANDBY (section
+    /// 5.3.6).
+    pub(super) fn clock_flag(&mut self, now: u64) {
+        let lines = |chip: &Self| [chip.units.rtc.alarm_line(), chip.units.rtc.wake_up_line()];
+        let before = lines(self);
+        self.units.rtc.advance(now);
+        let rises = before
+            .iter()
+            .zip(lines(self))
+            .any(|(before, after)| !before && after);
+        if rises && self.deep_sleep == Some(DeepSleep::Standby) {
+            self.units.pwr.woken();
+            self.deep_sleep = Some(DeepSleep::StandbyEnds);
+        }
+        self.sense_lines(now);
     }
 
     /// Returns `true` if STOP has ended since the last call.

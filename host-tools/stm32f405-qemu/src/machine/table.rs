@@ -13,12 +13,13 @@
 use std::ops::Range;
 
 use super::board::NMI;
-use crate::peripherals::rcc::Bus::{self, Ahb1, Apb1, Apb2};
+use crate::peripherals::rcc::Bus::{self, Ahb1, Ahb2, Apb1, Apb2};
 use crate::peripherals::{
     Notes, Peripheral,
     adc_common::Adcs,
-    clock::HSI_HZ,
+    clock::{Apb, HSI_HZ},
     core,
+    crc::Crc,
     dac::Dac,
     dbgmcu::Dbgmcu,
     dma::Dma,
@@ -26,14 +27,19 @@ use crate::peripherals::{
     exti::Exti,
     flash::FlashController,
     gpio::Gpio,
+    i2c::I2c,
     iwdg::Iwdg,
     pwr::Pwr,
     rcc::Rcc,
+    rng::Rng,
+    rtc::Rtc,
     signature::Signature,
+    spi::Spi,
     syscfg::Syscfg,
     systick::SysTick,
     tim::{Tim, TimerKind},
     usart::{Usart, UsartFeatures},
+    wwdg::Wwdg,
 };
 
 /// The interrupt lines of DMA2's streams.
@@ -142,7 +148,7 @@ const PORTS: [UsartFeatures; 6] = [
 ];
 
 peripherals! {
-    new(hse_hz: u32, dev_id: u16, uid: [u8; 12]);
+    new(hse_hz: u32, dev_id: u16, uid: [u8; 12], seed: u64);
     tim: [Tim; 14] = TIMERS.map(|kind| Tim::new(kind, HSI_HZ)) => {
         [0] "TIM1", 0x4001_0000..0x4001_0400, gate(Apb2, 0), &[24, 25, 26, 27];
         [1] "TIM2", 0x4000_0000..0x4000_0400, gate(Apb1, 0), &[28];
@@ -197,6 +203,20 @@ peripherals! {
     exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, ALWAYS, &Exti::INTERRUPTS; }
     syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
     iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, ALWAYS, &[]; }
+    i2c: [I2c; 3] = std::array::from_fn(|_| I2c::new(HSI_HZ)) => {
+        [0] "I2C1", 0x4000_5400..0x4000_5800, gate(Apb1, 21), &[31, 32];
+        [1] "I2C2", 0x4000_5800..0x4000_5c00, gate(Apb1, 22), &[33, 34];
+        [2] "I2C3", 0x4000_5c00..0x4000_6000, gate(Apb1, 23), &[72, 73];
+    }
+    spi: [Spi; 3] = [Apb::Two, Apb::One, Apb::One].map(|apb| Spi::new(apb, HSI_HZ)) => {
+        [0] "SPI1", 0x4001_3000..0x4001_3400, gate(Apb2, 12), &[35];
+        [1] "SPI2", 0x4000_3800..0x4000_3c00, gate(Apb1, 14), &[36];
+        [2] "SPI3", 0x4000_3c00..0x4000_4000, gate(Apb1, 15), &[51];
+    }
+    wwdg: Wwdg = Wwdg::new(HSI_HZ) => { "WWDG", 0x4000_2c00..0x4000_3000, gate(Apb1, 11), &[0]; }
+    rtc: Rtc = Rtc::default() => { "RTC", 0x4000_2800..0x4000_2c00, ALWAYS, &[]; }
+    crc: Crc = Crc::default() => { "CRC", 0x4002_3000..0x4002_3400, gate(Ahb1, 12), &[]; }
+    rng: Rng = Rng::new(seed) => { "RNG", 0x5006_0800..0x5006_0c00, gate(Ahb2, 6), &[80]; }
     systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, ALWAYS, &[]; }
     scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, ALWAYS, &[]; }
     debug: core::Debug = core::Debug::default() => { "DCB", 0xe000_edf0..0xe000_ee00, ALWAYS, &[]; }
@@ -235,7 +255,7 @@ mod tests {
             assert!(name(start).starts_with(row.name), "{}", name(start));
             assert_eq!(row.gate.enables != 0, row.gate.reset != 0, "{}", row.name);
         }
-        assert!(locate(0x4001_3000).is_none(), "SPI1");
+        assert!(locate(0x4000_6400).is_none(), "CAN1");
     }
     /// Rows against what ST's database has of clock gates and interrupts.
     #[test]
@@ -263,7 +283,8 @@ mod tests {
             }
         }
         let names = TABLE.iter().map(|row| row.name);
-        for row in names.filter(|name| name.contains("TIM") || name.contains("ART")) {
+        let kinds = ["TIM", "ART", "I2C", "SPI", "RNG", "WWDG"];
+        for row in names.filter(|name| kinds.iter().any(|kind| name.contains(kind))) {
             let lines = held.iter().filter(|name| **name == row).count();
             assert!(lines >= 3, "{row}: a gate, a reset and an interrupt");
         }

@@ -2,7 +2,7 @@
 
 use super::board::Exterior;
 use super::chip::Chip;
-use super::wiring::{ADCS, SERVERS, Server, USARTS};
+use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, USARTS};
 use crate::memory::{FLASH, SRAM};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
@@ -89,6 +89,55 @@ impl Transfers {
             }
             if at.chip.units.usart[usart].dma_receive_request() {
                 self.serve_by(&SERVERS.receivers[usart], at);
+            }
+        }
+        self.serve_buses(at);
+        if at.chip.linked_timers {
+            self.serve_timers(at);
+        }
+    }
+
+    fn serve_timers(&mut self, at: &mut Context<'_, impl Exterior>) {
+        for n in 0..at.chip.units.tim.len() {
+            let requests = at.chip.units.tim[n].requests();
+            if requests == 0 {
+                continue;
+            }
+            for (flag, server) in SERVERS.timers[n].iter().enumerate() {
+                if requests >> flag & 1 == 1
+                    && let Some(stream) = serving(at.chip, server)
+                {
+                    at.chip.units.tim[n].served(1 << flag);
+                    self.transfer(stream, at);
+                }
+            }
+        }
+    }
+
+    fn serve_buses(&mut self, at: &mut Context<'_, impl Exterior>) {
+        for n in 0..I2CS.len() {
+            // The first byte moves on to the shift register at once, so two may be taken.
+            for _ in 0..2 {
+                if at.chip.units.i2c[n].dma_transmit_request() {
+                    self.serve_by(&SERVERS.i2c[n].transmitter, at);
+                }
+            }
+            if at.chip.units.i2c[n].dma_receive_request()
+                && let Some(stream) = serving(at.chip, &SERVERS.i2c[n].receiver)
+            {
+                self.transfer(stream, at);
+                let left = at.chip.units.dma[stream.dma].items_left(stream.stream);
+                at.chip.units.i2c[n].fetched(left);
+            }
+        }
+        for n in 0..SPIS.len() {
+            for _ in 0..2 {
+                if at.chip.units.spi[n].dma_transmit_request() {
+                    self.serve_by(&SERVERS.spi[n].transmitter, at);
+                }
+            }
+            if at.chip.units.spi[n].dma_receive_request() {
+                self.serve_by(&SERVERS.spi[n].receiver, at);
             }
         }
     }

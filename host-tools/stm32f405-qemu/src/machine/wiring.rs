@@ -12,17 +12,26 @@ const TABLE: &str = include_str!("connections.txt");
 /// A pin: port (A is 0) and number.
 pub(crate) type PinIndex = (usize, usize);
 
+/// Pins of a signal, each with its alternate function.
+type SignalPins = &'static [(PinIndex, u32)];
+
 /// Number of a timer's model: TIM1 is 0.
 pub(super) type TimNumber = usize;
 
 /// The USARTs in the order of their models.
 pub(crate) const USARTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6"];
+/// The I2C and SPI controllers in the order of their models.
+pub(crate) const I2CS: [&str; 3] = ["I2C1", "I2C2", "I2C3"];
+pub(crate) const SPIS: [&str; 3] = ["SPI1", "SPI2", "SPI3"];
 /// The converters in the order of their models.
 pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
 
 /// The DAC's requests in the order of its channels, and the pins of its outputs (section 14.2).
 const DAC_REQUESTS: [&str; 2] = ["DAC1_CH1", "DAC1_CH2"];
 pub(super) const OUTPUTS: [PinIndex; 2] = [(0, 4), (0, 5)];
+
+/// Requests of a timer by the number of their flags in SR.
+pub(super) const TIMER_REQUESTS: [&str; 7] = ["UP", "CH1", "CH2", "CH3", "CH4", "-", "TRIG"];
 
 /// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery
 /// voltage (sections 13.10, 13.11).
@@ -73,10 +82,10 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 pub(super) struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
     pub(super) timer_inputs: BTreeMap<(PinIndex, u32), (TimNumber, usize)>,
-    /// Pins of a timer, each with its alternate function and its channel.
-    pub(super) timer_pins: BTreeMap<TimNumber, Vec<(PinIndex, u32, usize)>>,
-    /// Pins of a USART's transmitter or receiver, each with its alternate function.
-    lines: BTreeMap<(usize, &'static str), Vec<(PinIndex, u32)>>,
+    /// The pins of a timer's outputs.
+    pub(super) timer_pins: BTreeMap<TimNumber, Vec<TimerPin>>,
+    /// Pins of a peripheral's signal, each with its alternate function.
+    pins: BTreeMap<(&'static str, &'static str), Vec<(PinIndex, u32)>>,
     /// The pin of a converter's channel.
     analog: BTreeMap<(usize, u32), PinIndex>,
     /// Name of the request by controller, stream and channel.
@@ -85,6 +94,17 @@ pub(super) struct Connections {
     lines_by_number: BTreeMap<usize, &'static str>,
     /// Server of a request, by the request's name.
     servers: BTreeMap<&'static str, Server>,
+}
+
+/// A pin that can be an output of a timer.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TimerPin {
+    pub(super) pin: PinIndex,
+    pub(super) function: u32,
+    /// 0 is the first.
+    pub(super) channel: usize,
+    /// It is the complementary output (CHxN).
+    pub(super) complementary: bool,
 }
 
 /// A DMA stream and channel that can serve a request.
@@ -96,12 +116,22 @@ pub(super) struct Server {
     pub(super) streams: Vec<(usize, u32)>,
 }
 
+/// Servers of a controller that sends and receives.
+pub(super) struct BusServers {
+    pub(super) transmitter: Server,
+    pub(super) receiver: Server,
+}
+
 /// Servers of the models' requests, in the models' order.
 pub(super) struct Servers {
     pub(super) adc: [Server; 3],
     pub(super) dac: [Server; 2],
     pub(super) transmitters: [Server; 6],
     pub(super) receivers: [Server; 6],
+    pub(super) i2c: [BusServers; 3],
+    /// Of each timer, by the number of the flag in SR: update, channels 1 to 4, none, trigger.
+    pub(super) timers: [[Server; TIMER_REQUESTS.len()]; 14],
+    pub(super) spi: [BusServers; 3],
 }
 
 pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
@@ -110,11 +140,18 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
         |usart| of(&format!("{usart}_TX")),
         |usart| of(&format!("{usart}_RX")),
     );
+    let both = |bus: &str| BusServers {
+        transmitter: of(&format!("{bus}_TX")),
+        receiver: of(&format!("{bus}_RX")),
+    };
     Servers {
         adc: ADCS.map(of),
         dac: DAC_REQUESTS.map(of),
         transmitters: USARTS.map(transmitter),
         receivers: USARTS.map(receiver),
+        i2c: I2CS.map(both),
+        timers: std::array::from_fn(|n| TIMER_REQUESTS.map(|request| of(&format!("TIM{}_{request}", n + 1)))),
+        spi: SPIS.map(both),
     }
 });
 
@@ -153,30 +190,48 @@ impl Connections {
             self.analog.insert((adc, channel), pin);
         }
         let Ok(function) = function.parse() else { return };
-        if let Some(usart) = position(&USARTS) {
-            let pins = self.lines.entry((usart, signal)).or_default();
-            pins.push((pin, function));
-        }
+        let pins = self.pins.entry((peripheral, signal)).or_default();
+        pins.push((pin, function));
+        let complementary = signal.ends_with('N');
         if let (Some(Ok(number)), Some(Ok(channel))) = (
             peripheral.strip_prefix("TIM").map(str::parse),
-            signal.strip_prefix("CH").map(str::parse::<usize>),
+            signal
+                .strip_prefix("CH")
+                .map(|channel| channel.trim_end_matches('N').parse::<usize>()),
         ) {
             let (number, channel) = (tim(number), channel - 1);
-            self.timer_inputs.insert((pin, function), (number, channel));
+            if !complementary {
+                self.timer_inputs.insert((pin, function), (number, channel));
+            }
             let pins = self.timer_pins.entry(number).or_default();
-            pins.push((pin, function, channel));
+            pins.push(TimerPin {
+                pin,
+                function,
+                channel,
+                complementary,
+            });
         }
     }
 }
 
+/// The pins that can be a peripheral's signal, each with its alternate function.
+pub(super) fn pins(peripheral: &'static str, signal: &'static str) -> &'static [(PinIndex, u32)] {
+    let found = CONNECTIONS.pins.get(&(peripheral, signal));
+    found.map_or(&[], Vec::as_slice)
+}
+
+/// The pins of each USART's transmitter and receiver, which are looked up for every frame.
+static USART_PINS: LazyLock<[[SignalPins; 2]; 6]> =
+    LazyLock::new(|| USARTS.map(|usart| ["TX", "RX"].map(|signal| pins(usart, signal))));
+
 /// The pins that can be the transmitter of a USART, each with its alternate function.
 pub(super) fn transmitters(usart: usize) -> &'static [(PinIndex, u32)] {
-    CONNECTIONS.lines.get(&(usart, "TX")).map_or(&[], Vec::as_slice)
+    USART_PINS[usart][0]
 }
 
 /// The pins that can be the receiver of a USART, each with its alternate function.
 pub(super) fn receivers(usart: usize) -> &'static [(PinIndex, u32)] {
-    CONNECTIONS.lines.get(&(usart, "RX")).map_or(&[], Vec::as_slice)
+    USART_PINS[usart][1]
 }
 
 /// The pin of a converter's channel.
@@ -191,10 +246,14 @@ pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
 
 /// Returns `true` if a model makes this request.
 pub(super) fn is_modelled(request: &str) -> bool {
-    let of_usart = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
-    ADCS.contains(&request)
+    let of_port = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
+    let of_timer = request
+        .split_once('_')
+        .filter(|(timer, _)| timer.starts_with("TIM"));
+    of_timer.is_some_and(|(_, request)| TIMER_REQUESTS.contains(&request))
+        || ADCS.contains(&request)
         || DAC_REQUESTS.contains(&request)
-        || of_usart.is_some_and(|usart| USARTS.contains(&usart))
+        || of_port.is_some_and(|port| USARTS.contains(&port) || I2CS.contains(&port) || SPIS.contains(&port))
 }
 
 /// `PA15`: port and number.

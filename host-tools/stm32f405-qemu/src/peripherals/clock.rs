@@ -10,6 +10,9 @@ pub(crate) const HSI_HZ: u32 = 16_000_000;
 /// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
 pub(crate) const LSI_HZ: u32 = 32_000;
 
+/// Frequency of the crystal on the LSE pins (section 7.2.4), in Hz.
+pub(crate) const LSE_HZ: u32 = 32_768;
+
 /// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ClockTree {
@@ -22,6 +25,10 @@ pub(crate) struct ClockTree {
     pub(crate) timers1: u32,
     /// Timers on APB2: TIM1, 8-11.
     pub(crate) timers2: u32,
+    /// RNG, USB and SDIO (PLLCFGR.PLLQ).
+    pub(crate) pll48: u32,
+    /// RTCCLK: a frequency, and by what it is divided.
+    pub(crate) rtc: (u32, u32),
     /// The crystal for the RTC, and by what it is divided (CFGR.RTCPRE).
     pub(crate) crystal: (u32, u32),
 }
@@ -42,6 +49,8 @@ impl ClockTree {
         pclk2: HSI_HZ,
         timers1: HSI_HZ,
         timers2: HSI_HZ,
+        pll48: 0,
+        rtc: (0, 1),
         crystal: (0, 0),
     };
 

@@ -183,6 +183,11 @@ impl Dma {
         s.cr &= !EN;
     }
 
+    /// Items that are left of the stream's pass.
+    pub(crate) fn items_left(&self, stream: usize) -> u32 {
+        self.streams[stream].ndtr
+    }
+
     /// After how many more beats the stream's line will rise. `None` if its interrupts are off or the line is
     /// up.
     pub(crate) fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {

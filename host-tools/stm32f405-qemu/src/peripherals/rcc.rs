@@ -7,7 +7,7 @@
 //! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is
 //! gone. On silicon a PLL without input may go on at some low frequency, which the manual does not give.
 
-use super::clock::{ClockTree, HSI_HZ};
+use super::clock::{ClockTree, HSI_HZ, LSE_HZ, LSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
 use crate::outcome::ResetCause;
@@ -17,6 +17,7 @@ const RMVF: u32 = 1 << 24;
 const PINRSTF: u32 = 1 << 26;
 const SFTRSTF: u32 = 1 << 28;
 const IWDGRSTF: u32 = 1 << 29;
+const WWDGRSTF: u32 = 1 << 30;
 const RESET_FLAGS: u32 = 0xfe00_0000;
 /// Brown-out, pin and power-on reset: the flags after power-up.
 const POWER_ON_FLAGS: u32 = 0x0e00_0000;
@@ -67,6 +68,7 @@ const CLEAR_AT: u32 = 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Bus {
     Ahb1 = 0,
+    Ahb2 = 1,
     Apb1 = 4,
     Apb2 = 5,
 }
@@ -91,6 +93,10 @@ pub(crate) struct Rcc {
     crystal_stopped: bool,
     /// STOP or STANDBY: no oscillator runs.
     pub(crate) asleep: bool,
+    /// Frequency of LSI.
+    pub(crate) lsi_hz: u32,
+    /// BDRST was written. Cleared once it is passed on.
+    pub(crate) backup_domain_reset: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub(crate) backup_domain_open: bool,
     pub(crate) notes: Notes,
@@ -106,6 +112,7 @@ impl Rcc {
             enable_in_sleep: SLEEP_AT_RESET,
             csr: POWER_ON_FLAGS,
             plli2scfgr: 0x2000_3000,
+            lsi_hz: LSI_HZ,
             ..Self::default()
         }
     }
@@ -119,6 +126,7 @@ impl Rcc {
             // PWR's flags say it.
             ResetCause::Standby => {}
             ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
+            ResetCause::WindowWatchdog => self.csr |= WWDGRSTF | PINRSTF,
             ResetCause::Watchdog => self.csr |= IWDGRSTF | PINRSTF,
         }
     }
@@ -198,6 +206,12 @@ impl Rcc {
             pclk2: hclk >> shift2,
             timers1: timers(shift1),
             timers2: timers(shift2),
+            pll48: if self.ready() & PLLON != 0 && !self.asleep {
+                self.pll48_hz()
+            } else {
+                0
+            },
+            rtc: self.rtc_clock(),
             crystal: self.rtc_crystal(),
         }
     }
@@ -207,6 +221,19 @@ impl Rcc {
         let divider = field(self.cfgr, 16, 5);
         let runs = self.ready() & HSEON != 0 && !self.asleep && divider > 1;
         if runs { (self.hse_hz, divider) } else { (0, 0) }
+    }
+
+    /// RTCCLK (sections 7.2.8, 7.3.20): its frequency, and by what it is divided. LSE and LSI run in deep
+    /// sleep too.
+    fn rtc_clock(&self) -> (u32, u32) {
+        let source = match field(self.bdcr, 8, 2) {
+            0b01 if self.bdcr & 1 != 0 => (LSE_HZ, 1),
+            0b10 if self.csr & 1 != 0 => (self.lsi_hz, 1),
+            0b11 => self.rtc_crystal(),
+            _ => (0, 1),
+        };
+        let runs = bit(self.bdcr, 15) && source.0 != 0;
+        if runs { source } else { (0, 1) }
     }
 
     /// The enable bit of the oscillator that feeds the PLLs.
@@ -221,10 +248,18 @@ impl Rcc {
 
     /// PLLCFGR (section 7.3.2): VCO = input / M * N, output = VCO / P.
     fn pll_hz(&self) -> u32 {
+        self.vco_hz_by(2 * (field(self.pllcfgr, 16, 2) + 1))
+    }
+
+    /// PLL48CLK = VCO / Q. Q is 2 at least.
+    fn pll48_hz(&self) -> u32 {
+        self.vco_hz_by(field(self.pllcfgr, 24, 4).max(2))
+    }
+
+    fn vco_hz_by(&self, divider: u32) -> u32 {
         let input = self.pll_input_hz();
         let (m, n) = (field(self.pllcfgr, 0, 6).max(1), field(self.pllcfgr, 6, 9));
-        let p = 2 * (field(self.pllcfgr, 16, 2) + 1);
-        (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
+        (u64::from(input) * u64::from(n) / u64::from(m * divider)) as u32
     }
 
     /// Returns `true` if one of these bits in the bus's enable register is set.
@@ -336,8 +371,13 @@ impl Peripheral for Rcc {
                 self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
             }
             // BDRST resets all of the backup domain but itself.
-            0x70 if bit(value, 16) => self.bdcr = 1 << 16,
-            0x70 => self.bdcr = value & 0x0000_8305,
+            0x70 if bit(value, 16) => (self.bdcr, self.backup_domain_reset) = (1 << 16, true),
+            0x70 => {
+                // RTCSEL can be chosen once (section 7.3.20).
+                let chosen = self.bdcr & 0x300;
+                let others = if chosen == 0 { 0x8305 } else { 0x8005 };
+                self.bdcr = chosen | (value & others);
+            }
             0x74 => {
                 let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
                 self.csr = (self.csr & kept) | (value & 1);
@@ -355,6 +395,7 @@ impl Peripheral for Rcc {
         let old = std::mem::replace(self, Self::new(self.hse_hz));
         (self.bdcr, self.csr) = (old.bdcr, old.csr & RESET_FLAGS);
         (self.crystal_stopped, self.notes) = (old.crystal_stopped, old.notes);
+        self.lsi_hz = old.lsi_hz;
     }
 
     /// RCC's interrupt, and the NMI of the clock security system.
@@ -408,6 +449,8 @@ mod tests {
             pclk2: 84_000_000,
             timers1: 84_000_000,
             timers2: 168_000_000,
+            pll48: 48_000_000,
+            rtc: (0, 1),
             crystal: (0, 0),
         };
         assert_eq!(at_168_mhz().clocks(), expected);

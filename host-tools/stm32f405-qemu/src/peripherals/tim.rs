@@ -1,5 +1,5 @@
 //! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input
-//! capture, compare outputs, and a start by another timer.
+//! capture, compare and PWM outputs, DMA requests, and a start or restart by another timer or an input.
 //!
 //! # Design
 //!
@@ -36,6 +36,11 @@ const MOE: u32 = 1 << 15;
 /// CCxP and CCxNP.
 const POLARITIES: u32 = 0xaaaa;
 const CHANNELS: usize = 4;
+/// The enables of DMA requests in DIER: update, channels, trigger.
+const REQUESTS: u32 = 0x5f00;
+/// SMCR.SMS.
+const RESTARTS: u32 = 0b100;
+const STARTS: u32 = 0b110;
 
 /// Least prescaler with which a counter keeps its value for some turns of a loop.
 const SLOW: u32 = 32;
@@ -45,10 +50,10 @@ const BY_CRYSTAL: u32 = 0b10;
 const NOT_SEEN: u64 = u64::MAX;
 
 const CRYSTAL_INTERRUPT: &str = "OR: an interrupt by the crystal's edges is not modelled";
+const DEAD_TIME: &str = "BDTR.DTG: dead time is not modelled: both outputs move at once";
 const FILTERS: &str = "CCMR: input filters and prescalers are not modelled";
 const CAPTURE_ON_TRIGGER: &str = "CCMR: capture on the trigger input is not modelled";
-const SLAVE_MODES: &str =
-    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none";
+const SLAVE_MODES: &str = "SMCR: gated and encoder mode, external clocks and the input ETR are not modelled";
 
 /// Bits of registers that ask for what is not modelled.
 const UNMODELLED: [(u32, u32, &str); 5] = [
@@ -59,7 +64,11 @@ const UNMODELLED: [(u32, u32, &str); 5] = [
         0x05,
         "CR2.CCPC: preloaded compare controls are not modelled",
     ),
-    (0x0c, 0x7f00, "DIER: timer DMA requests are not modelled"),
+    (
+        0x0c,
+        0x2000,
+        "DIER.COMDE: the DMA request of commutation is not modelled",
+    ),
     (0x44, 0x1000, "BDTR.BKE: the break input is not modelled"),
 ];
 
@@ -80,6 +89,10 @@ pub(crate) struct Tim {
     crystal_seen: u64,
     ccr: [BufferedRegister; CHANNELS],
     references: [bool; CHANNELS],
+    /// A channel is in a PWM mode.
+    modulates: bool,
+    /// DMA requests that nobody has served, by their enable bits in DIER.
+    requests: u32,
     counter: Counter,
     /// Flags have been filled in up to this tick from the counter's origin.
     seen: u64,
@@ -140,6 +153,7 @@ impl Tim {
                 if self.cr1 & OPM != 0 {
                     self.counter.enabled = false;
                 }
+                self.modulate(0);
             }
         }
     }
@@ -152,8 +166,81 @@ impl Tim {
     /// The internal trigger (ITR0 to ITR3) that starts this timer: in slave mode *trigger* (section 18.4.3),
     /// while it does not run yet.
     pub(crate) fn waits_for(&self) -> Option<u32> {
-        let waits = field(self.smcr, 0, 3) == 0b110 && field(self.smcr, 4, 3) < 4 && !self.counter.enabled;
-        waits.then(|| field(self.smcr, 4, 3))
+        self.internal_trigger()
+            .filter(|_| self.slave_mode() == STARTS && !self.counter.enabled)
+    }
+
+    /// The internal trigger that restarts this timer: in slave mode *reset*.
+    pub(crate) fn restarted_by(&self) -> Option<u32> {
+        self.internal_trigger().filter(|_| self.slave_mode() == RESTARTS)
+    }
+
+    /// SMCR.SMS.
+    fn slave_mode(&self) -> u32 {
+        field(self.smcr, 0, 3)
+    }
+
+    /// SMCR.TS, if it is one of the internal triggers.
+    fn internal_trigger(&self) -> Option<u32> {
+        Some(field(self.smcr, 4, 3)).filter(|trigger| *trigger < 4)
+    }
+
+    /// The trigger in slave mode *reset*: the counter starts again, with an update event.
+    pub(crate) fn restart(&mut self, at: u64) {
+        self.advance(at);
+        self.generate(UPDATE, at);
+        self.take_trigger();
+        self.modulate(0);
+    }
+
+    fn take_trigger(&mut self) {
+        self.sr |= TRIGGER;
+        self.request(TRIGGER);
+    }
+
+    /// Asks the DMA, if the request of a flag is on: its enable stands eight bits above the flag.
+    fn request(&mut self, flags: u32) {
+        self.requests |= flags << 8 & self.dier;
+    }
+
+    /// The requests that stand, as flags: update, channels 1 to 4, trigger.
+    pub(crate) fn requests(&self) -> u32 {
+        self.requests >> 8
+    }
+
+    /// The DMA has served the request of a flag.
+    pub(crate) fn served(&mut self, flag: u32) {
+        self.requests &= !(flag << 8);
+    }
+
+    /// Returns `true` if it requests DMA, or another timer may restart it.
+    pub(crate) fn is_linked(&self) -> bool {
+        self.dier & REQUESTS != 0 || self.restarted_by().is_some()
+    }
+
+    /// When the counter will next make a DMA request.
+    pub(crate) fn next_request(&self) -> Option<u64> {
+        if self.dier & REQUESTS == 0 || !self.counter.counts() {
+            return None;
+        }
+        let update = self.counter.update_after(self.seen);
+        let updates = ((self.dier >> 8) & UPDATE != 0 && self.cr1 & UDIS == 0).then_some(update);
+        let compares = (0..self.kind.channels)
+            .filter(|channel| (self.dier >> 8) & (2 << channel) != 0 && !self.is_input(*channel))
+            .map(|channel| self.next_match(channel));
+        let soonest = updates.into_iter().chain(compares).min()?;
+        Some(self.time_of_event(soonest))
+    }
+
+    /// An edge at an input is the trigger of the slave mode: TI1 by TI1F_ED (both edges) or TI1FP1, TI2 by
+    /// TI2FP2, which have the polarity of their channels (section 18.4.3).
+    fn is_trigger(&self, input: usize, rising: bool) -> bool {
+        let falls = bit(self.ccer, 4 * input as u32 + 1);
+        match (field(self.smcr, 4, 3), input) {
+            (0b100, 0) => true,
+            (0b101, 0) | (0b110, 1) => rising != falls,
+            _ => false,
+        }
     }
 
     pub(crate) fn start(&mut self, at: u64) {
@@ -161,7 +248,7 @@ impl Tim {
         self.counter.go_on(at);
         self.counter.enabled = true;
         self.seen = 0;
-        self.sr |= TRIGGER;
+        self.take_trigger();
     }
 
     /// An edge comes at an input: TI1 to TI4 are 0 to 3.
@@ -172,6 +259,13 @@ impl Tim {
                 self.latch(channel, at, false);
             }
         }
+        if self.is_trigger(input, rising) {
+            match self.slave_mode() {
+                RESTARTS => self.restart(at),
+                STARTS if !self.counter.enabled => self.start(at),
+                _ => {}
+            }
+        }
     }
 
     /// Captures the counter. CCxOF is set if the flag of an earlier capture still stands (section 18.4.5), or
@@ -180,18 +274,27 @@ impl Tim {
         self.ccr[channel] = BufferedRegister::new(self.counter.count(at));
         let over = bit(self.sr, 1 + channel as u32) || others;
         self.sr |= 2 << channel | u32::from(over) << (9 + channel);
+        self.request(2 << channel);
     }
 
     /// Returns `true` if an edge at this input would raise an interrupt line.
     pub(crate) fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
-        let raises = |channel: usize| self.captures(channel, input, rising) && self.would_raise(2 << channel);
-        (0..self.kind.channels).any(raises)
+        let raises = |channel: usize| self.captures(channel, input, rising) && self.may_raise(2 << channel);
+        let triggers = self.slave_mode() != 0 && self.is_trigger(input, rising);
+        (0..self.kind.channels).any(raises) || triggers && self.may_raise(TRIGGER | UPDATE)
     }
 
     /// Returns `true` if an edge at any input could raise an interrupt line.
     pub(crate) fn captures_interrupt(&self) -> bool {
-        let waits = |channel: usize| self.is_input(channel) && self.would_raise(2 << channel);
-        (0..self.kind.channels).any(waits)
+        let waits = |channel: usize| self.is_input(channel) && self.may_raise(2 << channel);
+        let by_trigger = matches!(self.slave_mode(), RESTARTS | STARTS) && self.may_raise(TRIGGER | UPDATE);
+        (0..self.kind.channels).any(waits) || by_trigger
+    }
+
+    /// Returns `true` if one of these flags raises a line, or asks the DMA, which may raise one.
+    fn may_raise(&self, flags: u32) -> bool {
+        let asks = self.dier >> 8 & flags != 0;
+        asks || (0..7).any(|n| flags >> n & 1 == 1 && self.would_raise(1 << n))
     }
 
     /// Returns `true` if this flag, when it is set, raises a line that is down now.
@@ -221,14 +324,27 @@ impl Tim {
     /// off, or the main output of an advanced timer is off.
     pub(crate) fn output(&self, channel: usize) -> Option<bool> {
         let nibble = field(self.ccer, 4 * channel as u32, 4);
-        let is_on = nibble & 1 == 1 && (self.kind.bdtr == 0 || self.bdtr & MOE != 0);
+        let is_on = nibble & 1 == 1 && self.outputs_are_on();
         let inverts = nibble & 2 != 0;
         (is_on && !self.is_input(channel)).then_some(self.references[channel] != inverts)
     }
 
+    /// The level that a complementary output puts on its pin: the opposite of OCxREF, or OCxREF itself if the
+    /// channel's own output is off (section 17.4.9, table of the output control bits).
+    pub(crate) fn complement(&self, channel: usize) -> Option<bool> {
+        let nibble = field(self.ccer, 4 * channel as u32, 4);
+        let is_on = nibble & 4 != 0 && self.outputs_are_on();
+        let inverts = (nibble & 8 != 0) != (nibble & 1 != 0);
+        (is_on && !self.is_input(channel)).then_some(self.references[channel] != inverts)
+    }
+
+    fn outputs_are_on(&self) -> bool {
+        self.kind.bdtr == 0 || self.bdtr & MOE != 0
+    }
+
     /// Returns `true` if a channel is on: most timers have none.
     pub(crate) fn drives(&self) -> bool {
-        self.ccer & 0x1111 != 0
+        self.ccer & 0x5555 != 0
     }
 
     /// When a compare will next move an output by itself.
@@ -236,12 +352,57 @@ impl Tim {
         if !self.drives() || !self.counter.counts() {
             return None;
         }
-        let moves = |channel: &usize| {
-            self.output(*channel).is_some() && self.matched(*channel) != self.references[*channel]
+        let on = |channel: &usize| self.output(*channel).or(self.complement(*channel)).is_some();
+        let soonest = (0..self.kind.channels).filter(on).filter_map(|channel| {
+            let moves = self.matched(channel) != self.references[channel];
+            if self.is_modulated(channel) {
+                self.next_edge(channel)
+            } else {
+                moves.then(|| self.next_match(channel))
+            }
+        });
+        Some(self.time_of_event(soonest.min()?))
+    }
+
+    /// PWM modes 1 and 2.
+    fn is_modulated(&self, channel: usize) -> bool {
+        self.mode(channel) >= 0b110 && !self.is_input(channel)
+    }
+
+    /// OCxREF in a PWM mode: mode 1 is high as long as the counter is below the compare value, mode 2 low
+    /// (section 18.3.10).
+    fn modulated(&self, channel: usize, tick: u64) -> bool {
+        let below = self.counter.count_at(tick) < self.ccr[channel].active;
+        below == (self.mode(channel) == 0b110)
+    }
+
+    /// The tick of the next edge in a PWM mode: the match, or the overflow. Values to be loaded may make
+    /// another.
+    fn next_edge(&self, channel: usize) -> Option<u64> {
+        let compare = self.ccr[channel].active;
+        let below = self.references[channel] == (self.mode(channel) == 0b110);
+        let edge = if below {
+            (compare <= self.counter.reload.active).then(|| self.next_match(channel))
+        } else {
+            (compare > 0).then(|| self.counter.compare_after(0, self.seen))
         };
-        let matches = (0..self.kind.channels).filter(moves);
-        let soonest = matches.map(|channel| self.next_match(channel)).min()?;
-        Some(self.time_of_event(soonest))
+        let load = self
+            .has_pending_load()
+            .then(|| self.counter.update_after(self.seen));
+        edge.into_iter().chain(load).min()
+    }
+
+    /// Gives the outputs in a PWM mode their levels at a tick from the counter's origin.
+    fn modulate(&mut self, tick: u64) {
+        // Most timers have none.
+        if !self.modulates {
+            return;
+        }
+        for channel in 0..self.kind.channels {
+            if self.is_modulated(channel) {
+                self.references[channel] = self.modulated(channel, tick);
+            }
+        }
     }
 
     /// The tick of the next match of a channel.
@@ -283,7 +444,6 @@ impl Tim {
                 _ if self.is_input(channel) => {}
                 0b100 => self.references[channel] = false,
                 0b101 => self.references[channel] = true,
-                0b110.. if bit(self.ccer, 4 * channel as u32) => self.notes.note("CCMR: PWM moves no pin"),
                 _ => {}
             }
         }
@@ -333,6 +493,7 @@ impl Tim {
     fn generate(&mut self, value: u32, now: u64) {
         let value = value & self.kind.egr;
         self.sr |= value & !UPDATE;
+        self.request(value & !UPDATE);
         if value & BREAK != 0 {
             self.bdtr &= !MOE;
         }
@@ -344,6 +505,7 @@ impl Tim {
             self.ccr.iter_mut().for_each(BufferedRegister::load);
             if self.cr1 & URS == 0 {
                 self.sr |= UPDATE;
+                self.request(UPDATE);
             }
             // MMS reset and update.
             self.trigger_now |= matches!(field(self.cr2, 4, 3), 0b000 | 0b010);
@@ -370,14 +532,17 @@ impl Tim {
     fn fill_in(&mut self, to: u64) {
         if self.cr1 & UDIS == 0 && self.counter.update_after(self.seen) <= to {
             self.sr |= UPDATE;
+            self.request(UPDATE);
         }
         for channel in 0..self.kind.channels {
             if !self.is_input(channel) && self.next_match(channel) <= to {
                 self.sr |= 2 << channel;
+                self.request(2 << channel);
                 self.references[channel] = self.matched(channel);
             }
         }
         self.seen = to;
+        self.modulate(to);
     }
 
     /// BDTR.LOCK (section 17.4.18): 0 to 3.
@@ -414,11 +579,15 @@ impl Tim {
     fn write_ccer(&mut self, value: u32) {
         let locked = if self.lock() >= 2 { POLARITIES } else { 0 };
         self.ccer = (self.ccer & locked) | (value & self.kind.ccer & !locked);
-        let outputs = (0..self.kind.channels).filter(|channel| !self.is_input(*channel));
-        let on = outputs.fold(0, |on, channel| on | self.ccer & (0b101 << (4 * channel)));
         self.force_outputs();
+        self.note_dead_time();
+    }
+
+    /// DTG delays the rising edges of a pair of outputs.
+    fn note_dead_time(&mut self) {
+        let pairs = (0..self.kind.channels).any(|channel| field(self.ccer, 4 * channel as u32, 4) & 5 == 5);
         self.notes
-            .note_if(on & 0x4444 != 0, "CCER: complementary outputs move no pin");
+            .note_if(pairs && field(self.bdtr, 0, 8) != 0, DEAD_TIME);
     }
 
     /// LOCK can be written once after a reset, and protects more with each level.
@@ -426,6 +595,7 @@ impl Tim {
         // LOCK, DTG, BKE, BKP and AOE; and from level 2 on OSSI and OSSR.
         let locked = [0, 0x73ff, 0x7fff, 0x7fff][self.lock() as usize];
         self.bdtr = (self.bdtr & locked) | (value & self.kind.bdtr & !locked);
+        self.note_dead_time();
     }
 }
 
@@ -494,11 +664,14 @@ impl Peripheral for Tim {
             0x04 => self.write_cr2(value),
             0x08 => {
                 self.smcr = value & self.kind.smcr;
-                let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
-                let other = value & 0x4000 != 0 || (value & 7 != 0 && !started);
-                self.notes.note_if(other, SLAVE_MODES);
+                let (mode, trigger) = (self.slave_mode(), field(value, 4, 3));
+                let modelled = matches!(mode, 0 | RESTARTS | STARTS) && (mode == 0 || trigger != 0b111);
+                self.notes.note_if(value & 0x4000 != 0 || !modelled, SLAVE_MODES);
             }
-            0x0c => self.dier = value & self.kind.dier,
+            0x0c => {
+                self.dier = value & self.kind.dier;
+                self.requests &= self.dier;
+            }
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
             0x10 => self.sr &= value,
             0x14 => self.generate(value, now),
@@ -529,6 +702,11 @@ impl Peripheral for Tim {
             0x44 => self.write_bdtr(value),
             0x50 => self.or = value & self.kind.or,
             _ => return Err(NoRegister),
+        }
+        self.modulates = (0..self.kind.channels).any(|channel| self.is_modulated(channel));
+        if self.modulates {
+            let tick = self.counter.ticks(now);
+            self.modulate(tick);
         }
         self.notes.note_bits(&UNMODELLED, offset, value);
         let interrupts = self.or == BY_CRYSTAL && self.dier & 2 != 0;
@@ -849,6 +1027,112 @@ mod tests {
         assert!(!tim.edge_interrupts(0, true), "the line is up already");
     }
 
+    /// The edges of the first output: times in ns and levels.
+    fn edges(tim: &mut Tim, count: usize) -> Vec<(u64, Option<bool>)> {
+        let next = |tim: &mut Tim| {
+            let at = tim.next_output()?;
+            tim.advance(at);
+            Some((at, tim.output(0)))
+        };
+        (0..count).map_while(|_| next(tim)).collect()
+    }
+
+    /// 10 us, with a preloaded compare value.
+    fn modulated(mode: u32, compare: u32) -> Tim {
+        let mut tim = at_100_khz();
+        tim.put(
+            0,
+            [(CCR1, compare), (CCMR1, mode << 4 | 1 << 3), (EGR, 1), (CCER, 1)],
+        );
+        tim
+    }
+
+    #[test]
+    fn a_pwm_output_is_high_below_its_compare_value_or_above_it() {
+        let (high, low) = (Some(true), Some(false));
+        let mut one = modulated(0b110, 210);
+        assert_eq!(one.output(0), high);
+        assert_eq!(
+            edges(&mut one, 4),
+            [(2_500, low), (10_000, high), (12_500, low), (20_000, high)]
+        );
+        let mut two = modulated(0b111, 210);
+        assert_eq!(
+            (two.output(0), edges(&mut two, 2)),
+            (low, vec![(2_500, high), (10_000, low)])
+        );
+        for (compare, level) in [(0, low), (840, high)] {
+            let mut still = modulated(0b110, compare);
+            assert_eq!((still.output(0), edges(&mut still, 1)), (level, vec![]));
+        }
+    }
+
+    #[test]
+    fn a_preloaded_compare_value_counts_from_the_next_period_on() {
+        let (high, low) = (Some(true), Some(false));
+        let mut tim = modulated(0b110, 210);
+        tim.put(1_000, [(CCR1, 420)]);
+        assert_eq!(edges(&mut tim, 3), [(2_500, low), (10_000, high), (15_000, low)]);
+        tim.put(16_000, [(CCR1, 0)]);
+        // At the update it looks again, and stays low.
+        assert_eq!(edges(&mut tim, 2), [(20_000, low)]);
+    }
+
+    #[test]
+    fn a_complementary_output_is_the_opposite_or_stands_alone_and_needs_moe() {
+        let mut tim = Tim::new(TimerKind::ADVANCED, 84_000_000);
+        tim.put(0, [(CCMR1, 0b101 << 4), (CCER, 0b101)]);
+        assert_eq!((tim.output(0), tim.complement(0)), (None, None));
+        tim.put(0, [(0x44, MOE)]);
+        assert_eq!((tim.output(0), tim.complement(0)), (Some(true), Some(false)));
+        tim.put(0, [(CCER, 0b100)]);
+        assert_eq!((tim.output(0), tim.complement(0)), (None, Some(true)));
+        tim.put(0, [(CCER, 0b1100)]);
+        assert_eq!(tim.complement(0), Some(false), "CC1NP");
+    }
+
+    /// PWM input (section 18.3.7): TI1 restarts the counter, and both its edges are captured.
+    #[test]
+    fn a_timer_restarted_by_its_input_measures_period_and_width() {
+        let mut tim = Tim::new(TimerKind::GENERAL, 84_000_000);
+        tim.put(
+            0,
+            [
+                (CCMR1, 0b10 << 8 | 0b01),
+                (CCER, 0b0011_0001),
+                (SMCR, 0b101 << 4 | RESTARTS),
+                (CR1, CEN),
+            ],
+        );
+        for (at, rising) in [(5_000, true), (8_000, false), (15_000, true), (18_000, false)] {
+            tim.edge(0, rising, at);
+        }
+        assert_eq!((tim.get(CCR1, 18_000), tim.get(CCR1 + 4, 18_000)), (840, 252));
+        assert_eq!(tim.get(CNT, 20_000), 420, "since 15 us");
+        assert_eq!(tim.get(SR, 20_000) & TRIGGER, TRIGGER);
+        assert_eq!(tim.notes.iter().count(), 0);
+    }
+
+    #[test]
+    fn updates_matches_and_captures_ask_the_dma_until_they_are_served() {
+        let mut tim = at_100_khz();
+        tim.put(0, [(CCR1, 210), (DIER, 0b11 << 8)]);
+        assert_eq!(tim.next_request(), Some(2_500));
+        tim.advance(2_500);
+        assert_eq!((tim.requests(), tim.next_request()), (2, Some(10_000)));
+        tim.advance(10_000);
+        assert_eq!(tim.requests(), 3);
+        tim.served(2);
+        assert_eq!(tim.requests(), 1);
+        let mut tim = capturing(1);
+        tim.edge(0, true, 1_000);
+        assert_eq!(tim.requests(), 0);
+        tim.put(0, [(DIER, 2 << 8)]);
+        assert!(tim.edge_interrupts(0, true), "a stream may interrupt");
+        tim.edge(0, true, 2_000);
+        assert_eq!(tim.requests(), 2);
+    }
+
     #[test]
     fn a_timer_in_trigger_mode_starts_with_its_master_and_only_then() {
         let mut tim2 = Tim::new(TimerKind::GENERAL_32, 84_000_000);
@@ -869,8 +1153,8 @@ mod tests {
         assert_eq!(tim.write(0x48, 0, 0), Err(NoRegister));
         let mut pwm = Tim::new(TimerKind::ADVANCED, 84_000_000);
         pwm.put(0, [(CCMR1, 0b110 << 4), (CCER, 0b101)]);
-        let notes: Vec<_> = pwm.notes.iter().collect();
-        assert_eq!(notes[0], "CCER: complementary outputs move no pin");
-        assert_eq!(notes[1..], ["CCMR: PWM moves no pin"]);
+        assert_eq!(pwm.notes.iter().count(), 0);
+        pwm.put(0, [(0x44, 10)]);
+        assert_eq!(pwm.notes.iter().collect::<Vec<_>>(), [DEAD_TIME]);
     }
 }

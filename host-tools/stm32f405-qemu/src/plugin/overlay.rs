@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::Sender;
@@ -85,11 +86,17 @@ impl Overlay {
             // Kept for the life of QEMU: its callbacks point there.
             Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
         });
+        let devices = (!run.devices.is_empty()).then(|| {
+            let reached = UnixStream::connect(folder.join(exchange::DEVICES));
+            reached.map_err(|e| odd(folder, exchange::DEVICES, e.to_string()))
+        });
         let (stops, steps) = description.live.then(Stops::new).unzip();
+        let mut recorder = RunRecorder::new(folder, blocks, stops)?;
+        recorder.devices = devices.transpose()?;
         Ok(Self {
             machine: Machine::new(whole),
             folder: folder.into(),
-            recorder: RunRecorder::new(folder, blocks, stops)?,
+            recorder,
             steps,
             pokes: pokes.into(),
             faults,

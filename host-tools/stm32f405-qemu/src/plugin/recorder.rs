@@ -1,12 +1,14 @@
 //! Recorder of the machine's output while it runs.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufReader, BufWriter, Write};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 
 use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
 use super::stops::Stops;
+use crate::device::{BusAnswer, BusCall};
 use crate::exchange::{self, Reached};
 use crate::machine::{Exterior, USARTS};
 use crate::memory::{CCM, SRAM};
@@ -41,6 +43,8 @@ pub(super) struct RunRecorder {
     pub(super) stops: Option<Stops>,
     /// Only where instructions are counted.
     pub(super) blocks: Option<Blocks>,
+    /// The host's devices, if it has any.
+    pub(super) devices: Option<UnixStream>,
     /// Original contents of overwritten flash.
     flash_before: Vec<(u32, Vec<u8>)>,
 }
@@ -65,6 +69,7 @@ impl RunRecorder {
             },
             stops,
             blocks,
+            devices: None,
             flash_before: Vec::new(),
         })
     }
@@ -157,6 +162,18 @@ impl Exterior for Outside<'_> {
         let file = &mut recorder.sent[usart];
         written(file.write_all(&at));
         written(file.write_all(&data));
+    }
+
+    fn ask(&mut self, call: BusCall) -> BusAnswer {
+        let Some(devices) = &self.1.devices else {
+            return BusAnswer::default();
+        };
+        let answer = exchange::write_message(&mut BufWriter::new(devices), &call, &[])
+            .and_then(|()| exchange::read_message(&mut BufReader::new(devices)));
+        match answer {
+            Ok((answer, _)) => answer,
+            Err(error) => qemu::exit(1, &format!("a device does not answer: {error}")),
+        }
     }
 
     fn acquired(&mut self, scans: u64) {

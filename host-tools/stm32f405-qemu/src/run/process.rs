@@ -8,10 +8,12 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use super::devices::DeviceServer;
 use super::error::{RunError, io};
 use super::folder::RunFolder;
 use super::overlay::{self, OverlayFile};
 use super::qemu::{FoundQemu, cannot_run, wanted_version};
+use crate::device::Devices;
 use crate::ending::{CodeAddress, RunEnd};
 use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, TimeStep};
 use crate::outcome::Outcome;
@@ -24,6 +26,7 @@ pub(super) struct QemuJob {
     /// They come after the usual ones.
     pub(super) arguments: Vec<OsString>,
     pub(super) shift: u8,
+    pub(super) devices: Devices,
 }
 
 impl QemuJob {
@@ -34,7 +37,14 @@ impl QemuJob {
     /// QEMU or the overlay fails, or the run takes longer than `limit`.
     pub(super) fn run(&self, limit: Option<Duration>) -> Result<Outcome, RunError> {
         let version = self.qemu.plugin_version();
-        let ended = |version| self.end(self.start(version, Stdio::null())?, limit);
+        let ended = |version| {
+            let (child, server) = self.start(version, Stdio::null())?;
+            let ended = self.end(child, limit);
+            if let Some(_server) = server {
+                DeviceServer::finish(_server)
+            }
+            ended
+        };
         let mut first = ended(version)?;
         if let Some(other) = first.other_version(version) {
             first = ended(other)?;
@@ -50,7 +60,8 @@ impl QemuJob {
         let mut version = self.qemu.plugin_version();
         let mut first = true;
         loop {
-            let mut running = QemuProcess::of(self.start(version, Stdio::piped())?);
+            let (child, server) = self.start(version, Stdio::piped())?;
+            let mut running = QemuProcess::of(child, server);
             if let Some(report) = running.next_stop(limit) {
                 return Ok((running, report));
             }
@@ -62,8 +73,9 @@ impl QemuJob {
         }
     }
 
-    fn start(&self, version: i32, stdout: Stdio) -> Result<Child, RunError> {
+    fn start(&self, version: i32, stdout: Stdio) -> Result<(Child, Option<DeviceServer>), RunError> {
         let folder = &self.folder;
+        let server = DeviceServer::start(&self.devices, folder.path(exchange::DEVICES))?;
         let plugin = folder.write("overlay.so", &overlay::with_version(&self.overlay, version)?)?;
         let stderr =
             File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
@@ -86,7 +98,7 @@ impl QemuJob {
             .stderr(stderr)
             .spawn()
             .map_err(|error| cannot_run(program, &error))?;
-        Ok(child)
+        Ok((child, server))
     }
 
     /// Waits until QEMU ends. At the limit it is asked for its report.
@@ -104,6 +116,8 @@ impl QemuJob {
 /// A QEMU that runs live. It ends when this is dropped.
 pub(super) struct QemuProcess {
     child: Option<Child>,
+    /// It ends after the child.
+    _server: Option<DeviceServer>,
     reports: Receiver<StopReport>,
 }
 
@@ -111,7 +125,7 @@ pub(super) struct QemuProcess {
 pub(super) type StopReport = (Reached, Vec<u8>);
 
 impl QemuProcess {
-    fn of(mut child: Child) -> Self {
+    fn of(mut child: Child, server: Option<DeviceServer>) -> Self {
         let (sender, reports) = channel();
         let stdout = child.stdout.take();
         std::thread::spawn(move || {
@@ -122,6 +136,7 @@ impl QemuProcess {
         });
         Self {
             child: Some(child),
+            _server: server,
             reports,
         }
     }

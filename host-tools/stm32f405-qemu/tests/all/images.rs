@@ -11,8 +11,8 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
-    AnalogInput, AnalogWire, Fault, FaultKind, Outcome, PinInput, Poke, ResetCause, Run, RunEnd, RunError,
-    Since, UartInput,
+    AnalogInput, AnalogWire, Device, Fault, FaultKind, Inputs, Outcome, PinInput, Poke, ResetCause, Run,
+    RunEnd, RunError, Since, SpiFrame, UartInput,
 };
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
@@ -23,7 +23,8 @@ fn image(name: &str) -> PathBuf {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let target = "thumbv7em-none-eabihf";
         // The others would miss the vectors that embassy's device brings.
-        let embassy = ["default-time-driver", "ports", "converters"].map(|name| ["--bin", name]);
+        let embassy =
+            ["default-time-driver", "ports", "converters", "clocks", "buses"].map(|name| ["--bin", name]);
         let embassy = [&["--features", "embassy"], embassy.as_flattened()].concat();
         for what in [&["--bins"][..], &embassy] {
             let mut cargo = Command::new(env!("CARGO"));
@@ -175,8 +176,22 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
     assert_eq!(lines[2], "ADC2 reads 444 at PC4");
     assert_eq!(lines[3..], ["ADC3 reads [111, 222, 111, 222]"]);
     assert_eq!(outcome.unknown_registers, []);
-    let outputs = "TIM1 CCER: complementary outputs move no pin".to_owned();
-    assert!(outcome.unmodelled.contains(&outputs), "{:?}", outcome.unmodelled);
+    let dead_time = "TIM1 BDTR.DTG: dead time is not modelled: both outputs move at once".to_owned();
+    assert!(
+        outcome.unmodelled.contains(&dead_time),
+        "{:?}",
+        outcome.unmodelled
+    );
+    // 10 kHz, nearly from the beginning on: both pins move twice in a period of 100 us.
+    let periods = outcome.virtual_ns / 100_000;
+    for name in ["PA7", "PA8"] {
+        let pin = outcome.pins.iter().find(|pin| pin.name == name).unwrap();
+        assert!(
+            pin.edges.abs_diff(2 * periods) < 8,
+            "{name}: {} in {periods} periods",
+            pin.edges
+        );
+    }
 }
 
 #[test]
@@ -232,11 +247,227 @@ fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
     let error = result(&run_of("polls")).unwrap_err();
     let said = error.to_string();
     assert!(matches!(error, RunError::Stuck(_)), "{said}");
-    assert!(said.contains("wait_for_number"), "{said}");
-    assert!(said.contains("busy with RNG_SR"), "{said}");
+    assert!(said.contains("wait_for_controller"), "{said}");
+    assert!(said.contains("busy with CAN1_MSR"), "{said}");
     let outcome = error.outcome().unwrap();
-    assert_eq!(lines(outcome), ["waiting for a random number"]);
-    assert_eq!(outcome.end, RunEnd::Stuck("RNG_SR".into()));
+    assert_eq!(lines(outcome), ["waiting for the controller"]);
+    assert_eq!(outcome.end, RunEnd::Stuck("CAN1_MSR".into()));
+}
+
+#[test]
+fn random_numbers_a_checksum_the_calendar_and_the_window_watchdog_work_by_embassys_drivers() {
+    let mut run = run_of("clocks");
+    run.sampling_deadline_ns = 10_000_000_000;
+    let [outcome, again] = [(); 2].map(|()| passed(&run));
+    let said = lines(&outcome);
+    assert_eq!(said[0], "random: different true");
+    // CRC-32/MPEG-2 of "12345678", by another program.
+    assert_eq!(said[2], "checksum 0x49e3c2fb");
+    assert_eq!(said[3..5], ["3-1 0:0:0", "fed"]);
+    // 127 ms after the feeds began. Seconds go on over the reset.
+    assert_eq!(said[5..], ["again at 2026-3-1 0:0:0, window watchdog 1"]);
+    // The last feed is the twentieth, 6 ms after the one before, and it lasts 10 ms: 103 counts of 97.5 us.
+    let causes: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(causes, [ResetCause::WindowWatchdog]);
+    assert_eq!((&outcome.rtt, &outcome.resets), (&again.rtt, &again.resets));
+    let mut other = run;
+    other.random_seed = 1;
+    assert_ne!(lines(&passed(&other))[1], said[1], "another seed");
+}
+
+/// Eight registers behind a pointer.
+struct Sensor {
+    registers: [u8; 8],
+    pointer: Option<u8>,
+}
+
+impl Device for Sensor {
+    fn start(&mut self, read: bool, _at_ns: u64) -> bool {
+        self.pointer = self.pointer.filter(|_| read);
+        true
+    }
+
+    fn write(&mut self, byte: u8, _at_ns: u64) -> bool {
+        match self.pointer {
+            None => self.pointer = Some(byte),
+            Some(at) => {
+                self.registers[usize::from(at) % 8] = byte;
+                self.pointer = Some(at + 1);
+            }
+        }
+        true
+    }
+
+    fn read(&mut self, _at_ns: u64) -> u8 {
+        let at = self.pointer.unwrap_or(0);
+        self.pointer = Some(at + 1);
+        self.registers[usize::from(at) % 8]
+    }
+}
+
+/// A flash memory: its identity, and at each address its number.
+#[derive(Default)]
+struct Memory {
+    command: Vec<u16>,
+    commands: Vec<Vec<u16>>,
+    last: Option<SpiFrame>,
+}
+
+impl Device for Memory {
+    fn select(&mut self, selected: bool, _at_ns: u64) {
+        if !selected {
+            self.commands.push(std::mem::take(&mut self.command));
+        }
+    }
+
+    fn exchange(&mut self, frame: SpiFrame, _at_ns: u64) -> u16 {
+        self.last = Some(frame);
+        self.command.push(frame.word);
+        let n = self.command.len();
+        match self.command[..] {
+            [0x9f, ..] => [0xff, 0xef, 0x40, 0x18][(n - 1).min(3)],
+            [0x03, _, _, low, ..] if n > 4 => low + n as u16 - 5,
+            _ => 0xff,
+        }
+    }
+}
+
+#[test]
+fn a_sensor_and_a_memory_of_the_test_answer_embassys_drivers() {
+    let outcomes = [(); 2].map(|()| {
+        let mut run = run_of("buses");
+        let sensor = Sensor {
+            registers: [10, 11, 12, 13, 14, 15, 16, 17],
+            pointer: None,
+        };
+        let sensor = run.devices.on_i2c("I2C1", 0x48, sensor);
+        let memory = run.devices.on_spi("SPI1", "PA4", Memory::default());
+        let outcome = passed(&run);
+        assert_eq!(sensor.lock().unwrap().registers[6..], [60, 61]);
+        let memory = memory.lock().unwrap();
+        assert_eq!(memory.commands[1].len(), 36);
+        let last = memory.last.unwrap();
+        assert_eq!(
+            (last.word, last.bits, last.mode, last.hz),
+            (0x1234, 16, 0, 1_000_000)
+        );
+        outcome
+    });
+    let said = lines(&outcomes[0]);
+    assert_eq!(
+        said,
+        [
+            "blocking [10, 11, 12, 13]",
+            "by DMA [14, 15, 60, 61]",
+            "one byte [61]",
+            "nobody there: true true",
+            "identity [0xef, 0x40, 0x18]",
+            "page [16, 17, 18, 19]",
+        ]
+    );
+    let mut live = run_of("buses");
+    let thermometer = live.devices.on_i2c("I2C1", 0x48, Memory::default());
+    let mut live = live.start().unwrap();
+    let passed = live.advance(5_000_000, Inputs::default()).unwrap();
+    assert_eq!(passed.log[0].text, "blocking [255, 255, 255, 255]");
+    live.finish().unwrap();
+    assert_eq!(thermometer.lock().unwrap().commands.len(), 0);
+
+    assert_eq!(outcomes[0].rtt, outcomes[1].rtt);
+    assert_eq!(outcomes[0].virtual_ns, outcomes[1].virtual_ns);
+    assert_eq!(outcomes[0].unknown_registers, []);
+    let unmodelled: Vec<_> = outcomes[0]
+        .unmodelled
+        .iter()
+        .filter(|what| what.contains("C1"))
+        .collect();
+    assert_eq!(unmodelled, [""; 0]);
+}
+
+#[test]
+fn a_device_at_a_place_that_the_part_lacks_is_refused_and_one_that_panics_fails_its_test() {
+    type Place = fn(&mut Run);
+    let places: [(Place, &str); 5] = [
+        (
+            |run| drop(run.devices.on_i2c("I2C4", 0x48, Memory::default())),
+            "give one of I2C1, I2C2, I2C3",
+        ),
+        (
+            |run| drop(run.devices.on_spi("I2C1", "PA4", Memory::default())),
+            "give one of SPI1",
+        ),
+        (
+            |run| drop(run.devices.on_i2c("I2C1", 0x90, Memory::default())),
+            "0x08 to 0x77",
+        ),
+        (
+            |run| drop(run.devices.on_spi("SPI1", "PX4", Memory::default())),
+            "no pin",
+        ),
+        (
+            |run| {
+                run.devices.on_i2c("I2C1", 0x48, Memory::default());
+                run.devices.on_i2c("I2C1", 0x48, Memory::default());
+            },
+            "two devices",
+        ),
+    ];
+    for (place, why) in places {
+        let mut run = run_of("buses");
+        place(&mut run);
+        let refused = run.execute().unwrap_err().to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
+
+    struct Broken;
+    impl Device for Broken {
+        fn start(&mut self, _read: bool, _at_ns: u64) -> bool {
+            panic!("the sensor is broken")
+        }
+    }
+    let mut run = run_of("buses");
+    run.devices.on_i2c("I2C1", 0x48, Broken);
+    let panic = std::panic::catch_unwind(|| run.execute()).unwrap_err();
+    assert_eq!(panic.downcast_ref(), Some(&"the sensor is broken"));
+}
+
+/// The example of the README, for three images: each takes what is for it.
+#[test]
+fn the_scenario_of_the_readme_reaches_images_and_what_never_came_is_said() {
+    let readme = include_str!("../../README.md");
+    let (_, example) = readme.split_once("```toml\n").unwrap();
+    let (example, _) = example.split_once("```").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("example.toml");
+    std::fs::write(&path, example).unwrap();
+    std::fs::write(folder.path().join("level.csv"), "t,x\n0,1\n0.010,4.44\n").unwrap();
+    let option = ["--scenario", path.to_str().unwrap()];
+    let run = |image: &str| {
+        let (status, said) = program(image, &option);
+        assert_eq!(status, Some(0), "{image}: {said}");
+        said
+    };
+    let said = run("ports");
+    assert!(
+        said.contains("4 bytes from USART3") && said.contains("over a wire"),
+        "{said}"
+    );
+    assert!(
+        said.contains("fault PowerCut at 1.500000 s"),
+        "what never came: {said}"
+    );
+    let said = run("converters");
+    assert!(said.contains("ADC2 reads 444 at PC4"), "{said}");
+    assert!(said.contains("the waveform at PC4 ended at 0.020000 s"), "{said}");
+    let said = run("buttons");
+    let presses = said.matches("pressed true").count() + said.matches("pressed false").count();
+    assert_eq!(presses, 4, "{said}");
+
+    std::fs::write(&path, example.replace("PC13", "PX13")).unwrap();
+    let (status, said) = program("buttons", &option);
+    assert_eq!(status, Some(2), "{said}");
+    let place = format!("{}:18:7: there is no pin \"PX13\"", path.display());
+    assert!(said.contains(&place), "{said}");
 }
 
 /// The program, run on an image: its exit status and what it said.
@@ -279,12 +510,12 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
             "polls",
             &["--strict", "--until", "waiting"],
             6,
-            "the image accessed RNG_CR and 1 more",
+            "the image accessed CAN1_MCR and 1 more",
         ),
         ("panics", &[], 1, "the answer is 42"),
         ("faults", &[], 4, faulted),
         ("locks-up", &[], 4, "the processor locked up at"),
-        ("polls", &[], 5, "busy with RNG_SR"),
+        ("polls", &[], 5, "busy with CAN1_MSR"),
         ("semihosts", &["--semihosting"], 1, "hello, host"),
         ("polls", &["--nonsense"], 2, "Usage"),
         ("no-such-image", &[], 3, "cannot read the firmware image"),

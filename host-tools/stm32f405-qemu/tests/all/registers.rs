@@ -68,6 +68,10 @@ const RESETS: &[Deviation] = &[
     ("RCC_CSR", 1 << 28),
     // The factory's option bytes, 0x0fffaaed (section 3.9.6).
     ("FLASH_OPTCR", u32::MAX),
+    // Counts down from PREDIV_S, which is 255 (section 26.6.11).
+    ("RTC_SSR", 0xff),
+    // 0 (section 26.6.15).
+    ("RTC_TSDR", 0x2101),
     // Revision Z of DEV_ID 0x413 (section 38.6.1).
     ("DBGMCU_IDCODE", u32::MAX),
 ];
@@ -112,6 +116,24 @@ const BITS: &[Deviation] = &[
     ("DAC_SR", 1 << 29 | 1 << 13),
     // Bits 31:8 are reserved (section 38.16.3).
     ("DBGMCU_CR", 0x001f_0000),
+    // A 0 clears (section 24.4.2).
+    ("RNG_SR", 0x60),
+    // Hardware sets EWIF, a 0 clears (section 22.6.3).
+    ("WWDG_SR", 1),
+    // Counts to come in: the unit makes a checksum of what is written (section 4.4.1).
+    ("CRC_DR", u32::MAX),
+    // Locked until PWR_CR.DBP is set and the keys are in WPR (section 26.3.3).
+    ("RTC_*", u32::MAX),
+    // START, STOP: hardware clears them, at once with PE clear (section 27.6.1).
+    ("I2C*_CR1", 0x300),
+    // Flags: hardware sets them, a 0 clears (section 27.6.6).
+    ("I2C*_SR1", 0xdf00),
+    // Two registers at one address (section 27.6.5).
+    ("I2C*_DR", 0xff),
+    // Two registers at one address (section 28.5.4).
+    ("SPI*_DR", 0xffff),
+    // Hardware sets it, a 0 clears (section 28.5.3).
+    ("SPI*_SR", 1 << 4),
     // DBG_RTC_STOP is missing in the description (section 38.16.4).
     ("DBGMCU_APB1_FZ", 1 << 10),
 ];

@@ -1,23 +1,22 @@
-//! Waits for a random number from a generator that the part does not have a model of.
+//! Waits for a CAN controller, which the emulator does not have a model of, to enter initialisation.
 #![no_std]
 #![no_main]
 
-use stm32f405_qemu_images::{RCC, modify, read, write};
+use stm32f405_qemu_images::{APB1ENR, modify, read, write};
 
-const AHB2ENR: usize = RCC + 0x34;
-const RNG_CR: usize = 0x5006_0800;
-const RNG_SR: usize = 0x5006_0804;
+const CAN1_MCR: usize = 0x4000_6400;
+const CAN1_MSR: usize = 0x4000_6404;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    modify(AHB2ENR, |on| on | 1 << 6);
-    write(RNG_CR, 1 << 2);
-    defmt::info!("waiting for a random number");
-    wait_for_number();
+    modify(APB1ENR, |on| on | 1 << 25);
+    write(CAN1_MCR, 1);
+    defmt::info!("waiting for the controller");
+    wait_for_controller();
     panic!("there is one");
 }
 
 #[inline(never)]
-fn wait_for_number() {
-    while read(RNG_SR) & 1 == 0 {}
+fn wait_for_controller() {
+    while read(CAN1_MSR) & 1 == 0 {}
 }

@@ -1,11 +1,12 @@
 //! The command line.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Parser;
 use regex::Regex;
-use stm32f405_qemu::{Run, RunError};
+use stm32f405_qemu::{Run, RunError, Scenario};
 
 const ABOUT: &str = "Runs the firmware image of an STM32F405 in QEMU: its log and its UARTs come while it runs, and \
                      the exit status says what came of it.";
@@ -15,6 +16,7 @@ Examples:
   stm32f405-run firmware.elf                                two seconds of the image's time
   stm32f405-run --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
   stm32f405-run --uart USART2=stdout firmware.elf           with the text of a UART
+  stm32f405-run --scenario button.toml firmware.elf         with levels, bytes and waveforms from a file
   stm32f405-run --uart USART1=pty firmware.elf              a terminal program can talk to it
   stm32f405-run --strict --junit report.xml firmware.elf    for CI
 
@@ -54,6 +56,10 @@ pub(crate) struct Arguments {
     /// found; fail if there is none.
     #[arg(long, value_name = "PATTERN")]
     pub(crate) until: Option<Regex>,
+    /// Give the part the inputs of a scenario: pins, buttons, UARTs, waveforms, wires, faults. The run then
+    /// lasts for the whole of --for.
+    #[arg(long, value_name = "FILE", value_parser = scenario)]
+    pub(crate) scenario: Option<Arc<Scenario>>,
     /// Fail if the image accesses a register that has no model.
     #[arg(long)]
     pub(crate) strict: bool,
@@ -134,10 +140,19 @@ impl Arguments {
         run.semihosting_arguments.clone_from(&self.words);
         run.record_pins = self.vcd.is_some();
         run.gdb = self.gdb;
+        if let Some(scenario) = &self.scenario {
+            scenario.apply(&mut run);
+        }
         // A byte that comes in by a UART may end a loop.
         run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);
         run
     }
+}
+
+fn scenario(path: &str) -> Result<Arc<Scenario>, String> {
+    Scenario::read(path)
+        .map(Arc::new)
+        .map_err(|error| error.to_string())
 }
 
 fn chip(name: &str) -> Result<String, String> {

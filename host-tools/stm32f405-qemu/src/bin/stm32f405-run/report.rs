@@ -116,6 +116,9 @@ fn tell(outcome: &Outcome, session: &Session, to: &mut impl Write) -> io::Result
     if !outcome.resets.is_empty() {
         writeln!(to, "{} resets", outcome.resets.len())?;
     }
+    for line in &session.ended_early {
+        writeln!(to, "{line}")?;
+    }
     if let Some(instructions) = &outcome.instructions {
         writeln!(to, "{} instructions", instructions.total)?;
         if let Some(block) = instructions.worst_block {

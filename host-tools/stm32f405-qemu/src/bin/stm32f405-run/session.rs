@@ -20,6 +20,8 @@ pub(crate) struct Session {
     pub(crate) took: Duration,
     /// Bytes that each USART sent.
     pub(crate) sent: Vec<(String, usize)>,
+    /// Waveforms of the scenario that were over before the run was.
+    pub(crate) ended_early: Vec<String>,
 }
 
 /// Runs an image.
@@ -41,6 +43,8 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
         lines.text(SEMIHOSTING, outcome.semihosting.as_bytes(), Some(String::new()));
     }
     lines.finish();
+    let scenario = arguments.scenario.as_ref().zip(result.as_ref().ok());
+    let ended_early = scenario.map_or_else(Vec::new, |(scenario, outcome)| scenario.ended_early(outcome));
     Ok(Session {
         result,
         until: arguments
@@ -49,6 +53,7 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
             .map(|until| (until.to_string(), lines.found)),
         closed: lines.closed,
         took: began.elapsed(),
+        ended_early,
         sent: std::mem::take(&mut lines.sent).into_iter().collect(),
     })
 }
@@ -88,6 +93,7 @@ fn through(
         // An image that samples ends after the stimulus.
         ends_at = passed
             .codes_until_ns
+            .filter(|_| arguments.scenario.is_none())
             .map_or(deadline, |until| until.saturating_add(tail_ns));
         if limited && began.elapsed() > arguments.timeout {
             let outcome = live.finish()?;

@@ -114,7 +114,12 @@ impl Counter {
     }
 
     pub(super) fn count(&self, now: u64) -> u32 {
-        let (ticks, first) = (self.ticks(now), self.first_overflow());
+        self.count_at(self.ticks(now))
+    }
+
+    /// The counter at a tick from the origin.
+    pub(super) fn count_at(&self, ticks: u64) -> u32 {
+        let first = self.first_overflow();
         let past = ticks.checked_sub(first).map(|past| past % self.period());
         past.unwrap_or(u64::from(self.count) + ticks) as u32
     }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stm32f405_qemu::machine::{Exterior, Machine};
-use stm32f405_qemu::{Outcome, Run};
+use stm32f405_qemu::{BusAnswer, BusCall, Devices, Outcome, Run};
 
 pub(crate) const GPIOA: u32 = 0x4002_0000;
 pub(crate) const GPIOB: u32 = 0x4002_0400;
@@ -50,6 +50,7 @@ pub(crate) struct TestBoard {
     pub(crate) resets_wanted: usize,
     pub(crate) flash_changes: Vec<(u32, Vec<u8>)>,
     pub(crate) stalled: bool,
+    pub(crate) devices: Devices,
 }
 
 impl TestBoard {
@@ -98,6 +99,10 @@ impl Exterior for TestBoard {
         self.frames.push((usart, data));
     }
 
+    fn ask(&mut self, call: BusCall) -> BusAnswer {
+        self.devices.answer(call)
+    }
+
     fn acquired(&mut self, scans: u64) {
         self.blocks.push(scans);
     }
@@ -122,9 +127,13 @@ impl MachineBench {
     pub(crate) fn with(change: impl FnOnce(&mut Run)) -> Self {
         let mut run = Run::new("none");
         change(&mut run);
+        let devices = run.devices.clone();
         let mut bench = Self {
             machine: Machine::new(run),
-            board: TestBoard::new(),
+            board: TestBoard {
+                devices,
+                ..TestBoard::new()
+            },
             wakes: 0,
         };
         // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; all clocks on.

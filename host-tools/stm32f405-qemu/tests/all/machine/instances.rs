@@ -315,13 +315,13 @@ fn the_sensors_of_the_part_belong_to_the_first_converter_alone_and_follow_the_su
 #[test]
 fn a_stream_that_waits_for_a_request_that_no_model_makes_is_noted_by_its_name() {
     let mut bench = bench();
-    for (dma, number, channel) in [(DMA1, 5, 3), (DMA1, 0, 0), (DMA1, 5, 4)] {
+    for (dma, number, channel) in [(DMA2, 6, 4), (DMA2, 3, 4), (DMA1, 5, 4)] {
         let at = stream(dma, number);
         bench.set(at, [(0x00, 0), (0x04, 8), (0x00, channel << 25 | 1)]);
     }
     let expected = [
-        "DMA1 S0CR: the stream waits for SPI3_RX, which no model requests",
-        "DMA1 S5CR: the stream waits for TIM2_CH1, which no model requests",
+        "DMA2 S3CR: the stream waits for SDIO, which no model requests",
+        "DMA2 S6CR: the stream waits for SDIO, which no model requests",
     ];
     assert_eq!(bench.outcome().unmodelled, expected);
 }
