@@ -46,8 +46,8 @@ impl Problem<'_> {
         let mut bounds = variables.bounds.clone();
         let bounded = self.search.aim == Aim::Worst && self.speeds.len() > 1;
         if bounded {
-            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what it
-            // is to make small is no start.
+            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what
+            // it is to make small is no start.
             first.push(start.value.min(1.0));
             let most = if self.search.objective == Objective::Remaining {
                 1.0

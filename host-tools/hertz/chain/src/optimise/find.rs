@@ -4,10 +4,11 @@ use std::cell::Cell;
 
 use serde::Serialize;
 
+use super::error::OptimiseError;
 use super::objective::Objective;
 use super::problem::{Problem, SearchObserver, TriedDesign};
 use super::remaining::Remaining;
-use super::search::{OptimiseError, Search};
+use super::search::Search;
 use crate::ensemble::Prefixes;
 use crate::scenario::{Intruder, MOST_BEADS, Scenario};
 use crate::simulate::Accuracy;
@@ -64,8 +65,9 @@ const IN_VAIN: usize = 3;
 /// Least gain of a useful descent, in the share.
 const GAINED: f64 = 1e-6;
 
-/// Finds the intruders with the least value of the search's objective. The scenario's own are left out. `watch` hears how far
-/// the search has come and may stop it. The same input gives the same result, on any number of processors.
+/// Finds the intruders with the least value of the search's objective. The scenario's own are left out.
+/// `watch` hears how far the search has come and may stop it. The same input gives the same result, on any
+/// number of processors.
 ///
 /// The result is a local optimum, the best of several descents. Nothing proves that there is no better one.
 /// Designs are compared with [`ensemble`](crate::ensemble()), and the result is run again at

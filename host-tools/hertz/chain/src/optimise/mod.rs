@@ -17,14 +17,16 @@
 //! 3e-5 of a derivative. A descent is Kraft's SLSQP, restarted at its end until that gains nothing.
 
 mod descent;
+mod error;
 mod find;
 mod objective;
 mod problem;
 mod remaining;
 mod search;
 
+pub use error::OptimiseError;
 pub use find::{Optimum, optimise};
 pub use objective::Objective;
 pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
-pub use search::{Aim, OptimiseError, Search};
+pub use search::{Aim, Search};

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
+use super::error::OptimiseError;
 use super::remaining::{given, struck_at};
-use super::search::OptimiseError;
 use crate::ensemble::{EnsembleOutcome, single};
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};

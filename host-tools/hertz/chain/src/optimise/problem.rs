@@ -88,7 +88,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Returns the objective's value for a scenario at each speed, at the reference accuracy, in its own unit.
+    /// Returns the objective's value for a scenario at each speed, at the reference accuracy, in its own
+    /// unit.
     pub(super) fn values(&self, scenario: &Scenario) -> Result<Vec<f64>, SimulateError> {
         let objective = self.search.objective;
         let strikes = self.speeds.par_iter();

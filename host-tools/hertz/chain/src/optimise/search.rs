@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
 use crate::model::Model;
@@ -23,8 +24,8 @@ pub struct Search {
     pub stiffness: [f64; 2],
     /// Least and greatest damping, N·s/m.
     pub damping: [f64; 2],
-    /// Loss factor η = c / √(k m) of all intruders: it ties the damping to mass and stiffness, as one material
-    /// for all springs does. [`Search::damping`] counts for nothing then.
+    /// Loss factor η = c / √(k m) of all intruders: it ties the damping to mass and stiffness, as one
+    /// material for all springs does. [`Search::damping`] counts for nothing then.
     pub loss_factor: Option<f64>,
     /// The quantity of each strike to be made small.
     pub objective: Objective,
@@ -205,25 +206,8 @@ impl Search {
     }
 }
 
-/// Why there is no optimum.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OptimiseError {
-    /// A scenario could not be run.
-    #[error(transparent)]
-    Simulate(#[from] SimulateError),
-    /// A value of the [`Search`] cannot be used; the key is its field.
-    #[error(transparent)]
-    Search(InputError),
-}
-
-impl From<InputError> for OptimiseError {
-    fn from(error: InputError) -> Self {
-        Self::Simulate(error.into())
-    }
-}
-
-/// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder fast.
+/// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder
+/// fast.
 const LOSS_FACTOR_MOST: f64 = 1e3;
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];

@@ -5,9 +5,10 @@
 //! coefficients depend on the motion alone. The solver gives the motion at any time of a step, so only the
 //! derivatives are integrated here, over its steps, by the method of order 6 of the ensembles.
 //!
-//! The stiffness of a contact rises as the root of the time since it closed, and falls as the root of the time
-//! until it opens. A step is divided at these times, and a piece that begins soon after one or ends soon before
-//! one is integrated over that root in place of the time ([`Piece`]): everything is a smooth function of it.
+//! The stiffness of a contact rises as the root of the time since it closed, and falls as the root of the
+//! time until it opens. A step is divided at these times, and a piece that begins soon after one or ends soon
+//! before one is integrated over that root in place of the time ([`Piece`]): everything is a smooth function
+//! of it.
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -78,13 +79,13 @@ impl Piece {
 
 /// Allowed error of a piece, as a part of the derivatives.
 const TOLERANCE: f64 = 1e-6;
-/// Kinds of values whose error is estimated: displacements and momenta of bodies, displacements and velocities
-/// of intruders. What an intruder dissipates follows from these.
+/// Kinds of values whose error is estimated: displacements and momenta of bodies, displacements and
+/// velocities of intruders. What an intruder dissipates follows from these.
 const KINDS: usize = 4;
 /// Steps between a root and a piece beyond which the piece is not divided.
 const FAR: f64 = 0.5;
-/// Error over that of the whole piece, above which another division gains too little. At a root halving gains a
-/// factor of 2.8.
+/// Error over that of the whole piece, above which another division gains too little. At a root halving gains
+/// a factor of 2.8.
 const HELPS: f64 = 0.4;
 /// Most times that a piece is halved: the motion inside a step is itself known to some 1e-9 alone.
 const HALVINGS: u32 = 2;

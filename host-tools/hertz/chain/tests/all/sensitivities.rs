@@ -102,8 +102,8 @@ fn energy_duals<const P: usize>(found: &Sensitivities<P>) -> Vec<Dual<P>> {
     found.dissipated.iter().copied().chain(others).collect()
 }
 
-/// The greatest force of a contact; none where its maximum is at the end of the run or leaps to another pulse,
-/// which has no derivative.
+/// The greatest force of a contact; none where its maximum is at the end of the run or leaps to another
+/// pulse, which has no derivative.
 fn peak(summary: &Summary, expected: &ContactPeak, end: f64) -> Option<f64> {
     let mut peaks = summary.peak_force.iter();
     let peak = peaks.find(|other| other.contact == expected.contact)?;
