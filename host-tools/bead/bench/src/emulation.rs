@@ -479,6 +479,13 @@ pub fn settings_of(
     if let Some(owners) = placed.owners {
         return Ok(owners);
     }
+    let exponent = solution.model().contact(bead + 1).law().exponent;
+    if exponent != 1.5 {
+        return Err(BenchError::Unfit(format!(
+            "--bead {bead}: the contact behind it is F = κ δ^{exponent}, and a bead reckons with Hertz' 3/2; leave out \
+             [contact], or give settings of your own with --settings"
+        )));
+    }
     let front = front_end.calibration();
     let around = surroundings_of(solution, bead);
     let capture = Capture::of(&physics, &front);

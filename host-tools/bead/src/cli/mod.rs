@@ -26,8 +26,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     analyse, bench, budget, calibrate, clock, command, compare, decode, emulate, export, fetch, figures,
-    flash, identify, judge, list, manual, monitor, note, optimise, proof, record, recover, replay, settings,
-    simulate, sweep, trend,
+    flash, identify, judge, list, manual, monitor, note, optimise, optimise_search, proof, record, recover,
+    replay, settings, simulate, sweep, trend,
 };
 use failure::Failure;
 
@@ -118,7 +118,7 @@ enum Command {
     /// Find how the clocks of recorded beads run: against this host, and against one another.
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
-    Optimise(optimise::Arguments),
+    Optimise(optimise_search::Arguments),
     /// Run a scenario over axes of its parameters, into one table.
     Sweep(Box<sweep::Arguments>),
     /// Tabulate the errors of the image's estimates: the project's own proofs.

@@ -76,6 +76,43 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
 }
 
 #[test]
+fn a_front_is_the_best_at_each_mass_and_more_mass_never_leaves_more() {
+    let folder = TestFolder::new();
+    folder.write("short.toml", short_scenario());
+    let front = "optimise short.toml --bead 7,8 --total-mass 0.016,0.004,0.008 --loss-factor 0.3";
+    let found = folder.json(&format!("{front} --format json --picture front.svg"));
+    let points = found["front"].as_array().unwrap();
+    let numbers = |key: &str| {
+        points
+            .iter()
+            .map(|point| point[key].as_f64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(numbers("total_mass_kg"), [0.004, 0.008, 0.016]);
+    let shares: Vec<_> = points
+        .iter()
+        .map(|point| point["optimum"]["share"].as_f64().unwrap())
+        .collect();
+    assert!(shares.windows(2).all(|pair| pair[1] < pair[0]), "{shares:?}");
+    for (mass, most) in numbers("mass_kg").into_iter().zip(numbers("total_mass_kg")) {
+        assert!(mass <= most * (1.0 + 1e-12));
+    }
+    let alone = folder.json(&format!(
+        "{} --format json",
+        front.replace("0.016,0.004,0.008", "0.008")
+    ));
+    assert_eq!(alone["optimum"], points[1]["optimum"]);
+    assert!(folder.text("front.svg").contains("all intruders together"));
+    folder.refused(
+        &format!("{front} --out best.toml"),
+        2,
+        "a front has a design for each mass",
+    );
+    let one = front.replace("0.016,0.004,0.008", "0.008");
+    folder.refused(&format!("{one} --picture front.svg"), 2, "it shows a front");
+}
+
+#[test]
 fn a_recorded_strike_compares_with_a_page_and_figures_and_another_does_not() {
     let folder = TestFolder::new();
     let scenario = Scenario::paper();

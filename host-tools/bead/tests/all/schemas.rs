@@ -144,6 +144,7 @@ fn results_of_simulations_hold_their_schemas() {
     }
     let search = "optimise short.toml --bead 7,8 --total-mass 0.01 --evaluations 400";
     hold(&folder, "optimise", search);
+    hold(&folder, "optimise-front", &search.replace("0.01", "0.005,0.01"));
 }
 
 #[test]

@@ -62,12 +62,20 @@ const LARGE: f64 = 0.1;
 const SHORT: f64 = 1.0;
 
 impl Validity {
-    /// Checks each of these contacts.
+    /// Checks each of these contacts. There is none to check where contacts have a stiffness of their own:
+    /// how wide they are does not follow from it.
     ///
     /// # Errors
     /// [`InputError`]: the scenario is out of range.
     pub fn of(scenario: &Scenario, peaks: &[ContactPeak]) -> Result<Vec<Self>, InputError> {
         let model = Model::of(scenario)?;
+        if scenario
+            .contact
+            .as_ref()
+            .is_some_and(|law| law.stiffness.is_some())
+        {
+            return Ok(Vec::new());
+        }
         let striker = &scenario.striker;
         let mut bodies = vec![Some((striker.radius, striker.material()))];
         let beads = scenario.spheres().into_iter();
@@ -81,11 +89,7 @@ impl Validity {
         let of = |peak: &ContactPeak| {
             let (near, far) = (bodies[peak.contact - 1]?, bodies[peak.contact]?);
             let contact = model.contact(peak.contact);
-            let overlap = if contact.powers.is_some() {
-                (peak.force / contact.stiffness).powf(1.0 / contact.law().exponent)
-            } else {
-                (peak.force / contact.stiffness).powf(2.0 / 3.0)
-            };
+            let overlap = (peak.force / contact.stiffness).powf(2.0 / 3.0);
             let area = PI * overlap / (1.0 / near.0 + 1.0 / far.0);
             let slowest = period(near).max(period(far));
             Some(Self {

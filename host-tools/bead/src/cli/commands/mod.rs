@@ -25,6 +25,8 @@ pub(crate) mod manual;
 pub(crate) mod monitor;
 pub(crate) mod note;
 pub(crate) mod optimise;
+pub(crate) mod optimise_front;
+pub(crate) mod optimise_search;
 mod prelude;
 pub(crate) mod proof;
 pub(crate) mod record;

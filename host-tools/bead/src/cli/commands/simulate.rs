@@ -130,6 +130,7 @@ fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<
 pub(crate) struct SimulateReport {
     #[serde(flatten)]
     summary: Summary,
+    /// One entry for each of `peak_force`; none where contacts have a stiffness of their own.
     validity: Vec<Validity>,
     /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -145,17 +146,17 @@ fn table(title: &str, report: &SimulateReport) -> String {
     } = report;
     let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
     let known = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
-    let contacts = summary.peak_force.iter().zip(validity).map(|(peak, valid)| {
+    let contacts = summary.peak_force.iter().enumerate().map(|(index, peak)| {
+        let valid = validity.get(index);
+        let shown = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         [
             peak.contact.to_string(),
             format!("{:.4}", peak.force),
             format!("{:.4}", peak.time * 1e3),
             known(peak.fwhm.map(|width| width * 1e3)),
-            format!("{:.1}", valid.pressure * 1e-6),
-            format!("{:.4}", valid.radius_ratio),
-            valid
-                .periods
-                .map_or("-".to_owned(), |periods| format!("{periods:.2}")),
+            shown(valid.map(|valid| format!("{:.1}", valid.pressure * 1e-6))),
+            shown(valid.map(|valid| format!("{:.4}", valid.radius_ratio))),
+            shown(valid.and_then(|valid| Some(format!("{:.2}", valid.periods?)))),
         ]
     });
     parts.push(output::table(

@@ -184,18 +184,22 @@ impl<const P: usize> DualChain<P> {
                 "leave it out: contacts may then pull a little while they open",
             ));
         }
-        let law = "leave them out: tangents are those of a strike on Hertz' contacts";
+        let law = "leave them out: there are tangents of a strike on Hertz' contacts";
         let other = [
-            (model.drive.is_some(), "chain", "a drive or gravity"),
-            (model.starts_displaced(), "start", "bodies displaced at t = 0"),
+            (model.drive.is_some(), "chain", "a driven or vertical chain has"),
+            (
+                model.starts_displaced(),
+                "start",
+                "bodies displaced at t = 0 have",
+            ),
             (
                 model.contact_at(1).powers.is_some(),
                 "contact",
-                "contacts of another law than Hertz'",
+                "contacts of another law than Hertz' have",
             ),
         ];
         if let Some((_, key, what)) = other.into_iter().find(|(is_there, ..)| *is_there) {
-            return Err(InputError::at(key, format!("{what} have no tangents"), law));
+            return Err(InputError::at(key, format!("{what} no tangents"), law));
         }
         let seeds = Seeds::<P>::new(parameters);
         let materials = Materials {

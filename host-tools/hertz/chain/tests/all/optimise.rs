@@ -392,6 +392,7 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         assert!(matches!(error, OptimiseError::Search { .. }));
     }
     let mut driven = strike();
+    driven.striker.velocity = 0.0;
     driven.drive = Some(Drive::sine(DriveQuantity::Displacement, 1e-7, 1000.0));
     let error = remaining(&driven, 0.45, Accuracy::DRAFT).expect_err("it has no strike");
     assert!(

@@ -5,7 +5,8 @@ use std::time::Instant;
 use crate::common::{Draw, close, elastic, near, of_radius, softer};
 use hertz_chain::tangents::{Dual, Parameter, Sensitivities, sensitivities};
 use hertz_chain::{
-    ContactForce, ContactPeak, Intruder, Material, Options, Oscillator, Scenario, Summary, Wall, summarise,
+    ContactForce, ContactLaw, ContactPeak, Drive, DriveQuantity, Intruder, Material, Options, Oscillator,
+    Scenario, Start, Summary, Wall, summarise,
 };
 
 const FIVE: [Parameter; 5] = [
@@ -235,6 +236,33 @@ fn what_has_no_derivatives_is_refused() {
     assert!(refused(&scenario, &FIVE).contains("5 parameters, and there is room for 1"));
     scenario.chain.contact_force = ContactForce::Clipped;
     assert!(refused(&scenario, &FIVE[..1]).contains("clipped forces have no tangents"));
+    type Change = fn(&mut Scenario);
+    let others: [(Change, &str); 4] = [
+        (
+            |one| {
+                one.striker.velocity = 0.0;
+                one.drive = Some(Drive::sine(DriveQuantity::Force, 0.1, 1000.0));
+            },
+            "a driven or vertical chain has",
+        ),
+        (|one| one.chain.gravity = 9.81, "a driven or vertical chain has"),
+        (
+            |one| one.starts = vec![Start::displaced([3], 1e-7)],
+            "bodies displaced at t = 0 have",
+        ),
+        (
+            |one| one.contact = Some(ContactLaw::power(2.0, 1e11)),
+            "contacts of another law than Hertz' have",
+        ),
+    ];
+    for (change, what) in others {
+        let mut other = elastic(10, 2e-3);
+        other.wall = Some(Wall::flat(Material::STEEL));
+        other.intruders = vec![softer([4])];
+        change(&mut other);
+        let error = refused(&other, &FIVE[..1]);
+        assert!(error.contains(&format!("{what} no tangents")), "{error}");
+    }
 }
 
 /// `cargo test --release -p hertz-chain --test all -- five_derivatives --ignored --nocapture`

@@ -1,7 +1,7 @@
 //! Where the model's contacts are not what bodies do.
 
 use crate::common::{changed, elastic, near, run};
-use hertz_chain::{Scenario, Validity};
+use hertz_chain::{ContactLaw, Damping, Scenario, Validity};
 
 fn of(scenario: &Scenario) -> Vec<Validity> {
     let peaks = run(scenario).summary().peak_force;
@@ -63,4 +63,12 @@ fn wide_contacts_and_short_pulses_are_remarked_on() {
         let remarks = of(&scenario)[0].remarks();
         assert!(remarks.iter().any(|remark| remark.contains(words)), "{remarks:?}");
     }
+}
+
+#[test]
+fn contacts_with_a_stiffness_of_their_own_have_no_pressure_of_hertz() {
+    let with = |law: ContactLaw| of(&changed(elastic(6, 0.002), |one| one.contact = Some(law)));
+    assert!(with(ContactLaw::power(2.0, 2e11)).is_empty());
+    let damped = ContactLaw::default().damped(Damping::LammpsTsuji, 0.1);
+    assert!(with(damped).iter().any(|contact| contact.pressure > 1e7));
 }

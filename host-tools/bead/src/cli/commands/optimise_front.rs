@@ -1,0 +1,141 @@
+//! `bead optimise` with several total masses: the least that each allows, which no lighter design reaches.
+
+use hertz_chain::{Aim, Objective, Optimum, Search};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
+
+use crate::cli::commands::optimise_search::{Arguments, find, name, percent, search, total_mass};
+use crate::cli::commands::prelude::*;
+
+/// The result as JSON.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct FrontReport {
+    beads: Vec<usize>,
+    aim: Aim,
+    objective: Objective,
+    /// Of all intruders, where it ties the damping to mass and stiffness.
+    loss_factor: Option<f64>,
+    /// From the lightest to the heaviest.
+    front: Vec<FrontPoint>,
+}
+
+/// The best of all designs up to a mass.
+#[derive(Serialize, JsonSchema)]
+struct FrontPoint {
+    /// Greatest mass of all intruders together.
+    total_mass_kg: f64,
+    /// Of these intruders.
+    mass_kg: f64,
+    optimum: Optimum,
+}
+
+/// Searches at each total mass. A search that ends above the best of a lighter one takes that: it is allowed.
+pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Failure> {
+    if arguments.out.is_some() {
+        bail!(
+            Input,
+            "--out: a front has a design for each mass; give one --total-mass with it"
+        );
+    }
+    let inputs = [arguments.scenario.as_path()];
+    let picture = arguments.picture.as_deref();
+    let picture = arguments
+        .overwrite
+        .optional(picture, FileKind::Drawing, &inputs)?;
+    let mut masses = arguments.total_mass.clone();
+    masses.sort_by(f64::total_cmp);
+    // Every mass is checked before the first search.
+    let searches = masses.iter().map(|&mass| search(arguments, scenario, mass));
+    let searches = searches.collect::<Result<Vec<Search>, _>>()?;
+    let mut front: Vec<FrontPoint> = Vec::new();
+    for search in &searches {
+        let grams = search.total_mass * 1e3;
+        let mut optimum = find(scenario, search, &format!("{grams} g: "))?;
+        if let Some(lighter) = front
+            .last()
+            .filter(|lighter| lighter.optimum.share < optimum.share)
+        {
+            let stopped = optimum.stopped;
+            optimum = lighter.optimum.clone();
+            optimum.stopped = stopped;
+        }
+        let stopped = optimum.stopped;
+        front.push(FrontPoint {
+            total_mass_kg: search.total_mass,
+            mass_kg: total_mass(&optimum.intruders),
+            optimum,
+        });
+        if stopped {
+            note!("stopped at {grams} g: heavier ones were not searched");
+            break;
+        }
+    }
+    let Some(first) = searches.first() else {
+        bail!(Input, "--total-mass: give one or more masses in kg");
+    };
+    let report = FrontReport {
+        beads: first.hosts.clone(),
+        aim: first.aim,
+        objective: first.objective,
+        loss_factor: first.loss_factor,
+        front,
+    };
+    if let Some(picture) = picture {
+        picture.write_bytes(report.chart().standalone_svg()?)?;
+    }
+    output::print(arguments.format, &report, || report.table(&scenario.title))
+}
+
+impl FrontReport {
+    fn label(&self) -> String {
+        match self.objective {
+            Objective::Remaining => "remains (%)".to_owned(),
+            objective => format!("{} (% of that without intruders)", name(objective)),
+        }
+    }
+
+    fn table(&self, title: &str) -> String {
+        let rows = self.front.iter().map(|point| {
+            let optimum = &point.optimum;
+            [
+                format!("{:.3}", point.total_mass_kg * 1e3),
+                format!("{:.3}", point.mass_kg * 1e3),
+                percent(optimum.share),
+                percent(optimum.share_alike),
+                optimum.evaluations.to_string(),
+                if optimum.settled { "yes" } else { "no" }.to_owned(),
+            ]
+        });
+        let header = format!(
+            "at most (g) | together (g) | {} | best that are all alike | designs tried | settled",
+            self.label()
+        );
+        let title = Some(title.to_owned()).filter(|title| !title.is_empty());
+        let parts = title.into_iter().chain([output::table(&header, rows)]);
+        parts.collect::<Vec<_>>().join("\n\n")
+    }
+
+    fn chart(&self) -> Chart {
+        let points = |of: fn(&Optimum) -> f64| {
+            let points = self
+                .front
+                .iter()
+                .map(|point| (point.total_mass_kg * 1e3, 100.0 * of(&point.optimum)));
+            points.collect::<Vec<_>>()
+        };
+        let series = |name: &str, ink, mark, points| Series {
+            name: name.to_owned(),
+            ink,
+            mark,
+            points,
+        };
+        let (best, alike) = (points(|one| one.share), points(|one| one.share_alike));
+        let heaviest = best.iter().fold(0.0_f64, |most, point| most.max(point.0));
+        let curves = vec![
+            series("best", Ink::Curve(0), Mark::Line, best.clone()),
+            series("", Ink::Curve(0), Mark::Discs, best),
+            series("best that are all alike", Ink::Curve(1), Mark::Dashed, alike),
+        ];
+        let axis = Axis::new("all intruders together, at most (g)", 0.0..heaviest * 1.02);
+        Chart::new(axis, vec![Panel::new(self.label(), curves).height(260)])
+    }
+}
