@@ -23,7 +23,7 @@ pub(crate) const IMAGES: &str = "--profile firmware --target thumbv7em-none-eabi
 
 /// Those of them that use embassy. The others would miss the vectors that its device brings.
 pub(crate) const ON_EMBASSY: &str =
-    "--features embassy --bin default-time-driver --bin ports --bin converters";
+    "--features embassy --bin default-time-driver --bin ports --bin converters --bin buses --bin clocks";
 
 #[cfg(test)]
 mod tests {
