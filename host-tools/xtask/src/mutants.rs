@@ -22,16 +22,16 @@ pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 /// Mistakes, each with its changes: a file, a text that it has once, and the text in its place.
 const MUTANTS: &str = "
 Hertz' exponent 1.49 in place of 1.5, force and energy alike
-    model.rs: self.stiffness * overlap * overlap.sqrt() => self.stiffness * overlap.powf(1.49)
-    model.rs: 0.4 * overlap * self.elastic_force(overlap) => overlap / 2.49 * self.elastic_force(overlap)
+    model/contact.rs: self.stiffness * overlap * overlap.sqrt() => self.stiffness * overlap.powf(1.49)
+    model/contact.rs: 0.4 * overlap * self.elastic_force(overlap) => overlap / 2.49 * self.elastic_force(overlap)
     solver/lanes.rs: simd.mul_f64s(stiffness, simd.sqrt_f64s(overlap)) => simd.mul_f64s(stiffness, \
         pulp::cast(pulp::cast::<f64x8, LaneBlock>(overlap).map(|x| x.powf(0.49))))
     solver/crossing.rs: let stiff = self.stiffness * overlap.sqrt(); => let stiff = self.stiffness * overlap.powf(0.49);
 no viscosity: τ left out
-    model.rs: 1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate => 0.0 * rate
+    model/contact.rs: 1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate => 0.0 * rate
     solver/lanes.rs: lanes.viscosity[at] = 1.5 * contact.relaxation; => lanes.viscosity[at] = 0.0 * contact.relaxation;
 viscosity without its 3/2
-    model.rs: 1.5 * self.relaxation * self.stiffness => self.relaxation * self.stiffness
+    model/contact.rs: 1.5 * self.relaxation * self.stiffness => self.relaxation * self.stiffness
     solver/lanes.rs: lanes.viscosity[at] = 1.5 * contact.relaxation; => lanes.viscosity[at] = contact.relaxation;
 M in place of M - m for a host, motion and energy alike
     model.rs: shells[bead] -= oscillator.mass; => shells[bead] -= 0.0 * oscillator.mass;
