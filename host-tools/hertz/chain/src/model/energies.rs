@@ -2,16 +2,17 @@
 
 /// Energies at one time, J.
 ///
-/// [`Energies::total`] equals [`Model::initial_energy`](crate::Model::initial_energy), the striker's unless beads move at t = 0. The
-/// balance closes only with M - m for a host's shell beside its intruder's own energy. The paper prints M
-/// instead; that sum is `chain_as_printed`.
+/// [`Energies::total`] equals [`Model::initial_energy`](crate::Model::initial_energy), the striker's unless
+/// beads move at t = 0. The balance closes only with M - m for a host's shell beside its intruder's own
+/// energy. The paper prints M instead; that sum is `chain_as_printed`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Energies {
     /// Kinetic energy of the striker; zero if it follows a displacement.
     pub striker: f64,
     /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
-    /// static load, contacts count from rest, less the work of that load ([`Contact::energy`](crate::Contact::energy)).
+    /// static load, contacts count from rest, less the work of that load
+    /// ([`Contact::energy`](crate::Contact::energy)).
     pub chain: f64,
     /// `chain` with M in place of M - m for every bead: the paper's E_T.
     pub chain_as_printed: f64,
