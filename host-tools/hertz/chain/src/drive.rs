@@ -192,7 +192,7 @@ impl Signal {
     }
 }
 
-/// What moves body 0 beside its contact.
+/// Forces on body 0 beside its contact's, or its motion.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct EndDrive {
     signal: Option<Signal>,

@@ -60,7 +60,7 @@ pub(crate) struct Arguments {
     /// Loss factor c/√(k m) of all intruders, in place of a free damping: one material for all springs.
     #[arg(long, value_name = "ETA", conflicts_with = "damping")]
     pub(super) loss_factor: Option<f64>,
-    /// What is made small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
+    /// Quantity to make small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
     #[arg(long, value_name = "WHAT", default_value = "remaining")]
     pub(super) objective: Objective,
     /// Velocities of the striker, m/s [default: the scenario's].

@@ -1,5 +1,7 @@
 //! Results of a run with their derivatives by parameters of the scenario.
 
+use std::time::Instant;
+
 use super::chain::DualChain;
 use super::dual::Dual;
 use super::march::March;
@@ -52,6 +54,7 @@ pub fn sensitivities<const P: usize>(
     parameters: &[Parameter],
     options: &Options<'_>,
 ) -> Result<Sensitivities<P>, SimulateError> {
+    let clock = Instant::now();
     if parameters.len() > P {
         let what = format!("{} parameters, and there is room for {P}", parameters.len());
         return Err(InputError::at("", what, "give fewer").into());
@@ -87,7 +90,8 @@ pub fn sensitivities<const P: usize>(
             progress(to / end);
         }
     })?;
-    let summary = summariser.summary(&mut run);
+    let mut summary = summariser.summary(&mut run);
+    summary.solver.seconds = clock.elapsed().as_secs_f64();
     let peak_force = summary.peak_force.iter().map(|peak| Dual {
         value: peak.force,
         by: peaks[peak.contact - 1].by,

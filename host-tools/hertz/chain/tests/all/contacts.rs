@@ -172,7 +172,7 @@ fn hertz_law_said_in_full_has_the_bits_of_none() {
     });
     let [plain, said] = [plain, said].map(|scenario| run(&scenario).summary());
     assert_eq!((plain.peak_force, plain.energy), (said.peak_force, said.energy));
-    // The same law by the other solver: powers next to Hertz'.
+    // Exponents so near to Hertz' that the motion is, but integrated as powers are.
     let near_hertz = |exponent: f64| {
         let mut scenario = elastic(12, 2e-3);
         let stiffness = Model::of(&scenario).unwrap().contact(2).stiffness;
