@@ -14,6 +14,7 @@ mod peers;
 mod picture;
 mod python;
 mod report;
+mod sensitivities;
 mod single;
 
 use std::path::PathBuf;
@@ -92,6 +93,8 @@ fn measure(words: &Words) -> Result<(), String> {
     ensemble::measure(&mut report, words.quick);
     eprintln!("a search");
     designs::measure(&mut report, words.quick);
+    eprintln!("derivatives");
+    sensitivities::measure(&mut report, words.quick);
     if let Some(native) = &words.native {
         eprintln!("beside a native program");
         pace::compare(&mut report, native, if words.quick { 2 } else { 10 })?;

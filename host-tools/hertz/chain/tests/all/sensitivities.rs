@@ -1,7 +1,5 @@
 //! Derivatives of results, against differences of runs, closed forms, and the scaling of elastic chains.
 
-use std::time::Instant;
-
 use crate::common::{Draw, close, elastic, near, of_radius, softer};
 use hertz_chain::tangents::{Dual, Parameter, Sensitivities, sensitivities};
 use hertz_chain::{
@@ -263,28 +261,4 @@ fn what_has_no_derivatives_is_refused() {
         let error = refused(&other, &FIVE[..1]);
         assert!(error.contains(&format!("{what} no tangents")), "{error}");
     }
-}
-
-/// `cargo test --release -p hertz-chain --test all -- five_derivatives --ignored --nocapture`
-#[test]
-#[ignore = "it measures time, which other programs take as well"]
-fn five_derivatives_cost_at_most_three_plain_runs() {
-    let scenario = Scenario::paper();
-    let time = |run: &dyn Fn()| {
-        let of = |_| {
-            let started = Instant::now();
-            run();
-            started.elapsed()
-        };
-        (0..25).map(of).min().expect("there are some").as_secs_f64()
-    };
-    let plain = time(&|| drop(summarise(&scenario, &Options::default()).expect("it can be run")));
-    let five = time(&|| drop(derived::<5>(&scenario, &FIVE)));
-    println!(
-        "{:.2} ms, with five {:.2} ms: {:.2}",
-        1e3 * plain,
-        1e3 * five,
-        five / plain
-    );
-    assert!(five < 3.0 * plain, "{five} s, and {plain} s");
 }
