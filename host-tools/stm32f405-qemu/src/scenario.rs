@@ -30,6 +30,7 @@ pub struct Scenario {
     file: File,
     analog: Vec<AnalogInput>,
     ends: Vec<WaveEnd>,
+    paths: Vec<PathBuf>,
 }
 
 /// When a waveform is over, if the file does not say that its last value stays.
@@ -226,6 +227,7 @@ impl Scenario {
         let mut scenario = Self {
             analog: Vec::new(),
             ends: Vec::new(),
+            paths: vec![path.to_owned()],
             file,
         };
         scenario.read_waves(&source)?;
@@ -237,12 +239,14 @@ impl Scenario {
         for entry in &self.file.waveform {
             let name = entry.pin.get_ref();
             let refused = |what: String| source.error(entry.file.span(), what);
+            let path = folder.join(entry.file.get_ref());
             let wave = Wave::read(
-                &folder.join(entry.file.get_ref()),
+                &path,
                 entry.column.as_ref().map(|column| column.get_ref().as_str()),
                 entry.channel.as_ref().map(|channel| *channel.get_ref()),
             )
             .map_err(refused)?;
+            self.paths.push(path);
             let given = entry.period.as_ref().map(|period| period.get_ref().0);
             let period_ns = given.or(wave.period_ns).filter(|period| *period > 0);
             let period_ns = period_ns.ok_or_else(|| {
@@ -274,6 +278,11 @@ impl Scenario {
             });
         }
         Ok(())
+    }
+
+    /// The files that it was read from: its own, and those of its waveforms.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
     }
 
     /// Gives a run these inputs, beside those that it has.

@@ -539,19 +539,33 @@ fn the_program_ends_at_a_pattern_and_stops_when_nobody_reads() {
 }
 
 #[test]
-fn an_output_that_is_the_image_is_refused_before_it_is_emptied() {
-    let copy = tempfile::NamedTempFile::new().unwrap();
-    let bytes = std::fs::copy(image("logs"), copy.path()).unwrap();
-    let path = copy.path().display().to_string();
-    for output in [
-        ["--uart".to_owned(), format!("USART2=file:{path}")],
-        ["--json".to_owned(), path.clone()],
-    ] {
-        let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
-        let ran = host.args(output).arg(copy.path()).output().unwrap();
-        let said = String::from_utf8_lossy(&ran.stderr).into_owned();
-        assert!(said.contains("is the image itself"), "{said}");
-        assert_eq!(copy.path().metadata().unwrap().len(), bytes);
+fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
+    let folder = tempfile::tempdir().unwrap();
+    let [copy, scenario, wave] = ["image.elf", "x.toml", "ramp.csv"].map(|name| folder.path().join(name));
+    std::fs::copy(image("logs"), &copy).unwrap();
+    let text = "[[waveform]]\npin = \"PA0\"\nfile = \"ramp.csv\"\ncolumn = \"x\"\n";
+    std::fs::write(&scenario, text).unwrap();
+    std::fs::write(&wave, "t,x\n0,1\n0.001,2\n0.002,3\n").unwrap();
+    for input in [&copy, &scenario, &wave] {
+        let bytes = std::fs::read(input).unwrap();
+        let path = input.display();
+        for output in [
+            ["--uart".to_owned(), format!("USART2=file:{path}")],
+            ["--json".to_owned(), path.to_string()],
+        ] {
+            let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+            let ran = host
+                .args(output)
+                .arg("--scenario")
+                .arg(&scenario)
+                .arg(&copy)
+                .output()
+                .unwrap();
+            let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+            assert!(said.contains("is an input of this run"), "{said}");
+            assert_eq!(ran.status.code(), Some(2));
+            assert_eq!(std::fs::read(input).unwrap(), bytes);
+        }
     }
 }
 

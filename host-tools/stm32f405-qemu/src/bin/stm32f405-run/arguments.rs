@@ -106,14 +106,17 @@ impl Arguments {
         }
     }
 
-    /// Refuses an output that is the image, which would be emptied.
+    /// Refuses an output that is an input, which would be emptied.
     pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
         let named = self.uart.iter().filter_map(super::uart::Way::file);
         let mut outputs = named.chain(&self.vcd).chain(&self.json).chain(&self.junit);
-        let image = self.elf.canonicalize().ok();
-        match outputs.find(|out| image.is_some() && out.canonicalize().ok() == image) {
+        let scenario = self.scenario.iter().flat_map(|scenario| scenario.paths());
+        let inputs = std::iter::once(&self.elf).chain(scenario);
+        let inputs: Vec<_> = inputs.filter_map(|input| input.canonicalize().ok()).collect();
+        let is_input = |out: &&PathBuf| out.canonicalize().is_ok_and(|out| inputs.contains(&out));
+        match outputs.find(is_input) {
             Some(out) => Err(RunError::Input(format!(
-                "{} is the image itself; give the output another name",
+                "{} is an input of this run, the image or its scenario; give the output another name",
                 out.display()
             ))),
             None => Ok(()),

@@ -11,6 +11,7 @@ use super::arguments::Arguments;
 use super::session::Session;
 
 const FAILED: u8 = 1;
+const WRONG_ARGUMENTS: u8 = 2;
 const NO_RUN: u8 = 3;
 const FAULT: u8 = 4;
 const HANG: u8 = 5;
@@ -43,7 +44,11 @@ impl Verdict {
     }
 
     pub(crate) fn no_run(error: &RunError) -> Self {
-        Self::failed(NO_RUN, error.to_string())
+        let status = match error {
+            RunError::Input(_) => WRONG_ARGUMENTS,
+            _ => NO_RUN,
+        };
+        Self::failed(status, error.to_string())
     }
 }
 
