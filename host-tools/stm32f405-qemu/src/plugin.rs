@@ -18,6 +18,7 @@ mod count;
 mod coverage;
 mod cycles;
 mod failures;
+mod fences;
 mod handlers;
 mod idle;
 mod overlay;

@@ -10,6 +10,7 @@ use std::sync::mpsc::Sender;
 use super::blocks::Blocks;
 use super::count::InstructionCounters;
 use super::failures::{self, Failures, Sighting};
+use super::fences::fences;
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
@@ -26,8 +27,6 @@ use crate::thumb::Registers;
 const MARGIN: u64 = 64;
 /// Longest stretch of virtual time that is executed at once, ns: the host is listened to in between.
 const LONGEST_NS: u64 = 1_000_000_000_000;
-/// Control of the memory protection unit, which the interpreter does not know.
-const MPU_CTRL: u32 = 0xe000_ed94;
 /// The register with the address of the vectors.
 const VTOR: u32 = 0xe000_ed08;
 
@@ -202,11 +201,11 @@ impl Overlay {
             && self.counters().is_none_or(|counters| !counters.times())
             && !qemu.reset_requested.load(Relaxed)
             && now < until
-            && !failures::interrupt_pending(qemu)
-            && qemu.read_nvic(MPU_CTRL, 4) & 1 == 0;
+            && !failures::interrupt_pending(qemu);
         let polled = waiting::WATCH.take();
-        let registers = may.then(|| qemu.registers_of_processor()).flatten();
-        let Some(registers) = registers else {
+        let fences = may.then(|| fences(qemu)).flatten();
+        let registers = fences.as_ref().and_then(|_| qemu.registers_of_processor());
+        let (Some(fences), Some(registers)) = (fences, registers) else {
             waiting::WATCH.result(polled, 0, 0);
             return Vec::new();
         };
@@ -223,6 +222,7 @@ impl Overlay {
                 &self.description.fault_handlers,
                 &self.description.panic_functions,
             ],
+            fences,
         };
         let Some(executed) = waiting::execute(registers, now..until, ns, polled, around) else {
             waiting::WATCH.result(polled, 0, 0);

@@ -103,18 +103,32 @@ pub(super) struct Surroundings<'a, 'b> {
     pub(super) log: Option<u32>,
     /// Addresses at which faults and panics are noticed.
     pub(super) watched: [&'a [u32]; 2],
+    /// Addresses at which an access may fault.
+    pub(super) fences: Vec<Range<u64>>,
+}
+
+impl Surroundings<'_, '_> {
+    fn is_fenced(&self, address: u32, bytes: u32) -> bool {
+        let (first, end) = (u64::from(address), u64::from(address) + u64::from(bytes));
+        self.fences
+            .iter()
+            .any(|fence| fence.start < end && first < fence.end)
+    }
 }
 
 impl Bus for Surroundings<'_, '_> {
     fn fetch(&mut self, address: u32) -> Option<u16> {
         let watched = self.watched.iter().any(|addresses| addresses.contains(&address));
-        if watched || handlers::begins_at(address) {
+        if watched || handlers::begins_at(address) || self.is_fenced(address, 2) {
             return None;
         }
         self.qemu.peek(address, 2).map(|half| half as u16)
     }
 
     fn load(&mut self, address: u32, bytes: u32, now: u64) -> Option<Loaded> {
+        if self.is_fenced(address, bytes) {
+            return None;
+        }
         if PERIPHERALS.contains(&address) || address >= PPB {
             let read = self.machine.read_steady(address, bytes, now, self.outside)?;
             let (value, holds_until) = (read.value, read.holds_until);
@@ -128,11 +142,11 @@ impl Bus for Surroundings<'_, '_> {
     }
 
     fn is_memory(&self, address: u32) -> bool {
-        is_ram(address, 4) || FLASH.contains(&address)
+        (is_ram(address, 4) || FLASH.contains(&address)) && !self.is_fenced(address, 4)
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> bool {
-        is_ram(address, bytes as usize) && self.log != Some(address & !3)
+        is_ram(address, bytes as usize) && self.log != Some(address & !3) && !self.is_fenced(address, bytes)
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool {
