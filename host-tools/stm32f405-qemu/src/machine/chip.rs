@@ -5,7 +5,7 @@ use std::mem::take;
 
 use super::buses::Buses;
 use super::stimulus::StimulusPlayer;
-use super::table::{Gate, PeripheralRow, TABLE, Units, locate};
+use super::table::{Gate, PeripheralRow, TABLE, Units, WrittenRows, offset_in, row_at};
 use super::wires::{AnalogLoop, Wires};
 use super::wiring::{self, ADCS};
 use crate::memory::APB;
@@ -13,6 +13,7 @@ use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
 use crate::peripherals::clock::ClockTree;
 use crate::peripherals::dma::STREAMS;
+use crate::peripherals::rcc::BUSES;
 use crate::peripherals::tim::Tim;
 
 /// Deep sleep mode of the part.
@@ -48,6 +49,9 @@ pub(super) struct Chip {
     pub(super) deep_sleep: Option<DeepSleep>,
     /// The peripherals that RCC holds in reset, a bit for each row of the table.
     held: u64,
+    /// The buses' reset registers of then.
+    resets: [u32; BUSES],
+    pub(super) written: WrittenRows,
 }
 
 /// There is no such register, or the clock of its peripheral is off.
@@ -81,6 +85,8 @@ impl Chip {
             hclk_since_ns: 0,
             deep_sleep: None,
             held: 0,
+            resets: [0; BUSES],
+            written: WrittenRows::default(),
         }
     }
 
@@ -100,13 +106,16 @@ impl Chip {
 
     pub(super) fn read(&mut self, address: u32, now: u64) -> Result<u32, Unanswered> {
         let (row, offset) = self.clocked(address)?;
-        Ok((row.model_mut)(&mut self.units).read(offset, now)?)
+        let model = (TABLE[row].model_mut)(&mut self.units);
+        Ok(model.read(offset, now)?)
     }
 
     /// Writes the register at the address of a word, with all that follows from it.
     pub(super) fn write(&mut self, address: u32, value: u32, now: u64) -> Result<(), Unanswered> {
-        let (row, offset) = self.clocked(address)?;
+        let (number, offset) = self.clocked(address)?;
+        let row = &TABLE[number];
         (row.model_mut)(&mut self.units).write(offset, value, now)?;
+        self.written.insert(number);
         self.pass_on(now);
         if row.name.starts_with("TIM") {
             self.linked_timers |= self.units.tim.iter().any(Tim::is_linked);
@@ -143,12 +152,14 @@ impl Chip {
         self.units.flash.busy() || self.clocks.hclk == 0
     }
 
-    fn clocked(&self, address: u32) -> Result<(&'static PeripheralRow, u32), Unanswered> {
-        let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
+    /// The number of the peripheral at an address, and the offset in it.
+    fn clocked(&self, address: u32) -> Result<(usize, u32), Unanswered> {
+        let number = row_at(address).ok_or(Unanswered { clock_off: false })?;
+        let row = &TABLE[number];
         if !self.is_clocked(row) {
             return Err(Unanswered { clock_off: true });
         }
-        Ok((row, offset))
+        Ok((number, offset_in(row, address)))
     }
 
     /// Returns `true` if the clock of a peripheral is on.
@@ -226,6 +237,11 @@ impl Chip {
 
     /// Resets the peripherals that RCC has begun to hold in reset.
     fn hold_in_reset(&mut self, now: u64) {
+        let resets = *self.units.rcc.resets();
+        if resets == self.resets {
+            return;
+        }
+        self.resets = resets;
         let mut held = 0;
         for (n, row) in TABLE.iter().enumerate() {
             let is_held = self.units.rcc.held_in_reset(row.gate.bus, row.gate.reset);

@@ -2,7 +2,6 @@
 
 use super::chip::Chip;
 use super::levels::Levels;
-use super::table::TABLE;
 use super::transfers::serving;
 use super::wiring::{ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
@@ -25,7 +24,10 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
             .chain(wake_up)
             .min();
     }
-    let alone = TABLE.iter().filter_map(|row| (row.model)(units).next_interrupt());
+    let alone = chip
+        .written
+        .iter()
+        .filter_map(|row| (row.model)(units).next_interrupt());
     let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));
     let transmitters = (0..USARTS.len()).filter_map(|usart| transmission(chip, usart));
     let players = (0..CHANNELS).filter_map(|channel| playing(chip, channel));

@@ -1,14 +1,7 @@
 //! The interrupt lines of the peripherals.
 
-use std::sync::LazyLock;
-
-use super::board::{Exterior, NMI, SYSTICK};
+use super::board::{Exterior, SYSTICK};
 use super::chip::Chip;
-use super::table::{PeripheralRow, TABLE};
-
-/// The peripherals that have lines: they are asked after every access.
-static INTERRUPTING: LazyLock<Vec<&PeripheralRow>> =
-    LazyLock::new(|| TABLE.iter().filter(|row| !row.lines.is_empty()).collect());
 
 /// The lines that the board knows to be up, a bit for each.
 #[derive(Debug, Clone, Default)]
@@ -26,14 +19,16 @@ impl InterruptLines {
         }
         // Some peripherals share a line.
         let mut levels = 0;
-        for row in INTERRUPTING.iter() {
+        for row in chip.written.iter() {
             let model = (row.model)(&chip.units);
             for (output, line) in row.lines.iter().enumerate() {
                 levels |= u128::from(model.interrupt(output)) << line;
             }
         }
-        let changed = std::mem::replace(&mut self.0, levels) ^ levels;
-        for line in (0..=NMI).filter(|line| changed >> line & 1 == 1) {
+        let mut changed = std::mem::replace(&mut self.0, levels) ^ levels;
+        while changed != 0 {
+            let line = changed.trailing_zeros() as usize;
+            changed &= changed - 1;
             board.set_interrupt(line, levels >> line & 1 == 1);
         }
     }

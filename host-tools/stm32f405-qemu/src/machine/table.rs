@@ -11,6 +11,7 @@
 //! another needs their own types, and finds them there by name.
 
 use std::ops::Range;
+use std::sync::LazyLock;
 
 use super::board::NMI;
 use crate::peripherals::rcc::Bus::{self, Ahb1, Ahb2, Apb1, Apb2};
@@ -224,20 +225,51 @@ peripherals! {
     signature: Signature = Signature { uid, ..Signature::default() } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, ALWAYS, &[]; }
 }
 
+/// Bytes of a page. A peripheral on APB, AHB1 or AHB2 has whole pages to itself.
+const PAGE: u32 = 0x100;
+/// Pages that peripherals on APB and AHB1 may have.
+const PAGES: Range<u32> = 0x4000_0000..0x4008_0000;
+
 /// The number of the row of the peripheral at an address.
 pub(super) fn row_at(address: u32) -> Option<usize> {
+    /// Numbers of rows by page. Every access asks for one.
+    static ROWS: LazyLock<Vec<Option<u8>>> = LazyLock::new(|| {
+        let row = |page| row_among_all(page).map(|row| row as u8);
+        PAGES.step_by(PAGE as usize).map(row).collect()
+    });
+    if PAGES.contains(&address) {
+        ROWS[((address - PAGES.start) / PAGE) as usize].map(usize::from)
+    } else {
+        row_among_all(address)
+    }
+}
+
+fn row_among_all(address: u32) -> Option<usize> {
     TABLE.iter().position(|row| row.addresses.contains(&address))
+}
+
+/// A set of rows: those whose registers the firmware has written since power-up. No other has an interrupt.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct WrittenRows(u128);
+
+impl WrittenRows {
+    pub(super) fn insert(&mut self, row: usize) {
+        self.0 |= 1 << row;
+    }
+
+    pub(super) fn iter(self) -> impl Iterator<Item = &'static PeripheralRow> {
+        let mut left = self.0;
+        std::iter::from_fn(move || {
+            let row = TABLE.get(left.trailing_zeros() as usize)?;
+            left &= left - 1;
+            Some(row)
+        })
+    }
 }
 
 /// The offset of an address in a peripheral.
 pub(super) fn offset_in(row: &PeripheralRow, address: u32) -> u32 {
     address - row.addresses.start
-}
-
-/// The peripheral at an address, and the offset in it.
-pub(super) fn locate(address: u32) -> Option<(&'static PeripheralRow, u32)> {
-    let row = &TABLE[row_at(address)?];
-    Some((row, offset_in(row, address)))
 }
 
 #[cfg(test)]
@@ -250,12 +282,12 @@ mod tests {
         for row in TABLE {
             let start = row.addresses.start;
             let last = row.addresses.end - 4;
-            let found = locate(last).map(|(row, offset)| (row.name, offset));
+            let found = row_at(last).map(|row| (TABLE[row].name, offset_in(&TABLE[row], last)));
             assert_eq!(found, Some((row.name, last - start)));
             assert!(name(start).starts_with(row.name), "{}", name(start));
             assert_eq!(row.gate.enables != 0, row.gate.reset != 0, "{}", row.name);
         }
-        assert!(locate(0x4000_6400).is_none(), "CAN1");
+        assert!(row_at(0x4000_6400).is_none(), "CAN1");
     }
     /// Rows against what ST's database has of clock gates and interrupts.
     #[test]

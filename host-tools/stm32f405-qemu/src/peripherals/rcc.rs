@@ -43,12 +43,14 @@ const PLLCFGR_FIXED: u32 = 1 << 29;
 const CFGR_BITS: u32 = 0xffff_fcf3;
 const SSCGR_BITS: u32 = 0xcfff_ffff;
 const PLLI2SCFGR_BITS: u32 = 0x7000_7fc0;
+/// Number of places for buses in the register map: AHB1 to AHB3, one that is reserved, APB1 and APB2.
+pub(crate) const BUSES: usize = 6;
 /// Bits of the reset and enable registers (sections 7.3.5 to 7.3.19) in a part without Ethernet, in the order
 /// of [`Rcc::reset`].
-const RESET_BITS: [u32; 6] = [0x2060_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5933];
-const ENABLE_BITS: [u32; 6] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
-const SLEEP_BITS: [u32; 6] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
-const SLEEP_AT_RESET: [u32; 6] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const RESET_BITS: [u32; BUSES] = [0x2060_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5933];
+const ENABLE_BITS: [u32; BUSES] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_BITS: [u32; BUSES] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_AT_RESET: [u32; BUSES] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 
 const STOPPED: &str =
     "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI";
@@ -81,9 +83,9 @@ pub(crate) struct Rcc {
     cfgr: u32,
     system_source: u32,
     /// AHB1, AHB2, AHB3, (reserved), APB1, APB2.
-    reset: [u32; 6],
-    enable: [u32; 6],
-    enable_in_sleep: [u32; 6],
+    reset: [u32; BUSES],
+    enable: [u32; BUSES],
+    enable_in_sleep: [u32; BUSES],
     bdcr: u32,
     csr: u32,
     sscgr: u32,
@@ -265,6 +267,11 @@ impl Rcc {
     /// Returns `true` if one of these bits in the bus's enable register is set.
     pub(crate) fn enabled(&self, bus: Bus, bits: u32) -> bool {
         self.enable[bus as usize] & bits != 0
+    }
+
+    /// The buses' reset registers.
+    pub(crate) fn resets(&self) -> &[u32; BUSES] {
+        &self.reset
     }
 
     /// Returns `true` if the firmware holds a peripheral in reset: one of these bits in the bus's reset
