@@ -10,6 +10,7 @@ mod memory;
 mod outcome;
 mod peripherals;
 mod plugin;
+mod ramp;
 mod run;
 #[cfg(feature = "scenario")]
 mod scenario;

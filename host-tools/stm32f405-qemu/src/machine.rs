@@ -48,6 +48,7 @@ use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
 use crate::peripherals::i2c::I2c;
+use crate::ramp::Ramp;
 use buses::Buses;
 use chip::Chip;
 use crash::crash;
@@ -189,6 +190,11 @@ impl Machine {
             self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         }
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
+        let ramp = (row.model)(&self.chip.units).ramp(offset, now);
+        let ramp = ramp.filter(|_| !happened && bytes == 4).map(|ramp| Ramp {
+            until_ns: ramp.until_ns.min(self.quiet.until),
+            ..ramp
+        });
         self.polls.accessed(word);
         // An event may have changed memory.
         let holds_until = if happened {
@@ -199,6 +205,7 @@ impl Machine {
         Some(SteadyRead {
             value: part(value, address, bytes),
             holds_until,
+            ramp,
         })
     }
 

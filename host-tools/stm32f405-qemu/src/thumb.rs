@@ -9,13 +9,17 @@
 //! time limit. QEMU goes on from there, and cannot tell.
 //!
 //! A loop that comes back to the same state without having changed memory does the same again, as long as
-//! what it reads stays. Its turns up to then are counted at once ([`Turns`]).
+//! what it reads stays. Its turns up to then are counted at once (`turns`). So are turns that differ in counters
+//! alone, up to the first that may end the loop (`trace`).
 
 mod alu;
+mod bus;
 mod decode;
 mod execute;
 mod registers;
+mod trace;
 mod turns;
 
-pub(crate) use execute::{Bus, Interpreter, Loaded};
+pub(crate) use bus::{Bus, Loaded};
+pub(crate) use execute::Interpreter;
 pub(crate) use registers::Registers;

@@ -1,6 +1,7 @@
 //! Reads of registers that change by time and events only, one after the other, without anything else.
 
 use super::table::{PeripheralRow, TABLE, offset_in, row_at};
+use crate::ramp::Ramp;
 
 /// A read that has no effect but its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -10,6 +11,8 @@ pub struct SteadyRead {
     /// Time up to which another read gives the same, ns. Not later than this read if something has happened
     /// before it.
     pub holds_until: u64,
+    /// How it counts, if it does, until something happens.
+    pub ramp: Option<Ramp>,
 }
 
 /// Registers whose peripheral is kept.

@@ -7,6 +7,7 @@
 use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::bit;
+use crate::ramp::Ramp;
 
 /// NUMCOMP: the Cortex-M4 has four comparators. NOCYCCNT is clear: there is a cycle counter.
 const NUMCOMP: u32 = 4 << 28;
@@ -66,6 +67,15 @@ impl Peripheral for Dwt {
         let runs = bit(self.ctrl, 0) && self.traces;
         // Within a loop's turn it moves on.
         Some(if offset == 0x04 && runs { now } else { u64::MAX })
+    }
+
+    fn ramp(&self, offset: u32, _now: u64) -> Option<Ramp> {
+        let runs = bit(self.ctrl, 0) && self.traces;
+        (offset == 0x04 && runs).then_some(Ramp {
+            hz: self.hclk,
+            falls: false,
+            until_ns: u64::MAX,
+        })
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use super::clock::ClockTree;
+use crate::ramp::Ramp;
 
 /// A peripheral: registers, interrupt lines, and a clock.
 ///
@@ -20,6 +21,11 @@ pub(crate) trait Peripheral {
     /// be too early, but never too late. `None` if a read has an effect beyond its value, as taking a byte
     /// has, or if this is not known.
     fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
+        None
+    }
+
+    /// How a register counts, if it does and nothing happens to the peripheral.
+    fn ramp(&self, _offset: u32, _now: u64) -> Option<Ramp> {
         None
     }
 

@@ -8,6 +8,7 @@
 
 use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
+use crate::ramp::Ramp;
 
 const ENABLE: u32 = 1 << 0;
 const TICKINT: u32 = 1 << 1;
@@ -120,6 +121,18 @@ impl Peripheral for SysTick {
         };
         let edge = |tick| self.origin_ns.saturating_add(clock::edge(tick, self.hz()));
         Some(tick.map_or(u64::MAX, edge))
+    }
+
+    fn ramp(&self, offset: u32, now: u64) -> Option<Ramp> {
+        if offset != 0x08 || self.control & ENABLE == 0 {
+            return None;
+        }
+        let zero = self.zero_after(self.ticks(now))?;
+        Some(Ramp {
+            hz: self.hz(),
+            falls: true,
+            until_ns: self.origin_ns.saturating_add(clock::edge(zero, self.hz())),
+        })
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {

@@ -19,6 +19,7 @@ mod tests;
 use super::clock::{self, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
+use crate::ramp::Ramp;
 use counter::{BufferedRegister, Counter};
 pub(crate) use kind::TimerKind;
 
@@ -656,6 +657,10 @@ impl Peripheral for Tim {
         let update = self.counter.update_after(self.seen);
         let soonest = matches.chain([update]).min();
         soonest.map(|tick| self.time_of_event(tick))
+    }
+
+    fn ramp(&self, offset: u32, now: u64) -> Option<Ramp> {
+        (offset == 0x24 && self.or != BY_CRYSTAL && self.counter.counts()).then(|| self.counter.ramp(now))
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {

@@ -131,13 +131,17 @@ impl Bus for Surroundings<'_, '_> {
         }
         if PERIPHERALS.contains(&address) || address >= PPB {
             let read = self.machine.read_steady(address, bytes, now, self.outside)?;
-            let (value, holds_until) = (read.value, read.holds_until);
-            return Some(Loaded { value, holds_until });
+            return Some(Loaded {
+                value: read.value,
+                holds_until: read.holds_until,
+                ramp: read.ramp,
+            });
         }
         let value = self.qemu.peek(address, bytes)?;
         Some(Loaded {
             value,
             holds_until: u64::MAX,
+            ramp: None,
         })
     }
 

@@ -1,35 +1,11 @@
 //! Execution of instructions, one after the other.
 
 use super::alu::{add, shift};
+use super::bus::{Bus, Loaded};
 use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place, is_wide, narrow, wide};
-use super::registers::Registers;
+use super::registers::{C, IT, N, Registers, V, Z, it_of, passes};
+use super::trace::Trace;
 use super::turns::Turns;
-
-/// A word that was read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Loaded {
-    pub(crate) value: u32,
-    /// The time up to which another read gives the same, if memory is not written.
-    pub(crate) holds_until: u64,
-}
-
-/// The memory and registers around the processor. An access that it refuses has had no effect.
-pub(crate) trait Bus {
-    /// A halfword of code.
-    fn fetch(&mut self, address: u32) -> Option<u16>;
-
-    /// Reads 1, 2 or 4 bytes at a time.
-    fn load(&mut self, address: u32, bytes: u32, now: u64) -> Option<Loaded>;
-
-    /// Returns `true` if reads of the word there have no effect.
-    fn is_memory(&self, address: u32) -> bool;
-
-    /// Returns `true` if `store` will accept 1, 2 or 4 bytes there.
-    fn accepts(&self, address: u32, bytes: u32) -> bool;
-
-    /// Writes them. Gives whether that has changed memory.
-    fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool;
-}
 
 /// An instruction in the cache.
 #[derive(Debug, Clone, Copy)]
@@ -45,17 +21,20 @@ struct Cached {
 const CACHE: usize = 512;
 /// An address of no instruction.
 const NOWHERE: u32 = u32::MAX;
-/// Bits of xPSR.
-const N: u32 = 1 << 31;
-const Z: u32 = 1 << 30;
-const C: u32 = 1 << 29;
-const V: u32 = 1 << 28;
-/// IT\[1:0\] and IT\[7:2\].
-const IT: u32 = 0x0600_fc00;
 /// Branches to here and above are returns from exceptions.
 const EXCEPTION_RETURN: u32 = 0xf000_0000;
 const PC: usize = 15;
 const LR: usize = 14;
+/// Turns to the first that is traced, and from that to the second.
+const FIRST_TRACE: [u32; 2] = [4, 16];
+/// Most turns from one that is traced in vain to the next.
+const LAST_TRACE: u32 = 1 << 14;
+/// Most instructions of a turn that is traced.
+const LONGEST_TURN: u64 = 64;
+/// Turns that are executed one by one after others were counted.
+const EXECUTED: u64 = 2;
+/// Turns whose counting saves more than the trace costs.
+const WORTHWHILE: u64 = 8;
 
 /// The processor.
 pub(crate) struct Interpreter<'a, B> {
@@ -70,6 +49,12 @@ pub(crate) struct Interpreter<'a, B> {
     bus: &'a mut B,
     cache: Box<[Cached; CACHE]>,
     turns: Turns,
+    /// The last load, and its time.
+    loaded: Option<(u64, Loaded)>,
+    /// True if a counter was read since the last turn that was traced.
+    counted: bool,
+    /// Turns to the next one that is traced, and from that to the one after it if it gives nothing.
+    turns_to_trace: [u32; 2],
 }
 
 /// Outcome of an instruction.
@@ -96,6 +81,9 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             bus,
             cache: Box::new([nothing; CACHE]),
             turns: Turns::default(),
+            loaded: None,
+            counted: false,
+            turns_to_trace: FIRST_TRACE,
         }
     }
 
@@ -129,8 +117,8 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 Step::Jump(to) => to,
             };
             self.registers.r[PC] = to;
-            if to <= pc {
-                self.repeat(until);
+            if to <= pc && !self.repeat(until) && self.is_trace_due() {
+                self.leap(until, most - stepped);
             }
         }
         stepped
@@ -167,34 +155,99 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         true
     }
 
-    /// A branch backwards: counts the turns that repeat.
-    fn repeat(&mut self, until: u64) {
+    /// A branch backwards: counts the turns that repeat. Gives whether this one does.
+    fn repeat(&mut self, until: u64) -> bool {
         let Some(turn) = self.turns.branch(&self.registers, self.now, self.instructions) else {
-            return;
+            return false;
         };
         let end = turn.holds_until.min(until);
         let turns = (end - 1).saturating_sub(self.now) / turn.ns;
         self.turns.restart();
         self.endless = turn.holds_until == u64::MAX;
         if turns == 0 {
-            return;
+            return true;
         }
         // One of them is executed here, so that each instruction is counted as often as it comes in a turn.
-        let before: Vec<u64> = self.cache.iter().map(|cached| cached.executed).collect();
+        let before = self.counts();
         let (now, instructions) = (self.now, self.instructions);
         while self.instructions < instructions + turn.instructions {
             let done = self.instructions;
             self.run_one();
             if self.instructions == done {
                 // The bus has refused what it gave a turn before.
-                return;
+                return true;
             }
         }
-        for (cached, before) in self.cache.iter_mut().zip(before) {
-            cached.executed += (cached.executed - before) * (turns - 1);
-        }
+        self.count_again(&before, turns - 1);
         self.now = now + turns * turn.ns;
         self.instructions = instructions + turns * turn.instructions;
+        true
+    }
+
+    fn counts(&self) -> Vec<u64> {
+        self.cache.iter().map(|cached| cached.executed).collect()
+    }
+
+    /// Counts what was executed since these counts for a number of further times.
+    fn count_again(&mut self, before: &[u64], times: u64) {
+        for (cached, before) in self.cache.iter_mut().zip(before) {
+            cached.executed += (cached.executed - before) * times;
+        }
+    }
+
+    /// A branch backwards, after which nothing repeats. Returns `true` if it is time to trace a turn.
+    fn is_trace_due(&mut self) -> bool {
+        if !self.counted {
+            return false;
+        }
+        self.turns_to_trace[0] -= 1;
+        self.turns_to_trace[0] == 0
+    }
+
+    /// Traces a turn, and counts those that follow it and differ in counters alone, if another `most`
+    /// instructions can be executed after them.
+    fn leap(&mut self, until: u64, most: u64) {
+        let again = self.turns_to_trace[1];
+        self.turns_to_trace = match self.trace(until, most) {
+            Some(()) => FIRST_TRACE,
+            None => [again, (2 * again).min(LAST_TRACE)],
+        };
+        self.counted = false;
+    }
+
+    fn trace(&mut self, until: u64, most: u64) -> Option<()> {
+        let (start, before) = (self.registers, self.counts());
+        let (began, instructions) = (self.now, self.instructions);
+        let head = start.r[PC];
+        let mut trace = Trace::new();
+        loop {
+            let (registers, done) = (self.registers, self.instructions);
+            let pc = registers.r[PC];
+            let cached = self.cache[pc as usize >> 1 & (CACHE - 1)];
+            self.loaded = None;
+            self.run_one();
+            if self.instructions == done || self.now >= until || done - instructions > LONGEST_TURN {
+                return None;
+            }
+            trace.follow(cached.instruction?, &registers, self.loaded)?;
+            if self.registers.r[PC] == head && pc >= head {
+                break;
+            }
+        }
+        let reach = trace.reach(&start, &self.registers)?;
+        let (ns, length) = (self.now - began, self.instructions - instructions);
+        let left = (reach.holds_until.min(until) - 1).saturating_sub(self.now);
+        // The last of them are executed here, so that all registers are as after them.
+        let turns = (left.min(reach.shift) / ns).saturating_sub(EXECUTED);
+        if turns < WORTHWHILE || length * (EXECUTED + 1) > most {
+            return None;
+        }
+        self.count_again(&before, turns);
+        self.now += turns * ns;
+        self.instructions += turns * length;
+        self.turns.restart();
+        self.endless = false;
+        Some(())
     }
 
     fn run_one(&mut self) {
@@ -250,7 +303,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     fn it(&self) -> u8 {
-        (self.registers.xpsr >> 25 & 3 | self.registers.xpsr >> 8 & 0xfc) as u8
+        it_of(self.registers.xpsr)
     }
 
     fn set_it(&mut self, it: u8) {
@@ -264,17 +317,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
 
     #[inline(always)]
     fn passes(&self, condition: u8) -> bool {
-        let holds = match condition >> 1 {
-            0 => self.has(Z),
-            1 => self.has(C),
-            2 => self.has(N),
-            3 => self.has(V),
-            4 => self.has(C) && !self.has(Z),
-            5 => self.has(N) == self.has(V),
-            6 => self.has(N) == self.has(V) && !self.has(Z),
-            _ => return true,
-        };
-        holds != (condition & 1 == 1)
+        passes(self.registers.xpsr, condition)
     }
 
     #[inline(always)]
@@ -526,9 +569,11 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         }
         // QEMU counts the instruction before its access.
         let now = self.now + self.instruction_ns;
-        let Loaded { value, holds_until } = self.bus.load(address, bytes, now)?;
-        self.turns.read(holds_until);
-        Some(value)
+        let loaded = self.bus.load(address, bytes, now)?;
+        self.turns.read(loaded.holds_until);
+        self.counted |= loaded.ramp.is_some();
+        self.loaded = Some((now, loaded));
+        Some(loaded.value)
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> Option<()> {

@@ -7,6 +7,7 @@
 //! The origin is an edge of the clock and not a time, so nothing drifts however often it moves.
 
 use super::super::clock;
+use crate::ramp::Ramp;
 
 /// A register with a buffer behind it: `written` is loaded into `active` at an update event.
 #[derive(Debug, Clone, Copy, Default)]
@@ -122,6 +123,20 @@ impl Counter {
         let first = self.first_overflow();
         let past = ticks.checked_sub(first).map(|past| past % self.period());
         past.unwrap_or(u64::from(self.count) + ticks) as u32
+    }
+
+    /// How it counts, up to its next overflow.
+    pub(super) fn ramp(&self, now: u64) -> Ramp {
+        let (ticks, first) = (self.ticks(now), self.first_overflow());
+        let overflow = match ticks.checked_sub(first) {
+            None => first,
+            Some(past) => first + (past / self.period() + 1) * self.period(),
+        };
+        Ramp {
+            hz: u64::from(self.hz).div_ceil(self.divider()) as u32,
+            falls: false,
+            until_ns: self.time_of(overflow),
+        }
     }
 
     /// Number of overflows to come without an update event.
