@@ -17,6 +17,8 @@ mod bus;
 mod decode;
 mod execute;
 mod registers;
+#[cfg(test)]
+mod tests;
 mod trace;
 mod turns;
 

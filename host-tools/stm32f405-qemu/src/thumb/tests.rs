@@ -1,0 +1,161 @@
+//! Loops made at random, executed turn by turn and with turns that are counted at once.
+
+use super::{Bus, Interpreter, Loaded, Registers};
+use crate::ramp::Ramp;
+
+/// Addresses of counters: one goes up over 32 bits, one down over 24, one up over 16.
+const COUNTERS: u32 = 0x4000_0000;
+const RATES: [u64; 3] = [168_000_000, 21_000_000, 84_000_000 / 7];
+const NS_PER_S: u64 = 1_000_000_000;
+/// Ends a program: the interpreter does not know it.
+const BREAKPOINT: u16 = 0xbe00;
+
+/// Code at 0, and counters that began at some values.
+struct Machine {
+    code: Vec<u16>,
+    began: [u64; 3],
+    tells_ramps: bool,
+}
+
+impl Bus for Machine {
+    fn fetch(&mut self, address: u32) -> Option<u16> {
+        self.code.get(address as usize / 2).copied()
+    }
+
+    fn load(&mut self, address: u32, _bytes: u32, now: u64) -> Option<Loaded> {
+        const SIZES: [u64; 3] = [1 << 32, 1 << 24, 1 << 16];
+        let n = (address.checked_sub(COUNTERS)? / 4) as usize;
+        let (hz, size) = (*RATES.get(n)?, SIZES[n]);
+        let ticks = self.began[n] + now * hz / NS_PER_S;
+        let falls = n == 1;
+        let up = ticks % size;
+        let overflow = (ticks / size + 1) * size - self.began[n];
+        let ramp = Ramp {
+            hz: hz as u32,
+            falls,
+            until_ns: (overflow * NS_PER_S).div_ceil(hz),
+        };
+        Some(Loaded {
+            value: if falls { size - 1 - up } else { up } as u32,
+            holds_until: now,
+            ramp: Some(ramp).filter(|_| self.tells_ramps),
+        })
+    }
+
+    fn is_memory(&self, _address: u32) -> bool {
+        false
+    }
+
+    fn accepts(&self, _address: u32, _bytes: u32) -> bool {
+        false
+    }
+
+    fn store(&mut self, _address: u32, _bytes: u32, _value: u32) -> bool {
+        false
+    }
+}
+
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 >> 16
+    }
+
+    fn below(&mut self, limit: u16) -> u16 {
+        (self.next() % u64::from(limit)) as u16
+    }
+
+    /// R0 to R2 have the addresses, R3 to R5 are written, R6 and R7 stay.
+    fn written(&mut self) -> u16 {
+        3 + self.below(3)
+    }
+
+    fn value(&mut self) -> u16 {
+        3 + self.below(5)
+    }
+
+    /// A loop that begins with the read of a counter and may end at some conditions.
+    fn program(&mut self) -> Vec<u16> {
+        let length = 3 + self.below(7);
+        let mut code = vec![0x6800 | self.below(3) << 3 | 3];
+        for at in 1..length {
+            let (to, a, b) = (self.written(), self.value(), self.value());
+            code.push(match self.below(18) {
+                0 => 0x6800 | self.below(3) << 3 | to,
+                1 | 2 => 0x1a00 | b << 6 | a << 3 | to,
+                3 => 0x1800 | b << 6 | a << 3 | to,
+                4 => 0x4000 | b << 3 | to,
+                5 => 0x4380 | b << 3 | to,
+                6 => self.below(9) << 6 | a << 3 | to,
+                7 => 0x4600 | a << 3 | to,
+                8 => 0xb280 | a << 3 | to,
+                9 => 0x4240 | a << 3 | to,
+                10 => 0x43c0 | a << 3 | to,
+                11 => 0x3000 | to << 8 | self.below(64),
+                12 => 0x4140 | a << 3 | to,
+                13 => 0x4180 | a << 3 | to,
+                14 => 0x4000 | 7 << 3 | to,
+                15 => 0x4280 | 7 << 3 | a,
+                16 => 0xbf08 | self.below(14) << 4,
+                _ => 0xd000 | self.below(14) << 8 | (length - at + 2),
+            });
+        }
+        code.extend([
+            0x4280 | 6 << 3 | self.written(),
+            // To the end, or to the head.
+            0xd000 | self.below(14) << 8 | 0,
+            0xe000 | 0x7ff & (0u16.wrapping_sub(length + 4)),
+            BREAKPOINT,
+            BREAKPOINT,
+        ]);
+        code
+    }
+}
+
+#[test]
+fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
+    let mut random = Random(7);
+    let (mut executed, mut stepped) = (0, 0);
+    for round in 0..3000 {
+        let code = random.program();
+        let began = [
+            random.next() >> 16,
+            random.next() & 0xff_ffff,
+            random.next() & 0xffff,
+        ];
+        let mut registers = Registers::default();
+        for n in 0..8 {
+            registers.r[n] = match n {
+                0..3 => COUNTERS + 4 * n as u32,
+                _ => random.next() as u32 >> random.below(32),
+            };
+        }
+        if round % 2 == 0 {
+            registers.r[7] = u32::MAX >> random.below(31);
+        }
+        // Near what a counter has, so that the loop ends now and then.
+        registers.r[6] = (began[0] as u32).wrapping_add(random.below(50_000).into());
+        let until = 100_000 + random.next() % 200_000;
+        let [slow, quick] = [false, true].map(|tells_ramps| {
+            let mut machine = Machine {
+                code: code.clone(),
+                began,
+                tells_ramps,
+            };
+            let mut interpreter = Interpreter::new(registers, 0, 8, &mut machine);
+            let steps = interpreter.run(until, 1 << 20);
+            let counts: Vec<_> = interpreter.executed().collect();
+            let state = (interpreter.registers, interpreter.now, interpreter.instructions);
+            (steps, state, counts)
+        });
+        assert_eq!(slow.1, quick.1, "round {round}: {code:04x?} from {registers:x?}");
+        assert_eq!(slow.2, quick.2, "round {round}: {code:04x?} from {registers:x?}");
+        executed += slow.0;
+        stepped += quick.0;
+    }
+    assert!(stepped < executed * 3 / 4, "{stepped} of {executed} one by one");
+}
