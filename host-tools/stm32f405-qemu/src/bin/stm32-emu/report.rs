@@ -222,7 +222,7 @@ pub(crate) fn junit(
     suite: &str,
     tests: impl IntoIterator<Item = (String, std::time::Duration, Option<String>)>,
 ) -> Result<(), RunError> {
-    let mut report = Report::new("stm32f405-run");
+    let mut report = Report::new("stm32-emu");
     let mut all = TestSuite::new(suite);
     for (name, took, failed) in tests {
         let status = match failed {

@@ -13,16 +13,16 @@ const ABOUT: &str = "Runs the firmware image of an STM32F405 in QEMU: its log an
 
 const MORE: &str = "\
 Examples:
-  stm32f405-run firmware.elf                                two seconds of the image's time
-  stm32f405-run --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
-  stm32f405-run --uart USART2=stdout firmware.elf           with the text of a UART
-  stm32f405-run --scenario button.toml firmware.elf         with levels, bytes and waveforms from a file
-  stm32f405-run --uart USART1=pty firmware.elf              a terminal program can talk to it
-  stm32f405-run --strict --junit report.xml firmware.elf    for CI
+  stm32-emu firmware.elf                                two seconds of the image's time
+  stm32-emu --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
+  stm32-emu --uart USART2=stdout firmware.elf           with the text of a UART
+  stm32-emu --scenario button.toml firmware.elf         with levels, bytes and waveforms from a file
+  stm32-emu --uart USART1=pty firmware.elf              a terminal program can talk to it
+  stm32-emu --strict --junit report.xml firmware.elf    for CI
 
 As a runner of cargo, in .cargo/config.toml:
   [target.thumbv7em-none-eabihf]
-  runner = \"stm32f405-run --chip STM32F405RG\"
+  runner = \"stm32-emu --chip STM32F405RG\"
 An image made with embedded-test is run case by case, each from a reset; its words are those of `cargo test`:
   cargo test -- --list
   cargo test -- --exact tests::it_adds
@@ -40,7 +40,7 @@ Exit status:
 
 /// Command-line arguments.
 #[derive(Debug, Clone, Parser)]
-#[command(name = "stm32f405-run", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
+#[command(name = "stm32-emu", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
 pub(crate) struct Arguments {
     /// Name of the chip, for command lines that other runners take too.
     #[arg(long, value_parser = chip)]

@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let verdict = run(&arguments).unwrap_or_else(|error| Verdict::no_run(&error));
     if let Some(why) = &verdict.why {
-        eprintln!("stm32f405-run: {why}");
+        eprintln!("stm32-emu: {why}");
     }
     ExitCode::from(verdict.status)
 }
