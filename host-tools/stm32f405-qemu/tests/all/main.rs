@@ -1,5 +1,6 @@
 //! Tests of the emulator, one program.
 
+mod cases;
 mod cycles;
 mod images;
 mod machine;
