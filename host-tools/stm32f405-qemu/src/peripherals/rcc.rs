@@ -7,6 +7,8 @@
 //! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is
 //! gone. On silicon a PLL without input may go on at some low frequency, which the manual does not give.
 
+use crate::chip::ClockLimits;
+
 use super::clock::{ClockTree, HSI_HZ, LSE_HZ, LSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
@@ -78,6 +80,7 @@ pub(crate) enum Bus {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rcc {
     hse_hz: u32,
+    pub(crate) limits: ClockLimits,
     cr: u32,
     pllcfgr: u32,
     cfgr: u32,
@@ -313,13 +316,16 @@ impl Rcc {
             self.system_source = wanted;
         }
         let tree = self.clocks();
-        // DocID022152, general operating conditions.
+        let limits = self.limits;
         for (hz, limit, what) in [
-            (tree.sysclk, 168_000_000, "SYSCLK is above 168 MHz"),
-            (tree.pclk1, 42_000_000, "PCLK1 is above 42 MHz"),
-            (tree.pclk2, 84_000_000, "PCLK2 is above 84 MHz"),
+            (tree.sysclk, limits.sysclk, "SYSCLK"),
+            (tree.pclk1, limits.pclk1, "PCLK1"),
+            (tree.pclk2, limits.pclk2, "PCLK2"),
         ] {
-            self.notes.note_if(hz > limit + limit / TOLERANCE, what);
+            if hz > limit + limit / TOLERANCE {
+                self.notes
+                    .note(format!("{what} is above {} MHz", limit / 1_000_000));
+            }
         }
     }
 }
@@ -402,7 +408,7 @@ impl Peripheral for Rcc {
         let old = std::mem::replace(self, Self::new(self.hse_hz));
         (self.bdcr, self.csr) = (old.bdcr, old.csr & RESET_FLAGS);
         (self.crystal_stopped, self.notes) = (old.crystal_stopped, old.notes);
-        self.lsi_hz = old.lsi_hz;
+        (self.lsi_hz, self.limits) = (old.lsi_hz, old.limits);
     }
 
     /// RCC's interrupt, and the NMI of the clock security system.

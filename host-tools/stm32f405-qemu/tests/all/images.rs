@@ -17,7 +17,7 @@ use stm32f405_qemu::{
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
 /// compiled once.
-fn image(name: &str) -> PathBuf {
+pub(super) fn image(name: &str) -> PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let folder = BUILT.get_or_init(|| {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,6 +1,7 @@
 //! Tests of the emulator, one program.
 
 mod cases;
+mod chips;
 mod cycles;
 mod images;
 mod machine;

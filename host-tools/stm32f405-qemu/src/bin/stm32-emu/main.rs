@@ -37,7 +37,7 @@ fn run(arguments: &Arguments) -> Result<Verdict, RunError> {
             arguments.check_words()?;
             let mut lines = uart::Lines::new(&arguments.uart, arguments.until.as_ref());
             let session = session::run(arguments.run(), arguments, &mut lines)?;
-            let verdict = report::verdict(&session, arguments.strict);
+            let verdict = report::verdict(&session, arguments);
             report::summary(&session);
             report::write(arguments, &session, &verdict)?;
             Ok(verdict)
