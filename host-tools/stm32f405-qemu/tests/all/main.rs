@@ -2,6 +2,7 @@
 
 mod cases;
 mod chips;
+mod ci;
 mod cycles;
 mod images;
 mod machine;
