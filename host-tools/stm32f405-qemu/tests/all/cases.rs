@@ -1,5 +1,5 @@
-//! The cases of `cases/`, which are made with embedded-test, run by plain `cargo test` with `stm32-emu` as its
-//! runner.
+//! The cases of `cases/`, which are made with embedded-test, run by plain `cargo test` with `stm32-emu` as
+//! its runner.
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 

@@ -170,7 +170,8 @@ fn a_pin_has_the_functions_of_its_part() {
     }
 }
 
-/// The regulator's overdrive, and the limits of the buses with it (DocID024030, general operating conditions).
+/// The regulator's overdrive, and the limits of the buses with it (DocID024030, general operating
+/// conditions).
 #[test]
 fn an_stm32f429_reaches_180_mhz_with_overdrive_and_an_stm32f411_does_not() {
     const PWR: u32 = 0x4000_7000;
