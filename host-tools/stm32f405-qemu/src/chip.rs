@@ -293,6 +293,16 @@ impl Chip {
         matches!(self.line(), "F427" | "F429" | "F446")
     }
 
+    /// Bits of RCC_DCKCFGR and RCC_DCKCFGR2, as RM0368, RM0383, RM0090 (chapter 6) and RM0390 have them.
+    pub(crate) fn clock_selections(self) -> [u32; 2] {
+        match self.line() {
+            "F401" | "F411" => [0x0100_0000, 0],
+            "F427" | "F429" => [0x01f3_1f1f, 0],
+            "F446" => [0x1ff0_1f1f, 0x3cc0_0000],
+            _ => [0, 0],
+        }
+    }
+
     pub(crate) fn clock_limits(self) -> ClockLimits {
         match self.line() {
             "F401" => ClockLimits::mhz(84, 42, 84),

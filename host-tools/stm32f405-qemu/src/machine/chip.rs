@@ -78,6 +78,7 @@ impl Chip {
         units.signature.flash_kib = part.flash_kib();
         units.flash.end = part.flash().end;
         units.rcc.limits = part.clock_limits();
+        units.rcc.selectable = part.clock_selections();
         units.pwr.has_overdrive = part.has_overdrive();
         for ((port, pin), function) in wiring::foreign_functions(part) {
             units.gpio[port].foreign[pin] |= function;

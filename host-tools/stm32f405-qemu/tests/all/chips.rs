@@ -278,7 +278,7 @@ fn what_a_part_has_and_no_model_knows_is_named_as_on_that_part() {
         ("STM32F411CE", 0x4001_3404, "SPI4+0x04"),
         ("STM32F429ZI", 0x4001_5808, "SAI1+0x08"),
         ("STM32F446RE", 0x4000_4004, "SPDIFRX1+0x04"),
-        ("STM32F446RE", 0x4002_3894, "RCC+0x94"),
+        ("STM32F405RG", 0x4002_3894, "RCC+0x94"),
     ] {
         let chip = chip(name);
         let outcome = run_on(chip, &linked_for(chip, folder.path()), address).unwrap();
