@@ -68,7 +68,6 @@ fn bash(folder: &Path, script: &str, variables: &[(String, String)]) -> Output {
     bash.args(["--noprofile", "--norc", "-e", "-o", "pipefail", "-c", script])
         .current_dir(folder)
         .env("PATH", path)
-        .env("CARGO_NET_OFFLINE", "true")
         .env_remove("CARGO_TARGET_DIR")
         .envs(variables.iter().cloned());
     bash.output().unwrap()
