@@ -901,7 +901,8 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
 
 #[test]
 fn a_loop_is_shortened_with_memory_protection_too_and_ends_as_before() {
-    /// Accesses that QEMU would make, at least: each turn reads the counter, and takes less than a microsecond.
+    /// Accesses that QEMU would make, at least: each turn reads the counter, and takes less than a
+    /// microsecond.
     const ACCESSES: u64 = 1000;
     let calls = |way, protected, shorten| {
         let mut run = waiting(way, 0, protected);
