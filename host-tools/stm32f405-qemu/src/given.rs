@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::chip::Chip;
 use crate::device::Devices;
 use crate::level::Level;
 
@@ -66,8 +67,11 @@ pub struct Run {
     pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
-    /// DEV_ID of the part (RM0090 section 38.6.1): 0x413 is the STM32F405. Nothing else changes with it.
-    pub dev_id: u16,
+    /// The part: its memory, its peripherals and its pins.
+    pub chip: Chip,
+    /// DEV_ID of another part (RM0090 section 38.6.1), for an image that looks at it. Nothing else changes
+    /// with it. `None` for that of [`chip`](Self::chip).
+    pub dev_id: Option<u16>,
     /// Frequency error of the crystal, ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
@@ -157,7 +161,8 @@ impl Run {
             qemu: None,
             overlay: None,
             hse_hz: 8_000_000,
-            dev_id: 0x413,
+            chip: Chip::default(),
+            dev_id: None,
             hse_ppm: 0.0,
             shift: None,
             software_scan_under_trigger: true,

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod chip;
 mod device;
 mod ending;
 mod exchange;
@@ -17,6 +18,7 @@ mod scenario;
 mod thumb;
 mod vcd;
 
+pub use chip::{Chip, UnknownChip};
 pub use device::{BusAnswer, BusCall, BusEvent, Device, Devices, SpiFrame};
 pub use ending::{CodeAddress, Exception, RunEnd};
 pub use given::{AnalogInput, AnalogWire, Fault, FaultKind, Inputs, PinInput, Poke, Run, Since, UartInput};

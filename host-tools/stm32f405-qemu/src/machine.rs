@@ -64,7 +64,7 @@ use unknown::UnknownRegisters;
 use wires::{AnalogLoop, Wires};
 use wiring::{SERVERS, known_pin};
 
-/// An STM32F405 without its processor and memory.
+/// A part without its processor and memory.
 #[derive(Debug, Clone)]
 pub struct Machine {
     chip: Chip,
@@ -92,7 +92,10 @@ impl Machine {
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
         let stimulus = StimulusPlayer::new(&run, hse_hz);
-        let mut chip = Chip::new(hse_hz, run.dev_id, run.uid, run.random_seed, stimulus);
+        let mut chip = Chip::new(hse_hz, run.chip, run.uid, run.random_seed, stimulus);
+        if let Some(dev_id) = run.dev_id {
+            chip.units.dbgmcu.dev_id = dev_id;
+        }
         for converter in &mut chip.units.adc.converters {
             converter.software_scan_under_trigger = run.software_scan_under_trigger;
         }
@@ -127,6 +130,11 @@ impl Machine {
             resets: Vec::new(),
             vectors: FLASH.start,
         }
+    }
+
+    /// The part that it is.
+    pub(crate) fn part(&self) -> crate::chip::Chip {
+        self.chip.part
     }
 
     // The processor and time drive the machine.
@@ -390,7 +398,7 @@ impl Machine {
             overruns: units.adc.converters.iter().map(|adc| adc.overruns).sum(),
             triggers_ignored: units.adc.converters.iter().map(|adc| adc.triggers_ignored).sum(),
             resets: self.resets.clone(),
-            unknown_registers: self.unknown.list(),
+            unknown_registers: self.unknown.list(self.chip.part),
             unmodelled: self.chip.unmodelled(),
             busy_with: self.polls.busy_with().map(registers::name),
             never_came: self.never_came(),

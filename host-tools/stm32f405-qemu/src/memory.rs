@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// SRAM1 and SRAM2. The DMA reaches them, and reads flash.
+/// SRAM1 and SRAM2 of the STM32F405. The DMA reaches them, and reads flash.
 pub const SRAM: Range<u32> = 0x2000_0000..0x2002_0000;
 /// Flash, on the AHB.
 pub const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
@@ -24,8 +24,8 @@ pub(crate) fn sector(number: u32) -> Option<Range<u32>> {
 /// Core-coupled memory. It is on the processor's bus only: the DMA does not reach it.
 pub(crate) const CCM: Range<u32> = 0x1000_0000..0x1001_0000;
 
-/// RAM that QEMU 7.2 gives this machine and that the part lacks: the part raises a bus fault there.
-pub(crate) const NO_RAM: Range<u32> = 0x2002_0000..0x2003_0000;
+/// SRAM of the part that has most. QEMU 7.2 gives this machine all of it, 10.0 as much as [`SRAM`].
+pub(crate) const MOST_SRAM: Range<u32> = 0x2000_0000..0x2003_0000;
 /// APB1 and APB2.
 pub(crate) const APB: Range<u32> = 0x4000_0000..0x4002_0000;
 /// The peripherals' part of the address space.
@@ -38,10 +38,14 @@ pub(crate) fn is_beyond_every_bus(address: u32) -> bool {
     matches!(address, 0x4008_0000..0x5000_0000 | 0x5006_0c00..0x6000_0000)
 }
 
-/// Returns `true` if these bytes lie in SRAM or CCM.
+/// Returns `true` if these bytes lie in SRAM or CCM of some part.
 pub(crate) fn is_ram(address: u32, bytes: usize) -> bool {
-    let within = |ram: &Range<u32>| ram.contains(&address) && (ram.end - address) as usize >= bytes;
-    within(&SRAM) || within(&CCM)
+    within(&MOST_SRAM, address, bytes) || within(&CCM, address, bytes)
+}
+
+/// Returns `true` if these bytes lie in a region.
+pub(crate) fn within(region: &Range<u32>, address: u32, bytes: usize) -> bool {
+    region.contains(&address) && (region.end - address) as usize >= bytes
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ use crate::given::{AnalogInput, Run};
 use crate::machine::{USARTS, analog_pin, pin};
 use crate::memory::{FLASH, WRITABLE};
 use crate::outcome::Outcome;
-use checks::{TWELVE_BITS, check_devices, check_pin, check_usart};
+use checks::{TWELVE_BITS, check_devices, check_image, check_pin, check_usart};
 use folder::RunFolder;
 use image::Image;
 use process::QemuJob;
@@ -80,6 +80,7 @@ impl Run {
         }
         let image = Image::read(&self.elf)?;
         let description = self.describe(&image, live)?;
+        check_image(self.chip, &image)?;
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
         let folder = RunFolder::new()?;
@@ -122,6 +123,11 @@ impl Run {
         };
         outcome.name_functions(|place| image.name(place));
         outcome.unmodelled.extend(outcome.faster_than_the_core());
+        let missing = outcome.pins.iter().filter(|pin| !self.chip.has_pin(&pin.name));
+        let missing: Vec<_> = missing
+            .map(|pin| format!("GPIO {} moved, and the {} has no such pin", pin.name, self.chip))
+            .collect();
+        outcome.unmodelled.extend(missing);
         match outcome.end {
             RunEnd::Stuck(_) => Err(RunError::Stuck(outcome.into())),
             RunEnd::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),
@@ -234,10 +240,10 @@ impl Run {
         }
         self.pin_inputs
             .iter()
-            .try_for_each(|input| check_pin(&input.pin))?;
+            .try_for_each(|input| check_pin(self.chip, &input.pin))?;
         for (from, to) in &self.wires {
-            check_pin(from)?;
-            check_pin(to)?;
+            check_pin(self.chip, from)?;
+            check_pin(self.chip, to)?;
             if from == to {
                 return refused(format!("a wire leads from {from} to itself; give two pins"));
             }
@@ -249,7 +255,7 @@ impl Run {
                     "an analog wire begins at {from}; the outputs of the DAC are PA4 and PA5"
                 ));
             }
-            check_pin(&wire.to)?;
+            check_pin(self.chip, &wire.to)?;
             if !(0..3).any(|adc| (0..16).any(|channel| analog_pin(adc, channel) == pin(&wire.to))) {
                 let to = &wire.to;
                 return refused(format!(
@@ -264,7 +270,7 @@ impl Run {
             ..
         } in &self.analog_inputs
         {
-            check_pin(pin)?;
+            check_pin(self.chip, pin)?;
             if *period_ns == 0 {
                 return refused(format!("the codes at {pin} have a period of 0 ns"));
             }
@@ -272,13 +278,14 @@ impl Run {
                 return refused(format!("a code at {pin} is {code}; {TWELVE_BITS}"));
             }
         }
-        check_devices(&self.devices)?;
+        check_devices(self.chip, &self.devices)?;
         self.uart_input
             .iter()
             .try_for_each(|input| check_usart(&input.port))?;
         for (address, bytes) in &self.flash {
-            let (start, end, length) = (FLASH.start, FLASH.end, bytes.len());
-            if !FLASH.contains(address) || u64::from(*address) + length as u64 > u64::from(end) {
+            let flash = self.chip.flash();
+            let (start, end, length) = (flash.start, flash.end, bytes.len());
+            if !flash.contains(address) || u64::from(*address) + length as u64 > u64::from(end) {
                 let place = format!("{length} bytes for flash at {address:#010x}");
                 return refused(format!("{place} are outside {start:#010x}..{end:#010x}"));
             }

@@ -1,7 +1,7 @@
 //! The checks that run no program of ours: links, imports, format, lints, documentation.
 
 use crate::links;
-use crate::packages::{HOST, IMAGE, IMAGES, PUBLISHED};
+use crate::packages::{CASES, HOST, IMAGE, IMAGES, PUBLISHED};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::style;
 use crate::supply;
@@ -60,10 +60,11 @@ pub(crate) fn image(steps: &Steps) -> Result<(), Stop> {
     steps.run("documentation, image", &doc(IMAGE))
 }
 
-/// Lints of the images of the emulator's tests.
+/// Lints of the images and cases of the emulator's tests.
 pub(crate) fn images(steps: &Steps) -> Result<(), Stop> {
     let images = format!("{IMAGES} --features embassy");
-    steps.run("lints, images of the emulator's tests", &clippy(&images))
+    steps.run("lints, images of the emulator's tests", &clippy(&images))?;
+    steps.run("lints, cases of the emulator's tests", &clippy(CASES))
 }
 
 fn clippy(what: &str) -> CommandLine {

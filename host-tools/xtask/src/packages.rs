@@ -6,7 +6,7 @@ pub(crate) const DEMO: &str = "-p absorber-bead -p stm32f405-qemu";
 
 /// All but what is built for the part, but the benchmark, which brings other solvers, and but the Python
 /// package, which `cargo xtask wheel` builds.
-pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images \
+pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images --exclude stm32f405-qemu-cases \
     --exclude hertz-benchmarks --exclude hertz-chain-python";
 
 /// The packages that others can use, for crates.io: each may depend on those before it.
@@ -21,7 +21,11 @@ pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabih
 /// The images of the emulator's own tests.
 pub(crate) const IMAGES: &str = "--profile firmware --target thumbv7em-none-eabihf -p stm32f405-qemu-images";
 
-/// Those of them that use embassy. The others would miss the vectors that its device brings.
+/// The test cases that the emulator's runner runs.
+pub(crate) const CASES: &str =
+    "--profile firmware --target thumbv7em-none-eabihf -p stm32f405-qemu-cases --tests";
+
+/// Those of the images that use embassy. The others would miss the vectors that its device brings.
 pub(crate) const ON_EMBASSY: &str =
     "--features embassy --bin default-time-driver --bin ports --bin converters --bin buses --bin clocks";
 

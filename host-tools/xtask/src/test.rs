@@ -7,7 +7,7 @@
 
 use serde_json::Value;
 
-use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
+use crate::packages::{CASES, DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
 use crate::suite::Job;
@@ -77,6 +77,8 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     for programs in ["--bins", ON_EMBASSY] {
         steps.run("images of the emulator's tests", &images.clone().words(programs))?;
     }
+    let cases = CommandLine::new("cargo test --no-run").words(CASES);
+    steps.run("cases of the emulator's tests", &cases)?;
     lint::images(steps)?;
     lint::supply(steps)?;
     let bare = format!(

@@ -281,7 +281,7 @@ fn a_crystal_that_never_starts_or_is_another_one_or_another_part_leaves_a_bead_t
             "the crystal has ",
         ),
         (
-            |run| run.dev_id = 0x419,
+            |run| run.dev_id = Some(0x419),
             FaultCause::PartWrong,
             Standing::PART_WRONG,
             "the part is 0x419, ",

@@ -8,6 +8,7 @@ use super::stimulus::StimulusPlayer;
 use super::table::{Gate, PeripheralRow, TABLE, Units, WrittenRows, offset_in, row_at};
 use super::wires::{AnalogLoop, Wires};
 use super::wiring::{self, ADCS};
+use crate::chip::Chip as Part;
 use crate::memory::APB;
 use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
@@ -52,6 +53,9 @@ pub(super) struct Chip {
     /// The buses' reset registers of then.
     resets: [u32; BUSES],
     pub(super) written: WrittenRows,
+    pub(super) part: Part,
+    /// First addresses of the models that the part has not.
+    lacking: Vec<u32>,
 }
 
 /// There is no such register, or the clock of its peripheral is off.
@@ -67,11 +71,23 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up, with a crystal of `hse_hz`, its DEV_ID, its factory identifier, and the seed of its
-    /// random numbers.
-    pub(super) fn new(hse_hz: u32, dev_id: u16, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
+    /// After power-up: a part with a crystal of `hse_hz`, its factory identifier, and the seed of its random
+    /// numbers.
+    pub(super) fn new(hse_hz: u32, part: Part, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
+        let mut units = Units::new(hse_hz, part.device_id(), uid, seed);
+        units.signature.flash_kib = part.flash_kib();
+        units.flash.end = part.flash().end;
+        units.rcc.limits = part.clock_limits();
+        units.rcc.selectable = part.clock_selections();
+        units.pwr.has_overdrive = part.has_overdrive();
+        for ((port, pin), function) in wiring::foreign_functions(part) {
+            units.gpio[port].foreign[pin] |= function;
+        }
+        let starts = TABLE.iter().map(|row| row.addresses.start);
         Self {
-            units: Units::new(hse_hz, dev_id, uid, seed),
+            units,
+            part,
+            lacking: starts.filter(|start| part.lacks(*start)).collect(),
             stimulus,
             sampler: None,
             scans: 0,
@@ -156,16 +172,23 @@ impl Chip {
     fn clocked(&self, address: u32) -> Result<(usize, u32), Unanswered> {
         let number = row_at(address).ok_or(Unanswered { clock_off: false })?;
         let row = &TABLE[number];
+        if self.lacks(row) {
+            return Err(Unanswered { clock_off: false });
+        }
         if !self.is_clocked(row) {
             return Err(Unanswered { clock_off: true });
         }
         Ok((number, offset_in(row, address)))
     }
 
-    /// Returns `true` if the clock of a peripheral is on.
+    fn lacks(&self, row: &PeripheralRow) -> bool {
+        self.lacking.contains(&row.addresses.start)
+    }
+
+    /// Returns `true` if the part has a peripheral, and its clock is on.
     pub(super) fn is_clocked(&self, row: &PeripheralRow) -> bool {
         let Gate { bus, enables, .. } = row.gate;
-        enables == 0 || self.units.rcc.enabled(bus, enables)
+        !self.lacks(row) && (enables == 0 || self.units.rcc.enabled(bus, enables))
     }
 
     /// Passes on what a write to one peripheral does to others.

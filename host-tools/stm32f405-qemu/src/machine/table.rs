@@ -48,7 +48,7 @@ pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];
 
 pub(super) struct PeripheralRow {
     pub(super) name: &'static str,
-    addresses: Range<u32>,
+    pub(super) addresses: Range<u32>,
     pub(super) gate: Gate,
     /// Its lines at the interrupt controller, in the order of the model's outputs.
     pub(super) lines: &'static [usize],
@@ -274,8 +274,11 @@ pub(super) fn offset_in(row: &PeripheralRow, address: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::super::registers::name;
     use super::*;
+    use crate::chip::Chip;
 
     #[test]
     fn modelled_peripherals_answer_where_table_1_has_them() {
@@ -289,6 +292,27 @@ mod tests {
         }
         assert!(row_at(0x4000_6400).is_none(), "CAN1");
     }
+    /// README names all that parts have and no row models.
+    #[test]
+    fn peripherals_without_a_model_are_listed() {
+        let readme = include_str!("../../README.md");
+        let (_, list) = readme
+            .split_once("no model knows is reported by its name: ")
+            .unwrap();
+        let (list, _) = list.split_once('.').unwrap();
+        let listed: BTreeSet<&str> = list
+            .split([',', ' ', '\n'])
+            .filter(|word| !word.is_empty())
+            .collect();
+        let modelled = |name: &&str| {
+            let by_another_name = ["DAC1", "UID"].contains(name) || name.ends_with("_COMMON");
+            by_another_name || TABLE.iter().any(|row| row.name == *name)
+        };
+        let all = Chip::all().flat_map(|chip| chip.peripherals().iter().copied());
+        let unmodelled: BTreeSet<&str> = all.filter(|name| !modelled(name)).collect();
+        assert_eq!(listed, unmodelled);
+    }
+
     /// Rows against what ST's database has of clock gates and interrupts.
     #[test]
     fn gates_and_interrupts_are_those_of_st() {

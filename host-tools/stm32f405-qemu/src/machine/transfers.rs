@@ -3,7 +3,7 @@
 use super::board::Exterior;
 use super::chip::Chip;
 use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, USARTS};
-use crate::memory::{FLASH, SRAM};
+use crate::memory::FLASH;
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
@@ -55,7 +55,8 @@ impl Transfers {
             return true;
         };
         let beat = at.chip.units.dma[stream.dma].beat(stream.stream);
-        let to_memory = |beat: Beat| beat.direction == Direction::ToMemory && SRAM.contains(&beat.memory);
+        let to_memory =
+            |beat: Beat| beat.direction == Direction::ToMemory && at.chip.part.is_sram(beat.memory);
         if beat.is_some_and(to_memory) {
             self.fetch_conversion(adc, stream, at);
             return true;
@@ -202,7 +203,7 @@ impl Transfers {
     fn read(&mut self, address: u32, bytes: u32, at: &mut Context<'_, impl Exterior>) -> Option<u32> {
         if FLASH.contains(&address) {
             at.chip.units.flash.fetched_by_dma();
-        } else if !SRAM.contains(&address) {
+        } else if !at.chip.part.is_sram(address) {
             let word = at.chip.read(address & !3, at.now).ok()?;
             return Some(part(word, address, bytes));
         }
@@ -220,7 +221,7 @@ impl Transfers {
         value: u32,
         at: &mut Context<'_, impl Exterior>,
     ) -> Option<()> {
-        if !SRAM.contains(&address) {
+        if !at.chip.part.is_sram(address) {
             let value = at.chip.widen(address, bytes, value, at.now);
             return at.chip.write(address & !3, value, at.now).ok();
         }

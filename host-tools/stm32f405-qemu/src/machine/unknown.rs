@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::registers::name;
+use crate::chip::Chip;
 use crate::outcome::UnknownRegister;
 
 /// The accesses to each of them, by its address and by whether the clock of its peripheral was off.
@@ -32,8 +33,25 @@ impl UnknownRegisters {
             })
     }
 
-    /// In the order of their addresses.
-    pub(super) fn list(&self) -> Vec<UnknownRegister> {
-        self.0.values().cloned().collect()
+    /// In the order of their addresses, by the names that they have on this part.
+    pub(super) fn list(&self, part: Chip) -> Vec<UnknownRegister> {
+        let named = |register: &UnknownRegister| UnknownRegister {
+            name: name_on(part, register),
+            ..register.clone()
+        };
+        self.0.values().map(named).collect()
+    }
+}
+
+/// The table of names is that of the STM32F405. Where it has none, or where this part has something else, the
+/// name is that of the part's peripheral.
+fn name_on(part: Chip, register: &UnknownRegister) -> String {
+    let UnknownRegister { name, address, .. } = register;
+    match part.peripheral_at(*address) {
+        Some((start, peripheral)) if name.contains("(reserved)") || name.starts_with("I2S") => {
+            format!("{peripheral}+{:#04x}", address - start)
+        }
+        None if part.lacks(*address) => format!("{name} (not on the {part})"),
+        _ => name.clone(),
     }
 }

@@ -4,8 +4,10 @@
 //! database (by way of the crates `stm32-metapac` and `stm32f4`). Triggers are in no such database, and stand
 //! here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
+
+use crate::chip::{Chip, new_functions};
 
 const TABLE: &str = include_str!("connections.txt");
 
@@ -180,8 +182,25 @@ pub(super) static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
             _ => {}
         }
     }
+    // Several parts have most of them.
+    let mut taken = BTreeSet::new();
+    for new in new_functions() {
+        if let Some(pin) = pin(new.pin)
+            && taken.insert((new.pin, new.function, new.peripheral, new.signal))
+        {
+            found.connect(pin, new.function, new.peripheral, new.signal);
+        }
+    }
     found
 });
+
+/// The alternate functions that some part has and this one has not: a bit for each, by pin.
+pub(super) fn foreign_functions(part: Chip) -> impl Iterator<Item = (PinIndex, u16)> {
+    let foreign = new_functions()
+        .iter()
+        .filter(move |new| !part.has_function(new.pin, new.function));
+    foreign.filter_map(|new| Some((pin(new.pin)?, 1 << new.function.parse::<u32>().ok()?)))
+}
 
 impl Connections {
     fn connect(&mut self, pin: PinIndex, function: &str, peripheral: &'static str, signal: &'static str) {

@@ -8,7 +8,7 @@ const REVISION: u32 = 0x1001_6000;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Dbgmcu {
-    dev_id: u16,
+    pub(crate) dev_id: u16,
     cr: u32,
     freeze: [u32; 2],
     pub(crate) notes: Notes,

@@ -87,6 +87,8 @@ pub(crate) struct FlashController {
     first_option_key_seen: bool,
     /// The bytes of [`WRITABLE`].
     pub(crate) contents: Vec<u8>,
+    /// Where the part's flash ends.
+    pub(crate) end: u32,
     running: Option<PendingOperation>,
     /// Power cuts: the operations that still begin before, and how much of theirs is over, %.
     cuts: Vec<(u32, u8)>,
@@ -102,6 +104,7 @@ impl FlashController {
             cr: LOCK,
             optcr: 0x0fff_aaed,
             contents: vec![0xff; WRITABLE.len()],
+            end: WRITABLE.end,
             ..Self::default()
         }
     }
@@ -201,7 +204,7 @@ impl FlashController {
         } else if bytes != 1 << psize || !address.is_multiple_of(bytes) {
             // The processor cuts an unaligned store into smaller ones.
             self.refuse(PGPERR);
-        } else if !WRITABLE.contains(&address) {
+        } else if !WRITABLE.contains(&address) || address >= self.end {
             self.notes.note(PROGRAMMED);
             self.refuse(WRPERR);
         } else {
@@ -211,7 +214,7 @@ impl FlashController {
 
     /// CR.STRT (section 3.6.3).
     fn start(&mut self, now: u64) {
-        let sector = sector(field(self.cr, 3, 4));
+        let sector = sector(field(self.cr, 3, 4)).filter(|sector| sector.start < self.end);
         let (note, flag) = match (self.cr & (SER | MER), sector) {
             (SER, Some(sector)) if WRITABLE.contains(&sector.start) => {
                 let bytes = sector.len() as u32;
@@ -337,7 +340,7 @@ impl Peripheral for FlashController {
         }
         let old = std::mem::replace(self, Self::new());
         (self.hclk, self.contents, self.operations) = (old.hclk, old.contents, old.operations);
-        (self.cuts, self.notes) = (old.cuts, old.notes);
+        (self.cuts, self.notes, self.end) = (old.cuts, old.notes, old.end);
     }
 
     fn interrupt(&self, _output: usize) -> bool {

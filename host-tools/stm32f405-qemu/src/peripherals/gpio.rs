@@ -39,6 +39,8 @@ pub(crate) struct Gpio {
     by_wire: [Option<bool>; 16],
     /// Levels that the timers behind the pins' alternate functions give. `None` where none does.
     by_timer: [Option<bool>; 16],
+    /// Alternate functions that pins have on other parts only, a bit for each.
+    pub(crate) foreign: [u16; 16],
     /// Number of changes of each pin's level as an output.
     pub(crate) edges: [u64; 16],
     /// True if the times of these changes are recorded.
@@ -103,7 +105,8 @@ impl Gpio {
     /// The alternate function that a pin is set to (section 8.3.2). `None` if it has another mode.
     pub(crate) fn alternate(&self, pin: usize) -> Option<u32> {
         let function = field(self.afr[pin / 8], 4 * (pin as u32 % 8), 4);
-        (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
+        let is_own = self.foreign[pin] >> function & 1 == 0;
+        (field(self.moder, 2 * pin as u32, 2) == 0b10 && is_own).then_some(function)
     }
 
     /// The levels of the port as IDR has them.
@@ -240,7 +243,7 @@ impl Peripheral for Gpio {
         let old = std::mem::replace(self, Self::new(self.port));
         (self.edges, self.records, self.recorded) = (old.edges, old.records, old.recorded);
         (self.changes, self.notes) = (old.changes, old.notes);
-        (self.wired, self.by_wire) = (old.wired, old.by_wire);
+        (self.wired, self.by_wire, self.foreign) = (old.wired, old.by_wire, old.foreign);
     }
 }
 

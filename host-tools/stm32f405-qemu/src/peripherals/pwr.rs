@@ -8,6 +8,8 @@ use super::register::{bit, field};
 
 const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
+/// ODEN and ODSWEN of CR; ODRDY and ODSWRDY of CSR.
+const OVERDRIVE: u32 = 0b11 << 16;
 const PVDE: u32 = 1 << 4;
 const PDDS: u32 = 1 << 1;
 /// CSR: wake-up flag, standby flag.
@@ -42,6 +44,8 @@ pub(crate) struct Pwr {
     /// WUF and SBF, which outlive a reset.
     pub(crate) flags: u32,
     hclk: u32,
+    /// The part has ODEN and ODSWEN (section 5.4.2, for the STM32F42x).
+    pub(crate) has_overdrive: bool,
     pub(crate) notes: Notes,
 }
 
@@ -54,6 +58,7 @@ impl Default for Pwr {
             below: false,
             flags: 0,
             hclk: 0,
+            has_overdrive: false,
             notes: Notes::default(),
         }
     }
@@ -106,6 +111,8 @@ impl Peripheral for Pwr {
             // VOSRDY always; BRR follows BRE; PVDO.
             0x04 => {
                 let ready = 1 << 14 | u32::from(bit(self.csr, 9)) << 3;
+                // ODRDY and ODSWRDY follow ODEN and ODSWEN.
+                let ready = ready | self.cr & OVERDRIVE;
                 Ok(self.csr | self.flags | ready | u32::from(self.below) << 2)
             }
             _ => Err(NoRegister),
@@ -120,7 +127,8 @@ impl Peripheral for Pwr {
         match offset {
             0x00 => {
                 // CWUF and CSBF read as 0.
-                self.cr = value & 0x43f3;
+                let overdrive = if self.has_overdrive { OVERDRIVE } else { 0 };
+                self.cr = value & (0x43f3 | overdrive);
                 // CWUF and CSBF have the order of WUF and SBF.
                 self.flags &= !(value >> 2);
                 self.compare();
@@ -137,6 +145,7 @@ impl Peripheral for Pwr {
         let old = std::mem::take(self);
         (self.supply_mv, self.flags) = (old.supply_mv, old.flags);
         (self.hclk, self.notes) = (old.hclk, old.notes);
+        self.has_overdrive = old.has_overdrive;
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, _now: u64) {

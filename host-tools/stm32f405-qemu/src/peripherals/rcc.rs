@@ -7,6 +7,8 @@
 //! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is
 //! gone. On silicon a PLL without input may go on at some low frequency, which the manual does not give.
 
+use crate::chip::ClockLimits;
+
 use super::clock::{ClockTree, HSI_HZ, LSE_HZ, LSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
@@ -52,6 +54,9 @@ const ENABLE_BITS: [u32; BUSES] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_
 const SLEEP_BITS: [u32; BUSES] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 const SLEEP_AT_RESET: [u32; BUSES] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 
+/// DCKCFGR.TIMPRE, on parts other than the F405.
+const TIMPRE: u32 = 1 << 24;
+const NO_TIMPRE: &str = "DCKCFGR.TIMPRE: the timers have the clock that they have without it";
 const STOPPED: &str =
     "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI";
 const PLL_RANGE: &str = "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz";
@@ -78,6 +83,11 @@ pub(crate) enum Bus {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rcc {
     hse_hz: u32,
+    pub(crate) limits: ClockLimits,
+    /// Bits of DCKCFGR and DCKCFGR2 that the part has, and what was written there. But for TIMPRE they choose
+    /// clocks of peripherals without a model.
+    pub(crate) selectable: [u32; 2],
+    selections: [u32; 2],
     cr: u32,
     pllcfgr: u32,
     cfgr: u32,
@@ -313,13 +323,16 @@ impl Rcc {
             self.system_source = wanted;
         }
         let tree = self.clocks();
-        // DocID022152, general operating conditions.
+        let limits = self.limits;
         for (hz, limit, what) in [
-            (tree.sysclk, 168_000_000, "SYSCLK is above 168 MHz"),
-            (tree.pclk1, 42_000_000, "PCLK1 is above 42 MHz"),
-            (tree.pclk2, 84_000_000, "PCLK2 is above 84 MHz"),
+            (tree.sysclk, limits.sysclk, "SYSCLK"),
+            (tree.pclk1, limits.pclk1, "PCLK1"),
+            (tree.pclk2, limits.pclk2, "PCLK2"),
         ] {
-            self.notes.note_if(hz > limit + limit / TOLERANCE, what);
+            if hz > limit + limit / TOLERANCE {
+                self.notes
+                    .note(format!("{what} is above {} MHz", limit / 1_000_000));
+            }
         }
     }
 }
@@ -338,8 +351,9 @@ impl Peripheral for Rcc {
             0x74 => self.csr | ((self.csr & 1) << 1),
             0x80 => self.sscgr,
             0x84 => self.plli2scfgr,
-            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
-            0x8c => 0,
+            // DCKCFGR, reserved on the F405; embassy-stm32 writes it on every F4.
+            0x8c => self.selections[0],
+            0x94 if self.selectable[1] != 0 => self.selections[1],
             _ => return Err(NoRegister),
         })
     }
@@ -391,7 +405,11 @@ impl Peripheral for Rcc {
             }
             0x80 => self.sscgr = value & SSCGR_BITS,
             0x84 => self.plli2scfgr = value & PLLI2SCFGR_BITS,
-            0x8c => {}
+            0x8c | 0x94 if offset == 0x8c || self.selectable[1] != 0 => {
+                let n = index(offset, 0x8c) / 2;
+                self.selections[n] = value & self.selectable[n];
+                self.notes.note_if(self.selections[0] & TIMPRE != 0, NO_TIMPRE);
+            }
             _ => return Err(NoRegister),
         }
         Ok(())
@@ -402,7 +420,7 @@ impl Peripheral for Rcc {
         let old = std::mem::replace(self, Self::new(self.hse_hz));
         (self.bdcr, self.csr) = (old.bdcr, old.csr & RESET_FLAGS);
         (self.crystal_stopped, self.notes) = (old.crystal_stopped, old.notes);
-        self.lsi_hz = old.lsi_hz;
+        (self.lsi_hz, self.limits, self.selectable) = (old.lsi_hz, old.limits, old.selectable);
     }
 
     /// RCC's interrupt, and the NMI of the clock security system.
@@ -501,6 +519,21 @@ mod tests {
         assert_eq!(rcc.get(CSR, 0), IWDGRSTF | PINRSTF);
         reset(&mut rcc, ResetCause::PowerCut);
         assert_eq!(rcc.get(CSR, 0), POWER_ON_FLAGS, "and none of before");
+    }
+
+    #[test]
+    fn selections_of_clocks_are_kept_where_the_part_has_them() {
+        let (mut f405, mut f446) = (Rcc::new(8_000_000), Rcc::new(8_000_000));
+        f446.selectable = [0x1ff0_1f1f, 0x3cc0_0000];
+        for rcc in [&mut f405, &mut f446] {
+            rcc.put(0, [(0x8c, TIMPRE)]);
+            rcc.reset(0);
+        }
+        assert_eq!(f405.write(0x94, 1 << 27, 0), Err(NoRegister));
+        f446.put(0, [(0x94, u32::MAX)]);
+        assert_eq!(f446.get(0x94, 0), 0x3cc0_0000);
+        assert_eq!(f405.notes.iter().count(), 0);
+        assert_eq!(f446.notes.iter().collect::<Vec<_>>(), [NO_TIMPRE]);
     }
 
     #[test]

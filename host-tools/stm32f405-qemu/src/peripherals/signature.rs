@@ -3,7 +3,6 @@
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 
-const FLASH_KIB: u32 = 1024;
 /// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
 /// internal reference voltage calibration values).
 pub(crate) const REFERENCE_CODE: u32 = 1502;
@@ -15,6 +14,8 @@ const TEMPERATURE_CODES: [u32; 2] = [959, 1207];
 pub(crate) struct Signature {
     /// 96-bit unique identifier, as bytes in address order.
     pub(crate) uid: [u8; 12],
+    /// Size of flash, KiB.
+    pub(crate) flash_kib: u32,
     pub(crate) notes: Notes,
 }
 
@@ -27,7 +28,7 @@ impl Peripheral for Signature {
                 Ok(u32::from_le_bytes(word))
             }
             // F_SIZE is the halfword at 0x1fff_7a22.
-            0x10 => Ok(FLASH_KIB << 16),
+            0x10 => Ok(self.flash_kib << 16),
             // VREFIN_CAL is the halfword at 0x1fff_7a2a.
             0x18 => Ok(REFERENCE_CODE << 16),
             // TS_CAL1 and TS_CAL2 are the halfwords at 0x1fff_7a2c and 0x1fff_7a2e.
@@ -49,7 +50,10 @@ mod tests {
 
     #[test]
     fn the_identifier_lies_in_address_order_and_the_flash_is_1024_kib() {
-        let mut signature = Signature::default();
+        let mut signature = Signature {
+            flash_kib: 1024,
+            ..Signature::default()
+        };
         signature.uid.copy_from_slice(b"0123456789ab");
         assert_eq!(signature.read(0x04, 0), Ok(u32::from_le_bytes(*b"4567")));
         assert_eq!(signature.read(0x10, 0).unwrap() >> 16, 1024);

@@ -10,7 +10,7 @@
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::fs::File;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -33,10 +33,11 @@ use super::qemu::{
 use super::recorder::Outside;
 use super::self_test::self_test;
 use super::{stops, waiting};
+use crate::chip::Chip;
 use crate::ending::RunEnd;
 use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
 use crate::machine::Machine;
-use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
+use crate::memory::{CCM, FLASH, MOST_SRAM, PERIPHERALS, SRAM, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
@@ -221,22 +222,29 @@ extern "C" fn on_exit(_: Pointer, _: Pointer) {
 
 extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
     let Some(functions) = FUNCTIONS.get() else { return };
-    let mut qemu = lay_over(functions).unwrap_or_else(|line| exit(SELF_TEST_STATUS, &line));
-    qemu.map_windows();
+    let Some(overlay) = OVERLAY.get() else { return };
+    let chip = overlay
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .description
+        .run
+        .chip;
+    let mut qemu = lay_over(functions, chip).unwrap_or_else(|line| exit(SELF_TEST_STATUS, &line));
+    qemu.map_windows(chip);
     qemu.poke(WAITS_AT, &WAITS);
     let qemu = QEMU.get_or_init(|| qemu);
-    if let Err(line) = self_test(qemu) {
+    if let Err(line) = self_test(qemu, chip) {
         exit(SELF_TEST_STATUS, &line);
     }
     if let Some((overlay, qemu)) = running()
-        && let Some(address) = overlay.log_offset().filter(|address| is_ram(*address, 4))
+        && let Some(address) = overlay.log_offset().filter(|address| chip.is_ram(*address, 4))
     {
         qemu.watch_log(address);
     }
 }
 
 /// Lays our regions over the machine, and finds what the overlay needs of QEMU.
-fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
+fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
     let none = null_mut();
     // SAFETY: QEMU's functions as it uses them itself when it makes a machine; names are terminated and
     // static, the regions and the timer are never freed, and callbacks get the address of the region's start
@@ -251,7 +259,6 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         }
         for (parent, addresses, ops) in [
             (system, PERIPHERALS, &OPS),
-            (system, NO_RAM, &OPS),
             // The bootloader, factory words and option bytes.
             (system, 0x1fff_0000..0x2000_0000, &OPS),
             // ITM, DWT and FPB; SysTick; SCR; the debug registers; TPIU, ETM and DBGMCU.
@@ -268,10 +275,18 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             (f.memory_region_init_io)(region, none, &raw const *ops, base, name, size);
             (f.memory_region_add_subregion_overlap)(parent, start.into(), region, PRIORITY);
         }
-        if !(f.memory_region_present)(system, CCM.start.into()) {
-            let region = room();
-            (f.memory_region_init_ram)(region, none, c"stm32f405.ccm".as_ptr(), CCM.len() as u64, none);
-            (f.memory_region_add_subregion_overlap)(system, CCM.start.into(), region, PRIORITY);
+        for (addresses, name, there) in memory_of(chip) {
+            let (region, start, size) = (room(), addresses.start, addresses.len() as u64);
+            match there {
+                _ if size == 0 => continue,
+                There::Memory if (f.memory_region_present)(system, start.into()) => continue,
+                There::Memory => (f.memory_region_init_ram)(region, none, name.as_ptr(), size, none),
+                There::Nothing => {
+                    let base = start as usize as Pointer;
+                    (f.memory_region_init_io)(region, none, &raw const OPS, base, name.as_ptr(), size);
+                }
+            }
+            (f.memory_region_add_subregion_overlap)(system, start.into(), region, PRIORITY);
         }
         let waits = room();
         (f.memory_region_init_ram)(waits, none, c"stm32f405.waits".as_ptr(), 0x1000, none);
@@ -320,10 +335,28 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
     }
 }
 
-/// Accepts an access. A refused one is a bus fault.
+/// The part's RAM that QEMU's machine may lack, and what the part lacks and QEMU may have: a bus fault.
+fn memory_of(chip: Chip) -> [(Range<u32>, &'static CStr, There); 4] {
+    let (sram, ccm) = (chip.sram(), chip.ccm());
+    [
+        (SRAM.end..sram.end.max(SRAM.end), c"stm32f405.sram", There::Memory),
+        (sram.end..MOST_SRAM.end, c"stm32f405.no-sram", There::Nothing),
+        (ccm.clone(), c"stm32f405.ccm", There::Memory),
+        (ccm.end..CCM.end, c"stm32f405.no-ccm", There::Nothing),
+    ]
+}
+
+/// What lies at addresses for RAM.
+#[derive(Clone, Copy)]
+enum There {
+    Memory,
+    Nothing,
+}
+
+/// Accepts an access. A refused one is a bus fault: RAM that comes here is none of this part.
 extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
     let address = address_of(start, offset);
-    !NO_RAM.contains(&address) && !is_beyond_every_bus(address)
+    !is_ram(address, 1) && !is_beyond_every_bus(address)
 }
 
 /// The part has 4 bits of priority, the upper ones of each byte (RM0090 section 12.1.1). QEMU 7.2 has 8.

@@ -24,9 +24,10 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
 use super::idle::IdleSchedule;
+use crate::chip::Chip;
 use crate::exchange::LINE_PREFIX;
 use crate::machine::{INTERRUPTS, NMI, SYSTICK};
-use crate::memory::{CCM, FLASH, SRAM};
+use crate::memory::FLASH;
 use crate::thumb::Registers;
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
@@ -348,20 +349,34 @@ impl Qemu {
     }
 
     /// Finds where the host has SRAM, CCM and flash.
-    pub(super) fn map_windows(&mut self) {
-        for (range, writable) in [(SRAM, true), (CCM, true), (FLASH, false)] {
-            let mut length = range.len() as u64;
-            let (map, space) = (self.functions.address_space_map, self.address_space);
-            // SAFETY: takes an address space and a length, which it may make less; memory stays where it is.
-            let host = unsafe { map(space, range.start.into(), &raw mut length, writable, UNSPECIFIED) };
-            if !host.is_null() && length == range.len() as u64 {
+    pub(super) fn map_windows(&mut self, chip: Chip) {
+        for (range, writable) in [(chip.sram(), true), (chip.ccm(), true), (FLASH, false)] {
+            let mut start = range.start;
+            // SRAM may be of two pieces: QEMU's and ours.
+            while start < range.end {
+                let mut length = (range.end - start).into();
+                let (map, space) = (self.functions.address_space_map, self.address_space);
+                // SAFETY: takes an address space and a length, which it may make less; memory stays where it
+                // is.
+                let host = unsafe { map(space, start.into(), &raw mut length, writable, UNSPECIFIED) };
+                if host.is_null() || length == 0 {
+                    break;
+                }
+                let bytes = length as u32;
                 self.windows.push(Window {
-                    start: range.start,
-                    bytes: range.len() as u32,
+                    start,
+                    bytes,
                     host: host.cast(),
                 });
+                start += bytes;
             }
         }
+    }
+
+    /// The part's RAM: first addresses and lengths.
+    pub(super) fn ram(&self) -> impl Iterator<Item = (u32, u32)> {
+        let ram = self.windows.iter().filter(|window| window.start != FLASH.start);
+        ram.map(|window| (window.start, window.bytes))
     }
 
     /// The place of 1, 2 or 4 aligned bytes in the host's memory.

@@ -11,7 +11,6 @@ use super::stops::Stops;
 use crate::device::{BusAnswer, BusCall};
 use crate::exchange::{self, Reached};
 use crate::machine::{Exterior, USARTS};
-use crate::memory::{CCM, SRAM};
 
 /// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only
 /// moves the offsets of its log about gives gigabytes a second.
@@ -143,8 +142,8 @@ impl Exterior for Outside<'_> {
     }
 
     fn lose_memory(&mut self) {
-        for ram in [SRAM, CCM] {
-            self.0.write_memory(ram.start, &noise(ram.len()));
+        for (start, bytes) in self.0.ram() {
+            self.0.write_memory(start, &noise(bytes as usize));
         }
     }
 

@@ -2,11 +2,12 @@
 //! wrong result.
 
 use super::qemu::{Qemu, SPARE_LINE};
-use crate::memory::{CCM, FLASH};
+use crate::chip::Chip;
+use crate::memory::FLASH;
 
 /// Tests, before the first instruction, our registers as QEMU's memory and the processor see them, and the
 /// added RAM. The reset that follows removes what this leaves behind.
-pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
+pub(super) fn self_test(qemu: &Qemu, chip: Chip) -> Result<(), String> {
     const FLASH_ACR: u32 = 0x4002_3c00;
     const DWT_CTRL: u32 = 0xe000_1000;
 
@@ -26,10 +27,15 @@ pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
     qemu.write_memory(FLASH_ACR, &5u32.to_le_bytes());
     check("FLASH_ACR after a write", word(FLASH_ACR), 5)?;
     qemu.write_memory(FLASH_ACR, &0u32.to_le_bytes());
-    let last = CCM.end - 4;
-    for (address, value) in [(CCM.start, 0x5a5a_a5a5u32), (last, 0x1234_5678), (CCM.start, 0)] {
-        qemu.write_memory(address, &value.to_le_bytes());
-        check("a word of CCM RAM after a write", word(address), value)?;
+    for ram in [chip.sram(), chip.ccm()]
+        .into_iter()
+        .filter(|ram| !ram.is_empty())
+    {
+        let last = ram.end - 4;
+        for (address, value) in [(ram.start, 0x5a5a_a5a5u32), (last, 0x1234_5678), (ram.start, 0)] {
+            qemu.write_memory(address, &value.to_le_bytes());
+            check("a word of RAM after a write", word(address), value)?;
+        }
     }
     let seen = qemu.processor_word(DWT_CTRL) & 0xf000_0000;
     check("DWT_CTRL seen by the processor", seen, 0x4000_0000)

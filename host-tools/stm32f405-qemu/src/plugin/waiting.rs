@@ -15,7 +15,7 @@ use super::handlers;
 use super::qemu::Qemu;
 use super::recorder::Outside;
 use crate::machine::Machine;
-use crate::memory::{FLASH, PERIPHERALS, is_ram};
+use crate::memory::{FLASH, PERIPHERALS};
 use crate::thumb::{Bus, Interpreter, Loaded, Registers};
 
 /// The event register of WFE (ARMv7-M ARM, B1.5.18).
@@ -146,11 +146,13 @@ impl Bus for Surroundings<'_, '_> {
     }
 
     fn is_memory(&self, address: u32) -> bool {
-        (is_ram(address, 4) || FLASH.contains(&address)) && !self.is_fenced(address, 4)
+        let is_memory = self.machine.part().is_ram(address, 4) || FLASH.contains(&address);
+        is_memory && !self.is_fenced(address, 4)
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> bool {
-        is_ram(address, bytes as usize) && self.log != Some(address & !3) && !self.is_fenced(address, bytes)
+        let is_ram = self.machine.part().is_ram(address, bytes as usize);
+        is_ram && self.log != Some(address & !3) && !self.is_fenced(address, bytes)
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool {

@@ -16,6 +16,9 @@ pub enum RunError {
     /// The file at this path is not an ELF for a 32-bit ARM, but this.
     #[error("{path} is not an ARM ELF file ({1}); give the image that the thumbv7em build made", path = .0.display())]
     NotArmElf(PathBuf, String),
+    /// The image at this path does not fit the run's part, for this reason.
+    #[error("{path} is an image for another part: {1}", path = .0.display())]
+    OtherPart(PathBuf, String),
     /// Functions were asked for by name, and the image at this path has no symbols.
     #[error("{path} has no symbol table, so functions cannot be counted by name; build it without strip", path = .0.display())]
     NoSymbols(PathBuf),

@@ -34,12 +34,16 @@ pub fn functions(elf: &Path, pattern: &str) -> Result<Vec<Function>, RunError> {
 
 /// An image with its bytes and its functions.
 pub(super) struct Image {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     pub(super) bytes: Vec<u8>,
     functions: Vec<Function>,
     pub(super) rtt: Option<u32>,
     /// Address of the vector table.
     pub(super) vectors: u32,
+    /// Its segments: first address and length in memory.
+    pub(super) segments: Vec<(u32, u32)>,
+    /// Where its stack begins, if it has a vector table.
+    pub(super) stack: Option<u32>,
     /// Vectors 3 to 6: the handlers of faults.
     pub(super) fault_handlers: Vec<u32>,
 }
@@ -78,7 +82,14 @@ impl Image {
         let table = table.unwrap_or_else(|| first_segment(&elf));
         let fault_handlers = vectors(&elf, table, 3..7).into_iter().map(|vector| vector & !1);
         let fault_handlers = fault_handlers.collect();
+        let segments = elf
+            .segments()
+            .map(|segment| (segment.address() as u32, segment.size() as u32));
+        let segments = segments.filter(|(_, bytes)| *bytes > 0).collect();
+        let stack = vectors(&elf, table, 0..1).first().copied();
         Ok(Self {
+            segments,
+            stack,
             path: path.into(),
             functions,
             rtt,

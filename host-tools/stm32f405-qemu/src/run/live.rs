@@ -180,7 +180,7 @@ impl Live {
             }
         }
         for level in &inputs.levels {
-            check_pin(&level.pin)?;
+            check_pin(self.run.chip, &level.pin)?;
             if level.at_ns < now_ns {
                 return refused(late(&format!("an edge on {}", level.pin), level.at_ns));
             }

@@ -17,7 +17,7 @@ use stm32f405_qemu::{
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
 /// compiled once.
-fn image(name: &str) -> PathBuf {
+pub(super) fn image(name: &str) -> PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let folder = BUILT.get_or_init(|| {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -474,7 +474,7 @@ fn the_scenario_of_the_readme_reaches_images_and_what_never_came_is_said() {
 fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
     let image = image(image_name);
     let began = Instant::now();
-    let ran = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+    let ran = Command::new(env!("CARGO_BIN_EXE_stm32-emu"))
         .args(options)
         .arg(image)
         .output()
@@ -533,7 +533,7 @@ fn the_program_ends_at_a_pattern_and_stops_when_nobody_reads() {
     assert!(said.contains("\n0.010000 s of the image's time"), "{said}");
     // A pipe whose other end is closed.
     let (_, output) = std::io::pipe().unwrap();
-    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
     let mut host = host.arg(image("logs")).stdout(output).spawn().unwrap();
     assert_eq!(host.wait().unwrap().code(), Some(141));
 }
@@ -553,7 +553,7 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
             ["--uart".to_owned(), format!("USART2=file:{path}")],
             ["--json".to_owned(), path.to_string()],
         ] {
-            let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+            let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
             let ran = host
                 .args(output)
                 .arg("--scenario")
@@ -571,7 +571,7 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
 
 #[test]
 fn a_line_is_shown_while_the_image_runs() {
-    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
     let limits = ["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"];
     let mut host = host
         .args(limits)
@@ -589,7 +589,7 @@ fn a_line_is_shown_while_the_image_runs() {
 
 #[test]
 fn a_program_talks_to_a_uart_by_tcp_and_its_text_ends_the_run() {
-    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
     host.args([
         "--uart",
         "USART3=tcp:127.0.0.1:0",
@@ -646,7 +646,7 @@ fn a_report_says_for_other_programs_what_came_of_the_run() {
 fn the_program_carries_the_overlay_wherever_it_is_put() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("elsewhere");
-    std::fs::copy(env!("CARGO_BIN_EXE_stm32f405-run"), &program).unwrap();
+    std::fs::copy(env!("CARGO_BIN_EXE_stm32-emu"), &program).unwrap();
     let ran = Command::new(program).arg(image("logs")).output().unwrap();
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
 }
@@ -661,7 +661,7 @@ fn children(parent: u32) -> Vec<String> {
 #[test]
 fn qemu_ends_with_its_host_whatever_ends_the_host() {
     let spins = image("spins");
-    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"))
         .args(["--for", "100000s", "--timeout", "100000s", "--uart", "USART1=pty"])
         .arg(spins)
         .spawn()
@@ -901,7 +901,8 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
 
 #[test]
 fn a_loop_is_shortened_with_memory_protection_too_and_ends_as_before() {
-    /// Accesses that QEMU would make, at least: each turn reads the counter, and takes less than a microsecond.
+    /// Accesses that QEMU would make, at least: each turn reads the counter, and takes less than a
+    /// microsecond.
     const ACCESSES: u64 = 1000;
     let calls = |way, protected, shorten| {
         let mut run = waiting(way, 0, protected);

@@ -762,7 +762,7 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
 fn a_run_leaves_the_half_words_that_it_executed_and_its_image_in_the_folder_that_is_asked_for() {
     let image = image(&[], SLEEP, &[]);
     let (bench, folder) = (bench(&image), tempfile::tempdir().unwrap());
-    let mut program = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"));
+    let mut program = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
     program.env("STM32F405_QEMU_COVERAGE", folder.path());
     let ran = program.args(["--seconds", "0.001"]).arg(&bench.run.elf).output();
     assert!(ran.unwrap().status.success());

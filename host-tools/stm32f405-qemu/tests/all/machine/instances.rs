@@ -157,6 +157,47 @@ fn every_usart_echoes_by_interrupt_on_its_own_pins() {
     }
 }
 
+/// PA11 and PA12 are USART6's by function 8 on an STM32F411 (DocID026289 table 9), but not on an STM32F405.
+#[test]
+fn a_pin_has_the_functions_of_its_part() {
+    for (part, frames) in [("STM32F411CE", 1), ("STM32F405RG", 0)] {
+        let mut bench = MachineBench::with(|run| run.chip = part.parse().unwrap());
+        set_function(&mut bench, GPIOA, 11, 8);
+        bench.start_usart(USART6, 0);
+        bench.write(USART6 + 0x04, 0x55);
+        bench.run(200_000, |_| {});
+        assert_eq!(bench.board.frames.len(), frames, "{part}");
+    }
+}
+
+/// The regulator's overdrive, and the limits of the buses with it (DocID024030, general operating
+/// conditions).
+#[test]
+fn an_stm32f429_reaches_180_mhz_with_overdrive_and_an_stm32f411_does_not() {
+    const PWR: u32 = 0x4000_7000;
+    for (part, ready, noted) in [
+        ("STM32F429ZI", 0b11 << 16, &[][..]),
+        (
+            "STM32F411CE",
+            0,
+            &["RCC PCLK2 is above 100 MHz", "RCC SYSCLK is above 100 MHz"],
+        ),
+    ] {
+        let mut bench = MachineBench::with(|run| run.chip = part.parse().unwrap());
+        bench.write(PWR, 0b11 << 16 | 1 << 14);
+        assert_eq!(bench.read(PWR + 4) & 0b11 << 16, ready, "{part}");
+        // 8 MHz / 8 * 360 / 2, APB1 with a quarter, APB2 with half; five wait states.
+        let apb2 = if part.contains("429") { 0b100 } else { 0 };
+        bench.set(FLASH, [(0x00, 5 | 0x700)]);
+        // On the internal oscillator the PLL can be set.
+        bench.set(RCC, [(0x08, 0), (0x00, 1 << 16 | 1)]);
+        bench.set(RCC, [(0x04, 1 << 22 | 360 << 6 | 8)]);
+        bench.set(RCC, [(0x00, 1 << 24 | 1 << 16 | 1)]);
+        bench.write(RCC + 0x08, apb2 << 13 | 0b101 << 10 | 0b10);
+        assert_eq!(bench.outcome().unmodelled, noted, "{part}");
+    }
+}
+
 /// A machine to whose port these bytes are sent.
 fn receiving(port: &str, at_ns: u64, bytes: &[u8]) -> MachineBench {
     let (port, bytes) = (port.into(), bytes.into());

@@ -139,7 +139,7 @@ fn open(way: &Way) -> Result<Open, RunError> {
             let at = listener
                 .local_addr()
                 .map_or_else(|_| address.clone(), |at| at.to_string());
-            eprintln!("stm32f405-run: {port} waits for a connection at {at}");
+            eprintln!("stm32-emu: {port} waits for a connection at {at}");
             let accepted = listener.accept().map_err(|e| failed(address.clone(), &e))?;
             let stream = accepted.0.try_clone().map_err(|e| failed(address.clone(), &e))?;
             (Box::new(accepted.0), Some(reader(stream)))
@@ -148,7 +148,7 @@ fn open(way: &Way) -> Result<Open, RunError> {
             let pty = || "a pseudo-terminal".to_owned();
             let (mut master, slave) = TTYPort::pair().map_err(|e| failed(pty(), &e))?;
             let name = slave.name().unwrap_or_default();
-            eprintln!("stm32f405-run: {port} is at {name}");
+            eprintln!("stm32-emu: {port} is at {name}");
             // While the slave is open here, programs may come and go.
             master
                 .set_timeout(std::time::Duration::from_secs(3600))

@@ -138,19 +138,19 @@ fn run_one(
     let limit_s = case.timeout_s.unwrap_or(LIMIT_S);
     let arguments = arguments.with_time(Duration::from_secs(limit_s.into()));
     let session = session::run(run, &arguments, &mut lines)?;
-    let failed = judge(&session, case, limit_s, arguments.strict)?;
+    let failed = judge(&session, case, limit_s, &arguments);
     Ok((session.took, failed, lines.kept.unwrap_or_default()))
 }
 
 /// Why a case failed, if it did.
-fn judge(session: &Session, case: &TestCase, limit_s: u32, strict: bool) -> Result<Option<String>, RunError> {
-    let verdict = report::verdict(session, strict);
+fn judge(session: &Session, case: &TestCase, limit_s: u32, arguments: &Arguments) -> Option<String> {
+    let verdict = report::verdict(session, arguments);
     let end = session.result.as_ref().ok().map(|outcome| &outcome.end);
-    Ok(match end {
+    match end {
         Some(RunEnd::Exited(0)) if case.should_panic => Some("it was to panic, and passed".into()),
         Some(RunEnd::Exited(0)) => verdict.why,
         Some(RunEnd::Exited(_) | RunEnd::Panicked) if case.should_panic => None,
         Some(RunEnd::Over) => Some(format!("it did not end within {limit_s} s of its time")),
         _ => Some(verdict.why.unwrap_or_else(|| "it did not end by SYS_EXIT".into())),
-    })
+    }
 }

@@ -6,23 +6,24 @@ use std::time::Duration;
 
 use clap::Parser;
 use regex::Regex;
-use stm32f405_qemu::{Run, RunError, Scenario};
+use stm32f405_qemu::{Chip, Run, RunError, Scenario};
 
-const ABOUT: &str = "Runs the firmware image of an STM32F405 in QEMU: its log and its UARTs come while it runs, and \
+const ABOUT: &str = "Runs the firmware image of an STM32F4 in QEMU: its log and its UARTs come while it runs, and \
                      the exit status says what came of it.";
 
 const MORE: &str = "\
 Examples:
-  stm32f405-run firmware.elf                                two seconds of the image's time
-  stm32f405-run --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
-  stm32f405-run --uart USART2=stdout firmware.elf           with the text of a UART
-  stm32f405-run --scenario button.toml firmware.elf         with levels, bytes and waveforms from a file
-  stm32f405-run --uart USART1=pty firmware.elf              a terminal program can talk to it
-  stm32f405-run --strict --junit report.xml firmware.elf    for CI
+  stm32-emu firmware.elf                                two seconds of the image's time
+  stm32-emu --until 'Test OK' --for 10s firmware.elf    ends at that line; fails if it does not come
+  stm32-emu --uart USART2=stdout firmware.elf           with the text of a UART
+  stm32-emu --scenario button.toml firmware.elf         with levels, bytes and waveforms from a file
+  stm32-emu --uart USART1=pty firmware.elf              a terminal program can talk to it
+  stm32-emu --strict --junit report.xml firmware.elf    for CI
+  stm32-emu --chip STM32F411CE firmware.elf             on another part of the STM32F4
 
 As a runner of cargo, in .cargo/config.toml:
   [target.thumbv7em-none-eabihf]
-  runner = \"stm32f405-run --chip STM32F405RG\"
+  runner = \"stm32-emu --chip STM32F405RG\"
 An image made with embedded-test is run case by case, each from a reset; its words are those of `cargo test`:
   cargo test -- --list
   cargo test -- --exact tests::it_adds
@@ -31,20 +32,21 @@ Exit status:
   0  passed: used up its time, stopped at a breakpoint, exited with 0, or said what --until waits for
   1  panicked, exited with another status, or a test case failed
   2  wrong arguments
-  3  there was no run: no image, no QEMU
+  3  there was no run: no image, one for another part, no QEMU
   4  a fault, or locked up
   5  hangs: an endless loop, a register without a model, or --timeout
-  6  accessed a register without a model, under --strict
+  6  accessed a register without a model, or moved a pin that the part lacks, under --strict
   7  did not say what --until waits for
   141  nobody reads the output any more";
 
 /// Command-line arguments.
 #[derive(Debug, Clone, Parser)]
-#[command(name = "stm32f405-run", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
+#[command(name = "stm32-emu", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
 pub(crate) struct Arguments {
-    /// Name of the chip, for command lines that other runners take too.
-    #[arg(long, value_parser = chip)]
-    chip: Option<String>,
+    /// The part: of the lines F401, F405, F407, F411, F415, F427, F429 and F446. Letters for package and
+    /// temperature may follow.
+    #[arg(long, value_name = "NAME", default_value = "STM32F405RG")]
+    pub(crate) chip: Chip,
     /// Time of the image: 2s, 500ms, or a number of seconds. An image that samples gets a stimulus instead,
     /// and ends after it.
     #[arg(long = "for", alias = "seconds", value_name = "TIME", default_value = "2s", value_parser = duration)]
@@ -60,7 +62,7 @@ pub(crate) struct Arguments {
     /// lasts for the whole of --for.
     #[arg(long, value_name = "FILE", value_parser = scenario)]
     pub(crate) scenario: Option<Arc<Scenario>>,
-    /// Fail if the image accesses a register that has no model.
+    /// Fail if the image accesses a register that has no model, or moves a pin that the part lacks.
     #[arg(long)]
     pub(crate) strict: bool,
     /// Lead a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a file:
@@ -131,6 +133,7 @@ impl Arguments {
     /// The run that they ask for.
     pub(crate) fn run(&self) -> Run {
         let mut run = Run::new(&self.elf);
+        run.chip = self.chip;
         // A sine on both inputs, for images that sample.
         run.stimulus = (0..5000)
             .map(|i| {
@@ -156,13 +159,6 @@ fn scenario(path: &str) -> Result<Arc<Scenario>, String> {
     Scenario::read(path)
         .map(Arc::new)
         .map_err(|error| error.to_string())
-}
-
-fn chip(name: &str) -> Result<String, String> {
-    let known = name.to_ascii_uppercase().starts_with("STM32F405");
-    known
-        .then(|| name.to_owned())
-        .ok_or_else(|| "this emulator is of the STM32F405 alone; give STM32F405RG".to_owned())
 }
 
 /// A time: `2s`, `500ms`, `20us`, or seconds.

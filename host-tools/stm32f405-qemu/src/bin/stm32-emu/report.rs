@@ -53,7 +53,8 @@ impl Verdict {
 }
 
 /// Judges a run.
-pub(crate) fn verdict(session: &Session, strict: bool) -> Verdict {
+pub(crate) fn verdict(session: &Session, arguments: &Arguments) -> Verdict {
+    let (chip, strict) = (arguments.chip, arguments.strict);
     if session.closed {
         let (status, why) = (CLOSED, None);
         return Verdict { status, why };
@@ -85,6 +86,12 @@ pub(crate) fn verdict(session: &Session, strict: bool) -> Verdict {
         let why = format!("the image accessed {name}{more}, which no model knows");
         Verdict::failed(UNKNOWN_REGISTER, why)
     });
+    let missing_pin = || {
+        let pin = outcome.pins.iter().find(|pin| !chip.has_pin(&pin.name))?;
+        let why = format!("the image moved {}, and the {chip} has no such pin", pin.name);
+        Some(Verdict::failed(UNKNOWN_REGISTER, why))
+    };
+    let unknown = unknown.or_else(|| missing_pin().filter(|_| strict));
     let failed = verdict.filter(|verdict| verdict.status > 0).or(unknown);
     let missing = session.until.as_ref().filter(|(_, found)| !found);
     let missing = missing.map(|(pattern, _)| {
@@ -222,7 +229,7 @@ pub(crate) fn junit(
     suite: &str,
     tests: impl IntoIterator<Item = (String, std::time::Duration, Option<String>)>,
 ) -> Result<(), RunError> {
-    let mut report = Report::new("stm32f405-run");
+    let mut report = Report::new("stm32-emu");
     let mut all = TestSuite::new(suite);
     for (name, took, failed) in tests {
         let status = match failed {

@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let verdict = run(&arguments).unwrap_or_else(|error| Verdict::no_run(&error));
     if let Some(why) = &verdict.why {
-        eprintln!("stm32f405-run: {why}");
+        eprintln!("stm32-emu: {why}");
     }
     ExitCode::from(verdict.status)
 }
@@ -37,7 +37,7 @@ fn run(arguments: &Arguments) -> Result<Verdict, RunError> {
             arguments.check_words()?;
             let mut lines = uart::Lines::new(&arguments.uart, arguments.until.as_ref());
             let session = session::run(arguments.run(), arguments, &mut lines)?;
-            let verdict = report::verdict(&session, arguments.strict);
+            let verdict = report::verdict(&session, arguments);
             report::summary(&session);
             report::write(arguments, &session, &verdict)?;
             Ok(verdict)
