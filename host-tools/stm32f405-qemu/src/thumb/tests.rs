@@ -107,7 +107,7 @@ impl Random {
         code.extend([
             0x4280 | 6 << 3 | self.written(),
             // To the end, or to the head.
-            0xd000 | self.below(14) << 8 | 0,
+            0xd000 | self.below(14) << 8,
             0xe000 | 0x7ff & (0u16.wrapping_sub(length + 4)),
             BREAKPOINT,
             BREAKPOINT,
