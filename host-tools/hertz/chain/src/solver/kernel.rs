@@ -564,7 +564,7 @@ fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes,
 
 /// Moving blocks of an array.
 #[inline(always)]
-fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
+pub(super) fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
     let shared = lanes.guests.home.is_some();
     let bodies = work.active.iter().flat_map(|run| run.start + 1..run.end + 1);
     let guests = work.active_guests.iter().copied();
@@ -608,6 +608,7 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
         of_place[at] = pulp::cast(simd.mul_f64s(twice, weights[WIDE + at]));
     }
     let (of_speed, of_place) = (of_speed.as_flattened(), of_place.as_flattened());
+    work.weights.copy_from_slice(&of_speed[..STAGES]);
 
     let mut stage = std::mem::take(&mut work.stage);
     let rates = all_rates(&work.rates);
@@ -633,7 +634,7 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
 }
 
 /// Stages after the first with a weight inside a step.
-const INSIDE_STAGES: Range<usize> = {
+pub(super) const INSIDE_STAGES: Range<usize> = {
     let mut from = 1;
     while POWERS[from][TERMS - 1].displacement == 0.0 {
         from += 1;

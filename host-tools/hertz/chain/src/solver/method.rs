@@ -168,13 +168,5 @@ const fn about_the_middle(coefficients: &[f64; TERMS - 1]) -> [f64; TERMS] {
     shifted
 }
 
-/// Weights of all stages in velocities, at the part `x` of a step.
-pub(super) fn inside(x: f64) -> [f64; STAGES] {
-    POWERS.map(|powers| {
-        let terms = powers.iter().rev();
-        x * terms.fold(0.0, |sum, weight| sum * (x - 0.5) + weight.velocity)
-    })
-}
-
 #[cfg(test)]
 mod tests;
