@@ -1,6 +1,6 @@
 //! Runs a scenario and keeps its motion.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use crate::options::MOST_VALUES;
@@ -9,7 +9,8 @@ use crate::run::Run;
 use crate::scenario::Scenario;
 use crate::solution::Solution;
 use crate::solver::StepLog;
-use crate::summary::SolverSummary;
+use crate::summariser::Summariser;
+use crate::summary::{SolverSummary, Summary};
 
 /// Integrates a scenario over its duration at [`Accuracy::REFERENCE`].
 ///
@@ -80,6 +81,26 @@ fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), Simul
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
     Ok((end, run))
+}
+
+impl Solution {
+    /// Peaks, final state and energies of the run, from t = 0 to the scenario's end (or to the run's, if that
+    /// is earlier). They are those that [`summarise`](crate::summarise()) finds, bit for bit, and the first
+    /// call takes as long.
+    pub fn summary(&self) -> Summary {
+        let find = || {
+            let start = self.model.initial();
+            let run = Run::start(Arc::clone(&self.model), (0.0, &start), self.accuracy);
+            let mut run = run.expect("this accuracy was used before");
+            let mut summariser = Summariser::new(&mut run);
+            run.watch(self.covered, |step| summariser.observe(step))
+                .expect("the same steps were made before");
+            let mut summary = summariser.summary(&mut run);
+            summary.solver = self.solver;
+            summary
+        };
+        self.summary.get_or_init(find).clone()
+    }
 }
 
 impl Options<'_> {

@@ -14,16 +14,15 @@ use std::sync::{Arc, OnceLock};
 use crate::model::{Energies, Model};
 use crate::options::Accuracy;
 use crate::region::RegionEnergies;
-use crate::run::Run;
 use crate::solver::{Dense, Lanes, StepLog};
-use crate::summariser::Summariser;
 use crate::summary::{SolverSummary, Summary};
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
 /// contacts from 1.
 ///
 /// Each step keeps 8 bytes × (2 bodies + 3 intruders + 1), 8 more with a wall, and a kilobyte for each eight
-/// bodies or intruders that move: 3 MB for the paper's strike. A run that would keep more than 4 GB is refused.
+/// bodies or intruders that move: 3 MB for the paper's strike. A run that would keep more than 4 GB is
+/// refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
     pub(crate) model: Arc<Model>,
@@ -45,24 +44,6 @@ impl Solution {
     /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model
-    }
-
-    /// Peaks, final state and energies of the run, from t = 0 to the scenario's end (or to the run's, if that
-    /// is earlier). They are those that [`summarise`](crate::summarise()) finds, bit for bit, and the first
-    /// call takes as long.
-    pub fn summary(&self) -> Summary {
-        let find = || {
-            let start = self.model.initial();
-            let run = Run::start(Arc::clone(&self.model), (0.0, &start), self.accuracy);
-            let mut run = run.expect("this accuracy was used before");
-            let mut summariser = Summariser::new(&mut run);
-            run.watch(self.covered, |step| summariser.observe(step))
-                .expect("the same steps were made before");
-            let mut summary = summariser.summary(&mut run);
-            summary.solver = self.solver;
-            summary
-        };
-        self.summary.get_or_init(find).clone()
     }
 
     /// Last time of the run, s.

@@ -14,7 +14,7 @@ use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 use super::lanes::{
     BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, select,
 };
-use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
+use super::method::{ERROR, LATE_STAGES, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
@@ -620,7 +620,7 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
         let rate: f64x8 = pulp::cast(rates[0]);
         let mut change = simd.mul_f64s(simd.splat_f64s(of_speed[0]), rate);
         let mut bent = simd.mul_f64s(simd.splat_f64s(of_place[0]), rate);
-        for stage in INSIDE_STAGES {
+        for stage in LATE_STAGES {
             let rate: f64x8 = pulp::cast(rates[stage]);
             change = simd.add_f64s(change, simd.mul_f64s(simd.splat_f64s(of_speed[stage]), rate));
             bent = simd.add_f64s(bent, simd.mul_f64s(simd.splat_f64s(of_place[stage]), rate));
@@ -632,12 +632,3 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
     }
     work.stage = stage;
 }
-
-/// Stages after the first with a weight inside a step.
-pub(super) const INSIDE_STAGES: Range<usize> = {
-    let mut from = 1;
-    while POWERS[from][TERMS - 1].displacement == 0.0 {
-        from += 1;
-    }
-    from..STAGES
-};

@@ -1,6 +1,8 @@
 //! The Runge-Kutta method with its dense output, as constants: loops over a row have the coefficients in
 //! place.
 
+use std::ops::Range;
+
 use super::verner::{A, EMBEDDED, INSIDE, INSIDE_STAGES, MAIN, STAGES};
 use crate::tableau::{Square, nodes, spread, twice};
 
@@ -147,6 +149,15 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
         power += 1;
     }
     powers
+};
+
+/// Stages after the first with a weight inside a step.
+pub(super) const LATE_STAGES: Range<usize> = {
+    let mut from = 1;
+    while POWERS[from][TERMS - 1].displacement == 0.0 {
+        from += 1;
+    }
+    from..STAGES
 };
 
 /// Converts a polynomial Σ c[k] x^(k+1) to powers of x - 1/2, but for the term without x.

@@ -7,8 +7,8 @@
 //! a step works in memory allocated once ([`work`]). Only moving blocks of beads are computed ([`stepper`],
 //! [`rest`]), and blocks that a wave has left in contact take longer steps ([`multirate`]).
 //!
-//! A run that keeps its motion stores the stages of each step ([`step_log`]), and [`Dense`] computes the motion
-//! inside it from these. Other runs pay nothing for it.
+//! A run that keeps its motion stores the stages of each step ([`step_log`]), and [`Dense`] computes the
+//! motion inside it from these. Other runs pay nothing for it.
 
 #[cfg(test)]
 mod against;

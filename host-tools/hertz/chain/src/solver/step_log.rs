@@ -9,8 +9,9 @@
 use std::ops::Range;
 
 use super::crossing::Crossing;
-use super::kernel::{INSIDE_STAGES, moving};
+use super::kernel::moving;
 use super::lanes::{BLOCK, Lanes};
+use super::method::LATE_STAGES;
 use super::verner::STAGES;
 use super::work::{Motion, Work};
 
@@ -51,7 +52,7 @@ pub(super) struct LoggedSlowStep {
 
 /// Values of a block at all stages, and those that the dense output uses: the first stage and the last ones.
 const ALL: usize = STAGES * BLOCK;
-const LATE: Range<usize> = INSIDE_STAGES.start * BLOCK..INSIDE_STAGES.end * BLOCK;
+const LATE: Range<usize> = LATE_STAGES.start * BLOCK..LATE_STAGES.end * BLOCK;
 
 fn block(at: usize) -> Range<usize> {
     at * ALL..(at + 1) * ALL

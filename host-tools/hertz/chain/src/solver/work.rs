@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use super::aligned::CacheAligned;
 use super::crossing::Crossing;
-use super::kernel::INSIDE_STAGES;
 use super::lanes::{BLOCK, Lanes, first};
-use super::method::{NODES, ROWS};
+use super::method::{LATE_STAGES, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 use crate::drive::EndDrive;
@@ -402,7 +401,7 @@ impl Work {
         let powers = self.powers.as_ref().expect("the powers were kept");
         let sum = |stride: usize, powers: &[f64]| {
             let part = |stage: usize| self.weights[stage] * powers[stage * stride];
-            let (even, odd) = (INSIDE_STAGES.step_by(2), INSIDE_STAGES.skip(1).step_by(2));
+            let (even, odd) = (LATE_STAGES.step_by(2), LATE_STAGES.skip(1).step_by(2));
             part(0) + even.map(part).sum::<f64>() + odd.map(part).sum::<f64>()
         };
         for (guest, lost) in guests.iter_mut().enumerate() {
