@@ -14,7 +14,7 @@ use crate::scenario::Scenario;
 /// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
 /// returns False.
 #[pyfunction]
-#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, speeds, worst, alike, evaluations, callback))]
+#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, spread, speeds, worst, alike, evaluations, callback))]
 #[expect(
     clippy::too_many_arguments,
     reason = "the Python function in front of it names them"
@@ -26,6 +26,7 @@ pub(crate) fn optimise(
     total_mass: f64,
     objective: &str,
     loss_factor: Option<f64>,
+    spread: Option<&str>,
     speeds: Vec<f64>,
     worst: bool,
     alike: bool,
@@ -36,6 +37,9 @@ pub(crate) fn optimise(
     let mut search = Search::new(&scenario.0, hosts, total_mass).map_err(refused)?;
     search.objective = objective.parse::<Objective>().map_err(ScenarioError::new_err)?;
     search.loss_factor = loss_factor;
+    if let Some(spread) = spread {
+        search.spread = spread.parse().map_err(ScenarioError::new_err::<String>)?;
+    }
     search.speeds = speeds;
     search.alike = alike;
     if worst {

@@ -7,6 +7,7 @@ mod cases;
 mod designs;
 mod ensemble;
 mod growth;
+mod kept;
 mod machine;
 mod ours;
 mod pace;
@@ -87,6 +88,8 @@ fn measure(words: &Words) -> Result<(), String> {
             report.add(single::compare(case, sampled, rounds));
         }
     }
+    eprintln!("runs that keep their motion");
+    kept::measure(&mut report, &cases, words.quick);
     eprintln!("growth with the chain");
     growth::measure(&mut report, words.quick);
     eprintln!("an ensemble");

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use hertz_chain::{Accuracy, Run, Scenario};
+use hertz_chain::{Accuracy, Options, Run, Scenario, simulate_with};
 
 /// Least seconds of several runs, as on a shared computer a single one may be disturbed.
 pub(crate) fn least_seconds<T>(runs: usize, run: impl Fn() -> T) -> f64 {
@@ -42,5 +42,18 @@ pub(crate) fn samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
         }
     });
     watched.expect("the case can be run");
+    values
+}
+
+/// As [`samples`], from a run that keeps its motion: the way of most programs.
+pub(crate) fn kept_samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
+    let (beads, interval) = (scenario.chain.beads, scenario.duration / SAMPLES as f64);
+    let mut values = Vec::with_capacity((SAMPLES + 1) * (beads + 1));
+    let solution = simulate_with(scenario, &Options::with(accuracy)).expect("the case can be run");
+    let mut sampler = solution.sampler();
+    for sample in 0..=SAMPLES {
+        let at = sampler.at((sample as f64 * interval).min(solution.end()));
+        values.extend((0..=beads).map(|body| at.velocity(body)));
+    }
     values
 }

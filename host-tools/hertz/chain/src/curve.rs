@@ -66,16 +66,17 @@ impl Solution {
     }
 
     fn curve(&self, of: CurveQuantity) -> Curve {
-        let steps = 0..self.times.len() - 1;
+        let mut dense = self.dense();
         let glimpse = |step: usize| {
-            let times = (self.times[step], self.times[step + 1]);
+            self.load(&mut dense, step);
             match of {
                 CurveQuantity::Force(contact) | CurveQuantity::ForceBeyond(contact) => {
-                    self.dense(step).glimpse_contact(contact, times)
+                    dense.glimpse_contact(contact)
                 }
-                CurveQuantity::Acceleration(intruder) => self.dense(step).glimpse_guest(intruder, times),
+                CurveQuantity::Acceleration(intruder) => dense.glimpse_guest(intruder),
             }
         };
+        let steps = 0..self.times.len() - 1;
         Curve {
             model: Arc::clone(&self.model),
             of,

@@ -32,7 +32,7 @@ impl PeakQuantity {
 /// Dense output of a step, with memory for a state and its rate.
 pub(crate) struct StepSampler<'a> {
     model: &'a Model,
-    dense: Dense<'a>,
+    dense: Dense,
     y: Vec<f64>,
     dy: Vec<f64>,
 }
@@ -40,7 +40,8 @@ pub(crate) struct StepSampler<'a> {
 impl<'a> StepSampler<'a> {
     pub(crate) fn new(solution: &'a Solution, knot: usize) -> Self {
         let dimension = solution.model().layout().dimension();
-        let dense = solution.dense(knot);
+        let mut dense = solution.dense();
+        solution.load(&mut dense, knot);
         Self {
             model: solution.model(),
             dense,

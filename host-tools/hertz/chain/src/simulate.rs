@@ -1,5 +1,6 @@
 //! Runs a scenario and keeps its motion.
 
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use crate::options::MOST_VALUES;
@@ -7,8 +8,9 @@ pub use crate::options::{Accuracy, Options, SimulateError};
 use crate::run::Run;
 use crate::scenario::Scenario;
 use crate::solution::Solution;
+use crate::solver::StepLog;
 use crate::summariser::Summariser;
-use crate::summary::SolverSummary;
+use crate::summary::{SolverSummary, Summary};
 
 /// Integrates a scenario over its duration at [`Accuracy::REFERENCE`].
 ///
@@ -25,22 +27,19 @@ pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
 pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
     let clock = Instant::now();
     let (end, mut run) = ready(scenario, options)?;
-    let mut summariser = Summariser::new(&mut run);
     let (mut times, mut state) = (vec![run.time()], run.model.initial());
-    let (mut states, mut summary) = (state.clone(), None);
+    let (mut states, mut log) = (state.clone(), StepLog::of_run());
     // A step ends where the scenario does, so the summary covers whole steps.
     let covered = scenario.duration.min(end);
     while run.time() < end {
-        let stop = if summary.is_none() { covered } else { end };
-        let mut step = run.step(stop)?;
-        if summary.is_none() {
-            summariser.observe(&mut step);
-        }
-        step.run.stepper.state(&mut state);
-        let time = step.to();
+        let from = run.time();
+        run.advance(if from < covered { covered } else { end })?;
+        run.stepper.record(from, &mut log);
+        run.stepper.state(&mut state);
+        let time = run.time();
         times.push(time);
         states.extend_from_slice(&state);
-        if states.len() > MOST_VALUES {
+        if states.len() + log.size() > MOST_VALUES {
             return Err(SimulateError::TooLong { time, end });
         }
         if let Some(progress) = options.progress
@@ -48,15 +47,11 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         {
             progress(time / end);
         }
-        if summary.is_none() && time >= covered {
-            summary = Some(summariser.summary(&mut run));
-        }
     }
-    let mut summary = summary.expect("a step ends where the scenario does");
     if let Some(progress) = options.progress {
         progress(1.0);
     }
-    summary.solver = SolverSummary {
+    let solver = SolverSummary {
         steps: run.steps(),
         evaluations: run.evaluations(),
         seconds: clock.elapsed().as_secs_f64(),
@@ -64,10 +59,13 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     Ok(Solution {
         model: run.model,
         lanes: run.stepper.lanes,
-        tolerance: options.accuracy.tolerance,
+        accuracy: options.accuracy,
         times,
         states,
-        summary,
+        log,
+        covered,
+        solver,
+        summary: OnceLock::new(),
     })
 }
 
@@ -83,6 +81,26 @@ fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), Simul
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
     Ok((end, run))
+}
+
+impl Solution {
+    /// Peaks, final state and energies of the run, from t = 0 to the scenario's end (or to the run's, if that
+    /// is earlier). They are those that [`summarise`](crate::summarise()) finds, bit for bit, and the first
+    /// call takes as long.
+    pub fn summary(&self) -> Summary {
+        let find = || {
+            let start = self.model.initial();
+            let run = Run::start(Arc::clone(&self.model), (0.0, &start), self.accuracy);
+            let mut run = run.expect("this accuracy was used before");
+            let mut summariser = Summariser::new(&mut run);
+            run.watch(self.covered, |step| summariser.observe(step))
+                .expect("the same steps were made before");
+            let mut summary = summariser.summary(&mut run);
+            summary.solver = self.solver;
+            summary
+        };
+        self.summary.get_or_init(find).clone()
+    }
 }
 
 impl Options<'_> {

@@ -3,7 +3,7 @@
 
 use crate::run::{Run, RunStep};
 use crate::solution::Snapshot;
-use crate::solver::Dense;
+use crate::solver::{Dense, StepLog};
 
 /// Snapshots of a [`Run`] at equal intervals, from its present time to an end.
 ///
@@ -29,6 +29,9 @@ pub struct Snapshots {
     rows: u64,
     /// State at the start of the next step.
     state: Vec<f64>,
+    /// The last step with a snapshot.
+    log: StepLog,
+    dense: Dense,
 }
 
 impl Snapshots {
@@ -46,6 +49,8 @@ impl Snapshots {
             // Rounding must not lose a last snapshot at the end.
             rows: (end * rate * (1.0 + 1e-12)).floor() as u64 + 1,
             state: run.snapshot().state,
+            log: StepLog::default(),
+            dense: Dense::new(&run.stepper.lanes, run.model.layout()),
         }
     }
 
@@ -57,21 +62,23 @@ impl Snapshots {
     /// Calls `take` with the snapshots of a step. Must be called with each step of the run, in order.
     pub fn observe(&mut self, step: &mut RunStep<'_>, mut take: impl FnMut(&Snapshot<'_>)) {
         let (from, to) = (step.from(), step.to());
-        let (model, stepper) = (&step.run.model, &step.run.stepper);
-        let (lanes, tolerance) = (stepper.lanes.clone(), stepper.tolerance);
-        let mut dense = None;
+        let (model, stepper) = (&step.run.model, &mut step.run.stepper);
+        self.log.clear();
         while self.next < self.rows {
             let time = (self.next as f64 / self.rate).min(self.end).max(from);
             // A snapshot at the end of a step belongs to the next.
             if time > to || (time == to && to < self.end) {
                 break;
             }
-            let again = || Dense::new(&lanes, model.layout(), (from, to), &self.state, tolerance);
-            let mut state = vec![0.0; self.state.len()];
-            dense.get_or_insert_with(again).at(time, &mut state);
+            if self.log.count() == 0 {
+                stepper.record(from, &mut self.log);
+                self.dense.load(&self.log, 0, &self.state);
+            }
+            let mut state = Vec::with_capacity(self.state.len());
+            self.dense.at(time, &mut state);
             take(&Snapshot { model, time, state });
             self.next += 1;
         }
-        step.run.stepper.state(&mut self.state);
+        stepper.state(&mut self.state);
     }
 }

@@ -2,32 +2,42 @@
 //!
 //! # Design
 //!
-//! The state after each step is kept. The motion inside a step is the method's dense output, found by
-//! repeating the step ([`crate::solver::Dense`]). A [`Sampler`] keeps the last step that it repeated.
+//! The state after each step is kept, and the step's stages ([`crate::solver::StepLog`]). The motion inside a
+//! step is the method's dense output. A [`Sampler`] keeps the last step that it read.
+//!
+//! The summary looks for peaks inside each step, which takes longer than the run. It is found on request, by
+//! a second run that makes the same steps.
 
 use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::model::{Energies, Model};
+use crate::options::Accuracy;
 use crate::region::RegionEnergies;
-use crate::solver::{Dense, Lanes};
-use crate::summary::Summary;
+use crate::solver::{Dense, Lanes, StepLog};
+use crate::summary::{SolverSummary, Summary};
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
 /// contacts from 1.
 ///
-/// Each step keeps 8 bytes × (2 bodies + 3 intruders + 1), and 8 more with a wall: 0.3 MB for the paper's
-/// strike. A run that would keep more than 4 GB is refused.
+/// Each step keeps 8 bytes × (2 bodies + 3 intruders + 1), 8 more with a wall, and a kilobyte for each eight
+/// bodies or intruders that move: 3 MB for the paper's strike. A run that would keep more than 4 GB is
+/// refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
     pub(crate) model: Arc<Model>,
     pub(crate) lanes: Arc<Lanes>,
-    pub(crate) tolerance: f64,
+    pub(crate) accuracy: Accuracy,
     /// Ends of the steps, s.
     pub(crate) times: Vec<f64>,
     /// The state at each of them, one after another.
     pub(crate) states: Vec<f64>,
-    pub(crate) summary: Summary,
+    /// The steps between them.
+    pub(crate) log: StepLog,
+    /// Time that the summary covers, s.
+    pub(crate) covered: f64,
+    pub(crate) solver: SolverSummary,
+    pub(crate) summary: OnceLock<Summary>,
 }
 
 impl Solution {
@@ -36,22 +46,16 @@ impl Solution {
         &self.model
     }
 
-    /// Peaks, final state and energies of the run, from t = 0 to the scenario's end (or to the run's, if that
-    /// is earlier). They are those that [`summarise`](crate::summarise()) finds, bit for bit.
-    pub fn summary(&self) -> Summary {
-        self.summary.clone()
-    }
-
     /// Last time of the run, s.
     pub fn end(&self) -> f64 {
         self.times[self.times.len() - 1]
     }
 
-    /// A reader that repeats each step once if the times are in order.
+    /// A reader that is fastest if the times are in order.
     pub fn sampler(&self) -> Sampler<'_> {
         Sampler {
             solution: self,
-            dense: None,
+            dense: self.dense(),
         }
     }
 
@@ -80,11 +84,14 @@ impl Solution {
         &self.states[knot * dimension..(knot + 1) * dimension]
     }
 
-    /// The dense output between `knot` and the next.
-    pub(crate) fn dense(&self, knot: usize) -> Dense<'_> {
-        let times = (self.times[knot], self.times[knot + 1]);
-        let layout = self.model.layout();
-        Dense::new(&self.lanes, layout, times, self.state(knot), self.tolerance)
+    /// Memory for the dense output of a step.
+    pub(crate) fn dense(&self) -> Dense {
+        Dense::new(&self.lanes, self.model.layout())
+    }
+
+    /// Loads the dense output between `knot` and the next.
+    pub(crate) fn load(&self, dense: &mut Dense, knot: usize) {
+        dense.load(&self.log, knot, self.state(knot));
     }
 }
 
@@ -92,20 +99,18 @@ impl Solution {
 #[derive(Debug, Clone)]
 pub struct Sampler<'a> {
     solution: &'a Solution,
-    dense: Option<Dense<'a>>,
+    dense: Dense,
 }
 
 impl<'a> Sampler<'a> {
     /// The state of the whole chain at time `t`, s. Panics as [`Solution::at`].
     pub fn at(&mut self, t: f64) -> Snapshot<'a> {
         let solution = self.solution;
-        let mut dense = match self.dense.take() {
-            Some(dense) if dense.holds(t) => dense,
-            _ => solution.dense(solution.step_at(t)),
-        };
-        let mut state = vec![0.0; solution.model.layout().dimension()];
-        dense.at(t, &mut state);
-        self.dense = Some(dense);
+        if !self.dense.holds(t) {
+            solution.load(&mut self.dense, solution.step_at(t));
+        }
+        let mut state = Vec::with_capacity(solution.model.layout().dimension());
+        self.dense.at(t, &mut state);
         Snapshot {
             model: &solution.model,
             time: t,

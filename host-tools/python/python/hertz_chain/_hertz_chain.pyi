@@ -59,6 +59,7 @@ def optimise(
     total_mass: float,
     objective: str,
     loss_factor: float | None,
+    spread: str | None,
     speeds: list[float],
     worst: bool,
     alike: bool,

@@ -148,6 +148,7 @@ def optimise(
     *,
     objective: str = "remaining",
     loss_factor: float | None = None,
+    spread: str | None = None,
     speeds: Sequence[float] = (),
     worst: bool = False,
     alike: bool = False,
@@ -164,6 +165,8 @@ def optimise(
             dissipated), `force:13` (greatest force of contact 13), `energy-behind:13` (energy of the beads behind
             bead 13 at the end), `impulse:13` (impulse of contact 13).
         loss_factor: c / √(k m) of all intruders, in place of a free damping.
+        spread: deviations common to all intruders that the design is to bear, such as `stiffness:15%,damping:30%`; the
+            worst of their corners counts. `report["robustness"]` has the optimum without them beside it.
         speeds: speeds of the striker, m/s; the scenario's own by default.
         worst: of several speeds the greatest value counts, and not the mean.
         alike: all intruders are alike.
@@ -181,6 +184,7 @@ def optimise(
         total_mass,
         objective,
         loss_factor,
+        spread,
         list(speeds),
         worst,
         alike,

@@ -1,7 +1,8 @@
 //! `bead optimise`: the intruders that leave least energy in the chain, or least force at a contact.
 
 use hertz_chain::{
-    Accuracy, Aim, Intruder, Objective, Optimum, Oscillator, Remaining, Search, SimulateError, remaining,
+    Accuracy, Aim, Intruder, Objective, Optimum, Oscillator, Remaining, Robustness, Search, SimulateError,
+    remaining,
 };
 
 use crate::cli::commands::optimise_front;
@@ -212,6 +213,9 @@ impl SearchReport {
             &format!("intruders | together (g) | {remains}"),
             others.chain(best),
         ));
+        if let Some(robustness) = &optimum.robustness {
+            parts.push(of_spread(robustness, optimum.share));
+        }
         parts.push(remarks(optimum).join("\n"));
         parts.join("\n\n")
     }
@@ -273,12 +277,41 @@ impl SearchReport {
     }
 }
 
+/// The robust design beside the optimum for exact springs and dampers.
+fn of_spread(robustness: &Robustness, share: f64) -> String {
+    let row = |name: &str, share: f64, worst: f64, [stiffness, damping]: [f64; 2]| {
+        let place = format!("{stiffness:.2} k, {damping:.2} c");
+        [name.to_owned(), percent(share), percent(worst), place]
+    };
+    let rows = [
+        row("best", share, robustness.worst, robustness.worst_at),
+        row(
+            "best if nothing deviates",
+            robustness.plain_share,
+            robustness.plain_worst,
+            robustness.plain_worst_at,
+        ),
+    ];
+    let table = output::table("intruders | nominal (%) | worst (%) | at", rows);
+    let points = |one: f64, other: f64| 100.0 * (one - other);
+    format!(
+        "Under {}, the same for all intruders:\n\n{table}\n\nRobustness costs {:.3} points at the nominal values and gains {:.3} at the worst.",
+        robustness.spread,
+        points(share, robustness.plain_share),
+        points(robustness.plain_worst, robustness.worst),
+    )
+}
+
 fn remarks(optimum: &Optimum) -> Vec<String> {
     let mut remarks = vec![format!(
         "{} designs tried; the search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
         optimum.evaluations,
         100.0 * optimum.share_searched,
-        100.0 * optimum.share,
+        100.0
+            * optimum
+                .robustness
+                .as_ref()
+                .map_or(optimum.share, |found| found.worst),
         100.0 * optimum.far_end,
     )];
     remarks.push(match (optimum.settled, optimum.stopped) {

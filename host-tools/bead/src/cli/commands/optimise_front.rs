@@ -36,6 +36,12 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
             "--out: a front has a design for each mass; give one --total-mass with it"
         );
     }
+    if arguments.spread.is_some() {
+        bail!(
+            Input,
+            "--spread: a front is of springs that do not deviate; give one --total-mass with it"
+        );
+    }
     let inputs = [arguments.scenario.as_path()];
     let picture = arguments.picture.as_deref();
     let picture = arguments

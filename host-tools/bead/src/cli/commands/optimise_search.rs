@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use hertz_chain::{
-    Aim, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, optimise,
+    Aim, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, Spread, optimise,
 };
 
 use crate::cli::beads::BeadNumbers;
@@ -24,6 +24,10 @@ Intruders that leave the least energy are not those that protect best. --objecti
   impulse:13        the impulse that contact 13 passes on, N·s
 Of several strikes, the mean (or the worst) of each value over that without intruders counts.
 
+--spread looks for a robust design: the one whose worst value is least while stiffness and damping of all \
+intruders deviate together, as those of a batch do. The optimum without the spread is found first, and both \
+are compared.
+
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
       --total-mass 0.037
@@ -35,6 +39,8 @@ Examples:
       --total-mass 0.004,0.008,0.016,0.032 --picture front.svg
   bead optimise docs/scenarios/paper-strike.toml --bead 5,7,8 \\
       --total-mass 0.03 --objective force:13 --loss-factor 0.2
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
+      --total-mass 0.12 --spread stiffness:15%,damping:30%
   bead simulate best.toml";
 
 #[derive(Debug, Args)]
@@ -63,6 +69,10 @@ pub(crate) struct Arguments {
     /// Quantity to make small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
     #[arg(long, value_name = "WHAT", default_value = "remaining")]
     pub(super) objective: Objective,
+    /// Deviations of all intruders' stiffness and damping that the design is to bear, such as
+    /// stiffness:15%,damping:30%: judge by the worst of their corners.
+    #[arg(long, value_name = "SPREAD")]
+    pub(super) spread: Option<Spread>,
     /// Velocities of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
     pub(super) velocity: Vec<f64>,
@@ -72,7 +82,7 @@ pub(crate) struct Arguments {
     /// Make all intruders alike.
     #[arg(long)]
     pub(super) alike: bool,
-    /// Greatest number of designs to try, each at every velocity.
+    /// Greatest number of designs to try, each at every velocity and corner of the spread.
     #[arg(long, value_name = "N", default_value_t = 200_000)]
     pub(super) evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
@@ -110,6 +120,7 @@ pub(super) fn search(arguments: &Arguments, scenario: &Scenario, mass: f64) -> R
     search.hosts.sort_unstable();
     search.speeds.clone_from(&arguments.velocity);
     search.aim = if arguments.worst { Aim::Worst } else { Aim::Mean };
+    search.spread = arguments.spread.unwrap_or_default();
     search.alike = arguments.alike;
     search.evaluations = arguments.evaluations;
     search.check(scenario).map_err(refusal)?;

@@ -6,7 +6,7 @@ use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use super::objective::Objective;
 use super::problem::{Problem, Properties, TriedDesign};
-use super::search::{Aim, Search};
+use super::search::Search;
 use crate::simulate::SimulateError;
 
 /// Change of a variable to either side, for a difference quotient.
@@ -38,13 +38,15 @@ impl Problem<'_> {
 
     /// Runs the method once, up to a total of `full` evaluations.
     ///
-    /// The greatest of several shares has kinks, on which a descent would stop short. It is found as the
-    /// least bound t with every share below it: t is one more variable, and each share a constraint.
+    /// The greatest of several values has kinks, on which a descent would stop short. It is found as the
+    /// least bound t with every value below it: t is one more variable, and each value a constraint.
     fn follow_down(&self, start: TriedDesign, full: usize) -> Result<TriedDesign, SimulateError> {
         let variables = Variables::new(self.search, start.design.len());
         let mut first = variables.of(&start.design);
         let mut bounds = variables.bounds.clone();
-        let bounded = self.search.aim == Aim::Worst && self.speeds.len() > 1;
+        let corners = self.search.spread.corners().len();
+        let parts = self.search.parts(&vec![0.0; corners * self.speeds.len()]).len();
+        let bounded = parts > 1;
         if bounded {
             // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what
             // it is to make small is no start.
@@ -68,7 +70,7 @@ impl Problem<'_> {
         let mean = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
             descent
                 .borrow_mut()
-                .aim(x, gradient, |shares| Aim::Mean.of(shares))
+                .aim(x, gradient, |shares| self.search.value(shares))
         };
         let bound = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
             let last = x.len() - 1;
@@ -78,7 +80,7 @@ impl Problem<'_> {
             }
             x[last]
         };
-        let above = |strike: usize| {
+        let above = |part: usize| {
             let descent = &descent;
             move |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
                 let (bound, x) = x.split_last().expect("the bound is the last variable");
@@ -86,7 +88,9 @@ impl Problem<'_> {
                     *last = -1.0;
                 }
                 let free = gradient.map(|gradient| &mut gradient[..x.len()]);
-                let share = descent.borrow_mut().aim(x, free, |shares| shares[strike]);
+                let share = descent
+                    .borrow_mut()
+                    .aim(x, free, |shares| self.search.parts(shares)[part]);
                 if (share - bound).abs() < SMOOTH {
                     0.0
                 } else {
@@ -94,7 +98,7 @@ impl Problem<'_> {
                 }
             }
         };
-        let above: Vec<_> = (0..self.speeds.len()).map(above).collect();
+        let above: Vec<_> = (0..parts).map(above).collect();
         let too_heavy = |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
             if let Some(gradient) = &mut gradient {
                 gradient.fill(0.0);
@@ -263,7 +267,7 @@ impl Descent<'_> {
         let mut shares = self.shares(x, &beside)?.into_iter();
         let here = shares.next()?;
         let problem = self.problem;
-        let value = problem.search.aim.of(&here);
+        let value = problem.search.value(&here);
         // A fresh start may be slightly too heavy, where its masses were raised to the least.
         if value < self.best.value && self.variables.overweight(x, None) <= 1e-9 {
             self.best.value = value;

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::OptimiseError;
@@ -9,9 +10,10 @@ use super::objective::Objective;
 use super::problem::{Problem, SearchObserver, TriedDesign};
 use super::remaining::Remaining;
 use super::search::Search;
+use super::spread::{Deviation, Spread, deviating};
 use crate::ensemble::Prefixes;
 use crate::scenario::{Intruder, MOST_BEADS, Scenario};
-use crate::simulate::Accuracy;
+use crate::simulate::{Accuracy, SimulateError};
 
 /// The best intruders that were found.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -29,13 +31,15 @@ pub struct Optimum {
     pub strikes: Vec<Remaining>,
     /// The aim over the values, each as a part of that without intruders.
     pub share: f64,
-    /// Share as the search found it, at its own accuracy.
+    /// Share as the search found it, at its own accuracy; under a spread, the worst of its corners.
     pub share_searched: f64,
-    /// The least share of intruders that are all alike, at the search's accuracy.
+    /// The least of that for intruders that are all alike.
     pub share_alike: f64,
     /// Change of the share if the chain is made twice as long: the influence of the far end. If it is
     /// not near zero, a wave came back from there, and its energy was counted as absorbed the second time.
     pub far_end: f64,
+    /// What the design bears of the search's spread; none without a spread.
+    pub robustness: Option<Robustness>,
     /// Number of designs tried.
     pub evaluations: usize,
     /// True if the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`]
@@ -48,6 +52,27 @@ pub struct Optimum {
     pub in_vain: usize,
     /// True if the search was asked to stop.
     pub stopped: bool,
+}
+
+/// A robust design beside the optimum for exact springs and dampers, all at [`Accuracy::REFERENCE`].
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[non_exhaustive]
+pub struct Robustness {
+    /// The deviations, common to all intruders.
+    pub spread: Spread,
+    /// The worst share of the robust design at the corners of the spread, the middles of its edges, and the
+    /// nominal values.
+    pub worst: f64,
+    /// Factors of stiffness and damping at which it is worst.
+    pub worst_at: [f64; 2],
+    /// The intruders that are best if nothing deviates.
+    pub plain: Vec<Intruder>,
+    /// Their share if nothing deviates.
+    pub plain_share: f64,
+    /// Their worst share.
+    pub plain_worst: f64,
+    /// Factors of stiffness and damping at which they are worst.
+    pub plain_worst_at: [f64; 2],
 }
 
 impl Optimum {
@@ -73,6 +98,8 @@ const GAINED: f64 = 1e-6;
 /// Designs are compared with [`ensemble`](crate::ensemble()), and the result is run again at
 /// [`Accuracy::REFERENCE`].
 ///
+/// Under a [`Search::spread`], the optimum without it is found first, and the robust design then.
+///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.
 pub fn optimise(
@@ -81,6 +108,84 @@ pub fn optimise(
     watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     search.check(scenario)?;
+    if search.spread.is_none() {
+        return best_of(scenario, search, None, watch);
+    }
+    let mut exact = search.clone();
+    exact.spread = Spread::default();
+    let plain = best_of(scenario, &exact, None, watch)?;
+    let mut robust = best_of(scenario, search, Some(&plain.intruders), watch)?;
+    let (worst, worst_at) = worst_of(scenario, search, &robust)?;
+    let (plain_worst, plain_worst_at) = worst_of(scenario, search, &plain)?;
+    robust.robustness = Some(Robustness {
+        spread: search.spread,
+        worst,
+        worst_at,
+        plain: plain.intruders,
+        plain_share: plain.share,
+        plain_worst,
+        plain_worst_at,
+    });
+    Ok(robust)
+}
+
+/// The worst share of an optimum at the corners and edges of the search's spread, and where.
+fn worst_of(
+    scenario: &Scenario,
+    search: &Search,
+    optimum: &Optimum,
+) -> Result<(f64, Deviation), SimulateError> {
+    let speeds = search.strikes(scenario);
+    let at = |deviation: Deviation| {
+        let mut other = scenario.clone();
+        other.intruders = deviating(&optimum.intruders, deviation);
+        let strikes = speeds.iter().zip(&optimum.without);
+        let share = |(&speed, without): (&f64, &f64)| {
+            let value = search.objective.at(&other, speed, Accuracy::REFERENCE)?;
+            Ok(value / without)
+        };
+        let shares = strikes.map(share).collect::<Result<Vec<f64>, SimulateError>>()?;
+        Ok((search.aim.of(&shares), deviation))
+    };
+    let deviations = search.spread.corners_and_edges();
+    let all = deviations.into_par_iter().map(at);
+    let all = all.collect::<Result<Vec<_>, SimulateError>>()?;
+    let worst = all.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(worst.expect("a spread has corners"))
+}
+
+/// Replaces the best design by a better one.
+fn take(best: &mut TriedDesign, found: TriedDesign) {
+    if found.value < best.value {
+        *best = found;
+    }
+}
+
+/// Descends from fresh starts about the best design. Returns the number of the last ones that were in vain.
+fn try_elsewhere(problem: &Problem<'_>, best: &mut TriedDesign) -> Result<usize, SimulateError> {
+    let (mut in_vain, mut number) = (0, 0);
+    while in_vain < IN_VAIN && problem.left() > 0 && !problem.stopped.get() {
+        number += 1;
+        let found = problem.descend(problem.restart(best, number), problem.left())?;
+        // A descent whose evaluations were spent had no chance.
+        let settled = found.settled;
+        let gained = found.value < best.value - GAINED;
+        take(best, found);
+        if !settled {
+            break;
+        }
+        in_vain = if gained { 0 } else { in_vain + 1 };
+    }
+    Ok(in_vain)
+}
+
+/// Finds the best intruders, from `first` too.
+fn best_of(
+    scenario: &Scenario,
+    search: &Search,
+    first: Option<&[Intruder]>,
+    watch: Option<&SearchObserver<'_>>,
+) -> Result<Optimum, OptimiseError> {
     let mut hosts = search.hosts.clone();
     hosts.sort_unstable();
     let mut bare = scenario.clone();
@@ -104,11 +209,12 @@ pub fn optimise(
     let most = problem.left() / if search.alike { 1 } else { 8 };
     let mut best = problem.descend(coarse, most)?;
     let share_alike = best.value;
-    let take = |best: &mut TriedDesign, found: TriedDesign| {
-        if found.value < best.value {
-            *best = found;
-        }
-    };
+    if let Some(first) = first {
+        take(
+            &mut best,
+            problem.descend(problem.start_at(first), problem.left() / 4)?,
+        );
+    }
     if !alone {
         // A third of what is left is for fresh starts.
         let starts = problem.starts(&best);
@@ -117,20 +223,7 @@ pub fn optimise(
             take(&mut best, problem.descend(start.clone(), most)?);
         }
     }
-    let mut in_vain = 0;
-    let mut number = 0;
-    while in_vain < IN_VAIN && problem.left() > 0 && !problem.stopped.get() {
-        number += 1;
-        let found = problem.descend(problem.restart(&best, number), problem.left())?;
-        // A descent whose evaluations were spent had no chance.
-        let settled = found.settled;
-        let gained = found.value < best.value - GAINED;
-        take(&mut best, found);
-        if !settled {
-            break;
-        }
-        in_vain = if gained { 0 } else { in_vain + 1 };
-    }
+    let in_vain = try_elsewhere(&problem, &mut best)?;
     let settled = best.settled && in_vain == IN_VAIN;
 
     let mut intruders = problem.intruders(&best.design);
@@ -165,6 +258,7 @@ pub fn optimise(
         share_searched: best.value,
         share_alike,
         far_end,
+        robustness: None,
         evaluations: problem.sofar.get().evaluations,
         settled,
         descents: problem.sofar.get().descents,

@@ -15,6 +15,9 @@
 //! nothing better. Derivatives are differences of runs to either side, all in one
 //! [`ensemble`](crate::ensemble()), whose shares are smooth to some 1e-7: over two steps of `STEP` this is
 //! 3e-5 of a derivative. A descent is Kraft's SLSQP, restarted at its end until that gains nothing.
+//!
+//! A robust design is one whose worst value over the corners of a [`Spread`] is least. Its search begins at
+//! the optimum without the spread, too, and does not end above the worst value of that unless it is stopped.
 
 mod descent;
 mod error;
@@ -23,10 +26,12 @@ mod objective;
 mod problem;
 mod remaining;
 mod search;
+mod spread;
 
 pub use error::OptimiseError;
-pub use find::{Optimum, optimise};
+pub use find::{Optimum, Robustness, optimise};
 pub use objective::Objective;
 pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
 pub use search::{Aim, Search};
+pub use spread::Spread;

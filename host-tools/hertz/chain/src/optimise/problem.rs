@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
+use super::spread::deviating;
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
@@ -98,13 +99,15 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Returns the objective's value at each speed for each design, as a part of that without intruders; of
-    /// the designs tried before the search was asked to stop.
+    /// Returns the objective's value at each corner of the spread and each speed for each design, as a part
+    /// of that without intruders; of the designs tried before the search was asked to stop.
     pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
         let objective = self.search.objective;
         let peaks = objective.peaks();
         let options = EnsembleOptions::default().with_peaks(&peaks);
-        let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
+        let corners = self.search.spread.corners();
+        let runs = corners.len() * self.speeds.len();
+        let bodies = runs * (self.bare.chain.beads + 1);
         let mut found = Vec::with_capacity(designs.len());
         for designs in designs.chunks((TOGETHER / bodies).max(LEAST_TOGETHER)) {
             if self.stopped.get() {
@@ -112,10 +115,13 @@ impl Problem<'_> {
             }
             let mut scenarios = Vec::new();
             for design in designs {
-                for &speed in &self.speeds {
-                    let mut scenario = struck_at(&self.bare, speed);
-                    scenario.intruders = self.intruders(design);
-                    scenarios.push(scenario);
+                let intruders = self.intruders(design);
+                for &corner in &corners {
+                    for &speed in &self.speeds {
+                        let mut scenario = struck_at(&self.bare, speed);
+                        scenario.intruders = deviating(&intruders, corner);
+                        scenarios.push(scenario);
+                    }
                 }
             }
             let outcomes = ensemble_on(&scenarios, &options, &self.prefixes);
@@ -128,7 +134,7 @@ impl Problem<'_> {
                     Ok(value / scale)
                 });
             let shares = shares.collect::<Result<Vec<f64>, SimulateError>>()?;
-            found.extend(shares.chunks(self.speeds.len()).map(<[f64]>::to_vec));
+            found.extend(shares.chunks(runs).map(<[f64]>::to_vec));
             let mut sofar = self.sofar.get();
             sofar.evaluations += designs.len();
             self.tell(sofar);
@@ -179,7 +185,7 @@ impl Problem<'_> {
         };
         let designs: Vec<_> = (0..masses * stiffnesses * dampings).map(point).collect();
         let shares = self.shares(&designs)?;
-        let values: Vec<f64> = shares.iter().map(|shares| self.search.aim.of(shares)).collect();
+        let values: Vec<f64> = shares.iter().map(|shares| self.search.value(shares)).collect();
         let best = (0..values.len())
             .min_by(|&a, &b| values[a].total_cmp(&values[b]))
             .expect("the first designs are tried before anybody can stop the search");
@@ -189,6 +195,17 @@ impl Problem<'_> {
             value: values[best],
             settled: false,
         })
+    }
+
+    /// Returns the design of these intruders.
+    pub(super) fn start_at(&self, intruders: &[Intruder]) -> TriedDesign {
+        let entries = if self.search.alike { 1 } else { intruders.len() };
+        let of = |intruder: &Intruder| [intruder.mass, intruder.stiffness, intruder.damping];
+        TriedDesign {
+            design: intruders[..entries].iter().map(of).collect(),
+            value: f64::INFINITY,
+            settled: false,
+        }
     }
 
     /// Returns the designs from which each intruder varies by itself.

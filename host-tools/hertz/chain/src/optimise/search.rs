@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
+use super::spread::Spread;
 use crate::model::Model;
 use crate::run::Run;
 use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
@@ -33,9 +34,12 @@ pub struct Search {
     pub speeds: Vec<f64>,
     /// Combination of the values of several speeds.
     pub aim: Aim,
+    /// Deviations of springs and dampers, over whose corners the worst value counts.
+    pub spread: Spread,
     /// True if all intruders are to be alike.
     pub alike: bool,
-    /// Most designs to try, each at every speed.
+    /// Most designs to try, each at every speed and corner of the spread; with a spread, as many before for
+    /// the optimum without it.
     pub evaluations: usize,
 }
 
@@ -86,6 +90,7 @@ impl Search {
             objective: Objective::default(),
             speeds: Vec::new(),
             aim: Aim::default(),
+            spread: Spread::default(),
             alike: false,
             evaluations: 200_000,
         })
@@ -98,6 +103,24 @@ impl Search {
         } else {
             self.speeds.clone()
         }
+    }
+
+    /// The values of which a search makes the greatest small, given those of all strikes at one corner of the
+    /// spread after the other.
+    pub(super) fn parts(&self, shares: &[f64]) -> Vec<f64> {
+        let corners = self.spread.corners().len();
+        match self.aim {
+            Aim::Worst => shares.to_vec(),
+            Aim::Mean => {
+                let corners = shares.chunks(shares.len() / corners);
+                corners.map(|shares| self.aim.of(shares)).collect()
+            }
+        }
+    }
+
+    /// The value of a design with these shares.
+    pub(super) fn value(&self, shares: &[f64]) -> f64 {
+        Aim::Worst.of(&self.parts(shares))
     }
 
     /// The damping, N·s/m, of an intruder that the search has given this mass, stiffness and damping.
@@ -160,6 +183,7 @@ impl Search {
     fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
         check_hosts(scenario, &self.hosts, self.total_mass)?;
         self.objective.check(scenario)?;
+        self.spread.check()?;
         if let Some(factor) = self.loss_factor
             && !(factor > 0.0 && factor <= LOSS_FACTOR_MOST)
         {

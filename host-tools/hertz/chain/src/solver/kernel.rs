@@ -14,7 +14,7 @@ use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 use super::lanes::{
     BLOCK, Guests, LaneBlock, Lanes, before, behind, blocks, blocks_mut, first, push, select,
 };
-use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
+use super::method::{ERROR, LATE_STAGES, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
@@ -564,7 +564,7 @@ fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes,
 
 /// Moving blocks of an array.
 #[inline(always)]
-fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
+pub(super) fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
     let shared = lanes.guests.home.is_some();
     let bodies = work.active.iter().flat_map(|run| run.start + 1..run.end + 1);
     let guests = work.active_guests.iter().copied();
@@ -608,6 +608,7 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
         of_place[at] = pulp::cast(simd.mul_f64s(twice, weights[WIDE + at]));
     }
     let (of_speed, of_place) = (of_speed.as_flattened(), of_place.as_flattened());
+    work.weights.copy_from_slice(&of_speed[..STAGES]);
 
     let mut stage = std::mem::take(&mut work.stage);
     let rates = all_rates(&work.rates);
@@ -619,7 +620,7 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
         let rate: f64x8 = pulp::cast(rates[0]);
         let mut change = simd.mul_f64s(simd.splat_f64s(of_speed[0]), rate);
         let mut bent = simd.mul_f64s(simd.splat_f64s(of_place[0]), rate);
-        for stage in INSIDE_STAGES {
+        for stage in LATE_STAGES {
             let rate: f64x8 = pulp::cast(rates[stage]);
             change = simd.add_f64s(change, simd.mul_f64s(simd.splat_f64s(of_speed[stage]), rate));
             bent = simd.add_f64s(bent, simd.mul_f64s(simd.splat_f64s(of_place[stage]), rate));
@@ -631,12 +632,3 @@ fn interpolate<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, l
     }
     work.stage = stage;
 }
-
-/// Stages after the first with a weight inside a step.
-const INSIDE_STAGES: Range<usize> = {
-    let mut from = 1;
-    while POWERS[from][TERMS - 1].displacement == 0.0 {
-        from += 1;
-    }
-    from..STAGES
-};

@@ -1,6 +1,8 @@
 //! The Runge-Kutta method with its dense output, as constants: loops over a row have the coefficients in
 //! place.
 
+use std::ops::Range;
+
 use super::verner::{A, EMBEDDED, INSIDE, INSIDE_STAGES, MAIN, STAGES};
 use crate::tableau::{Square, nodes, spread, twice};
 
@@ -149,6 +151,15 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     powers
 };
 
+/// Stages after the first with a weight inside a step.
+pub(super) const LATE_STAGES: Range<usize> = {
+    let mut from = 1;
+    while POWERS[from][TERMS - 1].displacement == 0.0 {
+        from += 1;
+    }
+    from..STAGES
+};
+
 /// Converts a polynomial Σ c[k] x^(k+1) to powers of x - 1/2, but for the term without x.
 const fn about_the_middle(coefficients: &[f64; TERMS - 1]) -> [f64; TERMS] {
     let (mut shifted, mut from) = ([0.0; TERMS], 1);
@@ -166,14 +177,6 @@ const fn about_the_middle(coefficients: &[f64; TERMS - 1]) -> [f64; TERMS] {
         from += 1;
     }
     shifted
-}
-
-/// Weights of all stages in velocities, at the part `x` of a step.
-pub(super) fn inside(x: f64) -> [f64; STAGES] {
-    POWERS.map(|powers| {
-        let terms = powers.iter().rev();
-        x * terms.fold(0.0, |sum, weight| sum * (x - 0.5) + weight.velocity)
-    })
 }
 
 #[cfg(test)]

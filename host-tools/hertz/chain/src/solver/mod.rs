@@ -7,8 +7,8 @@
 //! a step works in memory allocated once ([`work`]). Only moving blocks of beads are computed ([`stepper`],
 //! [`rest`]), and blocks that a wave has left in contact take longer steps ([`multirate`]).
 //!
-//! The dense output of a step is not stored. [`Dense`] computes it on request by repeating the step from its
-//! start. Memory is one state for each step, and a run without requests pays nothing.
+//! A run that keeps its motion stores the stages of each step ([`step_log`]), and [`Dense`] computes the
+//! motion inside it from these. Other runs pay nothing for it.
 
 #[cfg(test)]
 mod against;
@@ -27,6 +27,7 @@ mod parting;
 mod rest;
 #[cfg(test)]
 mod small;
+mod step_log;
 mod stepper;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -39,4 +40,5 @@ pub(crate) use dense::Dense;
 pub(crate) use glimpse::Glimpse;
 pub(crate) use lanes::{BLOCK, Lanes};
 pub(crate) use method::step;
+pub(crate) use step_log::StepLog;
 pub(crate) use stepper::{StepMoment, Stepper};

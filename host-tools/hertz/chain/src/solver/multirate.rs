@@ -16,6 +16,7 @@ use super::kernel::{Task, dispatch};
 use super::lanes::{BLOCK, Lanes, first};
 use super::parting::{Calm, count, holds};
 use super::rest::{AHEAD, FLOOR, RestingBlocks, beside};
+use super::step_log::{LoggedSlowStep, StepLog};
 use super::work::{Motion, Work};
 
 /// Fewest moving blocks that are divided.
@@ -278,7 +279,7 @@ impl Multirate {
         }
         let x = slow.interpolate(lanes, times[1]);
         std::mem::swap(&mut slow.ends[1], &mut slow.work.stage);
-        slow.lost = slow.work.lost_inside(lanes, slow.length, x).contacts;
+        slow.lost = slow.work.lost_inside(lanes, slow.length, x, &mut []).contacts;
         slow.times = times;
     }
 
@@ -296,6 +297,19 @@ impl Multirate {
     /// J.
     pub(super) fn lost(&self) -> f64 {
         self.under_way().map_or(0.0, |slow| slow.lost)
+    }
+
+    /// Copies the slow step that is under way to a log, once. Returns its number there.
+    pub(super) fn record(&mut self, lanes: &Lanes, log: &mut StepLog) -> Option<usize> {
+        let slow = self.inside()?;
+        let last = log.slow.last().map(|last| last.step.from);
+        if last != Some(slow.from) {
+            let length = slow.prepare(lanes);
+            let step = log.copy(lanes, Some(&slow.work), (slow.from, slow.to), length);
+            let (start, own) = (slow.work.start.clone(), slow.own.clone());
+            log.slow.push(LoggedSlowStep { step, start, own });
+        }
+        Some(log.slow.len() - 1)
     }
 
     /// The slow step with its start and length, s, if it holds the contact at `lane`.

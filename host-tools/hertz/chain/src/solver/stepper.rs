@@ -8,6 +8,7 @@ use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::multirate::Multirate;
 use super::rest::RestingBlocks;
+use super::step_log::StepLog;
 use super::work::Work;
 use crate::model::{Model, StateLayout};
 
@@ -103,6 +104,26 @@ impl Stepper {
             let x = 1.0 - (self.time - t) / length;
             self.work.interpolate(&self.lanes, length, x.clamp(0.0, 1.0));
         }
+    }
+
+    /// Adds the last step, which began at `from`, to a log.
+    pub(crate) fn record(&mut self, from: f64, log: &mut StepLog) {
+        if let Some(length) = self.made
+            && self.work.powers.is_none()
+        {
+            // Made again for the powers, which all later steps have.
+            self.work.keep_powers(&self.lanes);
+            self.work.drive(&self.lanes, from, length);
+            self.work.attempt(&self.lanes, length, self.tolerance);
+            self.prepared = false;
+        }
+        let length = self.prepare();
+        let slow = self.multirate.record(&self.lanes, log);
+        let work = length.map(|_| &self.work);
+        let length = length.unwrap_or(self.time - from);
+        let mut step = log.copy(&self.lanes, work, (from, self.time), length);
+        step.slow = slow;
+        log.steps.push(step);
     }
 
     /// Overlap of a moving contact, less that at rest, in the last step; `None` if nothing moved.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::aligned::CacheAligned;
 use super::crossing::Crossing;
 use super::lanes::{BLOCK, Lanes, first};
-use super::method::{self, NODES, ROWS};
+use super::method::{LATE_STAGES, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 use crate::drive::EndDrive;
@@ -60,6 +60,8 @@ pub(super) struct Work {
     pub(super) end: Motion,
     /// The motion at the time of [`Work::interpolate`].
     pub(super) stage: Motion,
+    /// Weights of the stages in the change of velocities up to that time, s.
+    pub(super) weights: [f64; STAGES],
     /// Accelerations, block by block and stage by stage.
     pub(super) rates: CacheAligned,
     /// Error of each block, if it was asked for.
@@ -198,11 +200,6 @@ impl Work {
     /// Work of the drive in the step, J.
     pub(super) fn drive_work(&self) -> f64 {
         self.driven.as_ref().map_or(0.0, |driven| driven.work)
-    }
-
-    pub(super) fn activate_all(&mut self, lanes: &Lanes) {
-        self.active = std::iter::once(0..lanes.blocks).collect();
-        self.active_guests = lanes.guests.blocks.clone().collect();
     }
 
     /// Makes the end of the step the start of the next.
@@ -398,26 +395,29 @@ impl Work {
         }
     }
 
-    /// Returns the losses and the wall's momentum from the start of the step to its part `x`.
-    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64) -> PartLosses {
-        let weights = method::inside(x);
+    /// Returns the losses and the wall's momentum from the start of the step to its part `x`, which is that
+    /// of the last [`Work::interpolate`], and adds the energy dissipated in each intruder, J, to `guests`.
+    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64, guests: &mut [f64]) -> PartLosses {
         let powers = self.powers.as_ref().expect("the powers were kept");
-        let sum = |rate: &dyn Fn(usize) -> f64| {
-            let parts = weights.iter().enumerate();
-            length * parts.map(|(stage, weight)| weight * rate(stage)).sum::<f64>()
+        let sum = |stride: usize, powers: &[f64]| {
+            let part = |stage: usize| self.weights[stage] * powers[stage * stride];
+            let (even, odd) = (LATE_STAGES.step_by(2), LATE_STAGES.skip(1).step_by(2));
+            part(0) + even.map(part).sum::<f64>() + odd.map(part).sum::<f64>()
         };
-        let of_guest = |guest| {
-            let seat = lanes.guests.seat(guest);
-            sum(&|stage| powers.guests[place(seat, stage)])
-        };
+        for (guest, lost) in guests.iter_mut().enumerate() {
+            if self.active_guests.contains(&(lanes.guests.lane(guest) / BLOCK)) {
+                let seat = lanes.guests.seat(guest);
+                *lost += sum(BLOCK, &powers.guests[place(seat, 0)..]);
+            }
+        }
         let mut inside = PartLosses {
-            contacts: sum(&|stage| powers.contacts[stage]),
-            wall: sum(&|stage| powers.wall[stage]),
-            drive: self
-                .driven
-                .as_ref()
-                .map_or(0.0, |driven| sum(&|stage| driven.powers[stage])),
-            guests: (0..lanes.guests.count).map(of_guest).collect(),
+            contacts: if lanes.viscous {
+                sum(1, &powers.contacts)
+            } else {
+                0.0
+            },
+            wall: lanes.wall.map_or(0.0, |_| sum(1, &powers.wall)),
+            drive: self.driven.as_ref().map_or(0.0, |driven| sum(1, &driven.powers)),
         };
         for crossing in &self.crossings {
             let integrals = crossing.integrals(x);
@@ -433,13 +433,11 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: in contacts and each intruder, J, and to the wall, kg·m/s; and the
-/// work of the drive, J.
+/// Losses since the start of the step: in contacts, J, and to the wall, kg·m/s; and the work of the drive, J.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
     pub(super) drive: f64,
-    pub(super) guests: Vec<f64>,
 }
 
 /// Moves the bodies of a contact apart, each of mass M by `shift` / M, and their velocities by `kick` / M.

@@ -5,8 +5,8 @@ use std::sync::Mutex;
 
 use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Drive, DriveQuantity, Objective, OptimiseError, Optimum, Scenario, Search, SearchProgress,
-    Start, optimise, remaining,
+    Accuracy, Aim, Drive, DriveQuantity, Intruder, Objective, OptimiseError, Optimum, Scenario, Search,
+    SearchProgress, Spread, Start, optimise, remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -335,7 +335,7 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
     ];
     type Change = fn(&mut Search);
     let constant = "makes an intruder with a time constant of ";
-    let changed: [(Change, &str, &str); 21] = [
+    let changed: [(Change, &str, &str); 22] = [
         (|one| one.hosts.clear(), "hosts", "at least one"),
         (|one| one.total_mass = -1.0, "total_mass", "above zero"),
         (|one| one.mass.reverse(), "mass", "lesser first"),
@@ -352,6 +352,7 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         (|one| one.mass[0] = 1e-29, "mass", constant),
         (|one| one.evaluations = 0, "evaluations", "126"),
         (|one| one.loss_factor = Some(0.0), "loss_factor", "above 0"),
+        (|one| one.spread.damping = -0.1, "spread", "from 0 to 0.9"),
         (|one| one.loss_factor = Some(1e30), "loss_factor", "at most 1000"),
         (
             |one| one.objective = Objective::Force(21),
@@ -411,4 +412,48 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
     scenario.striker.velocity = 0.0;
     let error = Search::new(&scenario, vec![7], 0.01).expect_err("it cannot be run");
     assert!(error.to_string().starts_with("striker.velocity: "), "{error}");
+}
+
+/// The worst share of intruders whose springs and dampers all deviate alike, at the corners of a spread.
+fn worst_share(intruders: &[Intruder], spread: Spread) -> f64 {
+    let shares = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]].map(|[k, c]| {
+        let mut scenario = strike();
+        scenario.intruders = intruders.to_vec();
+        for intruder in &mut scenario.intruders {
+            intruder.stiffness *= 1.0 + k * spread.stiffness;
+            intruder.damping *= 1.0 + c * spread.damping;
+        }
+        let remaining = remaining(&scenario, scenario.striker.velocity, Accuracy::REFERENCE);
+        remaining.expect("it can be run").share
+    });
+    shares.into_iter().fold(0.0, f64::max)
+}
+
+#[test]
+fn a_robust_design_is_worse_where_nothing_deviates_and_better_at_the_worst() {
+    let mut search = search(&[7, 8], 0.06);
+    search.spread = Spread::new(0.3, 0.4);
+    let found = best(&search);
+    let robustness = found.robustness.as_ref().expect("a spread was stated");
+    let [worst, plain_worst] =
+        [&found.intruders, &robustness.plain].map(|intruders| worst_share(intruders, search.spread));
+    println!(
+        "{} {worst}, plain {} {plain_worst}",
+        found.share, robustness.plain_share
+    );
+    close(robustness.worst, worst, 1e-12);
+    close(robustness.plain_worst, plain_worst, 1e-12);
+    close(found.share_searched, worst, 1e-6);
+    // The plain optimum is that of a search without a spread.
+    search.spread = Spread::default();
+    let plain = best(&search);
+    assert_eq!(plain.intruders, robustness.plain);
+    assert_eq!(plain.robustness, None);
+    assert!(worst < plain_worst - 1e-3, "{worst} {plain_worst}");
+    assert!(
+        found.share > plain.share + 1e-4,
+        "{} {}",
+        found.share,
+        plain.share
+    );
 }

@@ -16,6 +16,14 @@ fn near(one: f64, other: f64, most: f64) {
 /// The digits printed are good for 1e-14 of coefficients up to 70.
 const PRINTED: f64 = 3e-13;
 
+/// Weights of all stages in velocities, at the part `x` of a step.
+fn inside(x: f64) -> [f64; STAGES] {
+    POWERS.map(|powers| {
+        let terms = powers.iter().rev();
+        x * terms.fold(0.0, |sum, weight| sum * (x - 0.5) + weight.velocity)
+    })
+}
+
 #[test]
 fn every_row_integrates_as_many_powers_as_its_stage_needs() {
     for (row, weights) in ROWS.iter().enumerate() {
