@@ -9,8 +9,8 @@
 //! time limit. QEMU goes on from there, and cannot tell.
 //!
 //! A loop that comes back to the same state without having changed memory does the same again, as long as
-//! what it reads stays. Its turns up to then are counted at once (`turns`). So are turns that differ in counters
-//! alone, up to the first that may end the loop (`trace`).
+//! what it reads stays. Its turns up to then are counted at once (`turns`). So are turns that differ in
+//! counters alone, up to the first that may end the loop (`trace`).
 
 mod alu;
 mod bus;

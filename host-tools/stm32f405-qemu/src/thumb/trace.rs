@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! A loop that waits for a counter has other registers at each turn, and takes the same way until the counter
-//! has come far enough. One turn is traced: what in it depends on a counter, and how. A value may rise or fall
-//! with the counter, by one at each tick; flags may come of such a value and one that stays. A condition on
-//! these flags cannot change for a number of ticks that follows from both values. If the turn reads nothing
-//! that the turn before has made of a counter, then the turns after it take the same way for as long.
+//! has come far enough. One turn is traced: what in it depends on a counter, and how. A value may rise or
+//! fall with the counter, by one at each tick; flags may come of such a value and one that stays. A condition
+//! on these flags cannot change for a number of ticks that follows from both values. If the turn reads
+//! nothing that the turn before has made of a counter, then the turns after it take the same way for as long.
 //!
 //! The trace gives up at everything else.
 
@@ -130,8 +130,8 @@ impl Trace {
         }
     }
 
-    /// Follows an instruction that was executed, with the registers before it, and what it has loaded and when.
-    /// `None` if nothing is known of the turns to come.
+    /// Follows an instruction that was executed, with the registers before it, and what it has loaded and
+    /// when. `None` if nothing is known of the turns to come.
     pub(super) fn follow(
         &mut self,
         instruction: Instruction,
