@@ -72,8 +72,13 @@ fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
         Some(wanted) => {
             place(wanted).ok_or_else(|| format!("it has no column {wanted:?}, but {}", names.join(", ")))?
         }
-        None if names.len() == 1 => 0,
-        None => return Err(format!("it has the columns {}: give one", names.join(", "))),
+        None => {
+            let others: Vec<usize> = (0..names.len()).filter(|place| names[*place] != "t").collect();
+            match others[..] {
+                [only] => only,
+                _ => return Err(format!("it has the columns {}: give one", names.join(", "))),
+            }
+        }
     };
     let of_times = place("t");
     let (mut values, mut times) = (Vec::new(), Vec::new());

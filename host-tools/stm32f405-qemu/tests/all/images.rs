@@ -543,7 +543,7 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
     let folder = tempfile::tempdir().unwrap();
     let [copy, scenario, wave] = ["image.elf", "x.toml", "ramp.csv"].map(|name| folder.path().join(name));
     std::fs::copy(image("logs"), &copy).unwrap();
-    let text = "[[waveform]]\npin = \"PA0\"\nfile = \"ramp.csv\"\ncolumn = \"x\"\n";
+    let text = "[[waveform]]\npin = \"PA0\"\nfile = \"ramp.csv\"\n";
     std::fs::write(&scenario, text).unwrap();
     std::fs::write(&wave, "t,x\n0,1\n0.001,2\n0.002,3\n").unwrap();
     for input in [&copy, &scenario, &wave] {

@@ -141,8 +141,16 @@ fn tell(outcome: &Outcome, session: &Session, to: &mut impl Write) -> io::Result
             )?;
         }
     }
-    for exception in &outcome.exceptions {
-        writeln!(to, "{exception}")?;
+    // Its BKPT is a fault to a core without a debugger, and no failure.
+    let (faults, end) = match (&outcome.end, outcome.exceptions.split_last()) {
+        (RunEnd::Breakpoint(at), Some((last, faults))) if last.breakpoint.is_some() => (faults, Some(at)),
+        _ => (&outcome.exceptions[..], None),
+    };
+    for fault in faults {
+        writeln!(to, "{fault}")?;
+    }
+    if let Some(at) = end {
+        writeln!(to, "ended at the breakpoint {at}")?;
     }
     for register in &outcome.unknown_registers {
         let (reads, writes) = (register.reads, register.writes);
