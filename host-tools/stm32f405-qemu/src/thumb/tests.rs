@@ -80,6 +80,41 @@ impl Random {
 
     /// A loop that begins with the read of a counter and may end at some conditions.
     fn program(&mut self) -> Vec<u16> {
+        match self.below(8) {
+            0 => self.overflow_of_bits(),
+            1 => self.carry_of_comparison(),
+            _ => self.any(),
+        }
+    }
+
+    /// Ends where the lowest bits of a counter, and a number more, have come over or under R6.
+    fn overflow_of_bits(&mut self) -> Vec<u16> {
+        vec![
+            0x6800 | self.below(3) << 3 | 3,
+            0x4000 | 7 << 3 | 3,
+            0x3000 | 3 << 8 | self.below(256),
+            0x4280 | 6 << 3 | 3,
+            0xd000 | self.below(14) << 8,
+            0xe7f9,
+            BREAKPOINT,
+        ]
+    }
+
+    /// Ends where the carry of a comparison, in a register of its own, is another.
+    fn carry_of_comparison(&mut self) -> Vec<u16> {
+        vec![
+            0x6800 | self.below(3) << 3 | 3,
+            0x4280 | 6 << 3 | 3,
+            0x2000 | 4 << 8,
+            0x4140 | 4 << 3 | 4,
+            0x2800 | 4 << 8 | 1,
+            0xd000 | self.below(2) << 8,
+            0xe7f8,
+            BREAKPOINT,
+        ]
+    }
+
+    fn any(&mut self) -> Vec<u16> {
         let length = 3 + self.below(7);
         let mut code = vec![0x6800 | self.below(3) << 3 | 3];
         for at in 1..length {
@@ -137,8 +172,11 @@ fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
         if round % 2 == 0 {
             registers.r[7] = u32::MAX >> random.below(31);
         }
-        // Near what a counter has, so that the loop ends now and then.
-        registers.r[6] = (began[0] as u32).wrapping_add(random.below(50_000).into());
+        // Near what a counter or its lowest bits have, so that the loop ends now and then.
+        registers.r[6] = match round % 4 {
+            0 => random.next() as u32 & registers.r[7],
+            _ => (began[0] as u32).wrapping_add(random.below(50_000).into()),
+        };
         let until = 100_000 + random.next() % 200_000;
         let [slow, quick] = [false, true].map(|tells_ramps| {
             let mut machine = Machine {
