@@ -498,6 +498,7 @@ mod tests {
         let path = folder.path().join("x.toml");
         std::fs::write(&path, text).unwrap();
         std::fs::write(folder.path().join("ramp.csv"), "t,x\n0,1\n0.001,2\n0.002,3\n").unwrap();
+        std::fs::write(folder.path().join("two.csv"), "t,x,y\n0,1,2\n").unwrap();
         std::fs::write(folder.path().join("bad.csv"), "t,x\n0,1\n1,two\n").unwrap();
         let folder = format!("{}/", folder.path().display());
         Scenario::read(&path).map_err(|error| error.to_string().replace(&folder, ""))
@@ -605,8 +606,8 @@ mod tests {
                 "x.toml:3:8: cannot read",
             ),
             (
-                "[[waveform]]\npin = \"PC0\"\nfile = \"ramp.csv\"\n",
-                "x.toml:3:8: it has the columns t, x: give one",
+                "[[waveform]]\npin = \"PC0\"\nfile = \"two.csv\"\n",
+                "x.toml:3:8: it has the columns t, x, y: give one",
             ),
             (
                 "[[waveform]]\npin = \"PC0\"\nfile = \"ramp.csv\"\ncolumn = \"y\"\n",
