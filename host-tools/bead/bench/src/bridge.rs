@@ -33,7 +33,7 @@ const ANSWER: Duration = Duration::from_millis(80);
 const STEP: Duration = Duration::from_millis(250);
 /// From a stop to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
-/// Time within which a program that was sent something hangs up or sends more.
+/// Time within which a program that was answered hangs up or sends more.
 const PAUSE: Duration = Duration::from_millis(100);
 /// With a pace: interval between two steps of time.
 const BEAT: Duration = Duration::from_millis(10);
@@ -192,13 +192,11 @@ impl Bridge {
         self.codes.take(own_ns as u64 / self.row_ns + 2)
     }
 
-    /// Time to wait for bytes from a program before time passes, after it was sent something or was not.
-    fn pause(&self, sent: bool) -> Duration {
+    /// Time to wait for bytes from a program before time passes.
+    fn pause(&self) -> Duration {
         match &self.pace {
             Some(pace) => pace.pause(self.now(), Instant::now()),
-            None if sent => PAUSE,
-            // It waits for what the bead says next.
-            None => Duration::ZERO,
+            None => PAUSE,
         }
     }
 
@@ -316,23 +314,20 @@ fn advice(address: &Address, error: &io::Error) -> String {
 /// QEMU fails.
 pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), BenchError> {
     let mut programs = Vec::new();
-    let mut sent = true;
     while !stop.load(Ordering::Relaxed) {
         door.let_in(&mut programs);
-        let received = receive(&mut programs, bridge.pause(sent));
+        let received = receive(&mut programs, bridge.pause());
         if programs.is_empty() {
             // Nobody connects, or the last one hung up: without a pace time stands still.
             if bridge.pace.is_none() {
                 thread::sleep(IDLE);
-                sent = true;
                 continue;
             }
-            thread::sleep(bridge.pause(sent));
+            thread::sleep(bridge.pause());
         }
         // Without a program, frames are lost as on any line.
         let time = bridge.due(!received.is_empty());
         let said = bridge.pass(&received, time)?;
-        sent = !said.is_empty();
         for program in &mut programs {
             program.unread.extend(&said);
         }
