@@ -38,7 +38,7 @@ pub struct Optimum {
     /// Change of the share if the chain is made twice as long: the influence of the far end. If it is
     /// not near zero, a wave came back from there, and its energy was counted as absorbed the second time.
     pub far_end: f64,
-    /// What the design bears of the search's spread; none without a spread.
+    /// The worst value under the search's spread, beside that of the plain optimum. `None` without a spread.
     pub robustness: Option<Robustness>,
     /// Number of designs tried.
     pub evaluations: usize,
@@ -115,8 +115,22 @@ pub fn optimise(
     exact.spread = Spread::default();
     let plain = best_of(scenario, &exact, None, watch)?;
     let mut robust = best_of(scenario, search, Some(&plain.intruders), watch)?;
-    let (worst, worst_at) = worst_of(scenario, search, &robust)?;
+    let (mut worst, mut worst_at) = worst_of(scenario, search, &robust)?;
     let (plain_worst, plain_worst_at) = worst_of(scenario, search, &plain)?;
+    if plain_worst < worst {
+        // The search was stopped, or spent its evaluations, before it came as far as where it began.
+        (worst, worst_at) = (plain_worst, plain_worst_at);
+        robust = Optimum {
+            share_searched: plain_worst,
+            share_alike: robust.share_alike,
+            evaluations: robust.evaluations,
+            settled: robust.settled,
+            descents: robust.descents,
+            in_vain: robust.in_vain,
+            stopped: robust.stopped,
+            ..plain.clone()
+        };
+    }
     robust.robustness = Some(Robustness {
         spread: search.spread,
         worst,

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
@@ -427,6 +428,27 @@ fn worst_share(intruders: &[Intruder], spread: Spread) -> f64 {
         remaining.expect("it can be run").share
     });
     shares.into_iter().fold(0.0, f64::max)
+}
+
+#[test]
+fn a_robust_search_that_is_stopped_is_no_worse_than_where_it_began() {
+    let mut search = search(&[7, 8], 0.06);
+    search.spread = Spread::new(0.3, 0.4);
+    let most = AtomicUsize::new(0);
+    // The search under the spread counts its evaluations anew, and ends with its first design.
+    let watch = |sofar: SearchProgress| match most.fetch_max(sofar.evaluations, Ordering::Relaxed) {
+        before if before > sofar.evaluations => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let found = optimise(&strike(), &search, Some(&watch)).expect("there is a best");
+    let robustness = found.robustness.as_ref().expect("a spread was stated");
+    assert!(found.stopped && !found.settled);
+    assert_eq!(found.intruders, robustness.plain);
+    close(
+        robustness.worst,
+        worst_share(&found.intruders, search.spread),
+        1e-12,
+    );
 }
 
 #[test]
