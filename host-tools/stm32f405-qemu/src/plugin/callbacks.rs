@@ -279,9 +279,9 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
             let (region, start, size) = (room(), addresses.start, addresses.len() as u64);
             match there {
                 _ if size == 0 => continue,
-                There::Memory if (f.memory_region_present)(system, start.into()) => continue,
-                There::Memory => (f.memory_region_init_ram)(region, none, name.as_ptr(), size, none),
-                There::Nothing => {
+                RangeContent::Memory if (f.memory_region_present)(system, start.into()) => continue,
+                RangeContent::Memory => (f.memory_region_init_ram)(region, none, name.as_ptr(), size, none),
+                RangeContent::Nothing => {
                     let base = start as usize as Pointer;
                     (f.memory_region_init_io)(region, none, &raw const OPS, base, name.as_ptr(), size);
                 }
@@ -336,19 +336,27 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
 }
 
 /// The part's RAM that QEMU's machine may lack, and what the part lacks and QEMU may have: a bus fault.
-fn memory_of(chip: Chip) -> [(Range<u32>, &'static CStr, There); 4] {
+fn memory_of(chip: Chip) -> [(Range<u32>, &'static CStr, RangeContent); 4] {
     let (sram, ccm) = (chip.sram(), chip.ccm());
     [
-        (SRAM.end..sram.end.max(SRAM.end), c"stm32f405.sram", There::Memory),
-        (sram.end..MOST_SRAM.end, c"stm32f405.no-sram", There::Nothing),
-        (ccm.clone(), c"stm32f405.ccm", There::Memory),
-        (ccm.end..CCM.end, c"stm32f405.no-ccm", There::Nothing),
+        (
+            SRAM.end..sram.end.max(SRAM.end),
+            c"stm32f405.sram",
+            RangeContent::Memory,
+        ),
+        (
+            sram.end..MOST_SRAM.end,
+            c"stm32f405.no-sram",
+            RangeContent::Nothing,
+        ),
+        (ccm.clone(), c"stm32f405.ccm", RangeContent::Memory),
+        (ccm.end..CCM.end, c"stm32f405.no-ccm", RangeContent::Nothing),
     ]
 }
 
-/// What lies at addresses for RAM.
+/// Content of a range of addresses at which parts may have RAM.
 #[derive(Clone, Copy)]
-enum There {
+enum RangeContent {
     Memory,
     Nothing,
 }

@@ -135,7 +135,7 @@ fn act(folder: &Path, inputs: &[(&str, &str)]) -> Output {
     for step in action["runs"]["steps"].as_sequence().unwrap() {
         assert_eq!(step["shell"], "bash");
         let script = step["run"].as_str().unwrap();
-        // What a user gives reaches the shell in variables only: a script with it inside would execute it.
+        // Inputs come in variables only: the shell would execute one that stands in the script itself.
         assert!(!script.contains("${{"), "{script}");
         let mut variables = Vec::new();
         for (name, value) in step["env"].as_mapping().into_iter().flatten() {

@@ -108,15 +108,23 @@ impl Arguments {
         }
     }
 
-    /// Refuses an output that is an input, which would be emptied.
+    /// Refuses an output that is an input, which would be emptied, or another output.
     pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
         let named = self.uart.iter().filter_map(super::uart::Way::file);
-        let mut outputs = named.chain(&self.vcd).chain(&self.json).chain(&self.junit);
+        let outputs: Vec<_> = named
+            .chain(&self.vcd)
+            .chain(&self.json)
+            .chain(&self.junit)
+            .collect();
+        if let Some(twice) = (1..outputs.len()).find(|n| outputs[..*n].contains(&outputs[*n])) {
+            let what = format!("{} is given for two outputs", outputs[twice].display());
+            return Err(RunError::Input(what + "; give each a name of its own"));
+        }
         let scenario = self.scenario.iter().flat_map(|scenario| scenario.paths());
         let inputs = std::iter::once(&self.elf).chain(scenario);
         let inputs: Vec<_> = inputs.filter_map(|input| input.canonicalize().ok()).collect();
         let is_input = |out: &&PathBuf| out.canonicalize().is_ok_and(|out| inputs.contains(&out));
-        match outputs.find(is_input) {
+        match outputs.into_iter().find(is_input) {
             Some(out) => Err(RunError::Input(format!(
                 "{} is an input of this run, the image or its scenario; give the output another name",
                 out.display()
