@@ -15,6 +15,7 @@ mod optimise;
 mod options;
 mod oscillator;
 mod oscillator_fit;
+mod periodic;
 mod power_law;
 mod pulse;
 mod quantity;
@@ -52,6 +53,9 @@ pub use optimise::{
 };
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
+pub use periodic::{
+    Bifurcation, Branch, BranchEnd, BranchOptions, BranchPoint, DriveParameter, PeriodicError, PeriodicState,
+};
 pub use power_law::PowerLaw;
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;

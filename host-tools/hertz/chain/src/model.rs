@@ -297,7 +297,7 @@ impl Model {
     }
 
     /// True if body 0 follows a displacement.
-    fn is_prescribed(&self) -> bool {
+    pub(crate) fn is_prescribed(&self) -> bool {
         self.shells[0] == f64::INFINITY
     }
 
@@ -644,6 +644,18 @@ impl Model {
     pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
         let oscillator = &self.intruders[intruder].oscillator;
         -oscillator.pull(place, rate) / oscillator.mass
+    }
+
+    /// The length that displacements of a driven chain are compared with, m: the greatest static overlap of a
+    /// contact, or without a load the depth to which what is given presses a body in.
+    pub(crate) fn displacement_size(&self) -> f64 {
+        let overlaps = self.contacts.iter().map(|contact| contact.static_overlap);
+        let loaded = overlaps.fold(0.0, f64::max);
+        if loaded > 0.0 {
+            loaded
+        } else {
+            self.displacement_scale()
+        }
     }
 
     /// The scale of each component of the state.

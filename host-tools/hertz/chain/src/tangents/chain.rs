@@ -173,18 +173,13 @@ impl<const P: usize> Materials<'_, P> {
 }
 
 impl<const P: usize> DualChain<P> {
+    /// The chain of a strike.
+    ///
     /// # Errors
     /// The scenario is out of range, or its contact forces are clipped, which have no smooth tangent.
     pub(super) fn new(scenario: &Scenario, parameters: &[Parameter]) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
-        if scenario.chain.contact_force == ContactForce::Clipped {
-            return Err(InputError::at(
-                "chain.contact_force",
-                "clipped forces have no tangents",
-                "leave it out: contacts may then pull a little while they open",
-            ));
-        }
-        let law = "leave them out: there are tangents of a strike on Hertz' contacts";
+        let advice = "leave them out: there are tangents of a strike on Hertz' contacts";
         let other = [
             (model.drive.is_some(), "chain", "a driven or vertical chain has"),
             (
@@ -192,14 +187,32 @@ impl<const P: usize> DualChain<P> {
                 "start",
                 "bodies displaced at t = 0 have",
             ),
-            (
-                model.contact_at(1).powers.is_some(),
-                "contact",
-                "contacts of another law than Hertz' have",
-            ),
         ];
         if let Some((_, key, what)) = other.into_iter().find(|(is_there, ..)| *is_there) {
-            return Err(InputError::at(key, format!("{what} no tangents"), law));
+            return Err(InputError::at(key, format!("{what} no tangents"), advice));
+        }
+        Self::of(&model, scenario, parameters)
+    }
+
+    /// The chain of a scenario with this model. A drive has no derivatives.
+    ///
+    /// # Errors
+    /// Contact forces are clipped, or those of another law than Hertz'.
+    pub(super) fn of(
+        model: &Model,
+        scenario: &Scenario,
+        parameters: &[Parameter],
+    ) -> Result<Self, InputError> {
+        if scenario.chain.contact_force == ContactForce::Clipped {
+            return Err(InputError::at(
+                "chain.contact_force",
+                "clipped forces have no tangents",
+                "leave it out: contacts may then pull a little while they open",
+            ));
+        }
+        if model.contact_at(1).powers.is_some() {
+            let what = "contacts of another law than Hertz' have no tangents";
+            return Err(InputError::at("contact", what, "leave it out"));
         }
         let seeds = Seeds::<P>::new(parameters);
         let materials = Materials {
@@ -209,6 +222,10 @@ impl<const P: usize> DualChain<P> {
         };
         let mut shells: Vec<Dual<P>> = (0..model.bodies())
             .map(|body| {
+                if body == 0 && model.is_prescribed() {
+                    // Its motion depends on nothing.
+                    return Dual::default();
+                }
                 let mass = Dual::constant(model.mass(body));
                 if body > 0 && !materials.owns(body, |section| section.density) {
                     seeds.relative(Parameter::Density, mass, scenario.chain.density)
@@ -231,7 +248,7 @@ impl<const P: usize> DualChain<P> {
                 });
             }
         }
-        let contacts = (1..=model.contacts()).map(|j| materials.contact(&model, j));
+        let contacts = (1..=model.contacts()).map(|j| materials.contact(model, j));
         let contacts = contacts.collect();
         let starts = model.starts.iter().enumerate().map(|(body, &(place, velocity))| {
             let velocity = if body == 0 {
@@ -241,9 +258,16 @@ impl<const P: usize> DualChain<P> {
             };
             (place, velocity)
         });
+        let inverse = |shell: &Dual<P>| {
+            if shell.value > 0.0 {
+                shell.inverse()
+            } else {
+                Dual::default()
+            }
+        };
         Ok(Self {
             starts: starts.collect(),
-            inverse_shells: shells.iter().map(|shell| shell.inverse()).collect(),
+            inverse_shells: shells.iter().map(inverse).collect(),
             shells,
             contacts,
             intruders,

@@ -9,7 +9,9 @@
 mod chain;
 mod dual;
 mod march;
+mod monodromy;
 mod parameter;
+mod phase;
 mod sensitivities;
 mod sensor;
 #[cfg(test)]
@@ -24,6 +26,7 @@ pub use sensor::{Push, Sensor, SensorPlace};
 use crate::scenario::{InputError, Scenario};
 use chain::DualChain;
 use march::March;
+pub(crate) use monodromy::DrivenChain;
 use sensor::cubic;
 
 /// Signals of sensors over a run, with their derivatives.

@@ -139,6 +139,21 @@ impl<'a, const P: usize> Variation<'a, P> {
         }
     }
 
+    /// Begins with the derivatives by the values of the state at these places, one for each direction. All
+    /// bodies move.
+    pub(super) fn start_at(&mut self, places: &[usize]) {
+        self.march.front = self.march.chain.bodies() - 1;
+        self.state.fill([0.0; P]);
+        for (direction, &place) in places.iter().enumerate() {
+            self.state[place][direction] = 1.0;
+        }
+    }
+
+    /// The derivatives of a value of the state.
+    pub(super) fn slopes(&self, place: usize) -> Slopes<P> {
+        self.state[place]
+    }
+
     /// Follows a step of the run.
     pub(super) fn follow(&mut self, step: &mut RunStep<'_>) {
         let moving = step.moving().map(|bodies| bodies.end).max().unwrap_or(0);

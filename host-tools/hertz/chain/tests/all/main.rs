@@ -12,6 +12,7 @@ mod loaded;
 mod optimise;
 mod oscillator;
 mod own_chain;
+mod periodic;
 mod reference;
 mod scenario;
 mod sensitivities;

@@ -1,0 +1,95 @@
+//! The map of a phase space that one period of a drive makes.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::error::PeriodicError;
+use crate::options::Accuracy;
+use crate::scenario::{InputError, Scenario};
+use crate::tangents::DrivenChain;
+
+/// Accuracy of each period.
+pub(super) const ACCURACY: Accuracy = Accuracy::REFERENCE;
+
+/// The map of one period. Points are in units of their sizes, so that all coordinates are of one magnitude.
+#[derive(Debug, Clone)]
+pub(super) struct PeriodMap {
+    pub(super) chain: DrivenChain,
+    /// Length of a period, s.
+    pub(super) period: f64,
+    sizes: DVector<f64>,
+}
+
+impl PeriodMap {
+    /// The map of a scenario's sine, without its ramp.
+    ///
+    /// # Errors
+    /// The scenario is out of range, or its drive is no sine of one frequency.
+    pub(super) fn of(scenario: &Scenario) -> Result<(Self, Scenario), InputError> {
+        let refuse = |key: &str, what: &str, advice: &str| Err(InputError::at(key, what, advice));
+        let mut scenario = scenario.clone();
+        let Some(drive) = &mut scenario.drive else {
+            let what = "a chain without a drive has no period";
+            return refuse("drive", what, "give it one, of one frequency");
+        };
+        drive.ramp = 0.0;
+        let Some(frequency) = drive.frequency else {
+            let what = "a record has no period";
+            return refuse("drive.samples", what, "give a frequency in their place");
+        };
+        if drive.frequency_end.is_some_and(|end| end != frequency) {
+            let what = "a chirp has no period";
+            return refuse("drive.frequency_end", what, "leave it out");
+        }
+        let chain = DrivenChain::of(&scenario)?;
+        let mut map = Self {
+            chain,
+            period: 1.0 / frequency,
+            sizes: DVector::zeros(0),
+        };
+        map.sizes = map
+            .chain
+            .sizes(map.chain.model.displacement_size(), TAU * frequency);
+        Ok((map, scenario))
+    }
+
+    /// The map of another drive of the same chain, in the units of this one.
+    pub(super) fn with_drive_of(&self, scenario: &Scenario) -> Result<Self, InputError> {
+        let (mut map, _) = Self::of(scenario)?;
+        map.sizes.clone_from(&self.sizes);
+        Ok(map)
+    }
+
+    /// The point of a state of the model.
+    pub(super) fn point(&self, state: &[f64]) -> DVector<f64> {
+        self.chain.coordinates(state).component_div(&self.sizes)
+    }
+
+    /// The start of a period in the chain's coordinates.
+    pub(super) fn start(&self, point: &DVector<f64>) -> DVector<f64> {
+        point.component_mul(&self.sizes)
+    }
+
+    /// Where a period leads.
+    pub(super) fn image(&self, point: &DVector<f64>) -> Result<DVector<f64>, PeriodicError> {
+        let end = self.chain.end(&self.start(point), self.period, ACCURACY)?;
+        Ok(end.component_div(&self.sizes))
+    }
+
+    /// Where a period leads, and the derivative of that.
+    pub(super) fn image_and_derivative(
+        &self,
+        point: &DVector<f64>,
+    ) -> Result<(DVector<f64>, DMatrix<f64>), PeriodicError> {
+        let start = self.start(point);
+        let (end, mut derivative) = self.chain.end_and_derivatives(&start, self.period, ACCURACY)?;
+        for (mut column, size) in derivative.column_iter_mut().zip(&self.sizes) {
+            column *= *size;
+        }
+        for (mut row, size) in derivative.row_iter_mut().zip(&self.sizes) {
+            row /= *size;
+        }
+        Ok((end.component_div(&self.sizes), derivative))
+    }
+}

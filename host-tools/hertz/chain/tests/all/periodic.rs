@@ -1,0 +1,258 @@
+//! Motions that repeat with their drive, held against another program, perturbed runs and long runs.
+
+use std::f64::consts::TAU;
+
+use hertz_chain::{
+    Accuracy, Bifurcation, Branch, BranchEnd, BranchOptions, Complex64, ContactForce, Drive, DriveParameter,
+    DriveQuantity, Intruder, Oscillator, PeriodicState, Run, Scenario, Section, Start, Wall,
+};
+use nalgebra::DMatrix;
+
+/// Steel, tungsten carbide, steel, and again, pressed together by 10 N: the first bead is shaken by a piston of
+/// steel, the last one stands at a wall (arXiv:1411.0614, with the loss in the contacts).
+fn trimer(beads: usize, amplitude: f64, frequency: f64) -> Scenario {
+    let mut scenario = Scenario::paper();
+    scenario.intruders.clear();
+    let chain = &mut scenario.chain;
+    (chain.beads, chain.radius, chain.precompression) = (beads, 9.525e-3, 10.0);
+    (chain.density, chain.young, chain.poisson, chain.relaxation) = (7780.0, 200e9, 0.3, 2.5e-7);
+    let striker = &mut scenario.striker;
+    (striker.radius, striker.density, striker.velocity) = (9.525e-3, 7780.0, 0.0);
+    (striker.young, striker.poisson) = (200e9, 0.3);
+    let mut carbide = Section::of((2..=beads).step_by(3));
+    (carbide.density, carbide.young, carbide.poisson) = (Some(14980.0), Some(628e9), Some(0.28));
+    if beads > 1 {
+        scenario.sections = vec![carbide];
+    }
+    scenario.wall = Some(Wall::flat(scenario.striker.material()));
+    scenario.drive = Some(Drive::sine(DriveQuantity::Displacement, amplitude, frequency));
+    scenario
+}
+
+/// A short one with an intruder.
+fn short() -> Scenario {
+    let mut scenario = trimer(3, 3e-8, 5200.0);
+    let oscillator = Oscillator {
+        mass: 5e-3,
+        stiffness: 6e6,
+        damping: 0.2,
+    };
+    scenario.intruders = vec![Intruder::new([2], oscillator)];
+    scenario
+}
+
+/// Amplitude, velocity of bead 1 when the drive begins its period, and the two greatest pairs of multipliers.
+/// By scipy 1.17: DOP853 with rtol 1e-12, Newton's method with differences of whole periods.
+const OTHER_PROGRAM: &str = "\
+1e-8   2.0036785536e-3 0.87280151 0.48762871 0.52811212 0.84820472
+2e-8   4.2466958127e-3 0.87282613 0.48746569 0.52812682 0.84808535
+2.5e-8 5.6779349450e-3 0.87288204 0.48724617 0.52818353 0.84793904";
+
+#[test]
+fn a_driven_trimer_repeats_as_another_program_says() {
+    let mut state = PeriodicState::of(&trimer(21, 1e-9, 6200.0)).unwrap();
+    for row in OTHER_PROGRAM.lines() {
+        let numbers: Vec<f64> = row.split_whitespace().map(|n| n.parse().unwrap()).collect();
+        let [amplitude, velocity, multipliers @ ..] = &numbers[..] else {
+            unreachable!()
+        };
+        state = state.near(&trimer(21, *amplitude, 6200.0)).unwrap();
+        let seen = state.run().snapshot().velocity(1);
+        assert!((seen / velocity - 1.0).abs() < 1e-9, "{row}: {seen:e}");
+        for (pair, seen) in multipliers.chunks(2).zip(state.multipliers().chunks(2)) {
+            let off = (seen[0].re - pair[0])
+                .abs()
+                .max((seen[0].im.abs() - pair[1]).abs());
+            assert!(off < 3e-8, "{row}: {seen:?}");
+        }
+        assert!(state.is_stable() && state.multipliers().len() == 42);
+    }
+}
+
+/// The state at the end of a period of a motion that starts a bit elsewhere: by `off` in one of displacement and
+/// velocity of each bead, and of the intruder in bead 2.
+fn perturbed(state: &PeriodicState, direction: usize, off: f64) -> Vec<f64> {
+    let mut scenario = state.scenario().clone();
+    let mut run = state.run();
+    let now = run.snapshot();
+    let rate = TAU / state.period();
+    for bead in 1..=scenario.chain.beads {
+        let mut start = Start::moving([bead], now.velocity(bead));
+        start.displacement = now.displacement(bead);
+        let inner = now.intruder_displacement(bead).zip(now.intruder_velocity(bead));
+        (start.intruder_displacement, start.intruder_velocity) = inner.unwrap_or_default();
+        let places = [
+            (&mut start.displacement, 1.0),
+            (&mut start.velocity, rate),
+            (&mut start.intruder_displacement, 1.0),
+            (&mut start.intruder_velocity, rate),
+        ];
+        for (place, (value, size)) in places.into_iter().enumerate() {
+            // The intruder's two come last.
+            let of_host = 2 * (bead - 1) + place;
+            let is_it = if place < 2 {
+                of_host == direction
+            } else {
+                bead == 2 && 2 * scenario.chain.beads + place - 2 == direction
+            };
+            if is_it {
+                *value += off * size;
+            }
+        }
+        scenario.starts.push(start);
+    }
+    let mut run = Run::new(&scenario, Accuracy::REFERENCE).expect("it is in range");
+    run.to(state.period()).expect("a period can be run");
+    let end = run.snapshot();
+    let mut values = Vec::new();
+    for (bead, start) in (1..=scenario.chain.beads).zip(&scenario.starts) {
+        // A displacement counts from the start of its run.
+        let place = end.displacement(bead) + start.displacement;
+        values.extend([place, end.velocity(bead) / rate]);
+    }
+    let inner = end.intruder_displacement(2).zip(end.intruder_velocity(2));
+    values.extend(
+        inner
+            .into_iter()
+            .flat_map(|(place, velocity)| [place, velocity / rate]),
+    );
+    values
+}
+
+/// Multipliers by central differences of perturbed runs.
+fn multipliers_of_runs(state: &PeriodicState) -> Vec<Complex64> {
+    let off = 1e-11;
+    let count = 2 * state.scenario().chain.beads + 2;
+    let mut derivative = DMatrix::zeros(count, count);
+    for direction in 0..count {
+        let [more, less] = [off, -off].map(|off| perturbed(state, direction, off));
+        for (row, (more, less)) in more.iter().zip(&less).enumerate() {
+            derivative[(row, direction)] = (more - less) / (2.0 * off);
+        }
+    }
+    derivative.complex_eigenvalues().iter().copied().collect()
+}
+
+#[test]
+fn multipliers_are_those_of_perturbed_runs_on_the_stable_and_the_unstable_side_of_a_fold() {
+    let branch = fold_branch(6e-8);
+    let fold = branch.folds().next().unwrap().value;
+    let sides = |is_stable: bool| {
+        branch
+            .points
+            .iter()
+            .find(move |point| point.state.is_stable() == is_stable && point.value > 0.8 * fold)
+    };
+    for side in [true, false] {
+        let state = &sides(side).unwrap().state;
+        let expected = multipliers_of_runs(state);
+        for multiplier in state.multipliers() {
+            let distances = expected.iter().map(|other| (multiplier - other).norm());
+            let nearest = distances.fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-6, "{multiplier}: {nearest:e} of {expected:?}");
+        }
+        assert_eq!(state.multipliers().len(), expected.len());
+    }
+}
+
+/// Three beads and an intruder, shaken a little below a resonance: contacts soften, so the branch folds.
+fn trimer_with_fold() -> Scenario {
+    let mut scenario = short();
+    scenario.drive = Some(Drive::sine(DriveQuantity::Displacement, 1e-9, 7000.0));
+    scenario
+}
+
+fn fold_branch(to: f64) -> Branch {
+    let start = PeriodicState::of(&trimer_with_fold()).expect("a weak drive has one");
+    let options = BranchOptions::default();
+    Branch::follow(start, DriveParameter::Amplitude, to, &options, |_| true).expect("the range is right")
+}
+
+#[test]
+fn a_branch_goes_around_its_folds_where_a_multiplier_is_one() {
+    let branch = fold_branch(6e-8);
+    let folds: Vec<_> = branch.folds().collect();
+    assert_eq!((folds.len(), branch.end), (2, BranchEnd::Range));
+    // Steps of other lengths find them at the same amplitudes.
+    let other = fold_branch(1e-7);
+    for (fold, other) in folds.into_iter().zip(other.folds()) {
+        assert!((fold.value / other.value - 1.0).abs() < 1e-10);
+        let nearest = fold.state.multipliers().iter().map(|one| (one - 1.0).norm());
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-4, "{nearest:e}");
+    }
+    // It turns at each: the amplitude rises, falls and rises.
+    let values: Vec<f64> = branch.points.iter().map(|point| point.value).collect();
+    let turns = values.windows(3).filter(|w| (w[1] - w[0]) * (w[2] - w[1]) < 0.0);
+    assert_eq!(turns.count(), 2);
+}
+
+#[test]
+fn a_run_settles_on_the_state() {
+    let mut scenario = short();
+    scenario.chain.relaxation = 5e-6;
+    scenario.drive.as_mut().unwrap().ramp = 1e-3;
+    let state = PeriodicState::of(&scenario).unwrap();
+    let mut run = Run::new(&scenario, Accuracy::REFERENCE).unwrap();
+    run.to(400.0 * state.period()).unwrap();
+    let (late, mut own) = (run.snapshot(), state.run());
+    let first = own.snapshot();
+    for bead in 1..=3 {
+        let off = late.velocity(bead) / first.velocity(bead) - 1.0;
+        assert!(off.abs() < 1e-8, "bead {bead}: {off:e}");
+    }
+}
+
+#[test]
+fn a_period_doubles_where_a_multiplier_passes_minus_one() {
+    // One bead between piston and wall, shaken at nearly twice its own frequency, 5542 Hz.
+    let mut scenario = trimer(1, 1e-8, 10950.0);
+    scenario.chain.relaxation = 5e-8;
+    let start = PeriodicState::of(&scenario).unwrap();
+    let options = BranchOptions::default();
+    let branch = Branch::follow(start, DriveParameter::Amplitude, 1e-6, &options, |_| true).unwrap();
+    let found: Vec<_> = branch
+        .points
+        .iter()
+        .filter_map(|point| point.bifurcation)
+        .collect();
+    assert_eq!(found.first(), Some(&Bifurcation::PeriodDoubling), "{found:?}");
+}
+
+#[test]
+fn what_has_no_period_is_refused() {
+    let drive = |quantity| Some(Drive::sine(quantity, 1e-8, 5000.0));
+    let mut chirp = short();
+    chirp.drive.as_mut().unwrap().frequency_end = Some(6000.0);
+    chirp.drive.as_mut().unwrap().sweep = Some(0.1);
+    let mut clipped = short();
+    clipped.chain.contact_force = ContactForce::Clipped;
+    let mut record = short();
+    record.drive = Some(Drive::record(
+        DriveQuantity::Displacement,
+        vec![[0.0, 0.0], [1e-3, 1e-8]],
+    ));
+    let mut strike = Scenario::paper();
+    strike.drive = None;
+    for (scenario, words) in [
+        (chirp, "drive.frequency_end: a chirp has no period"),
+        (clipped, "chain.contact_force: clipped forces"),
+        (record, "drive.samples: a record has no period"),
+        (strike, "drive: a chain without a drive has no period"),
+    ] {
+        let error = PeriodicState::of(&scenario).unwrap_err().to_string();
+        assert!(error.starts_with(words), "{error}");
+    }
+    let mut forced = short();
+    forced.drive = drive(DriveQuantity::Force);
+    let state = PeriodicState::of(&forced).unwrap();
+    assert_eq!(state.multipliers().len(), 10);
+    let options = BranchOptions::default();
+    for to in [-1.0, 1e-8, f64::NAN] {
+        let error = Branch::follow(state.clone(), DriveParameter::Amplitude, to, &options, |_| true);
+        let error = error.unwrap_err().to_string();
+        assert!(error.starts_with("no branch goes from 0.00000001 to "), "{error}");
+    }
+    let stopped = Branch::follow(state, DriveParameter::Amplitude, 1.0, &options, |_| false).unwrap();
+    assert_eq!((stopped.end, stopped.points.len()), (BranchEnd::Stopped, 2));
+}
