@@ -95,6 +95,16 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
+impl From<hertz_chain::PeriodicError> for Failure {
+    fn from(error: hertz_chain::PeriodicError) -> Self {
+        match error {
+            hertz_chain::PeriodicError::Simulate(error) => error.into(),
+            // That there is none is an answer.
+            error => Self::Verdict(error.into()),
+        }
+    }
+}
+
 impl From<BenchError> for Failure {
     fn from(error: BenchError) -> Self {
         use RunError::{ImageMissing, Input, NoSymbols, NotArmElf};

@@ -26,8 +26,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     analyse, bench, budget, calibrate, clock, command, compare, decode, emulate, export, fetch, figures,
-    flash, identify, judge, list, manual, monitor, note, optimise, optimise_search, proof, record, recover,
-    replay, settings, simulate, sweep, trend,
+    flash, identify, judge, list, manual, monitor, note, optimise, optimise_search, periodic, proof, record,
+    recover, replay, settings, simulate, sweep, trend,
 };
 use failure::Failure;
 
@@ -119,6 +119,8 @@ enum Command {
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise_search::Arguments),
+    /// Find motions of a driven chain that repeat, their stability, and where they meet and vanish.
+    Periodic(periodic::Arguments),
     /// Run a scenario over axes of its parameters, into one table.
     Sweep(Box<sweep::Arguments>),
     /// Tabulate the errors of the image's estimates: the project's own proofs.
@@ -171,6 +173,7 @@ impl Cli {
             Command::Calibrate(arguments) => calibrate::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
+            Command::Periodic(arguments) => periodic::run(&arguments),
             Command::Sweep(arguments) => sweep::run(&arguments),
             Command::Proof(arguments) => proof::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),

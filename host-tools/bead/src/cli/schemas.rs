@@ -19,8 +19,8 @@ use crate::cli::commands::proof::coverage::CoverageProof;
 use crate::cli::commands::proof::identify::IdentifyProof;
 use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
-    budget, command, compare, fetch, flash, judge, list, note, optimise, optimise_front, recover, replay,
-    settings, simulate, sweep_cluster, sweep_work, trend,
+    budget, command, compare, fetch, flash, judge, list, note, optimise, optimise_front, periodic, recover,
+    replay, settings, simulate, sweep_cluster, sweep_work, trend,
 };
 use bead_bench::loopback::BenchReport;
 use bead_bench::run::RunReport;
@@ -76,6 +76,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
         "optimise-front",
         of::<optimise_front::FrontReport>("optimise with several masses"),
     );
+    add("periodic", of::<periodic::PeriodicReport>("periodic"));
     add("proof-accuracy", of::<Vec<StrikerCell>>("proof accuracy"));
     add("proof-calibrate", of::<CalibrateProof>("proof calibrate"));
     add("proof-coverage", of::<CoverageProof>("proof coverage"));

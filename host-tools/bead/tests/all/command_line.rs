@@ -76,6 +76,49 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
 }
 
 #[test]
+fn a_branch_of_motions_that_repeat_is_written_and_drawn_with_its_fold() {
+    let folder = TestFolder::new();
+    folder.write(
+        "trimer.toml",
+        include_str!("../../../../docs/scenarios/driven-trimer.toml"),
+    );
+    let line = "periodic trimer.toml --along amplitude --to 3e-8 --out b.csv --picture b.svg --format json";
+    let found = folder.json(line);
+    assert_eq!(found["multipliers"].as_array().unwrap().len(), 42);
+    let branch = &found["branch"];
+    assert_eq!(
+        (&branch["parameter"], &branch["end"]),
+        (&"amplitude".into(), &"range".into())
+    );
+    let points = branch["points"].as_array().unwrap();
+    let folds: Vec<_> = points
+        .iter()
+        .filter(|point| point["bifurcation"] == "fold")
+        .collect();
+    // As another program found it: a test of the chain has its numbers.
+    let amplitude = folds[0]["amplitude"].as_f64().unwrap();
+    assert!((amplitude / 2.8487540733e-8 - 1.0).abs() < 1e-8, "{amplitude:e}");
+    // The table has the same points, with their units in the names.
+    let text = folder.text("b.csv");
+    let mut lines = text.lines();
+    assert!(
+        lines
+            .next()
+            .unwrap()
+            .starts_with("amplitude_m,stable,multiplier_re,")
+    );
+    assert_eq!(lines.clone().count(), points.len());
+    let fold = lines.find(|line| line.contains(",fold,")).unwrap();
+    assert!(fold.starts_with(&format!("{amplitude:?},")), "{fold}");
+    let picture = folder.text("b.svg");
+    assert!(picture.contains("amplitude (m)") && picture.contains("unstable"));
+    // Without a branch the table has the multipliers.
+    let table = folder.done("periodic trimer.toml");
+    assert_says(&table, "a motion that repeats, stable");
+    assert_says(&table, "0.99979865             29.194");
+}
+
+#[test]
 fn a_front_is_the_best_at_each_mass_and_more_mass_never_leaves_more() {
     let folder = TestFolder::new();
     folder.write("short.toml", short_scenario());

@@ -70,11 +70,17 @@ fn fixture(folder: &Path) {
         ("s.toml", "docs/scenarios/paper-strike.toml"),
         ("ten.toml", "docs/scenarios/ten-intruders.toml"),
         ("faults.toml", "docs/scenarios/faults.toml"),
+        ("trimer.toml", "docs/scenarios/driven-trimer.toml"),
         ("bead.settings", "tests/data/settings-v1.bin"),
         ("future.bin", "tests/data/frame-of-the-future.bin"),
     ] {
         write(name, &read(of));
     }
+    let strong = String::from_utf8(read("docs/scenarios/driven-trimer.toml")).unwrap();
+    write(
+        "strong.toml",
+        strong.replace("amplitude = 1e-9", "amplitude = 3e-7").as_bytes(),
+    );
     for name in ["x.mcap", "run/bead-8.mcap"] {
         record(&folder.join(name), &Scenario::paper(), &[ModelBead::at(8)], 1);
     }

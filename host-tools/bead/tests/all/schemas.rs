@@ -44,6 +44,7 @@ fn folder() -> TestFolder {
     for (name, of) in [
         ("paper-strike.toml", "docs/scenarios/paper-strike.toml"),
         ("own.toml", "docs/scenarios/own-chain.toml"),
+        ("trimer.toml", "docs/scenarios/driven-trimer.toml"),
         ("ten.toml", "docs/scenarios/ten-intruders.toml"),
         ("sweep.toml", "docs/scenarios/stiffness-and-speed.toml"),
         ("x.mcap", "tests/data/recording-v1.mcap"),
@@ -136,6 +137,9 @@ fn results_of_simulations_hold_their_schemas() {
         ("simulate", "simulate paper-strike.toml"),
         ("simulate", "simulate own.toml"),
         ("simulate", "simulate early.toml"),
+        ("simulate", "simulate trimer.toml"),
+        ("periodic", "periodic trimer.toml"),
+        ("periodic", "periodic trimer.toml --along frequency --to 6190"),
         ("sweep-plan", "sweep plan sweep.toml --dir plan --chunks 2"),
         ("sweep-status", "sweep status plan"),
         ("sweep", "sweep sweep.toml --out a.parquet"),

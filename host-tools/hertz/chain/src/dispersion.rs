@@ -1,18 +1,22 @@
-//! Linear waves of a loaded chain of equal beads, with an equal intruder in each or without any.
+//! Linear waves of a loaded chain whose beads, or cells of some beads, are all alike.
 //!
-//! Small waves see a spring K = (3/2) κ^(2/3) F₀^(1/3) at each contact. A wave of wave number q (radians from
-//! bead to bead) in shells of m₁ = M - m, each with a mass m on a spring k, has
+//! Small waves see a spring K = (3/2) κ^(2/3) F₀^(1/3) at each contact. In a chain of equal beads, a wave of wave
+//! number q (radians from bead to bead) in shells of m₁ = M - m, each with a mass m on a spring k, has
 //!
 //! ```text
 //! m₁ m ω⁴ - [k (m₁ + m) + 4 K m sin²(q/2)] ω² + 4 K k sin²(q/2) = 0
 //! ```
 //!
-//! from the equations of motion with V, u ~ exp(i(q n - ω t)). Dampers and viscous contacts are left out:
-//! they widen the edges and do not move them at first order. The lesser root is the acoustic branch, in which
-//! bead and intruder move together; the greater one is the optical branch. Between them lies a gap.
+//! from the equations of motion with V, u ~ exp(i(q n - ω t)). The lesser root is the acoustic branch, in which
+//! bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A cell of
+//! several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a Hermitian matrix, in
+//! which the contact from cell to cell has the factor exp(iq). Dampers and viscous contacts are left out: they
+//! widen the edges and do not move them at first order.
 
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::DMatrix;
+use realfft::num_complex::Complex64;
 use serde::Serialize;
 
 use crate::model::Model;
@@ -20,46 +24,48 @@ use crate::oscillator::Oscillator;
 use crate::scenario::{InputError, Scenario};
 
 /// Dispersion of linear waves in an endless chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Dispersion {
-    /// Stiffness of a contact against small changes, N/m.
-    stiffness: f64,
-    /// Mass of a bead with its intruder, kg.
+    /// The beads that repeat.
+    cell: Vec<CellBead>,
+}
+
+/// A bead of a cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct CellBead {
+    /// Mass with the intruder, kg.
     mass: f64,
     intruder: Option<Oscillator>,
+    /// Stiffness of the contact behind it against small changes, N/m.
+    stiffness: f64,
 }
 
-/// Frequencies of one wave number, Hz.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BranchFrequencies {
-    /// Acoustic branch.
-    pub acoustic: f64,
-    /// Optical branch; `None` without intruders.
-    pub optical: Option<f64>,
-}
-
-/// Bands of linear waves. They pass up to the acoustic top and, with intruders, from the end of the gap to
-/// the optical top.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+/// Bands of linear waves. They pass up to the acoustic top, and in a further band for each further bead of a
+/// cell and each intruder.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Bands {
     /// Highest frequency of the acoustic band, where neighbours move against each other.
     #[serde(rename = "acoustic_top_hz")]
     pub acoustic_top: f64,
-    /// End of the gap above it, where all shells move against their intruders; none without intruders.
+    /// End of the gap above it; none if there is no other band. With an intruder in each bead all shells move
+    /// against their intruders there.
     #[serde(rename = "gap_end_hz")]
     pub gap_end: Option<f64>,
-    /// Highest frequency of the optical band; none without intruders.
+    /// Highest frequency that passes above the gap; none if there is no other band.
     #[serde(rename = "optical_top_hz")]
     pub optical_top: Option<f64>,
+    /// Lowest and highest frequency of each band, Hz.
+    #[serde(rename = "pass_hz")]
+    pub pass: Vec<[f64; 2]>,
 }
 
 impl Dispersion {
     /// Waves of a scenario's chain, far from its ends.
     ///
     /// # Errors
-    /// [`InputError`]: the scenario is out of range, its chain has no static load, or its beads or intruders
-    /// are not all alike.
+    /// [`InputError`]: the scenario is out of range, its chain has no static load, or its beads and intruders
+    /// do not repeat twice or more often.
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
         if scenario.chain.precompression == 0.0 {
@@ -76,39 +82,73 @@ impl Dispersion {
         }
         let beads = scenario.chain.beads;
         let spheres = scenario.spheres();
-        if spheres[1..].iter().any(|sphere| *sphere != spheres[0]) || beads < 2 {
-            let what = "linear waves are those of two beads or more, all alike".to_owned();
-            return Err(InputError::at("section", what, "leave out the sections"));
-        }
-        let intruder = model.intruders().first().map(|intruder| intruder.oscillator);
-        let alike = |oscillator: &Oscillator| {
-            let intruders = model.intruders();
-            intruders.len() == beads && intruders.iter().all(|one| one.oscillator == *oscillator)
+        let oscillator = |bead: usize| {
+            let intruder = model.intruder_of(bead);
+            intruder.map(|intruder| model.intruders()[intruder].oscillator)
         };
-        if intruder.as_ref().is_some_and(|oscillator| !alike(oscillator)) {
-            let what = "linear waves are those of beads with equal intruders in all, or none".to_owned();
-            return Err(InputError::at(
-                "intruder",
-                what,
-                format!("put one kind into beads 1 to {beads}"),
-            ));
-        }
+        let repeats = |cell: usize| {
+            (cell..beads)
+                .all(|n| spheres[n] == spheres[n - cell] && oscillator(n + 1) == oscillator(n + 1 - cell))
+        };
+        let Some(cell) = (1..=beads / 2).find(|&cell| repeats(cell)) else {
+            let uneven = spheres[1..].iter().any(|sphere| *sphere != spheres[0]);
+            let key = if uneven || beads < 2 {
+                "section"
+            } else {
+                "intruder"
+            };
+            let what = "linear waves are those of beads, with their intruders, that repeat twice or more";
+            let advice = "make the beads alike, or in cells of two or three";
+            return Err(InputError::at(key, what, advice));
+        };
+        let of = |bead: usize| CellBead {
+            mass: model.mass(bead),
+            intruder: oscillator(bead),
+            stiffness: model.contact(bead + 1).linear_stiffness(),
+        };
         Ok(Self {
-            stiffness: model.contact(2).linear_stiffness(),
-            mass: model.mass(1),
-            intruder,
+            cell: (1..=cell).map(of).collect(),
         })
     }
 
-    /// Frequencies at a wave number in radians from bead to bead.
-    pub fn frequencies(&self, wave_number: f64) -> BranchFrequencies {
+    /// Number of beads in a cell.
+    pub fn beads_of_cell(&self) -> usize {
+        self.cell.len()
+    }
+
+    /// Frequencies at a wave number in radians from cell to cell, Hz, the lowest first: one for each bead and
+    /// each intruder of a cell.
+    pub fn frequencies(&self, wave_number: f64) -> Vec<f64> {
+        match &self.cell[..] {
+            [bead] => bead.frequencies(wave_number),
+            cell => frequencies_of_cell(cell, wave_number),
+        }
+    }
+
+    /// Edges of the bands.
+    pub fn bands(&self) -> Bands {
+        // The frequencies of a branch rise or fall from long waves to the shortest ones.
+        let (long, short) = (self.frequencies(0.0), self.frequencies(PI));
+        let ends = long.into_iter().zip(short);
+        let pass: Vec<[f64; 2]> = ends
+            .map(|(long, short)| [long.min(short), long.max(short)])
+            .collect();
+        Bands {
+            acoustic_top: pass[0][1],
+            gap_end: pass.get(1).map(|band| band[0]),
+            optical_top: pass.last().filter(|_| pass.len() > 1).map(|band| band[1]),
+            pass,
+        }
+    }
+}
+
+impl CellBead {
+    /// Frequencies of a chain of such beads, Hz: the roots of the quartic.
+    fn frequencies(self, wave_number: f64) -> Vec<f64> {
         let sine = (0.5 * wave_number).sin();
         let contacts = 4.0 * self.stiffness * sine * sine;
         let Some(Oscillator { mass, stiffness, .. }) = self.intruder else {
-            return BranchFrequencies {
-                acoustic: (contacts / self.mass).sqrt() / TAU,
-                optical: None,
-            };
+            return vec![(contacts / self.mass).sqrt() / TAU];
         };
         let shell = self.mass - mass;
         let (a, b, c) = (
@@ -119,21 +159,50 @@ impl Dispersion {
         // b² - 4ac as a sum of squares, and the lesser root without a difference of near numbers.
         let near = stiffness * self.mass - contacts * mass;
         let root = (near * near + 4.0 * stiffness * mass * mass * contacts).sqrt();
-        BranchFrequencies {
-            acoustic: (2.0 * c / (b + root)).sqrt() / TAU,
-            optical: Some((0.5 * (b + root) / a).sqrt() / TAU),
-        }
+        let squares = [2.0 * c / (b + root), 0.5 * (b + root) / a];
+        squares.map(|square| square.sqrt() / TAU).to_vec()
     }
+}
 
-    /// Edges of the bands.
-    pub fn bands(&self) -> Bands {
-        let short = self.frequencies(PI);
-        Bands {
-            acoustic_top: short.acoustic,
-            gap_end: self.frequencies(0.0).optical,
-            optical_top: short.optical,
-        }
+/// Frequencies of a chain of such cells, Hz, the lowest first.
+fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
+    let beads = cell.len();
+    let intruders: Vec<(usize, Oscillator)> = (cell.iter().enumerate())
+        .filter_map(|(bead, of)| Some((bead, of.intruder?)))
+        .collect();
+    let inner = |bead: &CellBead| bead.intruder.map_or(0.0, |intruder| intruder.mass);
+    let mut masses: Vec<f64> = cell.iter().map(|bead| bead.mass - inner(bead)).collect();
+    masses.extend(intruders.iter().map(|(_, intruder)| intruder.mass));
+    let count = masses.len();
+    let mut springs = DMatrix::<Complex64>::zeros(count, count);
+    let mut join = |near: usize, far: usize, stiffness: f64, turn: Complex64| {
+        springs[(near, near)] += stiffness;
+        springs[(far, far)] += stiffness;
+        springs[(near, far)] -= turn * stiffness;
+        springs[(far, near)] -= turn.conj() * stiffness;
+    };
+    let none = Complex64::new(1.0, 0.0);
+    for (near, bead) in cell.iter().enumerate() {
+        // The last contact leads to the next cell.
+        let (far, turn) = match near + 1 {
+            far if far < beads => (far, none),
+            _ => (0, Complex64::from_polar(1.0, wave_number)),
+        };
+        join(near, far, bead.stiffness, turn);
     }
+    for (number, (host, intruder)) in intruders.iter().enumerate() {
+        join(*host, beads + number, intruder.stiffness, none);
+    }
+    let by_mass = DMatrix::from_fn(count, count, |row, column| {
+        springs[(row, column)] / (masses[row] * masses[column]).sqrt()
+    });
+    let mut squares: Vec<f64> = by_mass.symmetric_eigenvalues().iter().copied().collect();
+    squares.sort_by(f64::total_cmp);
+    // Rounding may leave less than zero for a wave without end.
+    squares
+        .iter()
+        .map(|square| square.max(0.0).sqrt() / TAU)
+        .collect()
 }
 
 #[cfg(test)]
@@ -174,6 +243,61 @@ mod tests {
         }
     }
 
+    /// Steel and aluminium in turn, beads of 9.53 mm radius loaded with 20 N (arXiv:0911.2817).
+    fn diatomic() -> Scenario {
+        let mut scenario = loaded(20.0);
+        scenario.intruders.clear();
+        let chain = &mut scenario.chain;
+        (chain.beads, chain.radius, chain.density) = (20, 9.53e-3, 7955.0);
+        (chain.young, chain.poisson) = (193e9, 0.3);
+        let mut light = Section::of((2..=20).step_by(2));
+        (light.density, light.young, light.poisson) = (Some(2689.0), Some(73.5e9), Some(0.33));
+        scenario.sections = vec![light];
+        scenario
+    }
+
+    #[test]
+    fn two_beads_in_turn_have_the_three_cut_offs_of_a_diatomic_lattice() {
+        let scenario = diatomic();
+        let model = Model::of(&scenario).unwrap();
+        let stiffness = model.contact(2).linear_stiffness();
+        let (heavy, light) = (model.mass(1), model.mass(2));
+        let of = |mass: f64| (2.0 * stiffness / mass).sqrt() / TAU;
+        let expected = [of(heavy), of(light), of(heavy * light / (heavy + light))];
+        let dispersion = Dispersion::of(&scenario).unwrap();
+        let bands = dispersion.bands();
+        let seen = [
+            bands.acoustic_top,
+            bands.gap_end.unwrap(),
+            bands.optical_top.unwrap(),
+        ];
+        for (seen, expected) in seen.into_iter().zip(expected) {
+            assert!((seen / expected - 1.0).abs() < 1e-12, "{seen} {expected}");
+        }
+        assert_eq!(dispersion.beads_of_cell(), 2);
+        // In between, ω² of both branches by the formula of two masses.
+        let (sum, sine) = (1.0 / heavy + 1.0 / light, 0.35_f64.sin());
+        let root = (sum * sum - 4.0 * sine * sine / (heavy * light)).sqrt();
+        for (seen, sign) in dispersion.frequencies(0.7).into_iter().zip([-1.0, 1.0]) {
+            let expected = (stiffness * (sum + sign * root)).sqrt() / TAU;
+            assert!((seen / expected - 1.0).abs() < 1e-12, "{seen} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_cell_of_like_beads_has_the_folded_branches_of_one() {
+        // Three equal beads with intruders, whose wave has thrice the phase from cell to cell.
+        let one = Dispersion::of(&loaded(10.0)).unwrap();
+        let three = vec![one.cell[0]; 3];
+        let folded = [0.2, 0.2 + TAU / 3.0, 0.2 - TAU / 3.0];
+        let mut expected: Vec<f64> = folded.into_iter().flat_map(|q| one.frequencies(q)).collect();
+        expected.sort_by(f64::total_cmp);
+        let seen = frequencies_of_cell(&three, 0.6);
+        for (seen, expected) in seen.into_iter().zip(expected) {
+            assert!((seen / expected - 1.0).abs() < 1e-10, "{seen} {expected}");
+        }
+    }
+
     #[test]
     fn without_intruders_it_is_the_lattice_of_one_mass() {
         let mut scenario = loaded(10.0);
@@ -184,7 +308,7 @@ mod tests {
         for wave_number in [0.01, 1.0, 3.0] {
             let found = dispersion.frequencies(wave_number);
             let expected = top * (0.5 * wave_number).sin();
-            assert!((found.acoustic / expected - 1.0).abs() < 1e-14 && found.optical.is_none());
+            assert!((found[0] / expected - 1.0).abs() < 1e-14 && found.len() == 1);
         }
     }
 
@@ -193,6 +317,8 @@ mod tests {
         let mut mixed = loaded(1.0);
         mixed.sections = vec![Section::of([3])];
         mixed.sections[0].radius = Some(0.01);
+        let mut uneven = diatomic();
+        uneven.sections[0].beads.pop();
         let mut vertical = loaded(1.0);
         vertical.chain.gravity = 9.81;
         vertical.wall = Some(crate::scenario::Wall::flat(vertical.striker.material()));
@@ -201,6 +327,7 @@ mod tests {
         for (scenario, words) in [
             (loaded(0.0), "chain.precompression: a chain that just touches"),
             (mixed, "section: linear waves"),
+            (uneven, "section: linear waves"),
             (vertical, "chain.gravity: a vertical chain"),
             (one_host, "intruder: linear waves"),
         ] {

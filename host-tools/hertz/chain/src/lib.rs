@@ -41,7 +41,7 @@ mod validity;
 pub use absorption::Absorption;
 pub use collision::Collision;
 pub use curve::Curve;
-pub use dispersion::{Bands, BranchFrequencies, Dispersion};
+pub use dispersion::{Bands, Dispersion};
 pub use ensemble::{EnsembleOptions, EnsembleOutcome, ensemble};
 pub use fit::FitError;
 pub use flow::{Flow, Transfer};
@@ -54,7 +54,8 @@ pub use optimise::{
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use periodic::{
-    Bifurcation, Branch, BranchEnd, BranchOptions, BranchPoint, DriveParameter, PeriodicError, PeriodicState,
+    Bifurcation, Branch, BranchEnd, BranchOptions, BranchPoint, DriveParameter, PeriodExtremes,
+    PeriodicError, PeriodicState,
 };
 pub use power_law::PowerLaw;
 pub use pulse::{Pulse, PulseSearch};

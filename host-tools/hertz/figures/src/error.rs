@@ -1,6 +1,6 @@
 //! Why a figure is not drawn.
 
-use hertz_chain::{FitError, OptimiseError, SimulateError};
+use hertz_chain::{FitError, OptimiseError, PeriodicError, SimulateError};
 
 /// Why a figure is not drawn.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +22,9 @@ pub enum Error {
     /// A search for intruders did not begin or ended early.
     #[error(transparent)]
     Search(#[from] OptimiseError),
+    /// A motion that repeats was not found.
+    #[error(transparent)]
+    Periodic(#[from] PeriodicError),
     /// A simulation lacks what the figure shows.
     #[error("{0}")]
     Missing(String),

@@ -27,6 +27,7 @@ pub(crate) mod note;
 pub(crate) mod optimise;
 pub(crate) mod optimise_front;
 pub(crate) mod optimise_search;
+pub(crate) mod periodic;
 mod prelude;
 pub(crate) mod proof;
 pub(crate) mod record;

@@ -132,7 +132,8 @@ pub(crate) struct SimulateReport {
     summary: Summary,
     /// One entry for each of `peak_force`; none where contacts have a stiffness of their own.
     validity: Vec<Validity>,
-    /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike.
+    /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike, or in cells that
+    /// are.
     #[serde(skip_serializing_if = "Option::is_none")]
     bands: Option<Bands>,
     /// Derivatives of the results by each parameter of the scenario, if they were asked for.
@@ -236,11 +237,12 @@ fn energies(energy: &EnergySummary) -> String {
 
 /// The bands in a line.
 fn pass_bands(bands: &Bands) -> String {
-    let acoustic = format!("Linear waves pass up to {:.2} Hz", bands.acoustic_top);
-    match (bands.gap_end, bands.optical_top) {
-        (Some(from), Some(to)) => format!("{acoustic}, and from {from:.2} to {to:.2} Hz."),
-        _ => format!("{acoustic}."),
+    let mut line = format!("Linear waves pass up to {:.2} Hz", bands.acoustic_top);
+    for (place, [from, to]) in bands.pass.iter().enumerate().skip(1) {
+        let and = if place + 1 == bands.pass.len() { "and " } else { "" };
+        line += &format!(", {and}from {from:.2} to {to:.2} Hz");
     }
+    line + "."
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! the tangent, and Newton's method leads back to the curve, in the plane across the tangent. Folds are
 //! located: the place where the tangent has no part along the drive.
 
-use std::ops::RangeInclusive;
+use std::ops::{ControlFlow, RangeInclusive};
 
 use nalgebra::{DMatrix, DVector};
 
@@ -124,8 +124,8 @@ pub struct Branch {
 
 impl Branch {
     /// Follows a motion as a parameter of its drive goes from its value to `to`, and around folds. The branch
-    /// ends at `to`, or where it turned back to [`BranchOptions::back`]. `goes_on` is called with each point,
-    /// and stops it by `false`.
+    /// ends at `to`, or where it turned back to [`BranchOptions::back`]. `observe` is called with each point, and
+    /// `Break` stops it.
     ///
     /// # Errors
     /// [`PeriodicError`]: values are not above zero, or the start is not between the others.
@@ -134,17 +134,16 @@ impl Branch {
         parameter: DriveParameter,
         to: f64,
         options: &BranchOptions,
-        goes_on: impl FnMut(&BranchPoint) -> bool,
+        mut observe: impl FnMut(&BranchPoint) -> ControlFlow<()>,
     ) -> Result<Self, PeriodicError> {
         let mut walk = Walk::new(start, parameter, to, options)?;
-        let mut goes_on = goes_on;
         let end = loop {
             let known = walk.points.len();
             let end = walk.go_on();
-            let is_wanted = walk.points[known..].iter().all(&mut goes_on);
+            let observed = walk.points[known..].iter().try_for_each(&mut observe);
             match end {
                 Some(end) => break end,
-                None if !is_wanted => break BranchEnd::Stopped,
+                None if observed.is_break() => break BranchEnd::Stopped,
                 None => {}
             }
         };

@@ -9,9 +9,11 @@
 
 mod branch;
 mod error;
+mod extremes;
 mod map;
 mod state;
 
 pub use branch::{Bifurcation, Branch, BranchEnd, BranchOptions, BranchPoint, DriveParameter};
 pub use error::PeriodicError;
+pub use extremes::PeriodExtremes;
 pub use state::PeriodicState;

@@ -1,6 +1,7 @@
 //! Motions that repeat with their drive, held against another program, perturbed runs and long runs.
 
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 use hertz_chain::{
     Accuracy, Bifurcation, Branch, BranchEnd, BranchOptions, Complex64, ContactForce, Drive, DriveParameter,
@@ -165,7 +166,10 @@ fn trimer_with_fold() -> Scenario {
 fn fold_branch(to: f64) -> Branch {
     let start = PeriodicState::of(&trimer_with_fold()).expect("a weak drive has one");
     let options = BranchOptions::default();
-    Branch::follow(start, DriveParameter::Amplitude, to, &options, |_| true).expect("the range is right")
+    Branch::follow(start, DriveParameter::Amplitude, to, &options, |_| {
+        ControlFlow::Continue(())
+    })
+    .expect("the range is right")
 }
 
 #[test]
@@ -210,7 +214,10 @@ fn a_period_doubles_where_a_multiplier_passes_minus_one() {
     scenario.chain.relaxation = 5e-8;
     let start = PeriodicState::of(&scenario).unwrap();
     let options = BranchOptions::default();
-    let branch = Branch::follow(start, DriveParameter::Amplitude, 1e-6, &options, |_| true).unwrap();
+    let branch = Branch::follow(start, DriveParameter::Amplitude, 1e-6, &options, |_| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
     let found: Vec<_> = branch
         .points
         .iter()
@@ -249,10 +256,15 @@ fn what_has_no_period_is_refused() {
     assert_eq!(state.multipliers().len(), 10);
     let options = BranchOptions::default();
     for to in [-1.0, 1e-8, f64::NAN] {
-        let error = Branch::follow(state.clone(), DriveParameter::Amplitude, to, &options, |_| true);
+        let error = Branch::follow(state.clone(), DriveParameter::Amplitude, to, &options, |_| {
+            ControlFlow::Continue(())
+        });
         let error = error.unwrap_err().to_string();
         assert!(error.starts_with("no branch goes from 0.00000001 to "), "{error}");
     }
-    let stopped = Branch::follow(state, DriveParameter::Amplitude, 1.0, &options, |_| false).unwrap();
+    let stopped = Branch::follow(state, DriveParameter::Amplitude, 1.0, &options, |_| {
+        ControlFlow::Break(())
+    })
+    .unwrap();
     assert_eq!((stopped.end, stopped.points.len()), (BranchEnd::Stopped, 2));
 }

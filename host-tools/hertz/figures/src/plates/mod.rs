@@ -15,5 +15,6 @@ pub(crate) mod fig_a2_a3;
 pub(crate) mod fig_a4;
 pub(crate) mod fig_a5_a6;
 pub(crate) mod meeting;
+pub(crate) mod periodic;
 pub(crate) mod protection;
 pub(crate) mod shaken;
