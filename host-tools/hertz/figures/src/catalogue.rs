@@ -3,8 +3,8 @@
 use crate::error::Error;
 use crate::plan::FigurePlan;
 use crate::plates::{
-    bands, beyond, collision, contacts, driven, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4, fig5, fig6,
-    fig7, meeting, periodic, protection, shaken,
+    bands, beyond, collision, contacts, diatomic, driven, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4,
+    fig5, fig6, fig7, meeting, periodic, protection, shaken,
 };
 
 /// Every figure, in the paper's order.
@@ -24,6 +24,7 @@ pub fn catalogue() -> Vec<FigurePlan> {
         beyond::PLANS,
         bands::PLANS,
         driven::PLANS,
+        diatomic::PLANS,
         periodic::PLANS,
         contacts::PLANS,
         meeting::PLANS,

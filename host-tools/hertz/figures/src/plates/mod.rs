@@ -4,6 +4,7 @@ pub(crate) mod bands;
 pub(crate) mod beyond;
 pub(crate) mod collision;
 pub(crate) mod contacts;
+pub(crate) mod diatomic;
 pub(crate) mod driven;
 pub(crate) mod fig2;
 pub(crate) mod fig3;
