@@ -7,6 +7,7 @@ mod forked;
 mod identify;
 mod many;
 mod optimise;
+mod periodic;
 mod recording;
 mod scenario;
 mod simulation;
@@ -29,5 +30,6 @@ fn _hertz_chain(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(many::ensemble, module)?)?;
     module.add_function(wrap_pyfunction!(many::sweep, module)?)?;
     module.add_function(wrap_pyfunction!(optimise::optimise, module)?)?;
+    module.add_function(wrap_pyfunction!(periodic::periodic, module)?)?;
     Ok(())
 }

@@ -78,6 +78,22 @@ class AgainstTheCommandLine(unittest.TestCase):
             self.assertEqual(run.summary[key], summary[key])
         self.assertEqual(list(run.intruders), [8])
 
+    def test_a_branch_has_the_bits_of_periodic(self):
+        trimer = REPOSITORY / "docs/scenarios/driven-trimer.toml"
+        line = ("periodic", trimer, "--along", "amplitude", "--to", "3e-8", "--format", "json")
+        theirs = json.loads(bead(*line))
+        ours = hc.periodic(hc.Scenario.load(trimer), along="amplitude", to=3e-8)
+        points = theirs["branch"]["points"]
+        self.assertEqual((ours.end, len(ours.amplitude)), (theirs["branch"]["end"], len(points)))
+        for name in ("amplitude", "stable", "bifurcation"):
+            self.assertEqual(list(getattr(ours, name)), [point[name] for point in points], name)
+        for name, key in (("force_min", "force_min_n"), ("force_max", "force_max_n"), ("speed_max", "speed_max_mps")):
+            self.assertTrue(np.array_equal(getattr(ours, name), [point[key] for point in points]), name)
+        first = [complex(one["re"], one["im"]) for one in theirs["multipliers"]]
+        self.assertEqual(list(ours.multipliers[0]), first)
+        alone = hc.periodic(hc.Scenario.load(trimer))
+        self.assertTrue(alone.end is None and alone.multipliers.shape == (1, 42) and alone.residual[0] < 1e-10)
+
     def test_a_sweep_has_the_bits_of_sweep(self):
         definition = {
             "scenario": hc.Scenario.paper().to_dict(),
@@ -214,6 +230,9 @@ class Inputs(unittest.TestCase):
         self.refused("no scenario has a contact 99", lambda: hc.ensemble([paper], peaks=[99]))
         self.refused("give a sweep's file or tables", hc.sweep)
         self.refused("bead", lambda: hc.optimise(paper, [40], 5e-3))
+        self.refused("a chain without a drive has no period", lambda: hc.periodic(paper))
+        self.refused("is neither amplitude nor", lambda: hc.periodic(paper, along="phase", to=1.0))
+        self.refused("or neither", lambda: hc.periodic(paper, along="amplitude"))
 
     def test_arrays_of_another_shape_or_kind_are_refused(self):
         estimator = hc.Estimator()
@@ -253,6 +272,11 @@ class Inputs(unittest.TestCase):
             hc.optimise(hc.Scenario.paper(), [8], 5e-3, callback=fails)
         with self.assertRaisesRegex(ZeroDivisionError, "mine"):
             hc.ensemble([hc.Scenario.paper()], progress=fails)
+        trimer = hc.Scenario.load(REPOSITORY / "docs/scenarios/driven-trimer.toml")
+        with self.assertRaisesRegex(ZeroDivisionError, "mine"):
+            hc.periodic(trimer, along="amplitude", to=4e-8, callback=fails)
+        stopped = hc.periodic(trimer, along="amplitude", to=4e-8, callback=lambda value: value < 2e-9)
+        self.assertEqual((stopped.end, len(stopped.amplitude)), ("stopped", 2))
 
 
 class Threads(unittest.TestCase):

@@ -76,11 +76,8 @@ fn fixture(folder: &Path) {
     ] {
         write(name, &read(of));
     }
-    let strong = String::from_utf8(read("docs/scenarios/driven-trimer.toml")).unwrap();
-    write(
-        "strong.toml",
-        strong.replace("amplitude = 1e-9", "amplitude = 3e-7").as_bytes(),
-    );
+    let trimer = String::from_utf8(read("docs/scenarios/driven-trimer.toml")).unwrap();
+    write("strong.toml", trimer.replace("= 1e-9", "= 3e-7").as_bytes());
     for name in ["x.mcap", "run/bead-8.mcap"] {
         record(&folder.join(name), &Scenario::paper(), &[ModelBead::at(8)], 1);
     }

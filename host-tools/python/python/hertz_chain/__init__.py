@@ -11,6 +11,7 @@ All quantities are in SI units. Every result equals that of the command line `be
 from ._hertz_chain import RecordingError, ScenarioError, __version__
 from .estimator import Estimator
 from .many import Ensemble, Optimum, Sweep, ensemble, optimise, sweep
+from .periodic import Periodic, periodic
 from .recording import Recording
 from .scenario import Scenario
 from .simulation import OBSERVABLES, Simulation, simulate
@@ -20,6 +21,7 @@ __all__ = [
     "Ensemble",
     "Estimator",
     "Optimum",
+    "Periodic",
     "Recording",
     "RecordingError",
     "Scenario",
@@ -29,6 +31,7 @@ __all__ = [
     "__version__",
     "ensemble",
     "optimise",
+    "periodic",
     "simulate",
     "sweep",
 ]

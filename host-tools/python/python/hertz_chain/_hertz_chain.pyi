@@ -66,3 +66,11 @@ def optimise(
     evaluations: int | None,
     callback: Callable[[int, float | None, int], object] | None,
 ) -> tuple[str, Scenario]: ...
+def periodic(
+    scenario: Scenario,
+    along: str | None,
+    to: float | None,
+    back: float | None,
+    points: int,
+    callback: Callable[[float], object] | None,
+) -> dict[str, Any]: ...

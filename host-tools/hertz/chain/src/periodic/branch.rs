@@ -7,6 +7,7 @@
 //! located: the place where the tangent has no part along the drive.
 
 use std::ops::{ControlFlow, RangeInclusive};
+use std::str::FromStr;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -25,7 +26,25 @@ pub enum DriveParameter {
     Frequency,
 }
 
+impl FromStr for DriveParameter {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let all = [Self::Amplitude, Self::Frequency];
+        let named = all.into_iter().find(|parameter| parameter.name() == text);
+        named.ok_or_else(|| format!("{text:?} is neither amplitude nor frequency"))
+    }
+}
+
 impl DriveParameter {
+    /// `amplitude` or `frequency`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Amplitude => "amplitude",
+            Self::Frequency => "frequency",
+        }
+    }
+
     /// Its value in a scenario with a sine as drive.
     pub fn value(self, scenario: &Scenario) -> Option<f64> {
         let drive = scenario.drive.as_ref()?;
@@ -85,6 +104,18 @@ pub enum Bifurcation {
     Crossing,
 }
 
+impl Bifurcation {
+    /// `fold`, `period-doubling`, `torus` or `crossing`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fold => "fold",
+            Self::PeriodDoubling => "period-doubling",
+            Self::Torus => "torus",
+            Self::Crossing => "crossing",
+        }
+    }
+}
+
 /// A motion on a branch.
 #[derive(Debug, Clone)]
 pub struct BranchPoint {
@@ -108,6 +139,18 @@ pub enum BranchEnd {
     Lost,
     /// The caller stopped it.
     Stopped,
+}
+
+impl BranchEnd {
+    /// `range`, `points`, `lost` or `stopped`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Range => "range",
+            Self::Points => "points",
+            Self::Lost => "lost",
+            Self::Stopped => "stopped",
+        }
+    }
 }
 
 /// Motions that repeat, along one parameter of the drive.

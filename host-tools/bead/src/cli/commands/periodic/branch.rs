@@ -46,8 +46,8 @@ pub(super) fn follow(
     let bar = output::progress(options.points as u64);
     let stop = interrupt::orderly("the branch did not end in time and nothing was written".to_owned());
     let (name, unit) = match parameter {
-        DriveParameter::Frequency => ("frequency", "Hz"),
-        _ => ("amplitude", unit_of_amplitude(state.scenario())),
+        DriveParameter::Frequency => (parameter.name(), "Hz"),
+        _ => (parameter.name(), unit_of_amplitude(state.scenario())),
     };
     let branch = Branch::follow(state, parameter, to, options, |point| {
         bar.inc(1);
@@ -61,38 +61,23 @@ pub(super) fn follow(
     let motion = |point: &BranchPoint| {
         Ok(BranchMotion {
             motion: Motion::of(&point.state)?,
-            bifurcation: point.bifurcation.map(bifurcation),
+            bifurcation: point.bifurcation.map(Bifurcation::name),
         })
     };
-    let end = match branch.end {
-        BranchEnd::Range => "range",
-        BranchEnd::Points => "points",
-        BranchEnd::Stopped => "stopped",
-        _ => "lost",
-    };
-    match end {
-        "points" => note!(
+    match branch.end {
+        BranchEnd::Points => note!(
             "the branch has {} points and goes on; give more --points",
             options.points
         ),
-        "lost" => note!("the branch is lost: no motion was found in steps however short"),
+        BranchEnd::Lost => note!("the branch is lost: no motion was found in steps however short"),
         _ => {}
     }
     Ok(BranchReport {
         parameter: name,
         unit,
-        end,
+        end: branch.end.name(),
         points: branch.points.iter().map(motion).collect::<Result<_, Failure>>()?,
     })
-}
-
-fn bifurcation(of: Bifurcation) -> &'static str {
-    match of {
-        Bifurcation::Fold => "fold",
-        Bifurcation::PeriodDoubling => "period-doubling",
-        Bifurcation::Torus => "torus",
-        _ => "crossing",
-    }
 }
 
 impl BranchMotion {

@@ -3,7 +3,6 @@
 mod branch;
 mod motion;
 
-use clap::ValueEnum;
 use hertz_chain::{BranchOptions, DriveParameter, PeriodicState};
 
 use self::branch::{BranchReport, follow};
@@ -32,13 +31,8 @@ pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units, with a sine in its table [drive].
     scenario: PathBuf,
     /// Follow the motion as this parameter of the drive changes.
-    #[arg(
-        long,
-        value_name = "amplitude|frequency",
-        requires = "to",
-        hide_possible_values = true
-    )]
-    along: Option<AlongParameter>,
+    #[arg(long, value_name = "amplitude|frequency", requires = "to")]
+    along: Option<DriveParameter>,
     /// Value at which the branch ends, m, N or Hz.
     #[arg(long, value_name = "VALUE", value_parser = positive, requires = "along")]
     to: Option<f64>,
@@ -59,22 +53,6 @@ pub(crate) struct Arguments {
     /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-}
-
-/// The parameter of a branch as the command line names it.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum AlongParameter {
-    Amplitude,
-    Frequency,
-}
-
-impl From<AlongParameter> for DriveParameter {
-    fn from(parameter: AlongParameter) -> Self {
-        match parameter {
-            AlongParameter::Amplitude => Self::Amplitude,
-            AlongParameter::Frequency => Self::Frequency,
-        }
-    }
 }
 
 /// The result as JSON.
@@ -111,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         residual: state.residual(),
         branch: None,
     };
-    if let Some((parameter, to)) = arguments.along.map(DriveParameter::from).zip(arguments.to) {
+    if let Some((parameter, to)) = arguments.along.zip(arguments.to) {
         let mut options = BranchOptions::default();
         (options.points, options.back) = (arguments.points, arguments.back);
         let branch = report.branch.insert(follow(state, parameter, to, &options)?);

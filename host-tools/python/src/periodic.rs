@@ -1,0 +1,135 @@
+//! Motions that repeat with their drive, and branches of them.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use hertz_chain::{
+    Bifurcation, Branch, BranchOptions, BranchPoint, Complex64, DriveParameter, PeriodExtremes,
+    PeriodicError, PeriodicState,
+};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyList};
+
+use crate::failure::{ScenarioError, guarded};
+use crate::scenario::Scenario;
+
+/// Finds a motion that repeats, and follows it along a parameter of the drive if there is one to follow.
+/// Returns arrays with a row for each motion: `amplitude`, `frequency` (Hz), `stable`, `residual`,
+/// `multipliers`, `force_min` and `force_max` (N), `speed_max` (m/s), `stroke_max` (m), and `bifurcation`, a
+/// list; `end` says why a branch ends. `callback` is called with the parameter of each point; the branch ends
+/// if it returns False.
+#[pyfunction]
+#[pyo3(signature = (scenario, along, to, back, points, callback))]
+pub(crate) fn periodic<'py>(
+    py: Python<'py>,
+    scenario: &Scenario,
+    along: Option<&str>,
+    to: Option<f64>,
+    back: Option<f64>,
+    points: usize,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let refused = |error: PeriodicError| ScenarioError::new_err(error.to_string());
+    let parameter = along.map(str::parse::<DriveParameter>).transpose();
+    let parameter = parameter.map_err(|text| ScenarioError::new_err(format!("along: {text}")))?;
+    if parameter.is_some() != to.is_some() {
+        return Err(ScenarioError::new_err(
+            "along: give it and the value to go to, or neither",
+        ));
+    }
+    let start = guarded(py, || PeriodicState::of(&scenario.0))?.map_err(refused)?;
+    let Some((parameter, to)) = parameter.zip(to) else {
+        return rows(py, &[(&start, None)], None);
+    };
+    let mut options = BranchOptions::default();
+    (options.points, options.back) = (points, back);
+    let failure: Mutex<Option<PyErr>> = Mutex::new(None);
+    let watch = |point: &BranchPoint| {
+        let goes_on = Python::attach(|py| {
+            py.check_signals()?;
+            let Some(callback) = &callback else {
+                return Ok(true);
+            };
+            let answer = callback.call1(py, (point.value,))?;
+            Ok(!answer.bind(py).is(PyBool::new(py, false)))
+        });
+        match goes_on {
+            Ok(true) => ControlFlow::Continue(()),
+            Ok(false) => ControlFlow::Break(()),
+            Err(error) => {
+                *failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    };
+    let branch = guarded(py, || Branch::follow(start, parameter, to, &options, watch))?;
+    if let Some(error) = failure
+        .into_inner()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    {
+        return Err(error);
+    }
+    let branch = branch.map_err(refused)?;
+    let points: Vec<_> = branch
+        .points
+        .iter()
+        .map(|point| (&point.state, point.bifurcation))
+        .collect();
+    rows(py, &points, Some(branch.end.name()))
+}
+
+/// Arrays with a row for each motion.
+fn rows<'py>(
+    py: Python<'py>,
+    motions: &[(&PeriodicState, Option<Bifurcation>)],
+    end: Option<&str>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let extremes = guarded(py, || {
+        motions
+            .iter()
+            .map(|(state, _)| state.extremes())
+            .collect::<Result<Vec<_>, _>>()
+    })?
+    .map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    let count = motions.len();
+    let result = PyDict::new(py);
+    let table = |name: &str, of: &dyn Fn(&PeriodExtremes) -> Vec<f64>| {
+        let values: Vec<f64> = extremes.iter().flat_map(of).collect();
+        let width = values.len() / count;
+        result.set_item(name, PyArray1::from_vec(py, values).reshape([count, width])?)
+    };
+    table("force_min", &|one| {
+        one.forces.iter().map(|force| force[0]).collect()
+    })?;
+    table("force_max", &|one| {
+        one.forces.iter().map(|force| force[1]).collect()
+    })?;
+    table("speed_max", &|one| one.speeds.clone())?;
+    table("stroke_max", &|one| one.strokes.clone())?;
+    let column = |name: &str, of: &dyn Fn(&PeriodicState) -> f64| {
+        let values = motions.iter().map(|(state, _)| of(state)).collect();
+        result.set_item(name, PyArray1::from_vec(py, values))
+    };
+    let drive = |parameter: DriveParameter| {
+        move |state: &PeriodicState| parameter.value(state.scenario()).unwrap_or(f64::NAN)
+    };
+    column("amplitude", &drive(DriveParameter::Amplitude))?;
+    column("frequency", &drive(DriveParameter::Frequency))?;
+    column("residual", &PeriodicState::residual)?;
+    let multipliers: Vec<Complex64> = motions
+        .iter()
+        .flat_map(|(state, _)| state.multipliers().iter().copied())
+        .collect();
+    let width = multipliers.len() / count;
+    let multipliers = PyArray1::from_vec(py, multipliers).reshape([count, width])?;
+    result.set_item("multipliers", multipliers)?;
+    let stable = motions.iter().map(|(state, _)| state.is_stable()).collect();
+    result.set_item("stable", PyArray1::from_vec(py, stable))?;
+    let names = motions
+        .iter()
+        .map(|(_, bifurcation)| bifurcation.map(Bifurcation::name));
+    result.set_item("bifurcation", PyList::new(py, names)?)?;
+    result.set_item("end", end)?;
+    Ok(result)
+}
