@@ -218,6 +218,7 @@ impl Overlay {
             outside: &mut outside,
             qemu,
             log,
+            repeats_at: (!polled).then_some(now + ns),
             watched: [
                 &self.description.fault_handlers,
                 &self.description.panic_functions,

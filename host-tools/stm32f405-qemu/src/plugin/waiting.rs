@@ -101,6 +101,9 @@ pub(super) struct Surroundings<'a, 'b> {
     pub(super) qemu: &'a Qemu,
     /// Where the image says how far it has logged: a write there is for QEMU, which then takes the log.
     pub(super) log: Option<u32>,
+    /// After a block without an access, time of an access by the first instruction: QEMU may have begun that,
+    /// counted it, and been about to begin it anew.
+    pub(super) repeats_at: Option<u64>,
     /// Addresses at which faults and panics are noticed.
     pub(super) watched: [&'a [u32]; 2],
     /// Addresses at which an access may fault.
@@ -130,6 +133,9 @@ impl Bus for Surroundings<'_, '_> {
             return None;
         }
         if PERIPHERALS.contains(&address) || address >= PPB {
+            if self.repeats_at == Some(now) {
+                return None;
+            }
             let read = self.machine.read_steady(address, bytes, now, self.outside)?;
             return Some(Loaded {
                 value: read.value,

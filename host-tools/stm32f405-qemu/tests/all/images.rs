@@ -931,6 +931,19 @@ fn a_loop_is_shortened_with_memory_protection_too_and_ends_as_before() {
 }
 
 #[test]
+fn a_loop_of_a_handler_that_reads_a_register_after_it_is_left_in_time() {
+    let [short, long] = [true, false].map(|shorten| {
+        let outcome = waited(13, 1, |run| {
+            run.shorten_waits = shorten;
+            run.stop_when_hung = false;
+            run.sampling_deadline_ns = 60_000_000;
+        });
+        (outcome.instructions, outcome.stopped_at, outcome.virtual_ns)
+    });
+    assert_eq!(short, long);
+}
+
+#[test]
 fn turns_that_repeat_cost_nothing() {
     // A flag in RAM, WFE, and an empty loop: with QEMU alone it takes ten times as long.
     for way in [8, 9, 12] {
