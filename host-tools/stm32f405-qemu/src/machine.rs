@@ -48,6 +48,8 @@ use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
 use crate::peripherals::i2c::I2c;
+use crate::peripherals::tim::Tim;
+use crate::peripherals::usart::Usart;
 use crate::ramp::Ramp;
 use buses::Buses;
 use chip::Chip;
@@ -331,9 +333,13 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Returns `true` if nothing happens any more by itself.
-    pub(crate) fn is_at_rest(&self) -> bool {
-        self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
+    /// Returns `true` if nothing happens any more by itself, and nothing from outside would interrupt.
+    pub fn is_at_rest(&self) -> bool {
+        let units = &self.chip.units;
+        let listens = units.exti.listens_to_pins()
+            || units.usart.iter().any(Usart::reception_interrupts)
+            || units.tim.iter().any(Tim::captures_interrupt);
+        !listens && self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
     }
 
     /// Returns `true` if the processor gets no instruction.

@@ -492,6 +492,12 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
         ("logs", &["--until", "line 999"][..], 0, "line 999"),
         ("logs", &["--until", "line 1000$"], 7, missing),
         (
+            "logs",
+            &["--strict"],
+            0,
+            "no clock: TIM5_CNT (clock off) (1 reads, 0 writes)",
+        ),
+        (
             "spins",
             &["--for", "10ms"],
             5,

@@ -35,7 +35,8 @@ Exit status:
   3  there was no run: no image, one for another part, no QEMU
   4  a fault, or locked up
   5  hangs: an endless loop, a register without a model, or --timeout
-  6  accessed a register without a model, or moved a pin that the part lacks, under --strict
+  6  accessed a register without a model, wrote to one without a clock, or moved a pin that the part
+  lacks, under --strict
   7  did not say what --until waits for
   141  nobody reads the output any more";
 
@@ -62,7 +63,8 @@ pub(crate) struct Arguments {
     /// lasts for the whole of --for.
     #[arg(long, value_name = "FILE", value_parser = scenario)]
     pub(crate) scenario: Option<Arc<Scenario>>,
-    /// Fail if the image accesses a register that has no model, or moves a pin that the part lacks.
+    /// Fail if the image accesses a register that has no model, writes to one whose clock is off, or moves a
+    /// pin that the part lacks.
     #[arg(long)]
     pub(crate) strict: bool,
     /// Lead a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a file:
