@@ -312,6 +312,20 @@ impl Chip {
         }
     }
 
+    /// ADC1's channel of the temperature sensor. 18 is that of the battery too, which goes first (RM0090 section
+    /// 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
+    pub(crate) fn temperature_channel(self) -> u32 {
+        match self.line() {
+            "F427" | "F429" | "F446" => 18,
+            _ => 16,
+        }
+    }
+
+    /// Part of the battery voltage that ADC1 measures (RM0090 section 13.11; of F401 and F411 that of the F405).
+    pub(crate) fn battery_divider(self) -> u32 {
+        if self.temperature_channel() == 18 { 4 } else { 2 }
+    }
+
     fn line(self) -> &'static str {
         &self.0.name["STM32".len().."STM32F405".len()]
     }

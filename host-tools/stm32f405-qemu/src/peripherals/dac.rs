@@ -138,7 +138,12 @@ impl Dac {
         })
     }
 
-    /// An input at the wire of a channel was converted.
+    /// Returns `true` if a channel drives its pin.
+    pub(crate) fn is_on(&self) -> bool {
+        (0..CHANNELS).any(|channel| self.control(channel) & EN != 0)
+    }
+
+    /// An input at the pin or the wire of a channel was converted.
     pub(crate) fn converted(&mut self, channel: usize, now: u64) {
         let unsettled = now < self.channels[channel].settled_ns;
         self.notes.note_if(unsettled, UNSETTLED);

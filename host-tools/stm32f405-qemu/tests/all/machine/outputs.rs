@@ -125,13 +125,15 @@ fn wires_lead_outputs_to_inputs_and_an_input_without_one_keeps_its_own_codes() {
     bench.pass(bench.board.now + 5_000);
     assert_eq!(codes(&mut bench, ADC3), [1600, 100, 3000, 10]);
     assert_eq!(codes(&mut bench, ADC1), [1600, 100, 3000, 10]);
+    let own = [4, 5].map(|channel| bench.convert(ADC1, channel));
+    assert_eq!(own, [1600, 3000], "their own pins");
     bench.set(DAC, [(CR, 1 << 16)]);
+    assert_eq!(bench.convert(ADC1, 4), 0, "a pin that is open");
     assert_eq!(codes(&mut bench, ADC3), [7, 8, 3000, 10]);
     // The first conversion came too soon after the outputs were switched on.
-    assert!(
-        bench.outcome().unmodelled.is_empty(),
-        "{:?}",
-        bench.outcome().unmodelled
+    assert_eq!(
+        bench.outcome().unmodelled,
+        ["ADC1 channel 4 (pin PA4) has no stimulus: it reads 0"]
     );
 }
 
