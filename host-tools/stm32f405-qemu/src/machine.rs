@@ -60,11 +60,15 @@ use lines::InterruptLines;
 use polls::Polls;
 use quiet::{QuietTime, SteadyRead};
 use sampling::Scans;
-use table::DMA2_LINES;
+use table::{DMA2_LINES, TABLE, row_at};
 use transfers::{Context, Transfers, part, serving};
 use unknown::UnknownRegisters;
 use wires::{AnalogLoop, Wires};
 use wiring::{SERVERS, known_pin};
+
+/// Offsets of a port's output register, and of the one that sets and resets its bits (section 8.4).
+const ODR: u32 = 0x14;
+const BSRR: u32 = 0x18;
 
 /// A part without its processor and memory.
 #[derive(Debug, Clone)]
@@ -234,6 +238,35 @@ impl Machine {
         self.transfers.copy_memory(&mut moment);
         self.transfers.serve(&mut moment);
         self.settle(board);
+    }
+
+    /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR of a
+    /// port, without wires, edges that EXTI watches, and devices with select pins.
+    pub fn only_moves_pins(&self, address: u32) -> bool {
+        let chip = &self.chip;
+        let is_clocked = |row: usize| {
+            let row = &TABLE[row];
+            row.name.starts_with("GPIO") && chip.is_clocked(row)
+        };
+        address & 0x3ff == BSRR
+            && chip.wires.is_empty()
+            && chip.units.exti.watched() == 0
+            && chip.buses.spi.is_empty()
+            && row_at(address).is_some_and(is_clocked)
+    }
+
+    /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`], between
+    /// [`Self::begin_steady_reads`] and the next call of another kind. Gives whether anything has changed.
+    pub fn move_pins(&mut self, address: u32, value: u32, now: u64, board: &mut impl Exterior) -> bool {
+        let levels = self.chip.read(address - BSRR + ODR, now).ok();
+        let kept = levels.is_some_and(|levels| (levels & !(value >> 16) | value & 0xffff) == levels);
+        if kept && now < self.quiet.until {
+            self.polls.accessed(address);
+            return false;
+        }
+        self.write(address, 4, value, now, board);
+        self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
+        true
     }
 
     /// The processor stores 1, 2 or 4 bytes to flash.

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The processor may be in such a loop if it reads registers many times and writes none, or if it branches
-//! for long without an access. Then, between two instructions, the interpreter of [`thumb`](crate::thumb)
+//! The processor may be in such a loop if it reads registers many times and writes none but those that move
+//! pins alone, or if it branches for long without an access. Then, between two instructions, the interpreter of [`thumb`](crate::thumb)
 //! takes over up to the next time at which an interrupt may come, and the processor stands still for as long.
 //! It executes the same instructions at the same virtual times, so when it takes over has no effect on the
 //! run. If it does not come far, the next try comes later.
@@ -55,7 +55,7 @@ impl Watch {
         n >= to_try.load(Relaxed) && !self.asked.swap(true, Relaxed)
     }
 
-    /// The processor reads a register. Gives whether it is time for a try.
+    /// The processor reads a register, or moves pins. Gives whether it is time for a try.
     pub(super) fn read(&self) -> bool {
         self.blocks.store(0, Relaxed);
         self.count(&self.reads, &self.reads_to_try)
@@ -157,11 +157,17 @@ impl Bus for Surroundings<'_, '_> {
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> bool {
+        if PERIPHERALS.contains(&address) {
+            return bytes == 4 && self.machine.only_moves_pins(address) && !self.is_fenced(address, bytes);
+        }
         let is_ram = self.machine.part().is_ram(address, bytes as usize);
         is_ram && self.log != Some(address & !3) && !self.is_fenced(address, bytes)
     }
 
-    fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool {
+    fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> bool {
+        if PERIPHERALS.contains(&address) {
+            return self.machine.move_pins(address, value, now, self.outside);
+        }
         let mask = u32::MAX >> (32 - 8 * bytes);
         if self.qemu.peek(address, bytes) == Some(value & mask) {
             return false;

@@ -880,7 +880,7 @@ fn waiting(way: u32, rounds: u32, protected: bool) -> Run {
 
 #[test]
 fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
-    for way in 0..12 {
+    for way in (0..12).chain([14]) {
         let [short, long] = [true, false].map(|shorten| {
             waited(way, 2, |run| {
                 // A level that changes is played between two turns, and its edge is one more event.
@@ -905,6 +905,7 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
                 outcome.log,
                 outcome.instructions,
                 outcome.interrupts,
+                outcome.pins,
                 ends,
                 outcome.uart_ns,
             )
