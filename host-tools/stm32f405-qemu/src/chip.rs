@@ -214,9 +214,14 @@ impl Chip {
         self.0.flash_kib
     }
 
-    /// Its flash, as far as the emulator has it: the first MiB.
+    /// Its flash.
     pub fn flash(self) -> Range<u32> {
-        FLASH.start..FLASH.end.min(FLASH.start + 1024 * self.0.flash_kib)
+        FLASH.start..FLASH.start + 1024 * self.0.flash_kib
+    }
+
+    /// Addresses of flash here. What lies beyond a smaller flash reads as erased.
+    pub(crate) fn flash_space(self) -> Range<u32> {
+        FLASH.start..FLASH.end.max(self.flash().end)
     }
 
     /// Its SRAM, which the DMA reaches.

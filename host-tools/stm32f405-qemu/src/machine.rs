@@ -352,7 +352,8 @@ impl Machine {
             | FaultKind::RunawayStack => {
                 // Every converter is served by DMA2.
                 if let Some(place) = serving_adc {
-                    crash(kind, self.vectors, DMA2_LINES[place.stream], board);
+                    let flash_end = self.chip.part.flash_space().end;
+                    crash(kind, self.vectors, DMA2_LINES[place.stream], flash_end, board);
                 }
             }
         }
@@ -409,7 +410,7 @@ impl Machine {
         units.iwdg.next_interrupt().is_some() || units.wwdg.runs_out().is_some()
     }
 
-    /// Contents of [`WRITABLE`].
+    /// Contents of flash from [`WRITABLE`]'s start on.
     pub fn flash(&self) -> &[u8] {
         &self.chip.units.flash.contents
     }
@@ -424,7 +425,8 @@ impl Machine {
     /// # Panics
     /// The number of bytes is another one.
     pub fn set_flash(&mut self, contents: Vec<u8>) {
-        assert_eq!(contents.len(), WRITABLE.len(), "all bytes that can be written");
+        let wanted = self.chip.units.flash.contents.len();
+        assert_eq!(contents.len(), wanted, "all bytes that can be written");
         self.chip.units.flash.contents = contents;
     }
 

@@ -293,7 +293,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
         (f.memory_region_add_subregion_overlap)(system, WAITS_AT.into(), waits, PRIORITY);
         // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
         // vectors.
-        let (flash, bytes) = (room(), FLASH.len() as u64);
+        let (flash, bytes) = (room(), chip.flash_space().len() as u64);
         let start = FLASH.start as Pointer;
         let name = c"stm32f405.flash".as_ptr();
         (f.memory_region_init_rom_device)(flash, none, &raw const FLASH_OPS, start, name, bytes, none);

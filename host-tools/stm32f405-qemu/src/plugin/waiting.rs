@@ -15,7 +15,7 @@ use super::handlers;
 use super::qemu::Qemu;
 use super::recorder::Outside;
 use crate::machine::Machine;
-use crate::memory::{FLASH, PERIPHERALS};
+use crate::memory::PERIPHERALS;
 use crate::thumb::{Bus, Interpreter, Loaded, Registers};
 
 /// The event register of WFE (ARMv7-M ARM, B1.5.18).
@@ -152,7 +152,8 @@ impl Bus for Surroundings<'_, '_> {
     }
 
     fn is_memory(&self, address: u32) -> bool {
-        let is_memory = self.machine.part().is_ram(address, 4) || FLASH.contains(&address);
+        let part = self.machine.part();
+        let is_memory = part.is_ram(address, 4) || part.flash_space().contains(&address);
         is_memory && !self.is_fenced(address, 4)
     }
 
