@@ -107,9 +107,8 @@ impl Chip {
         }
         let pin = wiring::analog_pin(adc, channel)?;
         if let Some(output) = OUTPUTS.iter().position(|output| *output == pin)
-            && let Some(level) = self.units.dac.level(output, self.units.pwr.supply_mv, at)
+            && let Some(level) = self.units.dac.level_at_pin(output, self.units.pwr.supply_mv, at)
         {
-            self.units.dac.converted(output, at);
             return Some(level as u16);
         }
         let wire = self.analog_wires.iter_mut().find(|wire| wire.to == pin)?;

@@ -48,8 +48,8 @@ pub(crate) struct Arguments {
     /// temperature may follow.
     #[arg(long, value_name = "NAME", default_value = "STM32F405RG")]
     pub(crate) chip: Chip,
-    /// Time of the image: 2s, 500ms, or a number of seconds. An image that samples gets a stimulus instead,
-    /// and ends after it.
+    /// Time of the image: 2s, 500ms, or a number of seconds. Without a scenario an image that samples gets a
+    /// stimulus instead, and ends after it.
     #[arg(long = "for", alias = "seconds", value_name = "TIME", default_value = "2s", value_parser = duration)]
     pub(crate) time: Duration,
     /// Limit of real time.
@@ -144,13 +144,6 @@ impl Arguments {
     pub(crate) fn run(&self) -> Run {
         let mut run = Run::new(&self.elf);
         run.chip = self.chip;
-        // A sine on both inputs, for images that sample.
-        run.stimulus = (0..5000)
-            .map(|i| {
-                let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
-                [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
-            })
-            .collect();
         run.timeout = self.timeout;
         run.semihosting = self.semihosting;
         run.semihosting_arguments.clone_from(&self.words);
@@ -158,6 +151,14 @@ impl Arguments {
         run.gdb = self.gdb;
         if let Some(scenario) = &self.scenario {
             scenario.apply(&mut run);
+        } else {
+            // A sine on both inputs, for images that sample.
+            run.stimulus = (0..5000)
+                .map(|i| {
+                    let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
+                    [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
+                })
+                .collect();
         }
         // A byte that comes in by a UART may end a loop.
         run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);
