@@ -237,7 +237,7 @@ fn a_machine_that_listens_to_a_pin_or_a_receiver_is_not_at_rest() {
     let mut bench = MachineBench::new(Vec::new());
     bench.set(RCC, [(0x44, 1 << 4 | 1 << 14)]);
     assert!(bench.machine.is_at_rest());
-    let mut rests_after = |address, words: [u32; 2]| {
+    let rests_after = |bench: &mut MachineBench, address, words: [u32; 2]| {
         words.map(|word| {
             bench.write(address, word);
             bench.machine.is_at_rest()
@@ -245,12 +245,21 @@ fn a_machine_that_listens_to_a_pin_or_a_receiver_is_not_at_rest() {
     };
     // The receiver and its interrupt; then a rising edge that is enabled.
     assert_eq!(
-        rests_after(USART1 + 0x0c, [1 << 13 | 1 << 2, 1 << 13 | 1 << 2 | 1 << 5]),
+        rests_after(
+            &mut bench,
+            USART1 + 0x0c,
+            [1 << 13 | 1 << 2, 1 << 13 | 1 << 2 | 1 << 5]
+        ),
         [true, false]
     );
-    assert_eq!(rests_after(USART1 + 0x0c, [1 << 5, 0]), [true, true]);
-    assert_eq!(rests_after(EXTI, [1, 1]), [true, true]);
-    assert_eq!(rests_after(EXTI + 0x08, [2, 3]), [true, false]);
+    assert_eq!(rests_after(&mut bench, USART1 + 0x0c, [1 << 5, 0]), [true, true]);
+    bench.write(USART1 + 0x14, 1 << 6);
+    assert_eq!(
+        rests_after(&mut bench, USART1 + 0x0c, [1 << 13 | 1 << 2, 0]),
+        [false, true]
+    );
+    assert_eq!(rests_after(&mut bench, EXTI, [1, 1]), [true, true]);
+    assert_eq!(rests_after(&mut bench, EXTI + 0x08, [2, 3]), [true, false]);
 }
 
 #[test]
