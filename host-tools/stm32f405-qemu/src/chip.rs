@@ -214,9 +214,14 @@ impl Chip {
         self.0.flash_kib
     }
 
-    /// Its flash, as far as the emulator has it: the first MiB.
+    /// Its flash.
     pub fn flash(self) -> Range<u32> {
-        FLASH.start..FLASH.end.min(FLASH.start + 1024 * self.0.flash_kib)
+        FLASH.start..FLASH.start + 1024 * self.0.flash_kib
+    }
+
+    /// Addresses of flash here. What lies beyond a smaller flash reads as erased.
+    pub(crate) fn flash_space(self) -> Range<u32> {
+        FLASH.start..FLASH.end.max(self.flash().end)
     }
 
     /// Its SRAM, which the DMA reaches.
@@ -310,6 +315,20 @@ impl Chip {
             _ if self.has_overdrive() => ClockLimits::mhz(180, 45, 90),
             _ => ClockLimits::default(),
         }
+    }
+
+    /// ADC1's channel of the temperature sensor. 18 is that of the battery too, which goes first (RM0090 section
+    /// 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
+    pub(crate) fn temperature_channel(self) -> u32 {
+        match self.line() {
+            "F427" | "F429" | "F446" => 18,
+            _ => 16,
+        }
+    }
+
+    /// Part of the battery voltage that ADC1 measures (RM0090 section 13.11; of F401 and F411 that of the F405).
+    pub(crate) fn battery_divider(self) -> u32 {
+        if self.temperature_channel() == 18 { 4 } else { 2 }
     }
 
     fn line(self) -> &'static str {

@@ -48,6 +48,8 @@ use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
 use crate::peripherals::flash::FlashEvent;
 use crate::peripherals::i2c::I2c;
+use crate::peripherals::tim::Tim;
+use crate::peripherals::usart::Usart;
 use crate::ramp::Ramp;
 use buses::Buses;
 use chip::Chip;
@@ -58,11 +60,15 @@ use lines::InterruptLines;
 use polls::Polls;
 use quiet::{QuietTime, SteadyRead};
 use sampling::Scans;
-use table::DMA2_LINES;
+use table::{DMA2_LINES, TABLE, row_at};
 use transfers::{Context, Transfers, part, serving};
 use unknown::UnknownRegisters;
 use wires::{AnalogLoop, Wires};
 use wiring::{SERVERS, known_pin};
+
+/// Offsets of a port's output register, and of the one that sets and resets its bits (section 8.4).
+const ODR: u32 = 0x14;
+const BSRR: u32 = 0x18;
 
 /// A part without its processor and memory.
 #[derive(Debug, Clone)]
@@ -234,6 +240,35 @@ impl Machine {
         self.settle(board);
     }
 
+    /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR of a
+    /// port, without wires, edges that EXTI watches, and devices with select pins.
+    pub fn only_moves_pins(&self, address: u32) -> bool {
+        let chip = &self.chip;
+        let is_clocked = |row: usize| {
+            let row = &TABLE[row];
+            row.name.starts_with("GPIO") && chip.is_clocked(row)
+        };
+        address & 0x3ff == BSRR
+            && chip.wires.is_empty()
+            && chip.units.exti.watched() == 0
+            && chip.buses.spi.is_empty()
+            && row_at(address).is_some_and(is_clocked)
+    }
+
+    /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`], between
+    /// [`Self::begin_steady_reads`] and the next call of another kind. Gives whether anything has changed.
+    pub fn move_pins(&mut self, address: u32, value: u32, now: u64, board: &mut impl Exterior) -> bool {
+        let levels = self.chip.read(address - BSRR + ODR, now).ok();
+        let kept = levels.is_some_and(|levels| (levels & !(value >> 16) | value & 0xffff) == levels);
+        if kept && now < self.quiet.until {
+            self.polls.accessed(address);
+            return false;
+        }
+        self.write(address, 4, value, now, board);
+        self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
+        true
+    }
+
     /// The processor stores 1, 2 or 4 bytes to flash.
     pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
@@ -317,7 +352,8 @@ impl Machine {
             | FaultKind::RunawayStack => {
                 // Every converter is served by DMA2.
                 if let Some(place) = serving_adc {
-                    crash(kind, self.vectors, DMA2_LINES[place.stream], board);
+                    let flash_end = self.chip.part.flash_space().end;
+                    crash(kind, self.vectors, DMA2_LINES[place.stream], flash_end, board);
                 }
             }
         }
@@ -331,9 +367,13 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Returns `true` if nothing happens any more by itself.
-    pub(crate) fn is_at_rest(&self) -> bool {
-        self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
+    /// Returns `true` if nothing happens any more by itself, and nothing from outside would interrupt.
+    pub fn is_at_rest(&self) -> bool {
+        let units = &self.chip.units;
+        let listens = units.exti.listens_to_pins()
+            || units.usart.iter().any(Usart::reception_interrupts)
+            || units.tim.iter().any(Tim::captures_interrupt);
+        !listens && self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
     }
 
     /// Returns `true` if the processor gets no instruction.
@@ -370,7 +410,7 @@ impl Machine {
         units.iwdg.next_interrupt().is_some() || units.wwdg.runs_out().is_some()
     }
 
-    /// Contents of [`WRITABLE`].
+    /// Contents of flash from [`WRITABLE`]'s start on.
     pub fn flash(&self) -> &[u8] {
         &self.chip.units.flash.contents
     }
@@ -385,7 +425,8 @@ impl Machine {
     /// # Panics
     /// The number of bytes is another one.
     pub fn set_flash(&mut self, contents: Vec<u8>) {
-        assert_eq!(contents.len(), WRITABLE.len(), "all bytes that can be written");
+        let wanted = self.chip.units.flash.contents.len();
+        assert_eq!(contents.len(), wanted, "all bytes that can be written");
         self.chip.units.flash.contents = contents;
     }
 

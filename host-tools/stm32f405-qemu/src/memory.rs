@@ -4,20 +4,21 @@ use std::ops::Range;
 
 /// SRAM1 and SRAM2 of the STM32F405. The DMA reaches them, and reads flash.
 pub const SRAM: Range<u32> = 0x2000_0000..0x2002_0000;
-/// Flash, on the AHB.
+/// Flash of the STM32F405, on the AHB. It is bank 1 of parts with 2 MiB.
 pub const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
-/// The part of flash that the firmware can write: all but sectors 0 and 1, where a program starts.
+/// The part of it that the firmware can write: all but sectors 0 and 1, where a program starts.
 pub const WRITABLE: Range<u32> = 0x0800_8000..0x0810_0000;
 
-/// The sector of flash with this number, if there is one (table 5).
-pub(crate) fn sector(number: u32) -> Option<Range<u32>> {
+/// The sector of flash that CR.SNB names, if there is one (tables 5 and 6). Bit 4 is the bank.
+pub(crate) fn sector(snb: u32) -> Option<Range<u32>> {
+    let (bank, number) = (snb >> 4, snb & 0xf);
     let (start, kib) = match number {
         0..4 => (16 * number, 16),
         4 => (64, 64),
         5..12 => (128 * (number - 4), 128),
         _ => return None,
     };
-    let start = FLASH.start + (start << 10);
+    let start = FLASH.start + bank * FLASH.len() as u32 + (start << 10);
     Some(start..start + (kib << 10))
 }
 
@@ -60,5 +61,8 @@ mod tests {
         assert_eq!(sectors[2].start, WRITABLE.start);
         assert_eq!(sectors[10], 0x080c_0000..0x080e_0000);
         assert_eq!(sector(12), None);
+        let second: Vec<_> = (16..28).map_while(sector).collect();
+        assert_eq!((second[0].start, second[11].end), (FLASH.end, 0x0820_0000));
+        assert_eq!(second[1], 0x0810_4000..0x0810_8000);
     }
 }

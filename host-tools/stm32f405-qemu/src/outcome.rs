@@ -340,6 +340,8 @@ pub struct UnknownRegister {
     pub name: String,
     /// Address of the word.
     pub address: u32,
+    /// The clock of its peripheral was off: it reads as zero there on silicon too.
+    pub clock_off: bool,
     /// Number of reads.
     pub reads: u64,
     /// Number of writes.

@@ -76,7 +76,7 @@ impl Chip {
     pub(super) fn new(hse_hz: u32, part: Part, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
         let mut units = Units::new(hse_hz, part.device_id(), uid, seed);
         units.signature.flash_kib = part.flash_kib();
-        units.flash.end = part.flash().end;
+        units.flash.set_end(part.flash().end);
         units.rcc.limits = part.clock_limits();
         units.rcc.selectable = part.clock_selections();
         units.pwr.has_overdrive = part.has_overdrive();
@@ -165,7 +165,7 @@ impl Chip {
     /// Returns `true` if the processor gets no instruction: flash is being written, or its clock has stopped.
     /// Interrupts wait.
     pub(super) fn stands_still(&self) -> bool {
-        self.units.flash.busy() || self.clocks.hclk == 0
+        self.units.flash.stalls() || self.clocks.hclk == 0
     }
 
     /// The number of the peripheral at an address, and the offset in it.

@@ -2,17 +2,16 @@
 
 use super::board::Exterior;
 use crate::given::FaultKind;
-use crate::memory::FLASH;
 
 /// Overwrites the vector of `line` in the table at `vectors`, so that its next interrupt makes the processor
-/// crash.
-pub(super) fn crash(kind: FaultKind, vectors: u32, line: usize, board: &mut impl Exterior) {
+/// crash. `flash_end` is where flash ends.
+pub(super) fn crash(kind: FaultKind, vectors: u32, line: usize, flash_end: u32, board: &mut impl Exterior) {
     /// Thumb: `b .`
     const FOR_EVER: [u8; 2] = [0xfe, 0xe7];
     /// Thumb: `push {r0-r3}`, `b .-2`.
     const PUSH_FOR_EVER: [u8; 4] = [0x0f, 0xb4, 0xfd, 0xe7];
     let vector = |line: usize| vectors + 4 * (16 + line as u32);
-    let unused = FLASH.end - 16;
+    let unused = flash_end - 16;
     let mut handler = (unused | 1).to_le_bytes();
     match kind {
         FaultKind::Hang => board.overwrite_flash(unused, &FOR_EVER),

@@ -3,7 +3,7 @@
 use std::mem::take;
 
 use super::chip::Chip;
-use super::wiring::{self, ADCS, BATTERY, REFERENCE, TEMPERATURE};
+use super::wiring::{self, ADCS, BATTERY, OUTPUTS, REFERENCE};
 use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::signature;
 
@@ -85,27 +85,32 @@ impl Chip {
         let of_supply = |millivolts: u32| ((4095 * millivolts + supply / 2) / supply).min(4095) as u16;
         let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
         match (adc, channel) {
-            (0, TEMPERATURE) if sensors => of_supply(TEMPERATURE_MV),
             // The converter compares the reference with the supply.
             (0, REFERENCE) if sensors => {
                 ((signature::REFERENCE_CODE * 3300 + supply / 2) / supply).min(4095) as u16
             }
-            // VBAT is taken to come from the same supply; half of it is measured.
-            (0, BATTERY) if battery => of_supply(supply / 2),
-            _ => match self.by_analog_wire(adc, channel, at) {
+            // VBAT is taken to come from the same supply.
+            (0, BATTERY) if battery => of_supply(supply / self.part.battery_divider()),
+            (0, _) if sensors && channel == self.part.temperature_channel() => of_supply(TEMPERATURE_MV),
+            _ => match self.by_output(adc, channel, at) {
                 Some(code) => code,
                 None => self.stimulus.code(adc, channel, at),
             },
         }
     }
 
-    /// The code of an input at the end of a wire, if an output drives it.
-    fn by_analog_wire(&mut self, adc: usize, channel: u32, at: u64) -> Option<u16> {
+    /// The code of an input that an output drives: at the end of a wire, or of an output's own pin.
+    fn by_output(&mut self, adc: usize, channel: u32, at: u64) -> Option<u16> {
         // The common case, once for every sample.
-        if self.analog_wires.is_empty() {
+        if self.analog_wires.is_empty() && !self.units.dac.is_on() {
             return None;
         }
         let pin = wiring::analog_pin(adc, channel)?;
+        if let Some(output) = OUTPUTS.iter().position(|output| *output == pin)
+            && let Some(level) = self.units.dac.level_at_pin(output, self.units.pwr.supply_mv, at)
+        {
+            return Some(level as u16);
+        }
         let wire = self.analog_wires.iter_mut().find(|wire| wire.to == pin)?;
         let (supply, dac) = (self.units.pwr.supply_mv, &self.units.dac);
         let code = wire.code(|output, at| dac.level(output, supply, at), at)?;

@@ -3,7 +3,6 @@
 use super::board::Exterior;
 use super::chip::Chip;
 use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, USARTS};
-use crate::memory::FLASH;
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
@@ -201,7 +200,7 @@ impl Transfers {
 
     /// `None` is a bus error.
     fn read(&mut self, address: u32, bytes: u32, at: &mut Context<'_, impl Exterior>) -> Option<u32> {
-        if FLASH.contains(&address) {
+        if at.chip.part.flash_space().contains(&address) {
             at.chip.units.flash.fetched_by_dma();
         } else if !at.chip.part.is_sram(address) {
             let word = at.chip.read(address & !3, at.now).ok()?;

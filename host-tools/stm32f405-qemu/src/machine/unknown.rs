@@ -27,6 +27,7 @@ impl UnknownRegisters {
             .or_insert_with(|| UnknownRegister {
                 name: name(address) + if clock_off { " (clock off)" } else { "" },
                 address,
+                clock_off,
                 reads: 0,
                 writes: 0,
                 last_write: None,

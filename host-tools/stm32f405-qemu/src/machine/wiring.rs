@@ -35,9 +35,8 @@ pub(super) const OUTPUTS: [PinIndex; 2] = [(0, 4), (0, 5)];
 /// Requests of a timer by the number of their flags in SR.
 pub(super) const TIMER_REQUESTS: [&str; 7] = ["UP", "CH1", "CH2", "CH3", "CH4", "-", "TRIG"];
 
-/// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery
-/// voltage (sections 13.10, 13.11).
-pub(super) const TEMPERATURE: u32 = 16;
+/// ADC1's channel of the internal reference voltage and of a part of the battery voltage (sections 13.10,
+/// 13.11).
 pub(super) const REFERENCE: u32 = 17;
 pub(super) const BATTERY: u32 = 18;
 

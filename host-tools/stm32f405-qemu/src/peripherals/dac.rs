@@ -38,6 +38,7 @@ const SETTLES_NS: u64 = 3_000;
 
 const WAVES: &str = "CR.WAVE: noise and triangles are not modelled";
 const LINE: &str = "CR.TSEL: EXTI line 9 as trigger is not modelled";
+const BUFFER_ENDS: &str = "CR.BOFF is clear: the output ends 0.2 V before the rails, as with full load; with less silicon comes closer";
 const UNSETTLED: &str =
     "an input was converted less than 3 us after a trigger had changed the output at its wire";
 
@@ -138,10 +139,25 @@ impl Dac {
         })
     }
 
-    /// An input at the wire of a channel was converted.
+    /// Returns `true` if a channel drives its pin.
+    pub(crate) fn is_on(&self) -> bool {
+        (0..CHANNELS).any(|channel| self.control(channel) & EN != 0)
+    }
+
+    /// An input at the pin or the wire of a channel was converted.
     pub(crate) fn converted(&mut self, channel: usize, now: u64) {
         let unsettled = now < self.channels[channel].settled_ns;
         self.notes.note_if(unsettled, UNSETTLED);
+    }
+
+    /// The code that a converter finds at a channel's own pin. `None` while the channel is off.
+    pub(crate) fn level_at_pin(&mut self, channel: usize, supply_mv: u32, at: u64) -> Option<u32> {
+        let level = self.level(channel, supply_mv, at)?;
+        self.converted(channel, at);
+        let c = &self.channels[channel];
+        self.notes
+            .note_if(at >= c.changed_ns && level != c.output, BUFFER_ENDS);
+        Some(level)
     }
 
     fn convert(&mut self, channel: usize, now: u64) {

@@ -45,6 +45,11 @@ impl Exti {
         edges & (self.imr & !self.pr | self.emr) & 1 << line != 0
     }
 
+    /// Returns `true` if an edge on some pin would interrupt.
+    pub(crate) fn listens_to_pins(&self) -> bool {
+        self.watched() & self.imr & 0xffff != 0
+    }
+
     /// The levels at the inputs of the watched lines. `None` if no line is watched.
     pub(crate) fn input(&mut self, levels: Option<u32>) {
         if let (Some(before), Some(now)) = (self.inputs, levels) {

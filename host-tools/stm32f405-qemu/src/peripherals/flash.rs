@@ -6,6 +6,9 @@
 //! anew at every reset. Writes there are refused as if these sectors were protected, and noted. The model
 //! holds the bytes of the others. The machine copies what changes to where the processor reads it.
 //!
+//! In a part with two banks the processor goes on while one of them is written, as its code is taken to lie in
+//! the first, and operations there are taken to be in the second. A mass erase of that one is not modelled.
+//!
 //! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
 //! reset before that leaves it half done. The share of bits that have changed is then the share of time that
 //! has passed. A fixed hash of the addresses says which bits have changed, so that a run can be repeated. On
@@ -26,8 +29,11 @@ const STRT: u32 = 1 << 16;
 const EOPIE: u32 = 1 << 24;
 const ERRIE: u32 = 1 << 25;
 const LOCK: u32 = 1 << 31;
-/// PG, SER, MER, SNB, PSIZE, STRT, EOPIE, ERRIE, LOCK (section 3.9.6).
+/// PG, SER, MER, SNB, PSIZE, STRT, EOPIE, ERRIE, LOCK (section 3.9.6), and the fifth bit of SNB and MER1, which
+/// parts with two banks have (section 3.9.7).
 const CR_BITS: u32 = 0x8301_037f;
+const CR_BITS_OF_TWO_BANKS: u32 = CR_BITS | 1 << 7 | MER1;
+const MER1: u32 = 1 << 15;
 
 const EOP: u32 = 1 << 0;
 const OPERR: u32 = 1 << 1;
@@ -55,6 +61,7 @@ const ROW_BYTES: u32 = 16;
 const PROGRAMMED: &str = "sector 0 or 1 was programmed: the others can be, these are as if protected";
 const ERASED: &str = "sector 0 or 1 was erased: the others can be, these are as if protected";
 const MASS_ERASED: &str = "CR.MER: sectors 0 and 1 are as if protected, so that not all can be erased";
+const BANK_ERASED: &str = "CR.MER1: a mass erase of bank 2 is not modelled: nothing was erased";
 const READ_WHILE_BUSY: &str = "a DMA stream read flash while BSY: silicon holds it up, here it does not wait";
 
 #[derive(Debug, Clone, Copy)]
@@ -85,10 +92,10 @@ pub(crate) struct FlashController {
     /// A wrong key locks CR until the next reset (section 3.6.1).
     shut: bool,
     first_option_key_seen: bool,
-    /// The bytes of [`WRITABLE`].
+    /// The bytes from [`WRITABLE`]'s start on.
     pub(crate) contents: Vec<u8>,
     /// Where the part's flash ends.
-    pub(crate) end: u32,
+    end: u32,
     running: Option<PendingOperation>,
     /// Power cuts: the operations that still begin before, and how much of theirs is over, %.
     cuts: Vec<(u32, u8)>,
@@ -118,6 +125,23 @@ impl FlashController {
     /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
     pub(crate) fn busy(&self) -> bool {
         self.running.is_some()
+    }
+
+    /// The part's flash ends there.
+    pub(crate) fn set_end(&mut self, end: u32) {
+        self.end = end;
+        let space = end.max(WRITABLE.end) - WRITABLE.start;
+        self.contents.resize(space as usize, 0xff);
+    }
+
+    fn has_two_banks(&self) -> bool {
+        self.end > WRITABLE.end
+    }
+
+    /// Returns `true` if the bank that is being written is the one in which the code lies.
+    pub(crate) fn stalls(&self) -> bool {
+        let running = self.running.as_ref();
+        running.is_some_and(|running| running.operation.address < WRITABLE.end)
     }
 
     /// Returns the next event and its time, ns.
@@ -204,7 +228,7 @@ impl FlashController {
         } else if bytes != 1 << psize || !address.is_multiple_of(bytes) {
             // The processor cuts an unaligned store into smaller ones.
             self.refuse(PGPERR);
-        } else if !WRITABLE.contains(&address) || address >= self.end {
+        } else if !(WRITABLE.start..self.end).contains(&address) {
             self.notes.note(PROGRAMMED);
             self.refuse(WRPERR);
         } else {
@@ -214,9 +238,9 @@ impl FlashController {
 
     /// CR.STRT (section 3.6.3).
     fn start(&mut self, now: u64) {
-        let sector = sector(field(self.cr, 3, 4)).filter(|sector| sector.start < self.end);
-        let (note, flag) = match (self.cr & (SER | MER), sector) {
-            (SER, Some(sector)) if WRITABLE.contains(&sector.start) => {
+        let sector = sector(field(self.cr, 3, 5)).filter(|sector| sector.start < self.end);
+        let (note, flag) = match (self.cr & (SER | MER | MER1), sector) {
+            (SER, Some(sector)) if sector.start >= WRITABLE.start => {
                 let bytes = sector.len() as u32;
                 let size = match bytes >> 10 {
                     16 => 0,
@@ -229,6 +253,7 @@ impl FlashController {
             (SER, Some(_)) => (ERASED, WRPERR),
             (SER, None) => ("CR.SNB names no sector: nothing was erased", 0),
             (MER, _) => (MASS_ERASED, WRPERR),
+            (MER1, _) => (BANK_ERASED, 0),
             // With both set, neither erase can be performed.
             _ => ("CR.STRT without either SER or MER alone: nothing was erased", 0),
         };
@@ -312,7 +337,8 @@ impl Peripheral for FlashController {
                     .note("CR written while BSY: silicon holds the write up, here it is lost");
             }
             0x10 if self.cr & LOCK == 0 => {
-                self.cr = value & CR_BITS;
+                let two = self.has_two_banks();
+                self.cr = value & if two { CR_BITS_OF_TWO_BANKS } else { CR_BITS };
                 if self.cr & STRT != 0 {
                     self.start(now);
                 }
@@ -454,6 +480,28 @@ mod tests {
         }
         let words = places.map(|address| word(&flash, address));
         assert_eq!(words, [0, u32::MAX, u32::MAX], "sector 10 stays");
+    }
+
+    #[test]
+    fn a_part_of_two_banks_has_twelve_more_sectors_and_does_not_stall_for_them() {
+        let mut flash = unlocked();
+        flash.set_end(0x0820_0000);
+        for (snb, addresses) in [(0x10, 0x0810_0000..0x0810_4000), (0x1b, 0x081e_0000..0x0820_0000)] {
+            program(&mut flash, addresses.end - 4, 0, 0);
+            assert_eq!(word(&flash, addresses.end - 4), 0);
+            flash.put(0, [(CR, SER | snb << 3 | BY_WORDS | STRT)]);
+            assert!(flash.busy() && !flash.stalls());
+            assert_eq!(flash.finish(), addresses);
+            assert_eq!(word(&flash, addresses.end - 4), u32::MAX);
+        }
+        flash.put(0, [(CR, SER | 11 << 3 | STRT)]);
+        assert!(flash.stalls());
+        flash.finish();
+        flash.put(0, [(CR, MER1 | STRT)]);
+        assert_eq!((flash.busy(), flash.notes.iter().count()), (false, 1));
+        let mut one = unlocked();
+        one.put(0, [(CR, SER | 0x10 << 3)]);
+        assert_eq!(one.get(CR, 0), SER, "no such bit");
     }
 
     #[test]

@@ -34,7 +34,8 @@ const UPDATE: u32 = 1 << 0;
 const TRIGGER: u32 = 1 << 6;
 /// BIF: the break came.
 const BREAK: u32 = 1 << 7;
-/// BDTR.MOE.
+/// BDTR.AOE, and BDTR.MOE, which it sets.
+const AOE: u32 = 1 << 14;
 const MOE: u32 = 1 << 15;
 /// CCxP and CCxNP.
 const POLARITIES: u32 = 0xaaaa;
@@ -355,6 +356,9 @@ impl Tim {
         if !self.drives() || !self.counter.counts() {
             return None;
         }
+        if self.bdtr & (AOE | MOE) == AOE && self.cr1 & UDIS == 0 {
+            return Some(self.counter.time_of(self.counter.update_after(self.seen)));
+        }
         let on = |channel: &usize| self.output(*channel).or(self.complement(*channel)).is_some();
         let soonest = (0..self.kind.channels).filter(on).filter_map(|channel| {
             let moves = self.matched(channel) != self.references[channel];
@@ -504,6 +508,7 @@ impl Tim {
             return;
         }
         if self.cr1 & UDIS == 0 {
+            self.turn_outputs_on();
             self.counter.load();
             self.ccr.iter_mut().for_each(BufferedRegister::load);
             if self.cr1 & URS == 0 {
@@ -536,6 +541,7 @@ impl Tim {
         if self.cr1 & UDIS == 0 && self.counter.update_after(self.seen) <= to {
             self.sr |= UPDATE;
             self.request(UPDATE);
+            self.turn_outputs_on();
         }
         for channel in 0..self.kind.channels {
             if !self.is_input(channel) && self.next_match(channel) <= to {
@@ -546,6 +552,13 @@ impl Tim {
         }
         self.seen = to;
         self.modulate(to);
+    }
+
+    /// An update event sets MOE if AOE is set (section 17.4.18). The break input is not active.
+    fn turn_outputs_on(&mut self) {
+        if self.bdtr & AOE != 0 {
+            self.bdtr |= MOE;
+        }
     }
 
     /// BDTR.LOCK (section 17.4.18): 0 to 3.

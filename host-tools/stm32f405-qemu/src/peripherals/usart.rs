@@ -216,6 +216,11 @@ impl Usart {
 
     // The receiver.
 
+    /// Returns `true` if a byte that comes would interrupt, or goes to a stream of the DMA, which may.
+    pub(crate) fn reception_interrupts(&self) -> bool {
+        self.on(RE) && (self.cr[0] & (RXNEIE | IDLEIE) != 0 || self.cr[2] & DMAR != 0)
+    }
+
     /// When the next byte has come, or the receiver finds the line idle.
     pub(crate) fn next_received(&self) -> Option<u64> {
         self.next_byte().into_iter().chain(self.idle_at).min()

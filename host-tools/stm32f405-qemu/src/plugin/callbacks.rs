@@ -293,7 +293,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
         (f.memory_region_add_subregion_overlap)(system, WAITS_AT.into(), waits, PRIORITY);
         // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
         // vectors.
-        let (flash, bytes) = (room(), FLASH.len() as u64);
+        let (flash, bytes) = (room(), chip.flash_space().len() as u64);
         let start = FLASH.start as Pointer;
         let name = c"stm32f405.flash".as_ptr();
         (f.memory_region_init_rom_device)(flash, none, &raw const FLASH_OPS, start, name, bytes, none);
@@ -388,18 +388,30 @@ extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: 
 
 extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
     let address = address_of(start, offset);
+    read_or_moved_pins();
+    access(|machine, now, outside| machine.read(address, bytes, now, outside)).into()
+}
+
+extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let (address, value) = (address_of(start, offset), value as u32);
+    let only_moves_pins = access(|machine, now, outside| {
+        machine.write(address, bytes, value, now, outside);
+        bytes == 4 && machine.only_moves_pins(address)
+    });
+    if only_moves_pins {
+        read_or_moved_pins();
+    } else {
+        waiting::WATCH.written();
+    }
+}
+
+/// The processor may be in a loop that waits or moves pins.
+fn read_or_moved_pins() {
     if waiting::WATCH.read()
         && let Some(qemu) = QEMU.get()
     {
         qemu.call_between_instructions(on_loop);
     }
-    access(|machine, now, outside| machine.read(address, bytes, now, outside)).into()
-}
-
-extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
-    waiting::WATCH.written();
-    let (address, value) = (address_of(start, offset), value as u32);
-    access(|machine, now, outside| machine.write(address, bytes, value, now, outside));
 }
 
 extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {

@@ -156,7 +156,7 @@ impl Overlay {
             self.machine.set_vectors(self.description.vectors);
             handlers::find(vectors.as_chunks().0);
             // Takes over what QEMU has loaded there.
-            let mut contents = vec![0; WRITABLE.len()];
+            let mut contents = vec![0; self.machine.flash().len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
             self.machine.set_flash(contents);
         }
@@ -218,6 +218,7 @@ impl Overlay {
             outside: &mut outside,
             qemu,
             log,
+            repeats_at: (!polled).then_some(now + ns),
             watched: [
                 &self.description.fault_handlers,
                 &self.description.panic_functions,
@@ -366,7 +367,7 @@ impl Overlay {
 
     fn poke(&mut self, poke: &Poke, qemu: &Qemu) {
         let mut outside = Outside(qemu, &mut self.recorder);
-        if FLASH.contains(&poke.address) {
+        if self.machine.part().flash_space().contains(&poke.address) {
             outside.overwrite_flash(poke.address, &poke.bytes);
         } else {
             qemu.poke(poke.address, &poke.bytes);

@@ -350,7 +350,11 @@ impl Qemu {
 
     /// Finds where the host has SRAM, CCM and flash.
     pub(super) fn map_windows(&mut self, chip: Chip) {
-        for (range, writable) in [(chip.sram(), true), (chip.ccm(), true), (FLASH, false)] {
+        for (range, writable) in [
+            (chip.sram(), true),
+            (chip.ccm(), true),
+            (chip.flash_space(), false),
+        ] {
             let mut start = range.start;
             // SRAM may be of two pieces: QEMU's and ours.
             while start < range.end {

@@ -3,7 +3,6 @@
 
 use super::qemu::{Qemu, SPARE_LINE};
 use crate::chip::Chip;
-use crate::memory::FLASH;
 
 /// Tests, before the first instruction, our registers as QEMU's memory and the processor see them, and the
 /// added RAM. The reset that follows removes what this leaves behind.
@@ -20,9 +19,10 @@ pub(super) fn self_test(qemu: &Qemu, chip: Chip) -> Result<(), String> {
         let differs = || format!("{what} is {found:#010x} and not {expected:#010x}");
         (found == expected).then_some(()).ok_or_else(differs)
     };
-    qemu.poke(FLASH.start, &vec![0xff; FLASH.len()]);
-    check("a word of erased flash", word(FLASH.end - 4), u32::MAX)?;
-    let at_0 = word((FLASH.end - FLASH.start) - 4);
+    let flash = chip.flash_space();
+    qemu.poke(flash.start, &vec![0xff; flash.len()]);
+    check("a word of erased flash", word(flash.end - 4), u32::MAX)?;
+    let at_0 = word((flash.end - flash.start) - 4);
     check("the same word seen at 0", at_0, u32::MAX)?;
     qemu.write_memory(FLASH_ACR, &5u32.to_le_bytes());
     check("FLASH_ACR after a write", word(FLASH_ACR), 5)?;

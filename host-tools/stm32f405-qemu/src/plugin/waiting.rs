@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The processor may be in such a loop if it reads registers many times and writes none, or if it branches
-//! for long without an access. Then, between two instructions, the interpreter of [`thumb`](crate::thumb)
+//! The processor may be in such a loop if it reads registers many times and writes none but those that move
+//! pins alone, or if it branches for long without an access. Then, between two instructions, the interpreter of [`thumb`](crate::thumb)
 //! takes over up to the next time at which an interrupt may come, and the processor stands still for as long.
 //! It executes the same instructions at the same virtual times, so when it takes over has no effect on the
 //! run. If it does not come far, the next try comes later.
@@ -15,7 +15,7 @@ use super::handlers;
 use super::qemu::Qemu;
 use super::recorder::Outside;
 use crate::machine::Machine;
-use crate::memory::{FLASH, PERIPHERALS};
+use crate::memory::PERIPHERALS;
 use crate::thumb::{Bus, Interpreter, Loaded, Registers};
 
 /// The event register of WFE (ARMv7-M ARM, B1.5.18).
@@ -55,7 +55,7 @@ impl Watch {
         n >= to_try.load(Relaxed) && !self.asked.swap(true, Relaxed)
     }
 
-    /// The processor reads a register. Gives whether it is time for a try.
+    /// The processor reads a register, or moves pins. Gives whether it is time for a try.
     pub(super) fn read(&self) -> bool {
         self.blocks.store(0, Relaxed);
         self.count(&self.reads, &self.reads_to_try)
@@ -101,6 +101,9 @@ pub(super) struct Surroundings<'a, 'b> {
     pub(super) qemu: &'a Qemu,
     /// Where the image says how far it has logged: a write there is for QEMU, which then takes the log.
     pub(super) log: Option<u32>,
+    /// After a block without an access, time of an access by the first instruction: QEMU may have begun that,
+    /// counted it, and been about to begin it anew.
+    pub(super) repeats_at: Option<u64>,
     /// Addresses at which faults and panics are noticed.
     pub(super) watched: [&'a [u32]; 2],
     /// Addresses at which an access may fault.
@@ -130,6 +133,9 @@ impl Bus for Surroundings<'_, '_> {
             return None;
         }
         if PERIPHERALS.contains(&address) || address >= PPB {
+            if self.repeats_at == Some(now) {
+                return None;
+            }
             let read = self.machine.read_steady(address, bytes, now, self.outside)?;
             return Some(Loaded {
                 value: read.value,
@@ -146,16 +152,23 @@ impl Bus for Surroundings<'_, '_> {
     }
 
     fn is_memory(&self, address: u32) -> bool {
-        let is_memory = self.machine.part().is_ram(address, 4) || FLASH.contains(&address);
+        let part = self.machine.part();
+        let is_memory = part.is_ram(address, 4) || part.flash_space().contains(&address);
         is_memory && !self.is_fenced(address, 4)
     }
 
     fn accepts(&self, address: u32, bytes: u32) -> bool {
+        if PERIPHERALS.contains(&address) {
+            return bytes == 4 && self.machine.only_moves_pins(address) && !self.is_fenced(address, bytes);
+        }
         let is_ram = self.machine.part().is_ram(address, bytes as usize);
         is_ram && self.log != Some(address & !3) && !self.is_fenced(address, bytes)
     }
 
-    fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool {
+    fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> bool {
+        if PERIPHERALS.contains(&address) {
+            return self.machine.move_pins(address, value, now, self.outside);
+        }
         let mask = u32::MAX >> (32 - 8 * bytes);
         if self.qemu.peek(address, bytes) == Some(value & mask) {
             return false;

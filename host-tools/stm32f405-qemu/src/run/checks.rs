@@ -44,14 +44,8 @@ pub(super) fn check_image(chip: Chip, image: &Image) -> Result<(), RunError> {
             && !within(memory, *start, *bytes as usize)
         {
             let end = start.saturating_add(*bytes);
-            let modelled = kib(&flash) as u32;
-            let limit = if chip.flash_kib() > modelled {
-                format!(", of which the emulator has the first {modelled} KiB")
-            } else {
-                String::new()
-            };
             return other(format!(
-                "it lies in {start:#010x}..{end:#010x}, and {has}{limit}; {next}"
+                "it lies in {start:#010x}..{end:#010x}, and {has}; {next}"
             ));
         }
     }

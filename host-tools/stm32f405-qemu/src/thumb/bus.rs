@@ -26,6 +26,6 @@ pub(crate) trait Bus {
     /// Returns `true` if `store` will accept 1, 2 or 4 bytes there.
     fn accepts(&self, address: u32, bytes: u32) -> bool;
 
-    /// Writes them. Gives whether that has changed memory.
-    fn store(&mut self, address: u32, bytes: u32, value: u32) -> bool;
+    /// Writes them. Gives whether that has changed anything.
+    fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> bool;
 }

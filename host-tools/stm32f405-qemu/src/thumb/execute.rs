@@ -587,7 +587,8 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) {
-        if self.bus.store(address, bytes, value) {
+        let now = self.now + self.instruction_ns;
+        if self.bus.store(address, bytes, value, now) {
             self.turns.changed_memory();
         }
     }

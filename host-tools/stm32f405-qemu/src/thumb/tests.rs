@@ -50,7 +50,7 @@ impl Bus for Machine {
         false
     }
 
-    fn store(&mut self, _address: u32, _bytes: u32, _value: u32) -> bool {
+    fn store(&mut self, _address: u32, _bytes: u32, _value: u32, _now: u64) -> bool {
         false
     }
 }

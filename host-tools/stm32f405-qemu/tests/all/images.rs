@@ -492,6 +492,12 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
         ("logs", &["--until", "line 999"][..], 0, "line 999"),
         ("logs", &["--until", "line 1000$"], 7, missing),
         (
+            "logs",
+            &["--strict"],
+            0,
+            "no clock: TIM5_CNT (clock off) (1 reads, 0 writes)",
+        ),
+        (
             "spins",
             &["--for", "10ms"],
             5,
@@ -874,7 +880,7 @@ fn waiting(way: u32, rounds: u32, protected: bool) -> Run {
 
 #[test]
 fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
-    for way in 0..12 {
+    for way in (0..12).chain([14]) {
         let [short, long] = [true, false].map(|shorten| {
             waited(way, 2, |run| {
                 // A level that changes is played between two turns, and its edge is one more event.
@@ -899,6 +905,7 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
                 outcome.log,
                 outcome.instructions,
                 outcome.interrupts,
+                outcome.pins,
                 ends,
                 outcome.uart_ns,
             )
@@ -926,6 +933,19 @@ fn a_loop_is_shortened_with_memory_protection_too_and_ends_as_before() {
         run.shorten_waits = shorten;
         let outcome = result(&run).unwrap();
         (outcome.log, outcome.instructions, outcome.virtual_ns)
+    });
+    assert_eq!(short, long);
+}
+
+#[test]
+fn a_loop_of_a_handler_that_reads_a_register_after_it_is_left_in_time() {
+    let [short, long] = [true, false].map(|shorten| {
+        let outcome = waited(13, 1, |run| {
+            run.shorten_waits = shorten;
+            run.stop_when_hung = false;
+            run.sampling_deadline_ns = 60_000_000;
+        });
+        (outcome.instructions, outcome.stopped_at, outcome.virtual_ns)
     });
     assert_eq!(short, long);
 }

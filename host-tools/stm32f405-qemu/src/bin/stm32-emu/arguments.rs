@@ -35,7 +35,8 @@ Exit status:
   3  there was no run: no image, one for another part, no QEMU
   4  a fault, or locked up
   5  hangs: an endless loop, a register without a model, or --timeout
-  6  accessed a register without a model, or moved a pin that the part lacks, under --strict
+  6  accessed a register without a model, wrote to one without a clock, or moved a pin that the part
+  lacks, under --strict
   7  did not say what --until waits for
   141  nobody reads the output any more";
 
@@ -47,8 +48,8 @@ pub(crate) struct Arguments {
     /// temperature may follow.
     #[arg(long, value_name = "NAME", default_value = "STM32F405RG")]
     pub(crate) chip: Chip,
-    /// Time of the image: 2s, 500ms, or a number of seconds. An image that samples gets a stimulus instead,
-    /// and ends after it.
+    /// Time of the image: 2s, 500ms, or a number of seconds. Without a scenario an image that samples gets a
+    /// stimulus instead, and ends after it.
     #[arg(long = "for", alias = "seconds", value_name = "TIME", default_value = "2s", value_parser = duration)]
     pub(crate) time: Duration,
     /// Limit of real time.
@@ -62,7 +63,8 @@ pub(crate) struct Arguments {
     /// lasts for the whole of --for.
     #[arg(long, value_name = "FILE", value_parser = scenario)]
     pub(crate) scenario: Option<Arc<Scenario>>,
-    /// Fail if the image accesses a register that has no model, or moves a pin that the part lacks.
+    /// Fail if the image accesses a register that has no model, writes to one whose clock is off, or moves a
+    /// pin that the part lacks.
     #[arg(long)]
     pub(crate) strict: bool,
     /// Lead a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a file:
@@ -142,13 +144,6 @@ impl Arguments {
     pub(crate) fn run(&self) -> Run {
         let mut run = Run::new(&self.elf);
         run.chip = self.chip;
-        // A sine on both inputs, for images that sample.
-        run.stimulus = (0..5000)
-            .map(|i| {
-                let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
-                [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
-            })
-            .collect();
         run.timeout = self.timeout;
         run.semihosting = self.semihosting;
         run.semihosting_arguments.clone_from(&self.words);
@@ -156,6 +151,14 @@ impl Arguments {
         run.gdb = self.gdb;
         if let Some(scenario) = &self.scenario {
             scenario.apply(&mut run);
+        } else {
+            // A sine on both inputs, for images that sample.
+            run.stimulus = (0..5000)
+                .map(|i| {
+                    let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
+                    [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
+                })
+                .collect();
         }
         // A byte that comes in by a UART may end a loop.
         run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);

@@ -337,6 +337,32 @@ fn a_complementary_output_is_the_opposite_or_stands_alone_and_needs_moe() {
     assert_eq!(tim.complement(0), Some(false), "CC1NP");
 }
 
+#[test]
+fn an_update_turns_the_main_output_on_if_aoe_is_set() {
+    let start = |cr1: u32| {
+        let mut tim = Tim::new(TimerKind::ADVANCED, 84_000_000);
+        let pwm = [(CCMR1, 0b110 << 4), (CCER, 1), (ARR, 839), (CCR1, 210)];
+        tim.put(0, pwm);
+        tim.put(0, [(0x44, AOE), (CR1, CEN | cr1)]);
+        tim
+    };
+    let mut tim = start(0);
+    assert_eq!((tim.output(0), tim.next_output()), (None, Some(10_000)));
+    tim.advance(10_000);
+    assert_eq!((tim.output(0), tim.get(0x44, 10_000)), (Some(true), AOE | MOE));
+    assert_eq!(edges(&mut tim, 2), [(12_500, Some(false)), (20_000, Some(true))]);
+    let mut tim = start(0);
+    tim.put(1_000, [(0x14, UPDATE)]);
+    assert_eq!(tim.output(0), Some(true), "UG");
+    let mut tim = start(UDIS);
+    tim.advance(30_000);
+    assert_eq!(
+        (tim.output(0), tim.next_output()),
+        (None, None),
+        "without updates"
+    );
+}
+
 /// PWM input (section 18.3.7): TI1 restarts the counter, and both its edges are captured.
 #[test]
 fn a_timer_restarted_by_its_input_measures_period_and_width() {

@@ -354,6 +354,15 @@ fn the_sensors_of_the_part_belong_to_the_first_converter_alone_and_follow_the_su
 }
 
 #[test]
+fn other_parts_have_the_temperature_sensor_at_the_channel_of_the_battery_which_goes_first() {
+    let mut bench = MachineBench::with(|run| run.chip = "STM32F429ZI".parse().unwrap());
+    for (ccr, channel, code) in [(1 << 23, 16, 0), (1 << 23, 18, 943), (0b11 << 22, 18, 1024)] {
+        bench.write(ADC_CCR, ccr);
+        assert_eq!(bench.convert(ADC1, channel), code, "channel {channel}");
+    }
+}
+
+#[test]
 fn a_stream_that_waits_for_a_request_that_no_model_makes_is_noted_by_its_name() {
     let mut bench = bench();
     for (dma, number, channel) in [(DMA2, 6, 4), (DMA2, 3, 4), (DMA1, 5, 4)] {

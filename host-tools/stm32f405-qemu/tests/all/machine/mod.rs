@@ -226,10 +226,40 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
     let unknown = bench.outcome().unknown_registers;
     let seen = unknown
         .iter()
-        .map(|u| (&*u.name, u.reads, u.writes, u.last_write));
+        .map(|u| (&*u.name, u.clock_off, u.reads, u.writes, u.last_write));
     let seen: Vec<_> = seen.collect();
-    assert_eq!(seen[0], ("CAN1_MSR", 1, 1, Some(7)));
-    assert_eq!(seen[1..], [("USART1_SR (clock off)", 0, 1, Some(0))]);
+    assert_eq!(seen[0], ("CAN1_MSR", false, 1, 1, Some(7)));
+    assert_eq!(seen[1..], [("USART1_SR (clock off)", true, 0, 1, Some(0))]);
+}
+
+#[test]
+fn a_machine_that_listens_to_a_pin_or_a_receiver_is_not_at_rest() {
+    let mut bench = MachineBench::new(Vec::new());
+    bench.set(RCC, [(0x44, 1 << 4 | 1 << 14)]);
+    assert!(bench.machine.is_at_rest());
+    let rests_after = |bench: &mut MachineBench, address, words: [u32; 2]| {
+        words.map(|word| {
+            bench.write(address, word);
+            bench.machine.is_at_rest()
+        })
+    };
+    // The receiver and its interrupt; then a rising edge that is enabled.
+    assert_eq!(
+        rests_after(
+            &mut bench,
+            USART1 + 0x0c,
+            [1 << 13 | 1 << 2, 1 << 13 | 1 << 2 | 1 << 5]
+        ),
+        [true, false]
+    );
+    assert_eq!(rests_after(&mut bench, USART1 + 0x0c, [1 << 5, 0]), [true, true]);
+    bench.write(USART1 + 0x14, 1 << 6);
+    assert_eq!(
+        rests_after(&mut bench, USART1 + 0x0c, [1 << 13 | 1 << 2, 0]),
+        [false, true]
+    );
+    assert_eq!(rests_after(&mut bench, EXTI, [1, 1]), [true, true]);
+    assert_eq!(rests_after(&mut bench, EXTI + 0x08, [2, 3]), [true, false]);
 }
 
 #[test]
