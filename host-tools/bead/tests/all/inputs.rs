@@ -144,6 +144,11 @@ fn fixture(folder: &Path) {
         ("stuck", "relaxation = 4.2e-6", "relaxation = 1e6"),
         ("dust", "radius = 0.0045", "radius = 1e-20"),
         ("slow", "velocity = 0.45", "velocity = 1e-30"),
+        (
+            "softens",
+            "damping = 12.0",
+            "cubic_stiffness = -1e18\ndamping = 12.0",
+        ),
         ("years", "duration = 0.006", "duration = 1e30"),
         ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
         ("many", "beads = 16", "beads = 1000000000000"),
