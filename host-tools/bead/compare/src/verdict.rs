@@ -132,7 +132,7 @@ pub fn other_length(
     })
 }
 
-/// Energy that the intruder of a bead holds at a time, J, if the bead flies free: ½μẋ² and that of the spring.
+/// Energy that the intruder of a bead holds at a time, J, if the bead flies free: ½μẋ² and its spring's.
 fn held(solution: &Solution, bead: usize, time: f64) -> Option<f64> {
     let (now, model) = (solution.at(time), solution.model());
     let hosted = model.intruders().iter().find(|hosted| hosted.bead == bead)?;
