@@ -132,14 +132,13 @@ pub fn other_length(
     })
 }
 
-/// Energy that the intruder of a bead holds at a time, J, if the bead flies free: ½μẋ² + ½kx².
+/// Energy that the intruder of a bead holds at a time, J, if the bead flies free: ½μẋ² and its spring's.
 fn held(solution: &Solution, bead: usize, time: f64) -> Option<f64> {
     let (now, model) = (solution.at(time), solution.model());
     let hosted = model.intruders().iter().find(|hosted| hosted.bead == bead)?;
-    let (mass, stiffness) = (hosted.oscillator.mass, hosted.oscillator.stiffness);
-    let whole = model.mass(bead);
+    let (mass, whole) = (hosted.oscillator.mass, model.mass(bead));
     let (x, v) = (now.intruder_displacement(bead)?, now.intruder_velocity(bead)?);
-    Some(0.5 * (mass * (whole - mass) / whole * v * v + stiffness * x * x))
+    Some(0.5 * mass * (whole - mass) / whole * v * v + hosted.elastic_energy(x))
 }
 
 /// Greatest part of the core that a strike may take.

@@ -84,6 +84,13 @@ impl ChainOfScenario {
 
     fn of(scenario: &Scenario, bead: usize, table: Option<usize>) -> Result<Self, String> {
         let model = hertz_chain::Model::of(scenario).map_err(|error| error.to_string())?;
+        let is_cubic = |table: usize| scenario.intruders[table].cubic_stiffness != 0.0;
+        if let Some(table) = table.filter(|table| is_cubic(*table)) {
+            let key = format!("intruder[{}].cubic_stiffness", table + 1);
+            return Err(format!(
+                "{key}: k and c are those of a linear spring; leave it out"
+            ));
+        }
         let step = step_of(&model);
         tangents::<0>(scenario, &[], &[], None, (step, step)).map_err(|error| error.to_string())?;
         Ok(Self {

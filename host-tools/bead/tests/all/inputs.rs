@@ -60,6 +60,29 @@ fn cases() -> Vec<InputCase> {
     rows.map(case).collect()
 }
 
+/// Writes scenarios with one thing wrong, each.
+fn wrong_scenarios(scenario: &str, write: &dyn Fn(&str, &[u8])) {
+    for (name, was, is) in [
+        ("key", "radius = 0.019 ", "radios = 0.019 "),
+        ("nan", "velocity = 0.45", "velocity = nan"),
+        ("stuck", "relaxation = 4.2e-6", "relaxation = 1e6"),
+        ("dust", "radius = 0.0045", "radius = 1e-20"),
+        ("slow", "velocity = 0.45", "velocity = 1e-30"),
+        (
+            "softens",
+            "damping = 12.0",
+            "cubic_stiffness = -1e18\ndamping = 12.0",
+        ),
+        ("years", "duration = 0.006", "duration = 1e30"),
+        ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
+        ("many", "beads = 16", "beads = 1000000000000"),
+        ("control", "title = \"", "title = \"\\u001b]2;x\\u0007"),
+    ] {
+        assert_says(scenario, was);
+        write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
+    }
+}
+
 /// Writes the input files of the commands.
 fn fixture(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.join(name), bytes).unwrap();
@@ -139,22 +162,8 @@ fn fixture(folder: &Path) {
     wave("gap.csv", "time_s,force_n", &|n| line(n + 3 * i32::from(n > 20)));
     let bead = to_toml(paper_settings().description()).replacen("damping = 12.0", "damping = 0", 1);
     write("undamped.toml", bead.as_bytes());
-    // Scenarios with one thing wrong.
     let scenario = fs::read_to_string(folder.join("s.toml")).unwrap();
-    for (name, was, is) in [
-        ("key", "radius = 0.019 ", "radios = 0.019 "),
-        ("nan", "velocity = 0.45", "velocity = nan"),
-        ("stuck", "relaxation = 4.2e-6", "relaxation = 1e6"),
-        ("dust", "radius = 0.0045", "radius = 1e-20"),
-        ("slow", "velocity = 0.45", "velocity = 1e-30"),
-        ("years", "duration = 0.006", "duration = 1e30"),
-        ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
-        ("many", "beads = 16", "beads = 1000000000000"),
-        ("control", "title = \"", "title = \"\\u001b]2;x\\u0007"),
-    ] {
-        assert_says(&scenario, was);
-        write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
-    }
+    wrong_scenarios(&scenario, &write);
     let bench = |tables: &str| format!("{scenario}\n{tables}\n").into_bytes();
     write("bench.toml", &bench("[front_end]\nforce_span = 0.0"));
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));

@@ -7,7 +7,7 @@
 //! κ = 1 / (θa + θb) / √(1/Ra + 1/Rb)            θ = 3 (1 - ν²) / (4 Y)
 //! τ = (θa τa + θb τb) / (θa + θb)               two Kelvin-Voigt halves in series
 //! (M - m) U'' = ΣF + k x + c x'                 a bead and, in a host, x = u - U
-//! m u'' = -k x - c x'                           the intruder
+//! m u'' = -k x - c x'                           the intruder; -k x - k₃ x³ - c x' on a spring that hardens
 //! ```
 //!
 //! Eq. (1) as printed lacks the condition on δ.
@@ -42,7 +42,6 @@ pub use self::hosted::HostedIntruder;
 pub(crate) use self::layout::StateLayout;
 use self::start::{intruder_starts, loads, starts};
 use crate::drive::EndDrive;
-use crate::oscillator::Oscillator;
 use crate::power_law::power;
 use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 
@@ -133,9 +132,13 @@ impl Model {
         let mut intruders = Vec::new();
         let mut shells = masses.clone();
         for intruder in &scenario.intruders {
-            let oscillator = intruder.oscillator();
+            let (oscillator, cubic_stiffness) = (intruder.oscillator(), intruder.cubic_stiffness);
             for &bead in &intruder.beads {
-                intruders.push(HostedIntruder { bead, oscillator });
+                intruders.push(HostedIntruder {
+                    bead,
+                    oscillator,
+                    cubic_stiffness,
+                });
                 shells[bead] -= oscillator.mass;
             }
         }
@@ -556,7 +559,7 @@ impl Model {
             let x = y[layout.relative(i)];
             let x_rate = y[layout.relative_velocity(i)];
             let oscillator = &intruder.oscillator;
-            let pull = oscillator.pull(x, x_rate);
+            let pull = intruder.pull(x, x_rate);
             acceleration[intruder.bead] += pull;
             rest[layout.relative(i) - base] = x_rate;
             rest[layout.relative_velocity(i) - base] = -pull / oscillator.mass;
@@ -609,8 +612,7 @@ impl Model {
         for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
-            let Oscillator { mass, stiffness, .. } = intruder.oscillator;
-            energies.intruders += kinetic(mass, velocity) + 0.5 * stiffness * x * x;
+            energies.intruders += kinetic(intruder.oscillator.mass, velocity) + intruder.elastic_energy(x);
             energies.dissipated_intruders += y[layout.intruder_loss(i)];
         }
         energies.dissipated_contacts = y[layout.contact_loss()];
@@ -642,8 +644,25 @@ impl Model {
 
     /// Acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate, m/s.
     pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
-        let oscillator = &self.intruders[intruder].oscillator;
-        -oscillator.pull(place, rate) / oscillator.mass
+        let intruder = &self.intruders[intruder];
+        -intruder.pull(place, rate) / intruder.oscillator.mass
+    }
+
+    /// Rate of [`Model::acceleration_at`], m/s³, where the rate changes by `acceleration`, m/s².
+    pub(crate) fn acceleration_rate_at(
+        &self,
+        intruder: usize,
+        (place, rate, acceleration): (f64, f64, f64),
+    ) -> f64 {
+        let intruder = &self.intruders[intruder];
+        -intruder.pull_rate(place, rate, acceleration) / intruder.oscillator.mass
+    }
+
+    /// True if the spring of an intruder hardens or softens.
+    pub(crate) fn has_cubic_springs(&self) -> bool {
+        self.intruders
+            .iter()
+            .any(|intruder| intruder.cubic_stiffness != 0.0)
     }
 
     /// The length that displacements of a driven chain are compared with, m: the greatest static overlap of a

@@ -155,6 +155,19 @@ pub enum SimulateError {
         /// Wall-clock time of these steps on a fast computer, s.
         seconds: f64,
     },
+    /// A softening spring was stretched so far that it no longer pulls back; the model ends there.
+    #[error(
+        "intruder in bead {bead}: its spring softens so much that at {time:.3e} s, {:.3e} m from its place, it no longer pulls back; give a cubic_stiffness nearer to zero, or a weaker strike",
+        reach
+    )]
+    SpringGivesWay {
+        /// The host bead.
+        bead: usize,
+        /// Time of the failure, s.
+        time: f64,
+        /// Distance at which the spring no longer pulls back, m.
+        reach: f64,
+    },
     /// The record of a drive ends before the run does.
     #[error("drive: the record ends at {last} s, the run at {end} s; simulate less time, or record longer")]
     DriveEnds {

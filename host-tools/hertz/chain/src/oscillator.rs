@@ -29,6 +29,12 @@ impl Oscillator {
         self.stiffness * distance + self.damping * rate
     }
 
+    /// Distance √(-k/k₃), m, at which a spring that softens by the cubic stiffness k₃, N/m³, no longer pulls
+    /// back; `None` if it does so at any distance.
+    pub(crate) fn reach(&self, cubic_stiffness: f64) -> Option<f64> {
+        (cubic_stiffness < 0.0).then(|| (self.stiffness / -cubic_stiffness).sqrt())
+    }
+
     /// √(k/m) / 2π, Hz.
     pub fn natural_frequency(&self) -> f64 {
         (self.stiffness / self.mass).sqrt() / TAU

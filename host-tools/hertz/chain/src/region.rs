@@ -18,7 +18,7 @@ pub struct RegionEnergies {
     pub elastic: f64,
     /// Kinetic energy of the intruders: Σ ½ m u'².
     pub intruder_kinetic: f64,
-    /// Energy of the intruders' springs: Σ ½ k x².
+    /// Energy of the intruders' springs: Σ ½ k x² + ¼ k₃ x⁴.
     pub intruder_elastic: f64,
     /// Energy that the intruders have dissipated so far: Σ ∫ c x'² dt.
     pub intruder_dissipated: f64,
@@ -65,7 +65,7 @@ impl Model {
                 let x = y[layout.relative(i)];
                 let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
                 energies.intruder_kinetic += 0.5 * intruder.oscillator.mass * velocity * velocity;
-                energies.intruder_elastic += 0.5 * intruder.oscillator.stiffness * x * x;
+                energies.intruder_elastic += intruder.elastic_energy(x);
                 energies.intruder_dissipated += y[layout.intruder_loss(i)];
             }
         }

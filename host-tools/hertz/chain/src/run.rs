@@ -140,7 +140,16 @@ impl Run {
         }
         self.stepper
             .advance(stop)
-            .map_err(|_| SimulateError::Stuck { time })
+            .map_err(|_| SimulateError::Stuck { time })?;
+        if let Some(guest) = self.stepper.torn_off() {
+            let intruder = &self.model.intruders()[guest];
+            return Err(SimulateError::SpringGivesWay {
+                bead: intruder.bead,
+                time: self.time(),
+                reach: intruder.reach().unwrap_or(0.0),
+            });
+        }
+        Ok(())
     }
 
     /// Advances to `time`, s; does nothing if that has passed.

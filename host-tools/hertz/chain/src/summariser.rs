@@ -172,8 +172,7 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     let of_guest = |guest: usize| {
         let intruder = &model.intruders()[guest];
         let (x, w) = motion.guest(guest);
-        let oscillator = &intruder.oscillator;
-        kinetic(oscillator.mass, motion.body(intruder.bead).1 + w) + 0.5 * oscillator.stiffness * x * x
+        kinetic(intruder.oscillator.mass, motion.body(intruder.bead).1 + w) + intruder.elastic_energy(x)
     };
     [chain, guests(model, bodies).map(of_guest).sum()]
 }
@@ -197,7 +196,7 @@ fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) ->
         for guest in guests(model, bodies) {
             let intruder = &model.intruders()[guest];
             let (x, w) = motion.guest(guest);
-            sum += intruder.oscillator.pull(x, w) * motion.body(intruder.bead).1;
+            sum += intruder.pull(x, w) * motion.body(intruder.bead).1;
         }
     }
     sum
@@ -505,7 +504,10 @@ impl IntruderMaxima {
                 maximum.update(from, to, |t| {
                     let [x, w, rate] = glimpse.at(t);
                     if accelerates {
-                        [sign * acceleration(x, w), sign * acceleration(w, rate)]
+                        [
+                            sign * acceleration(x, w),
+                            sign * model.acceleration_rate_at(guest, (x, w, rate)),
+                        ]
                     } else {
                         [sign * x, sign * w]
                     }

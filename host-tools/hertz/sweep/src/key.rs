@@ -10,7 +10,8 @@ pub struct ScenarioKey {
 }
 
 /// Units of keys, as endings of columns ([`bead_tables::unit`]).
-const UNITS: [(&str, &str); 11] = [
+const UNITS: [(&str, &str); 12] = [
+    ("cubic_stiffness", "n_per_m3"),
     ("damping", "n_s_per_m"),
     ("density", "kg_per_m3"),
     ("duration", "s"),

@@ -37,11 +37,14 @@ pub(crate) fn of_all(
         ("chain.density".to_owned(), Parameter::Density),
         ("chain.relaxation".to_owned(), Parameter::Relaxation),
     ];
-    for table in 0..scenario.intruders.len() {
+    for (table, intruder) in scenario.intruders.iter().enumerate() {
         let key = |name: &str| format!("intruder[{}].{name}", table + 1);
         all.push((key("stiffness"), Parameter::Stiffness(table)));
         all.push((key("damping"), Parameter::Damping(table)));
         all.push((key("mass"), Parameter::IntruderMass(table)));
+        if intruder.cubic_stiffness != 0.0 {
+            all.push((key("cubic_stiffness"), Parameter::CubicStiffness(table)));
+        }
     }
     let (mut summary, mut rows) = (None, Vec::new());
     for group in all.chunks(TOGETHER) {

@@ -67,8 +67,8 @@ impl<'a> EnsembleOptions<'a> {
 /// paper's. In chains of mixed spheres, and with stiff intruders, the errors are at most 3e-6 of the
 /// striker's energy and 4e-5 of the force. Thousands of random chains were tried; the tests compare them with
 /// [`simulate_with`](crate::simulate_with()). Scenarios that differ in numbers alone are fast: as many beads,
-/// intruders in the same beads, a wall in all or none. Chains under a load and those with clipped forces run
-/// one by one.
+/// intruders in the same beads, a wall in all or none. Chains under a load, those with clipped forces and
+/// those with springs that harden or soften run one by one.
 ///
 /// # Errors
 /// Each scenario has its own [`SimulateError`]; the others run all the same.

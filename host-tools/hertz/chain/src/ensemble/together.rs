@@ -15,7 +15,8 @@ const MOST_STEPS: f64 = 1e6;
 pub(super) fn suits(model: &Model, duration: f64) -> bool {
     let loaded = (1..=model.contacts()).any(|contact| model.contact_at(contact).load > 0.0);
     let given = model.drive.is_some() || model.starts_displaced() || model.contact_at(1).powers.is_some();
-    !loaded && !given && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
+    let cubic = model.has_cubic_springs();
+    !loaded && !given && !cubic && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }
 
 /// Allowed error of each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains

@@ -16,7 +16,7 @@ pub struct Energies {
     pub chain: f64,
     /// `chain` with M in place of M - m for every bead: the paper's E_T.
     pub chain_as_printed: f64,
-    /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
+    /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x² + ¼ k₃ x⁴.
     pub intruders: f64,
     /// Dissipated in all contacts so far: ∫ (F - F_Hertz) δ' dt.
     pub dissipated_contacts: f64,

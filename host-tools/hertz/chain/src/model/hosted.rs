@@ -10,4 +10,40 @@ pub struct HostedIntruder {
     pub bead: usize,
     /// Mass, stiffness and damping.
     pub oscillator: Oscillator,
+    /// Cubic stiffness k₃, N/m³; zero for a linear spring.
+    pub cubic_stiffness: f64,
+}
+
+impl HostedIntruder {
+    /// Force k x + k₃ x³ + c x' of spring and damper on the host, N. `distance` is x, in m from the host;
+    /// `rate` is x', in m/s.
+    #[inline]
+    pub(crate) fn pull(&self, distance: f64, rate: f64) -> f64 {
+        let Oscillator {
+            stiffness, damping, ..
+        } = self.oscillator;
+        (stiffness + self.cubic_stiffness * distance * distance) * distance + damping * rate
+    }
+
+    /// Rate of [`HostedIntruder::pull`], N/s, where x' changes by `acceleration`, m/s².
+    #[inline]
+    pub(crate) fn pull_rate(&self, distance: f64, rate: f64, acceleration: f64) -> f64 {
+        let Oscillator {
+            stiffness, damping, ..
+        } = self.oscillator;
+        (stiffness + 3.0 * self.cubic_stiffness * distance * distance) * rate + damping * acceleration
+    }
+
+    /// Energy ½ k x² + ¼ k₃ x⁴ of the spring at x, in m from the host, J.
+    #[inline]
+    pub fn elastic_energy(&self, distance: f64) -> f64 {
+        let square = 0.5 * self.cubic_stiffness * distance * distance;
+        0.5 * (self.oscillator.stiffness + square) * distance * distance
+    }
+
+    /// Distance √(-k/k₃) from the host at which a softening spring no longer pulls back, m; `None` for a
+    /// spring that does so at any distance.
+    pub fn reach(&self) -> Option<f64> {
+        self.oscillator.reach(self.cubic_stiffness)
+    }
 }

@@ -73,6 +73,7 @@ impl Problem<'_> {
             mass,
             stiffness,
             damping: self.search.damping_of([mass, stiffness, damping]),
+            cubic_stiffness: 0.0,
         };
         let hosts = self.hosts.iter().zip(design.iter().cycle());
         hosts.map(intruder).collect()

@@ -161,6 +161,7 @@ impl Search {
                     mass,
                     stiffness,
                     damping,
+                    cubic_stiffness: 0.0,
                 }];
                 let Accuracy { longest_step, .. } = Accuracy::DRAFT;
                 let run = Run::new(&struck, Accuracy::DRAFT);

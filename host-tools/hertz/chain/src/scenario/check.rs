@@ -1,6 +1,6 @@
 //! Ranges of a scenario's values, and their check, which reports the first wrong value with advice.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -26,6 +26,8 @@ pub(crate) enum ValueRange {
     Velocity,
     /// A length of either sign.
     Displacement,
+    /// A cubic stiffness of either sign.
+    CubicStiffness,
     Poisson,
 }
 
@@ -53,6 +55,12 @@ impl ValueRange {
                 "no displacement",
                 "give a number in m, below zero towards the striker".to_owned(),
             ),
+            Self::CubicStiffness => (
+                value.is_finite(),
+                "no cubic stiffness",
+                "give a number in N/m³, above zero for a spring that hardens, below for one that softens"
+                    .to_owned(),
+            ),
             Self::Poisson => (
                 value > -1.0 && value <= 0.5,
                 "no Poisson's ratio",
@@ -62,7 +70,7 @@ impl ValueRange {
     }
 }
 
-use ValueRange::{Displacement, NotNegative, Poisson, Positive, Velocity};
+use ValueRange::{CubicStiffness, Displacement, NotNegative, Poisson, Positive, Velocity};
 
 const RELAXATION: ValueRange = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
 const GRAVITY: ValueRange =
@@ -124,7 +132,8 @@ impl Intruder {
     fn check(&self, at: &TableCheck) -> Result<(), InputError> {
         at.check("mass", self.mass, Positive("kg, such as 3.7e-3"))?;
         at.check("stiffness", self.stiffness, Positive("N/m, such as 3.95e5"))?;
-        at.check("damping", self.damping, DAMPING)
+        at.check("damping", self.damping, DAMPING)?;
+        at.check("cubic_stiffness", self.cubic_stiffness, CubicStiffness)
     }
 }
 
@@ -201,10 +210,17 @@ impl Scenario {
             return Ok(());
         }
         let mut owners = vec![None; self.chain.beads];
-        let hosts: HashSet<usize> = self
+        // Each host, with the distance at which its spring no longer pulls back.
+        let hosts: HashMap<usize, f64> = self
             .intruders
             .iter()
-            .flat_map(|one| one.beads.iter().copied())
+            .flat_map(|one| {
+                let reach = one
+                    .oscillator()
+                    .reach(one.cubic_stiffness)
+                    .unwrap_or(f64::INFINITY);
+                one.beads.iter().map(move |&bead| (bead, reach))
+            })
             .collect();
         for (index, start) in self.starts.iter().enumerate() {
             let at = TableCheck::of(format!("start[{}].", index + 1));
@@ -224,10 +240,24 @@ impl Scenario {
             if let Some(bead) = start
                 .beads
                 .iter()
-                .find(|bead| moves_intruder && !hosts.contains(bead))
+                .find(|bead| moves_intruder && !hosts.contains_key(bead))
             {
                 let what = format!("bead {bead} has no intruder that could begin so");
                 return Err(at.error("beads", what, "name hosts only, or add the intruder"));
+            }
+            let displacement = start.intruder_displacement;
+            let reaches = start
+                .beads
+                .iter()
+                .filter_map(|bead| Some((bead, hosts.get(bead)?)));
+            if let Some((bead, reach)) = reaches
+                .filter(|(_, reach)| displacement.abs() >= **reach)
+                .min_by(|one, other| one.1.total_cmp(other.1))
+            {
+                let what =
+                    format!("at {displacement} m the softening spring in bead {bead} no longer pulls back");
+                let advice = format!("stay below {reach:.3e} m, or give a cubic_stiffness nearer to zero");
+                return Err(at.error("intruder_displacement", what, advice));
             }
         }
         Ok(())
@@ -277,6 +307,12 @@ impl Scenario {
             let other = ("already holds intruder", "give each bead one intruder at most");
             at.check_beads(&intruder.beads, (index, &mut owners), other)?;
             intruder.check(&at)?;
+            if intruder.cubic_stiffness != 0.0 && self.chain.gravity > 0.0 {
+                let what =
+                    "a spring that is not linear is another one when a weight hangs from it".to_owned();
+                let advice = "leave out cubic_stiffness or chain.gravity";
+                return Err(at.error("cubic_stiffness", what, advice));
+            }
             for &bead in &intruder.beads {
                 let (mass, host) = (intruder.mass, spheres[bead - 1].mass());
                 if mass >= host {

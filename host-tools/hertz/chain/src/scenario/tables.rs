@@ -146,6 +146,9 @@ pub struct Intruder {
     pub stiffness: f64,
     /// Damping c, N·s/m.
     pub damping: f64,
+    /// Cubic stiffness k₃, N/m³: the spring's force is k x + k₃ x³. Below zero it softens.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cubic_stiffness: f64,
 }
 
 /// Beads unlike the rest. Each value given here replaces that of [`Chain`].
@@ -360,10 +363,11 @@ impl Intruder {
             mass: oscillator.mass,
             stiffness: oscillator.stiffness,
             damping: oscillator.damping,
+            cubic_stiffness: 0.0,
         }
     }
 
-    /// The mass on its spring and damper, without its hosts.
+    /// The mass on its spring and damper, without its hosts, as it moves at small strokes.
     pub fn oscillator(&self) -> Oscillator {
         Oscillator {
             mass: self.mass,

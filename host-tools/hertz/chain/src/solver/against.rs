@@ -187,6 +187,41 @@ fn sixty_driven_chains_move_as_another_method_says() {
     }
 }
 
+/// Puts the intruders on springs that harden or soften. They move no further than the greatest speed over
+/// their own angular frequency takes them.
+fn on_cubic_springs(draw: &mut ScenarioDraw, scenario: &mut Scenario) {
+    let speed = Model::new(scenario).speed_scale();
+    for intruder in &mut scenario.intruders {
+        let stroke = speed * (intruder.mass / intruder.stiffness).sqrt();
+        let part = if draw.next() < 0.7 {
+            draw.decades(0.1, 100.0)
+        } else {
+            -0.05 * draw.next()
+        };
+        intruder.cubic_stiffness = part * intruder.stiffness / (stroke * stroke);
+    }
+}
+
+#[test]
+fn forty_chains_with_cubic_springs_move_as_another_method_says() {
+    let mut draw = ScenarioDraw(0x1234_5678_9abc_def1);
+    let mut number = 0;
+    while number < 40 {
+        let mut scenario = draw.scenario();
+        if draw.next() < 0.4 {
+            scenario = driven(&mut draw);
+            scenario.chain.gravity = 0.0;
+        }
+        if scenario.intruders.is_empty() {
+            continue;
+        }
+        on_cubic_springs(&mut draw, &mut scenario);
+        scenario.check().expect("it can be simulated");
+        compare(number, &scenario, 1e-14);
+        number += 1;
+    }
+}
+
 /// A law of contacts with other powers. A dashpot's force jumps, which the referee cannot follow.
 fn law(draw: &mut ScenarioDraw) -> ContactLaw {
     let exponents = [1.0, 1.25, 2.0, 2.7, 3.0];

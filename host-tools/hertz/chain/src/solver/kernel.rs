@@ -16,7 +16,7 @@ use super::lanes::{
 };
 use super::method::{ERROR, LATE_STAGES, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
-use super::work::Work;
+use super::work::{Motion, Work};
 
 /// Part of a step to compute.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +46,7 @@ struct KernelCall<'a, S, const KIND: u8> {
 
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
-    let general = lanes.loaded || lanes.clipped || lanes.drive.is_some();
+    let general = lanes.general;
     match task {
         Task::Step if lanes.powers.is_some() => of_kind::<STEP_OF_POWERS>(work, lanes, task, length),
         Task::Inner { .. } if lanes.powers.is_some() => of_kind::<INNER_OF_POWERS>(work, lanes, task, length),
@@ -66,7 +66,7 @@ const INNER: u8 = 1;
 const INTERPOLATE: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
-/// For chains with a static load, clipped forces or a drive too.
+/// For chains with a static load, clipped forces, a drive or springs that harden too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
@@ -263,6 +263,27 @@ fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut LaneBlock, factor: f64, pa
     *sum = pulp::cast(simd.add_f64s(pulp::cast(*sum), part));
 }
 
+/// Stiffness k + k₃ x² of the springs of a block over their strokes.
+#[inline(always)]
+fn hardened<S: Simd<f64s = f64x8>>(
+    simd: S,
+    stiffness: LaneBlock,
+    (cubic, seat): (Option<&[LaneBlock]>, usize),
+    x: f64x8,
+) -> f64x8 {
+    let stiffness = pulp::cast(stiffness);
+    let Some(cubic) = cubic else { return stiffness };
+    let square = simd.mul_f64s(simd.mul_f64s(pulp::cast(cubic[seat]), x), x);
+    simd.add_f64s(stiffness, square)
+}
+
+/// Adds the contribution of exactly integrated contacts to the motion of a block.
+#[inline(always)]
+fn add<S: Simd<f64s = f64x8>>(simd: S, added: &Motion, at: usize, u: &mut f64x8, v: &mut f64x8) {
+    *u = simd.add_f64s(*u, pulp::cast(blocks(&added.u)[at]));
+    *v = simd.add_f64s(*v, pulp::cast(blocks(&added.v)[at]));
+}
+
 #[inline(always)]
 fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     simd: S,
@@ -287,20 +308,21 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     let pulls = &mut blocks_mut(&mut work.pulls)[..seats];
     let stiffness = &blocks(&guests.stiffness)[..seats];
     let damping = &blocks(&guests.damping)[..seats];
+    let cubic = guests.cubic.as_deref().filter(|_| GENERAL).map(blocks);
     // The block shared by bodies and intruders, and its motion.
     let mut shared = (0, zero, zero);
     for &at in &work.active_guests {
         let seat = at - guests.blocks.start;
         let (mut x, mut w) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
         if let Some(added) = added {
-            x = simd.add_f64s(x, pulp::cast(blocks(&added.u)[at]));
-            w = simd.add_f64s(w, pulp::cast(blocks(&added.v)[at]));
+            add(simd, added, at, &mut x, &mut w);
         }
         if guests.home.is_some() {
             shared = (at, x, w);
         }
         let damped = simd.mul_f64s(pulp::cast(damping[seat]), w);
-        let pull = simd.add_f64s(simd.mul_f64s(pulp::cast(stiffness[seat]), x), damped);
+        let stiff = hardened(simd, stiffness[seat], (cubic, seat), x);
+        let pull = simd.add_f64s(simd.mul_f64s(stiff, x), damped);
         pulls[seat] = pulp::cast(pull);
         let power = simd.mul_f64s(damped, w);
         if weight != 0.0 {
@@ -330,8 +352,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
                 if at != shared.0 {
                     (u, v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
                     if let Some(added) = added {
-                        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
-                        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
+                        add(simd, added, at, &mut u, &mut v);
                     }
                 }
                 let near = (before(u_before, u), before(v_before, v));
@@ -410,8 +431,7 @@ fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..count];
     let (mut u, mut v) = moved(simd, start, &rates[1], number, length);
     if let Some(added) = work.added.as_deref().filter(|_| !counts) {
-        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[1]));
-        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[1]));
+        add(simd, added, 1, &mut u, &mut v);
     }
     let zero = simd.splat_f64s(0.0);
     let contacts = lanes.contacts(count, &work.closed);

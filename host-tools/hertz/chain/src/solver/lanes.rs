@@ -82,6 +82,9 @@ pub(crate) struct Lanes {
     pub(super) viscous: bool,
     pub(super) clipped: bool,
     pub(super) loaded: bool,
+    /// True if the chain is loaded, clipped or driven, or has springs that are not linear: its steps are
+    /// computed by code for all of these.
+    pub(super) general: bool,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
     /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then
@@ -106,6 +109,10 @@ pub(super) struct Guests {
     pub(super) stiffness: CacheAligned,
     pub(super) damping: CacheAligned,
     pub(super) inverse: CacheAligned,
+    /// k₃, N/m³, in the same lanes, if a spring hardens or softens.
+    pub(super) cubic: Option<CacheAligned>,
+    /// Intruders on springs that soften, each with the distance at which its spring no longer pulls back, m.
+    pub(super) reaches: Vec<(usize, f64)>,
     /// Lane of each intruder's host.
     pub(super) hosts: Vec<usize>,
     /// Intruders whose hosts are in each block of bodies.
@@ -132,6 +139,11 @@ impl Guests {
     #[inline(always)]
     pub(super) fn seat(&self, guest: usize) -> usize {
         self.first + guest - self.blocks.start * BLOCK
+    }
+
+    /// Cubic stiffness of the spring of an intruder at this place in the arrays of intruders, N/m³.
+    pub(super) fn cubic(&self, seat: usize) -> f64 {
+        self.cubic.as_ref().map_or(0.0, |cubic| cubic[seat])
     }
 
     /// Intruders in a block of an array.
@@ -162,6 +174,7 @@ impl Lanes {
             viscous: false,
             clipped: model.clipped,
             loaded: false,
+            general: false,
             drive: model.drive.clone(),
             powers: model.contact_at(1).powers,
             speed: model.speed_scale(),
@@ -184,6 +197,8 @@ impl Lanes {
                 lanes.viscous |= powers.coefficient > 0.0;
             }
         }
+        lanes.general =
+            lanes.loaded || lanes.clipped || lanes.drive.is_some() || lanes.guests.cubic.is_some();
         lanes
     }
 
@@ -223,11 +238,17 @@ fn guests(model: &Model, blocks: usize) -> Guests {
         })
         .collect();
     let (mut stiffness, mut damping, mut inverse) = (zeros(), zeros(), zeros());
+    let mut cubic = model.has_cubic_springs().then(zeros);
+    let mut reaches = Vec::new();
     for (guest, intruder) in intruders.iter().enumerate() {
         let seat = begin + guest - seats.start * BLOCK;
         stiffness[seat] = intruder.oscillator.stiffness;
         damping[seat] = intruder.oscillator.damping;
         inverse[seat] = 1.0 / intruder.oscillator.mass;
+        if let Some(cubic) = &mut cubic {
+            cubic[seat] = intruder.cubic_stiffness;
+        }
+        reaches.extend(intruder.reach().map(|reach| (guest, reach)));
     }
     Guests {
         count,
@@ -237,6 +258,8 @@ fn guests(model: &Model, blocks: usize) -> Guests {
         stiffness,
         damping,
         inverse,
+        cubic,
+        reaches,
         hosts,
         of_block,
     }

@@ -161,7 +161,8 @@ impl Calm {
                 let (seat, at) = (lanes.guests.seat(guest), lanes.guests.lane(guest));
                 let speed = v[lane] + v[at];
                 energy += 0.5 * speed * speed / lanes.guests.inverse[seat];
-                energy += 0.5 * lanes.guests.stiffness[seat] * u[at] * u[at];
+                let stiffness = lanes.guests.stiffness[seat] + 0.5 * lanes.guests.cubic(seat) * u[at] * u[at];
+                energy += 0.5 * stiffness * u[at] * u[at];
             }
             let inverse = lanes.inverse[lane - 1].max(lanes.inverse[lane]);
             // With the energy (2/5) κ δ^(5/2) and the stiffness (3/2) κ √δ, the stiffness goes as κ^(4/5).

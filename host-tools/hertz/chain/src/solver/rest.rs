@@ -343,7 +343,8 @@ impl RestingBlocks {
         lanes.guests.of_block[block].clone().all(|guest| {
             let (lane, seat) = (lanes.guests.lane(guest), lanes.guests.seat(guest));
             let (x, w) = (work.start.u[lane], work.start.v[lane]);
-            let elastic = lanes.guests.stiffness[seat] * lanes.guests.inverse[seat] * x * x;
+            let stiffness = lanes.guests.stiffness[seat] + 0.5 * lanes.guests.cubic(seat) * x * x;
+            let elastic = stiffness * lanes.guests.inverse[seat] * x * x;
             w.abs() <= self.quiet && elastic <= self.quiet * self.quiet
         })
     }

@@ -174,6 +174,13 @@ impl Stepper {
         }
     }
 
+    /// An intruder that its softening spring no longer pulls back at the end of the last step.
+    pub(crate) fn torn_off(&self) -> Option<usize> {
+        let is_torn = |&&(guest, reach): &&(usize, f64)| self.guest_at_ends(guest)[1].0.abs() >= reach;
+        let reaches = self.lanes.guests.reaches.iter();
+        reaches.clone().find(is_torn).map(|(guest, _)| *guest)
+    }
+
     /// Energy that all contacts, and each intruder, have dissipated by the end of the last step, J.
     pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
         let work = self.made.map(|_| &self.work);

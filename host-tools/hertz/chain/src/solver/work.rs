@@ -487,8 +487,10 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion, driven: f64) -> Ends {
     let force = |lane: usize| force(lanes, lane, motion);
     let rate = |body: usize| {
         let pull = lanes.guests.of(body).map_or(0.0, |guest| {
-            let (seat, lane) = (lanes.guests.seat(guest), lanes.guests.lane(guest));
-            lanes.guests.stiffness[seat] * u[lane] + lanes.guests.damping[seat] * v[lane]
+            let guests = &lanes.guests;
+            let (seat, lane) = (guests.seat(guest), guests.lane(guest));
+            let stiffness = guests.stiffness[seat] + guests.cubic(seat) * u[lane] * u[lane];
+            stiffness * u[lane] + guests.damping[seat] * v[lane]
         });
         (force(body) - force(body + 1) + pull) * lanes.inverse[body]
     };

@@ -244,7 +244,7 @@ impl<const P: usize> DualChain<P> {
                     inverse_mass: mass.inverse(),
                     stiffness: seeds.seeded(Parameter::Stiffness(table), intruder.stiffness),
                     damping: seeds.seeded(Parameter::Damping(table), intruder.damping),
-                    cubic: seeds.seeded(Parameter::CubicStiffness(table), 0.0),
+                    cubic: seeds.seeded(Parameter::CubicStiffness(table), intruder.cubic_stiffness),
                 });
             }
         }
@@ -353,12 +353,19 @@ impl<const P: usize> DualChain<P> {
     #[inline(always)]
     pub(super) fn pull(intruder: &DualIntruder<P>, way: Dual<P>, rate: Dual<P>) -> Dual<P> {
         let mut pull = intruder.stiffness * way + intruder.damping * rate;
-        // k₃ is 0, and only its derivative is not.
-        let cube = way.value * way.value * way.value;
-        for (pull, cubic) in pull.by.iter_mut().zip(intruder.cubic.by) {
-            *pull += cubic * cube;
+        let square = way.value * way.value;
+        let (cube, slope) = (square * way.value, 3.0 * intruder.cubic.value * square);
+        pull.value += intruder.cubic.value * cube;
+        for ((pull, cubic), way) in pull.by.iter_mut().zip(intruder.cubic.by).zip(way.by) {
+            *pull += cubic * cube + slope * way;
         }
         pull
+    }
+
+    /// Energy of the spring, J.
+    pub(super) fn spring_energy(intruder: &DualIntruder<P>, way: Dual<P>) -> Dual<P> {
+        let square = way * way;
+        (intruder.stiffness + intruder.cubic * square * 0.5) * square * 0.5
     }
 }
 

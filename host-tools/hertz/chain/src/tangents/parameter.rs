@@ -21,8 +21,7 @@ pub enum Parameter {
     Damping(usize),
     /// Their mass m, kg. The mass of the bead stays.
     IntruderMass(usize),
-    /// Their cubic stiffness k₃, N/m³: the spring's force is k x + k₃ x³. It is 0 in every scenario, so this
-    /// is the tangent of a spring that begins to harden.
+    /// Their cubic stiffness k₃, N/m³: the spring's force is k x + k₃ x³.
     CubicStiffness(usize),
     /// Factor of the force that pushes body 0.
     PushGain,
@@ -40,7 +39,7 @@ impl Parameter {
             Self::Stiffness(table) => intruder(table)?.stiffness,
             Self::Damping(table) => intruder(table)?.damping,
             Self::IntruderMass(table) => intruder(table)?.mass,
-            Self::CubicStiffness(table) => intruder(table).map(|_| 0.0)?,
+            Self::CubicStiffness(table) => intruder(table)?.cubic_stiffness,
             Self::PushGain => 1.0,
         })
     }

@@ -158,7 +158,7 @@ impl<const P: usize> Energies<P> {
             let velocity = march.argument[layout.velocity(number)];
             let way = march.argument[layout.place(number)] - places[intruder.body];
             energies.intruders += kinetic(intruder.inverse_mass.inverse(), velocity);
-            energies.intruders += intruder.stiffness * way * way * 0.5;
+            energies.intruders += DualChain::spring_energy(intruder, way);
         }
         energies
     }

@@ -17,6 +17,7 @@ mod reference;
 mod scenario;
 mod sensitivities;
 mod spectra;
+mod springs;
 mod starts;
 mod streamed;
 mod transmission;

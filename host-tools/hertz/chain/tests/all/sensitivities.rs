@@ -20,6 +20,7 @@ fn value(scenario: &mut Scenario, parameter: Parameter) -> &mut f64 {
         Parameter::Stiffness(table) => &mut scenario.intruders[table].stiffness,
         Parameter::Damping(table) => &mut scenario.intruders[table].damping,
         Parameter::IntruderMass(table) => &mut scenario.intruders[table].mass,
+        Parameter::CubicStiffness(table) => &mut scenario.intruders[table].cubic_stiffness,
         Parameter::Relaxation => &mut scenario.chain.relaxation,
         Parameter::StrikerVelocity => &mut scenario.striker.velocity,
         Parameter::Young => &mut scenario.chain.young,
@@ -192,6 +193,16 @@ fn all_parameters_of_the_paper_have_derivatives() {
     close(distance(&scenario, &all), 0.0, 1e-7);
     let off = distance(&scenario, &[Parameter::Stiffness(1), Parameter::Damping(1)]);
     close(off, 0.0, 1e-7);
+}
+
+#[test]
+fn a_spring_that_hardens_or_softens_has_derivatives_too() {
+    let all = [&FIVE[..], &[Parameter::CubicStiffness(0)]].concat();
+    let mut scenario = Scenario::paper();
+    for cubic in [1e17, -2e16] {
+        scenario.intruders[0].cubic_stiffness = cubic;
+        close(distance(&scenario, &all), 0.0, 1e-7);
+    }
 }
 
 /// F ~ V^(6/5) and E ~ V² in an elastic chain, once the wave has passed.

@@ -1,0 +1,77 @@
+"""Computes the motion of two beads with intruders by SciPy's DOP853, for tests/all/springs.rs.
+
+    python springs_by_scipy.py
+
+Prints, for each case, displacement and velocity of each intruder relative to its host, the velocities of the bodies, and
+the energy dissipated by each intruder, all at the end.
+"""
+
+import math
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+END = 1e-3
+
+
+def sphere(radius, density):
+    return 4 / 3 * math.pi * radius**3 * density
+
+
+def theta(young, poisson):
+    return 3 * (1 - poisson**2) / (4 * young)
+
+
+def kappa(a, b):
+    return 1 / (theta(*a[1]) + theta(*b[1])) / math.sqrt(1 / a[0] + 1 / b[0])
+
+
+STEEL, BAKELITE = (203e9, 0.27), (4.5e9, 0.44)
+STRIKER, BEAD = (0.0045, STEEL), (0.019, BAKELITE)
+MASSES = [sphere(0.0045, 7980), sphere(0.019, 1775), sphere(0.019, 1775)]
+STIFFNESS = [kappa(STRIKER, BEAD), kappa(BEAD, BEAD)]
+
+
+def solve(intruders):
+    """`intruders` are bead, mass, k, k3 and c of each."""
+    shells = np.array(MASSES)
+    for bead, mass, *_ in intruders:
+        shells[bead] -= mass
+    n, count = len(shells), len(intruders)
+
+    def rate(_, y):
+        u, v = y[:n], y[n : 2 * n]
+        places, speeds, _ = np.split(y[2 * n :], 3)
+        forces = np.zeros(n)
+        for j, stiffness in enumerate(STIFFNESS):
+            force = stiffness * max(u[j] - u[j + 1], 0.0) ** 1.5
+            forces[j] -= force
+            forces[j + 1] += force
+        accelerations, powers = np.zeros(count), np.zeros(count)
+        for i, (bead, mass, k, k3, c) in enumerate(intruders):
+            x, w = places[i] - u[bead], speeds[i] - v[bead]
+            pull = k * x + k3 * x**3 + c * w
+            forces[bead] += pull
+            accelerations[i] = -pull / mass
+            powers[i] = c * w * w
+        return np.concatenate([v, forces / shells, speeds, accelerations, powers])
+
+    start = np.zeros(2 * n + 3 * count)
+    start[n] = 0.45
+    options = dict(method="DOP853", rtol=1e-13, atol=1e-18, max_step=1e-7)
+    end = solve_ivp(rate, (0, END), start, **options).y[:, -1]
+    u, v = end[:n], end[n : 2 * n]
+    places, speeds, lost = np.split(end[2 * n :], 3)
+    hosts = [bead for bead, *_ in intruders]
+    return places - u[hosts], speeds - v[hosts], v, lost
+
+
+CASES = {
+    "hardening": [(2, 3.7e-3, 1e5, 2e16, 12.0)],
+    "softening": [(2, 3.7e-3, 3.95e5, -2e16, 12.0)],
+    "both": [(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, -1e16, 12.0)],
+}
+for name, intruders in CASES.items():
+    print(name)
+    for values in solve(intruders):
+        print("   ", ", ".join(repr(float(value)) for value in values))
