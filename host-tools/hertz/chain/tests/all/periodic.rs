@@ -30,7 +30,7 @@ fn trimer(beads: usize, amplitude: f64, frequency: f64) -> Scenario {
     scenario
 }
 
-/// A short one with an intruder.
+/// A short one with an intruder on a spring that softens.
 fn short() -> Scenario {
     let mut scenario = trimer(3, 3e-8, 5200.0);
     let oscillator = Oscillator {
@@ -39,6 +39,7 @@ fn short() -> Scenario {
         damping: 0.2,
     };
     scenario.intruders = vec![Intruder::new([2], oscillator)];
+    scenario.intruders[0].cubic_stiffness = -5e17;
     scenario
 }
 
