@@ -317,8 +317,8 @@ impl Chip {
         }
     }
 
-    /// ADC1's channel of the temperature sensor. 18 is that of the battery too, which goes first (RM0090 section
-    /// 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
+    /// ADC1's channel of the temperature sensor. 18 is that of the battery too, which goes first (RM0090
+    /// section 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
     pub(crate) fn temperature_channel(self) -> u32 {
         match self.line() {
             "F427" | "F429" | "F446" => 18,
@@ -326,7 +326,8 @@ impl Chip {
         }
     }
 
-    /// Part of the battery voltage that ADC1 measures (RM0090 section 13.11; of F401 and F411 that of the F405).
+    /// Part of the battery voltage that ADC1 measures (RM0090 section 13.11; of F401 and F411 that of the
+    /// F405).
     pub(crate) fn battery_divider(self) -> u32 {
         if self.temperature_channel() == 18 { 4 } else { 2 }
     }

@@ -102,8 +102,8 @@ pub struct Run {
     #[serde(skip)]
     pub semihosting_arguments: Vec<String>,
     /// Ends the run with [`RunEnd::Hung`](crate::RunEnd::Hung) when the image is in an endless loop that no
-    /// interrupt, event or input of this run can end. In a [`Live`](crate::Live) run an input may still come. An
-    /// image that has edges on pins or received bytes interrupt it is taken to wait for them.
+    /// interrupt, event or input of this run can end. In a [`Live`](crate::Live) run an input may still come.
+    /// An image that has edges on pins or received bytes interrupt it is taken to wait for them.
     pub stop_when_hung: bool,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],

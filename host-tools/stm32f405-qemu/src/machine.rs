@@ -240,8 +240,8 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR of a
-    /// port, without wires, edges that EXTI watches, and devices with select pins.
+    /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR
+    /// of a port, without wires, edges that EXTI watches, and devices with select pins.
     pub fn only_moves_pins(&self, address: u32) -> bool {
         let chip = &self.chip;
         let is_clocked = |row: usize| {

@@ -1,17 +1,17 @@
 //! Linear waves of a loaded chain whose beads, or cells of some beads, are all alike.
 //!
-//! Small waves see a spring K = (3/2) κ^(2/3) F₀^(1/3) at each contact. In a chain of equal beads, a wave of wave
-//! number q (radians from bead to bead) in shells of m₁ = M - m, each with a mass m on a spring k, has
+//! Small waves see a spring K = (3/2) κ^(2/3) F₀^(1/3) at each contact. In a chain of equal beads, a wave of
+//! wave number q (radians from bead to bead) in shells of m₁ = M - m, each with a mass m on a spring k, has
 //!
 //! ```text
 //! m₁ m ω⁴ - [k (m₁ + m) + 4 K m sin²(q/2)] ω² + 4 K k sin²(q/2) = 0
 //! ```
 //!
-//! from the equations of motion with V, u ~ exp(i(q n - ω t)). The lesser root is the acoustic branch, in which
-//! bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A cell of
-//! several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a Hermitian matrix, in
-//! which the contact from cell to cell has the factor exp(iq). Dampers and viscous contacts are left out: they
-//! widen the edges and do not move them at first order.
+//! from the equations of motion with V, u ~ exp(i(q n - ω t)). The lesser root is the acoustic branch, in
+//! which bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A
+//! cell of several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a Hermitian
+//! matrix, in which the contact from cell to cell has the factor exp(iq). Dampers and viscous contacts are
+//! left out: they widen the edges and do not move them at first order.
 
 use std::f64::consts::{PI, TAU};
 

@@ -6,8 +6,9 @@
 //! anew at every reset. Writes there are refused as if these sectors were protected, and noted. The model
 //! holds the bytes of the others. The machine copies what changes to where the processor reads it.
 //!
-//! In a part with two banks the processor goes on while one of them is written, as its code is taken to lie in
-//! the first, and operations there are taken to be in the second. A mass erase of that one is not modelled.
+//! In a part with two banks the processor goes on while one of them is written, as its code is taken to lie
+//! in the first, and operations there are taken to be in the second. A mass erase of that one is not
+//! modelled.
 //!
 //! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
 //! reset before that leaves it half done. The share of bits that have changed is then the share of time that
@@ -29,8 +30,8 @@ const STRT: u32 = 1 << 16;
 const EOPIE: u32 = 1 << 24;
 const ERRIE: u32 = 1 << 25;
 const LOCK: u32 = 1 << 31;
-/// PG, SER, MER, SNB, PSIZE, STRT, EOPIE, ERRIE, LOCK (section 3.9.6), and the fifth bit of SNB and MER1, which
-/// parts with two banks have (section 3.9.7).
+/// PG, SER, MER, SNB, PSIZE, STRT, EOPIE, ERRIE, LOCK (section 3.9.6), and the fifth bit of SNB and MER1,
+/// which parts with two banks have (section 3.9.7).
 const CR_BITS: u32 = 0x8301_037f;
 const CR_BITS_OF_TWO_BANKS: u32 = CR_BITS | 1 << 7 | MER1;
 const MER1: u32 = 1 << 15;

@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! The processor may be in such a loop if it reads registers many times and writes none but those that move
-//! pins alone, or if it branches for long without an access. Then, between two instructions, the interpreter of [`thumb`](crate::thumb)
-//! takes over up to the next time at which an interrupt may come, and the processor stands still for as long.
-//! It executes the same instructions at the same virtual times, so when it takes over has no effect on the
-//! run. If it does not come far, the next try comes later.
+//! pins alone, or if it branches for long without an access. Then, between two instructions, the interpreter
+//! of [`thumb`](crate::thumb) takes over up to the next time at which an interrupt may come, and the
+//! processor stands still for as long. It executes the same instructions at the same virtual times, so when
+//! it takes over has no effect on the run. If it does not come far, the next try comes later.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};

@@ -132,8 +132,8 @@ pub(crate) struct SimulateReport {
     summary: Summary,
     /// One entry for each of `peak_force`; none where contacts have a stiffness of their own.
     validity: Vec<Validity>,
-    /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike, or in cells that
-    /// are.
+    /// Bands of linear waves; none unless the chain is loaded, and its beads and their intruders are alike,
+    /// or in cells that are.
     #[serde(skip_serializing_if = "Option::is_none")]
     bands: Option<Bands>,
     /// Derivatives of the results by each parameter of the scenario, if they were asked for.

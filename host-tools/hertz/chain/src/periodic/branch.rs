@@ -167,8 +167,8 @@ pub struct Branch {
 
 impl Branch {
     /// Follows a motion as a parameter of its drive goes from its value to `to`, and around folds. The branch
-    /// ends at `to`, or where it turned back to [`BranchOptions::back`]. `observe` is called with each point, and
-    /// `Break` stops it.
+    /// ends at `to`, or where it turned back to [`BranchOptions::back`]. `observe` is called with each point,
+    /// and `Break` stops it.
     ///
     /// # Errors
     /// [`PeriodicError`]: values are not above zero, or the start is not between the others.
@@ -423,7 +423,8 @@ impl Curve {
         Ok(jacobian)
     }
 
-    /// The tangent of the curve, of length 1, in the direction of another one. Where it is not known, that one.
+    /// The tangent of the curve, of length 1, in the direction of another one. Where it is not known, that
+    /// one.
     fn tangent(jacobian: &DMatrix<f64>, direction: &DVector<f64>) -> DVector<f64> {
         let last = direction.len() - 1;
         let mut equations = jacobian.clone().insert_row(last, 0.0);
@@ -471,8 +472,8 @@ impl Curve {
         None
     }
 
-    /// The fold between a place, whose tangent points towards it, and the place at `step`, where the tangent's
-    /// part along the parameter is `behind`: regula falsi (Illinois) on that part.
+    /// The fold between a place, whose tangent points towards it, and the place at `step`, where the
+    /// tangent's part along the parameter is `behind`: regula falsi (Illinois) on that part.
     fn fold(
         &self,
         place: &DVector<f64>,

@@ -40,8 +40,8 @@ pub struct PeriodicState {
 }
 
 impl PeriodicState {
-    /// The motion near the chain at rest, or near what the scenario's `[[start]]` tables say. For a weak drive
-    /// that is the linear response. The drive is a sine of one frequency, whose ramp is left out.
+    /// The motion near the chain at rest, or near what the scenario's `[[start]]` tables say. For a weak
+    /// drive that is the linear response. The drive is a sine of one frequency, whose ramp is left out.
     ///
     /// # Errors
     /// [`PeriodicError`]: the scenario is out of range or its drive is not periodic, contacts are clipped or

@@ -4,9 +4,9 @@ use super::chain::DualChain;
 use super::march::Layout;
 use crate::model::Model;
 
-/// Values that the motion of a chain follows from: displacements, m, and momenta w, kg·m/s ([`DualChain`]), of
-/// the bodies that no drive moves, then displacements, m, and velocities, m/s, of the intruders, in the order
-/// of their beads. Nothing in it is relative to a host.
+/// Values that the motion of a chain follows from: displacements, m, and momenta w, kg·m/s ([`DualChain`]),
+/// of the bodies that no drive moves, then displacements, m, and velocities, m/s, of the intruders, in the
+/// order of their beads. Nothing in it is relative to a host.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PhaseSpace<'a> {
     pub(super) model: &'a Model,

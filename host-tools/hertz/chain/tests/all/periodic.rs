@@ -9,8 +9,8 @@ use hertz_chain::{
 };
 use nalgebra::DMatrix;
 
-/// Steel, tungsten carbide, steel, and again, pressed together by 10 N: the first bead is shaken by a piston of
-/// steel, the last one stands at a wall (arXiv:1411.0614, with the loss in the contacts).
+/// Steel, tungsten carbide, steel, and again, pressed together by 10 N: the first bead is shaken by a piston
+/// of steel, the last one stands at a wall (arXiv:1411.0614, with the loss in the contacts).
 fn trimer(beads: usize, amplitude: f64, frequency: f64) -> Scenario {
     let mut scenario = Scenario::paper();
     scenario.intruders.clear();
@@ -71,8 +71,8 @@ fn a_driven_trimer_repeats_as_another_program_says() {
     }
 }
 
-/// The state at the end of a period of a motion that starts a bit elsewhere: by `off` in one of displacement and
-/// velocity of each bead, and of the intruder in bead 2.
+/// The state at the end of a period of a motion that starts a bit elsewhere: by `off` in one of displacement
+/// and velocity of each bead, and of the intruder in bead 2.
 fn perturbed(state: &PeriodicState, direction: usize, off: f64) -> Vec<f64> {
     let mut scenario = state.scenario().clone();
     let mut run = state.run();

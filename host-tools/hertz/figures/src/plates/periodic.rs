@@ -48,8 +48,8 @@ fn scenario(amplitude: f64) -> Scenario {
     scenario
 }
 
-/// The state of the chain after a period, with one value of its start moved: displacement of each bead, m, and
-/// its velocity times a 2π-th of the period, m.
+/// The state of the chain after a period, with one value of its start moved: displacement of each bead, m,
+/// and its velocity times a 2π-th of the period, m.
 fn moved(state: &PeriodicState, value: usize, off: f64) -> Result<Vec<f64>, SimulateError> {
     let unit = state.period() / std::f64::consts::TAU;
     let mut scenario = state.scenario().clone();

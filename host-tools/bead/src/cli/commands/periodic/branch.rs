@@ -20,8 +20,8 @@ pub(super) struct BranchReport {
     parameter: &'static str,
     /// Its unit: m, N or Hz.
     unit: &'static str,
-    /// Why it ends: `range`, `points` (there were as many as allowed), `lost` (none was found in steps however
-    /// short) or `stopped`.
+    /// Why it ends: `range`, `points` (there were as many as allowed), `lost` (none was found in steps
+    /// however short) or `stopped`.
     end: &'static str,
     /// In order along the branch.
     points: Vec<BranchMotion>,
@@ -81,7 +81,8 @@ pub(super) fn follow(
 }
 
 impl BranchMotion {
-    /// The columns of a table of the branch with this motion's cells. `name` is that of the parameter's column.
+    /// The columns of a table of the branch with this motion's cells. `name` is that of the parameter's
+    /// column.
     fn row(&self, name: &str, parameter: DriveParameter) -> Vec<(Column, Cell)> {
         let motion = &self.motion;
         let number = |name: String, value: f64| (Column::new(name, CellKind::Number), Cell::Number(value));
