@@ -253,9 +253,10 @@ fn an_image_finds_identity_memory_and_peripherals_of_its_part() {
             !chip.has_pin("PE3"),
             "{name}"
         );
-        // Beyond memory is a bus fault, and so is core-coupled memory where there is none.
+        // Beyond memory is a bus fault, and so is core-coupled memory or the second bank where there is none.
         let mut edges = vec![(chip.sram().end, false)];
         edges.push((0x1000_fffc, !chip.ccm().is_empty()));
+        edges.push((0x081f_fffc, chip.flash_kib() > 1024));
         for (address, there) in edges {
             let outcome = run_on(chip, &image, address).unwrap();
             let fault = outcome.exceptions.first().and_then(|exception| exception.address);
