@@ -19,7 +19,7 @@ class Periodic:
     #: Amplitude of the drive, m or N, and its frequency, Hz: shape (n,).
     amplitude: NDArray[np.float64]
     frequency: NDArray[np.float64]
-    #: True where every small disturbance dies, shape (n,).
+    #: True where no small disturbance grows, shape (n,).
     stable: NDArray[np.bool_]
     #: Floquet multipliers, the greatest magnitude first, shape (n, 2 bodies + 2 intruders).
     multipliers: NDArray[np.complex128]

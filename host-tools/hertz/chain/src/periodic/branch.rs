@@ -282,17 +282,16 @@ impl<'a> Walk<'a> {
             return Some(BranchEnd::Range);
         }
         let turns = along(&next.tangent) * along(&self.tangent) < 0.0;
-        let bifurcation = if turns {
+        let mut point = self.curve.point(&next, None);
+        if turns {
             let behind = (self.step, along(&next.tangent));
             let fold = self.curve.fold(&self.place, &self.tangent, behind);
             let fold = fold.map(|fold| self.curve.point(&fold, Some(Bifurcation::Fold)));
             self.points.extend(fold);
-            None
         } else {
-            let state = self.curve.point(&next, None).state;
-            change(self.last(), &state)
-        };
-        self.points.push(self.curve.point(&next, bifurcation));
+            point.bifurcation = change(self.last(), &point.state);
+        }
+        self.points.push(point);
         if next.iterations <= EASY {
             self.step = (1.5 * self.step).min(self.options.longest_step);
         }
@@ -339,15 +338,10 @@ fn along(tangent: &DVector<f64>) -> f64 {
 const ITERATIONS: usize = 8;
 const EASY: usize = 3;
 
-/// The bifurcation between two motions of a branch that does not turn between them.
+/// The bifurcation between two motions of a branch that does not turn between them, by the number of
+/// multipliers outside the unit circle.
 fn change(before: &PeriodicState, after: &PeriodicState) -> Option<Bifurcation> {
-    let outside = |state: &PeriodicState| {
-        let multipliers = state.multipliers().iter();
-        multipliers
-            .take_while(|multiplier| multiplier.norm() > 1.0)
-            .count()
-    };
-    let (fewer, more) = (outside(before), outside(after));
+    let (fewer, more) = (before.growing(), after.growing());
     if fewer == more {
         return None;
     }

@@ -15,6 +15,9 @@ const HALVINGS: usize = 8;
 /// integrated to some 1e-12.
 pub(super) const CLOSED: f64 = 1e-10;
 
+/// Error of the multipliers' magnitudes.
+const KNOWN: f64 = 1e-8;
+
 /// A motion of a driven chain that repeats with each period of the drive, stable or not.
 ///
 /// ```
@@ -130,11 +133,18 @@ impl PeriodicState {
         &self.multipliers
     }
 
-    /// True if every small disturbance dies: all multipliers are inside the unit circle.
+    /// True if no small disturbance grows: no multiplier is outside the unit circle by more than 1e-8, to
+    /// which they are known. Those of a chain without losses are on it.
     pub fn is_stable(&self) -> bool {
-        self.multipliers
-            .first()
-            .is_none_or(|multiplier| multiplier.norm() < 1.0)
+        self.growing() == 0
+    }
+
+    /// Number of multipliers outside the unit circle.
+    pub(super) fn growing(&self) -> usize {
+        let multipliers = self.multipliers.iter();
+        multipliers
+            .take_while(|multiplier| multiplier.norm() > 1.0 + KNOWN)
+            .count()
     }
 
     /// Greatest distance between start and end of a period, as a part of the motion.

@@ -209,6 +209,17 @@ fn a_run_settles_on_the_state() {
 }
 
 #[test]
+fn without_losses_no_disturbance_grows_or_dies() {
+    let mut scenario = trimer(21, 2e-8, 5000.0);
+    scenario.chain.relaxation = 0.0;
+    let state = PeriodicState::of(&scenario).unwrap();
+    assert!(state.is_stable());
+    for multiplier in state.multipliers() {
+        assert!((multiplier.norm() - 1.0).abs() < 1e-9, "{multiplier}");
+    }
+}
+
+#[test]
 fn a_period_doubles_where_a_multiplier_passes_minus_one() {
     // One bead between piston and wall, shaken at nearly twice its own frequency, 5542 Hz.
     let mut scenario = trimer(1, 1e-8, 10950.0);

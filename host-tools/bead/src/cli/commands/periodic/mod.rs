@@ -12,7 +12,7 @@ use crate::cli::commands::prelude::*;
 const AFTER_HELP: &str = "\
 The scenario is driven by a sine. A motion that repeats with each of its periods is found by Newton's method \
 from the chain at rest, stable or not. Its Floquet multipliers say what a small disturbance is multiplied by in \
-a period: the motion is stable if all are inside the unit circle.
+a period: the motion is stable if none is outside the unit circle.
 
 --along follows the motion as the amplitude (m, or N) or the frequency (Hz) of the drive goes from the \
 scenario's value to --to, around folds too: there the branch turns back, and two motions meet and vanish. It \

@@ -10,7 +10,7 @@ pub(super) struct Motion {
     /// Amplitude of the drive, m or N.
     pub(super) amplitude: f64,
     pub(super) frequency_hz: f64,
-    /// True if every small disturbance dies.
+    /// True if no small disturbance grows.
     pub(super) stable: bool,
     /// The Floquet multiplier of greatest magnitude.
     pub(super) multiplier: Multiplier,
