@@ -13,11 +13,12 @@ pub struct Absorption {
     pub bead: usize,
     /// Dissipated in its damper, ∫ c x'² dt, J.
     pub dissipated: f64,
-    /// Still in its motion and its spring, ½ m u'² + ½ k x², J.
+    /// Still in its motion and its spring, ½ m u'² + ½ k x² + ¼ k₃ x⁴, J.
     pub stored: f64,
     /// `dissipated` as a part of the striker's energy at t = 0.
     pub of_striker: f64,
-    /// `dissipated` as a part of the energy that the striker has given by then, and that beads had at t = 0.
+    /// `dissipated` as a part of the energy that the striker or a drive has given by then, and that beads had
+    /// at t = 0.
     pub of_injected: f64,
 }
 
@@ -26,7 +27,8 @@ impl Absorption {
     pub(crate) fn all(snapshot: &Snapshot<'_>) -> Vec<Self> {
         let model = snapshot.model();
         let striker = model.striker_energy();
-        let injected = model.initial_energy() - snapshot.energies().striker;
+        let energies = snapshot.energies();
+        let injected = model.initial_energy() + energies.supplied - energies.striker;
         let of = |intruder: &HostedIntruder| {
             let bead = intruder.bead;
             let region = snapshot.region(bead..=bead);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use hertz_chain::{InputError, Scenario, TomlFile, read_table, read_text};
 use serde::Deserialize;
-use toml::Table;
+use toml::{Table, Value};
 
 use crate::axis::{Along, SweepAxis};
 use crate::axis_table::AxisTable;
@@ -62,8 +62,17 @@ impl Definition {
                 })
             })?;
             let name = scenario.display().to_string();
-            Scenario::from_toml(&text, &name)?;
-            TomlFile::parse(&text, &name)?.read()
+            let checked = Scenario::from_toml(&text, &name)?;
+            let mut table: Table = TomlFile::parse(&text, &name)?.read()?;
+            // A record in a file of its own becomes part of the sweep.
+            if let Some(Value::Table(drive)) = table.get_mut("drive")
+                && drive.remove("file").is_some()
+            {
+                let samples = checked.drive.into_iter().flat_map(|drive| drive.samples);
+                let samples = samples.map(|sample| Value::from(sample.to_vec()));
+                drive.insert("samples".to_owned(), Value::Array(samples.collect()));
+            }
+            Ok(table)
         })
     }
 
@@ -238,6 +247,25 @@ mod tests {
         let refused = Definition::from_toml(text, "plan.toml").unwrap_err().to_string();
         let why = "plan.toml:1: scenario: the name of a file, where its tables must be; make the plan anew";
         assert_eq!(refused, why);
+    }
+
+    #[test]
+    fn a_record_that_the_scenario_names_is_part_of_the_sweep() {
+        let place = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(place.path().join(name), text).unwrap();
+        write("record.csv", "time_s,force_n\n0,0\n0.002,1.5\n0.01,0\n");
+        let mut paper = Scenario::paper();
+        paper.striker.velocity = 0.0;
+        let drive = "[drive]\nquantity = \"force\"\nfile = \"record.csv\"\n";
+        write("driven.toml", &format!("{}{drive}", paper.to_toml()));
+        let axis = "[[axis]]\nkey = \"drive.amplitude\"\nvalues = [1.0, 2.0]\n";
+        write("sweep.toml", &format!("scenario = \"driven.toml\"\n{axis}"));
+        let definition = Definition::load(&place.path().join("sweep.toml")).unwrap();
+        place.close().unwrap();
+        let again = Definition::from_toml(&definition.to_toml(), "plan.toml").unwrap();
+        assert_eq!(again, definition);
+        let drive = definition.base().unwrap().drive.unwrap();
+        assert_eq!(drive.samples, [[0.0, 0.0], [0.002, 1.5], [0.01, 0.0]]);
     }
 
     #[test]

@@ -69,10 +69,13 @@ impl EnsembleOutcome {
         intruders.fold(0.0, |sum, guest| sum + self.state[layout.intruder_loss(guest)])
     }
 
-    /// Injected energy, J: the striker's loss, plus the energy of beads that moved at t = 0.
+    /// Injected energy, J: the striker's loss, plus the energy of beads that moved at t = 0 and the work of a
+    /// drive.
     pub fn injected(&self) -> f64 {
-        let speed = self.state[self.model.layout().velocity(0)];
-        self.model.initial_energy() - 0.5 * self.model.mass(0) * speed * speed
+        let layout = self.model.layout();
+        let supplied = layout.drive_work().map_or(0.0, |index| self.state[index]);
+        let striker = self.model.striker_energy_at(self.state[layout.velocity(0)]);
+        self.model.initial_energy() + supplied - striker
     }
 
     /// The greatest force of each contact of [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks) that

@@ -6,8 +6,8 @@ use std::fs;
 
 use crate::common::{changed, close, near, run};
 use hertz_chain::{
-    Accuracy, Drive, DriveQuantity, Intruder, Material, Model, Oscillator, Run, Scenario, SimulateError,
-    Start, Wall, summarise,
+    Accuracy, Drive, DriveQuantity, EnsembleOptions, Intruder, Material, Model, Oscillator, Run, Scenario,
+    SimulateError, Start, Wall, ensemble, summarise,
 };
 
 /// Eight viscous beads, vertical, loaded and on a steel plate, the fourth with the paper's intruder.
@@ -247,6 +247,20 @@ fn a_displaced_intruder_swings_as_an_oscillator_of_two_masses() {
         let x = 1e-6 * phase.cos() + 2e-3 / omega * phase.sin();
         close(at.intruder_displacement(1).unwrap(), x, 1e-18);
         close(at.momentum(), mass * 2e-3, 1e-18);
+    }
+}
+
+#[test]
+fn the_energy_that_a_drive_injects_is_found_again_in_the_chain() {
+    let drives = [(DriveQuantity::Displacement, 2e-6), (DriveQuantity::Force, 5.0)];
+    let scenarios = drives.map(|(quantity, amplitude)| driven(Drive::sine(quantity, amplitude, 1500.0)));
+    for outcome in ensemble(&scenarios, &EnsembleOptions::default()) {
+        let outcome = outcome.expect("it runs");
+        let (injected, end) = (outcome.injected(), outcome.end().energies());
+        let dissipated = end.dissipated_contacts + end.dissipated_intruders;
+        near(injected, end.chain + end.intruders + dissipated, 1e-6);
+        let parts = outcome.absorption().into_iter().map(|one| one.of_injected);
+        near(parts.sum::<f64>(), end.dissipated_intruders / injected, 1e-12);
     }
 }
 
