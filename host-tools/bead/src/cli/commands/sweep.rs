@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use clap::Subcommand;
 
-use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary};
+use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary, table_file};
 use super::{sweep_cluster, sweep_plot};
 use crate::cli::commands::prelude::*;
 use hertz_sweep::folder::Folder;
@@ -86,7 +86,7 @@ struct Here {
     #[arg(value_name = "SWEEP.toml", required = true)]
     sweep: Option<PathBuf>,
     /// The table: a row for each point, units in the column names.
-    #[arg(long, value_name = "F.parquet", required = true)]
+    #[arg(long, value_name = "F.parquet", required = true, value_parser = table_file)]
     out: Option<PathBuf>,
     /// Draw it too, as `bead sweep plot` does.
     #[arg(long, value_name = "F.svg")]

@@ -46,7 +46,7 @@ pub(crate) struct SubmitArguments {
     /// The folder of the plan, which all nodes must see.
     dir: PathBuf,
     /// The merged table.
-    #[arg(long, value_name = "F.parquet")]
+    #[arg(long, value_name = "F.parquet", value_parser = super::sweep_work::table_file)]
     out: PathBuf,
     /// Processors of each task.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4096))]
@@ -77,7 +77,7 @@ pub(crate) struct MergeArguments {
     /// The folder of the plan. It stays.
     dir: PathBuf,
     /// The table: a row for each point, units in the column names.
-    #[arg(long, value_name = "F.parquet")]
+    #[arg(long, value_name = "F.parquet", value_parser = super::sweep_work::table_file)]
     out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
