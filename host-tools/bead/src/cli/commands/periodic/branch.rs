@@ -11,6 +11,7 @@ use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
 use super::motion::{Motion, unit_of_amplitude};
 use crate::cli::commands::prelude::*;
+use bead_tables::printable::count;
 use bead_tables::{Cell, CellKind, Column, Writer};
 
 /// Motions along a parameter.
@@ -66,8 +67,8 @@ pub(super) fn follow(
     };
     match branch.end {
         BranchEnd::Points => note!(
-            "the branch has {} points and goes on; give more --points",
-            options.points
+            "the branch has {} and goes on; give more --points",
+            count(options.points as u64, "point")
         ),
         BranchEnd::Lost => note!("the branch is lost: no motion was found in steps however short"),
         _ => {}
@@ -149,7 +150,7 @@ impl BranchReport {
             self.label()
         );
         let table = output::table(&header, rows);
-        format!("{table}\n\n{} points.", self.points.len())
+        format!("{table}\n\n{}.", count(self.points.len() as u64, "point"))
     }
 
     /// Writes a row for each point.
