@@ -1,12 +1,9 @@
 //! Searches for the best intruders.
 
-use std::ops::ControlFlow;
-use std::sync::Mutex;
-
 use hertz_chain::{Aim, Objective, OptimiseError, Search, SearchProgress, optimise as search_for};
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
 
+use crate::callback::Callback;
 use crate::failure::{ScenarioError, guarded};
 use crate::scenario::Scenario;
 
@@ -48,32 +45,11 @@ pub(crate) fn optimise(
     if let Some(evaluations) = evaluations {
         search.evaluations = evaluations;
     }
-    let failure: Mutex<Option<PyErr>> = Mutex::new(None);
-    let watch = |progress: SearchProgress| {
-        let goes_on = Python::attach(|py| {
-            py.check_signals()?;
-            let Some(callback) = &callback else {
-                return Ok(true);
-            };
-            let answer = callback.call1(py, (progress.evaluations, progress.best, progress.descents))?;
-            Ok(!answer.bind(py).is(PyBool::new(py, false)))
-        });
-        match goes_on {
-            Ok(true) => ControlFlow::Continue(()),
-            Ok(false) => ControlFlow::Break(()),
-            Err(error) => {
-                *failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
-                ControlFlow::Break(())
-            }
-        }
-    };
+    let callback = Callback::new(callback);
+    let watch =
+        |progress: SearchProgress| callback.call((progress.evaluations, progress.best, progress.descents));
     let found = guarded(py, || search_for(&scenario.0, &search, Some(&watch)))?;
-    if let Some(error) = failure
-        .into_inner()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
-    {
-        return Err(error);
-    }
+    callback.result()?;
     let optimum = found.map_err(refused)?;
     let json = serde_json::to_string(&optimum).map_err(|error| ScenarioError::new_err(error.to_string()))?;
     Ok((json, optimum.scenario(&scenario.0).into()))

@@ -1,16 +1,14 @@
 //! Motions that repeat with their drive, and branches of them.
 
-use std::ops::ControlFlow;
-use std::sync::Mutex;
-
 use hertz_chain::{
     Bifurcation, Branch, BranchOptions, BranchPoint, Complex64, DriveParameter, PeriodExtremes,
     PeriodicError, PeriodicState,
 };
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyList};
+use pyo3::types::{PyDict, PyList};
 
+use crate::callback::Callback;
 use crate::failure::{ScenarioError, guarded};
 use crate::scenario::Scenario;
 
@@ -44,32 +42,10 @@ pub(crate) fn periodic<'py>(
     };
     let mut options = BranchOptions::default();
     (options.points, options.back) = (points, back);
-    let failure: Mutex<Option<PyErr>> = Mutex::new(None);
-    let watch = |point: &BranchPoint| {
-        let goes_on = Python::attach(|py| {
-            py.check_signals()?;
-            let Some(callback) = &callback else {
-                return Ok(true);
-            };
-            let answer = callback.call1(py, (point.value,))?;
-            Ok(!answer.bind(py).is(PyBool::new(py, false)))
-        });
-        match goes_on {
-            Ok(true) => ControlFlow::Continue(()),
-            Ok(false) => ControlFlow::Break(()),
-            Err(error) => {
-                *failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
-                ControlFlow::Break(())
-            }
-        }
-    };
+    let callback = Callback::new(callback);
+    let watch = |point: &BranchPoint| callback.call((point.value,));
     let branch = guarded(py, || Branch::follow(start, parameter, to, &options, watch))?;
-    if let Some(error) = failure
-        .into_inner()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
-    {
-        return Err(error);
-    }
+    callback.result()?;
     let branch = branch.map_err(refused)?;
     let points: Vec<_> = branch
         .points

@@ -16,7 +16,7 @@ use super::map::PeriodMap;
 use super::state::{CLOSED, PeriodicState, missed};
 use crate::scenario::{InputError, Scenario};
 
-/// What of the drive changes along a branch.
+/// The parameter of the drive that changes along a branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DriveParameter {

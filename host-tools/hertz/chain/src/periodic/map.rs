@@ -5,12 +5,50 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::error::PeriodicError;
-use crate::options::Accuracy;
-use crate::scenario::{InputError, Scenario};
+use crate::options::{Accuracy, SimulateError};
+use crate::scenario::{DriveQuantity, InputError, Scenario};
 use crate::tangents::DrivenChain;
 
 /// Accuracy of each period.
 pub(super) const ACCURACY: Accuracy = Accuracy::REFERENCE;
+
+/// Most beads and intruders together. The derivative of a period is a square of twice as many, and its
+/// eigenvalues take the cube of that.
+const MOST_BODIES: usize = 2000;
+
+/// Refuses a chain whose motions do not repeat, or cannot be found from rest.
+fn check(scenario: &Scenario) -> Result<(), InputError> {
+    scenario.check()?;
+    let chain = &scenario.chain;
+    let hosted: usize = scenario
+        .intruders
+        .iter()
+        .map(|intruder| intruder.beads.len())
+        .sum();
+    if chain.beads + hosted > MOST_BODIES {
+        let what = format!(
+            "{} beads and {hosted} intruders have too many multipliers",
+            chain.beads
+        );
+        let advice = format!("give at most {MOST_BODIES} of both together");
+        return Err(InputError::at("chain.beads", what, advice));
+    }
+    let pushed = scenario.drive.as_ref().map(|drive| drive.quantity) == Some(DriveQuantity::Force);
+    if pushed && scenario.wall.is_none() {
+        let what = "a chain that nothing holds in its place drifts, and its motion does not repeat";
+        return Err(InputError::at(
+            "wall",
+            what,
+            "give it a wall, or drive a displacement",
+        ));
+    }
+    if chain.precompression == 0.0 && chain.gravity == 0.0 && scenario.starts.is_empty() {
+        let what = "beads that just touch do not answer to a small push, so no motion is found from rest";
+        let advice = "give a static load in N, or [[start]] tables near the motion";
+        return Err(InputError::at("chain.precompression", what, advice));
+    }
+    Ok(())
+}
 
 /// The map of one period. Points are in units of their sizes, so that all coordinates are of one magnitude.
 #[derive(Debug, Clone)]
@@ -42,6 +80,7 @@ impl PeriodMap {
             let what = "a chirp has no period";
             return refuse("drive.frequency_end", what, "leave it out");
         }
+        check(&scenario)?;
         let chain = DrivenChain::of(&scenario)?;
         let mut map = Self {
             chain,
@@ -84,6 +123,10 @@ impl PeriodMap {
     ) -> Result<(DVector<f64>, DMatrix<f64>), PeriodicError> {
         let start = self.start(point);
         let (end, mut derivative) = self.chain.end_and_derivatives(&start, self.period, ACCURACY)?;
+        if !derivative.iter().all(|value| value.is_finite()) {
+            // The eigenvalues would never be found.
+            return Err(SimulateError::Stuck { time: self.period }.into());
+        }
         for (mut column, size) in derivative.column_iter_mut().zip(&self.sizes) {
             column *= *size;
         }

@@ -6,7 +6,7 @@ use realfft::num_complex::Complex64;
 use super::error::PeriodicError;
 use super::map::{ACCURACY, PeriodMap};
 use crate::run::Run;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Start};
 
 /// Steps of Newton's method at most, and halvings of a step.
 const ITERATIONS: usize = 40;
@@ -150,6 +150,23 @@ impl PeriodicState {
     /// Greatest distance between start and end of a period, as a part of the motion.
     pub fn residual(&self) -> f64 {
         self.residual
+    }
+
+    /// Displacements and velocities of beads and intruders at the start of a period: a run of
+    /// [`PeriodicState::scenario`] with these in place of its own starts is in this motion.
+    pub fn starts(&self) -> Vec<Start> {
+        let mut run = self.run();
+        let now = run.snapshot();
+        // All beads touch, and displacements of starts count from there.
+        let gap = self.scenario.wall.as_ref().map_or(0.0, |wall| wall.gap);
+        let of_bead = |bead: usize| {
+            let mut start = Start::moving([bead], now.velocity(bead));
+            start.displacement = now.state[bead] + gap;
+            let inner = now.intruder_displacement(bead).zip(now.intruder_velocity(bead));
+            (start.intruder_displacement, start.intruder_velocity) = inner.unwrap_or_default();
+            start
+        };
+        (1..now.model().bodies()).map(of_bead).collect()
     }
 
     /// A run that starts at a period of this motion, at t = 0. Of an unstable motion rounding errors grow.

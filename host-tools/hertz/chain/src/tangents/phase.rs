@@ -40,8 +40,8 @@ impl PhaseSpace<'_> {
             .collect()
     }
 
-    /// What is added to the momentum of a body's shell, kg·m/s: -τ F of the contact before it, and τ F of the
-    /// one behind.
+    /// The viscous part of a body's momentum, kg·m/s: τ F of the contact behind it less τ F of the one
+    /// before.
     fn viscous(self, body: usize, displacement: impl Fn(usize) -> f64) -> f64 {
         let model = self.model;
         let of = |contact: usize| {

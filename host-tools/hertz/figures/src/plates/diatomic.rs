@@ -104,8 +104,8 @@ fn diatomic(_: &Lab) -> Result<Figure, Error> {
         "f₂/f₁": bands.pass[1][0] / bands.pass[0][1] => close((7955.0_f64 / 2689.0).sqrt(), 1e-10);
         "modes of 80 beads in the bands": inside => near(80.0, 0.0);
         "modes in the acoustic band": acoustic.len() as f64 => near(41.0, 0.0);
-        "acoustic modes from the branch, farthest": near(&acoustic, 0) => at_most(5e-4);
-        "optical modes from the branch, farthest": near(&falling, 1) => at_most(5e-4);
+        "acoustic modes from the branch, farthest": near(&acoustic, 0) => at_most(2e-4);
+        "optical modes from the branch, farthest": near(&falling, 1) => at_most(2e-4);
     ];
     let edges = bands.pass.iter().flatten().skip(1).map(|edge| edge / 1e3);
     let mut curves = vec![
